@@ -1,0 +1,119 @@
+"""Every exception of dynident: one file, one tree.
+
+A constructor takes the facts and keeps them as attributes; it writes the message: what happened, the evidence, the
+next step. The command line prints the message on one line and exits with 1.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+
+def nearest(word: str, choices: Iterable[str]) -> str:
+    """Return ``"; did you mean 'x'?"`` for the choice nearest to a mistyped word, or an empty string."""
+    match = difflib.get_close_matches(word, list(choices), n=1, cutoff=0.5)
+    return f"; did you mean '{match[0]}'?" if match else ""
+
+
+class DynidentError(Exception):
+    """Base of every error that a user can act on."""
+
+
+class UnknownChoice(DynidentError):
+    """A name that is not in a family of parts, or not a joint, link or key that exists."""
+
+    def __init__(self, what: str, name: str, choices: Sequence[str]) -> None:
+        self.what, self.name, self.choices = what, name, tuple(choices)
+        super().__init__(f"no {what} called '{name}'; choose one of: {', '.join(choices)}{nearest(name, choices)}")
+
+
+class MissingDependency(DynidentError):
+    """An optional package is needed and not installed."""
+
+    def __init__(self, what: str, package: str, extra: str) -> None:
+        self.what, self.package, self.extra = what, package, extra
+        super().__init__(f"{what} needs the package '{package}'; install it with: pip install 'dynident[{extra}]'")
+
+
+class FileError(DynidentError):
+    """A file that cannot be read or written at all."""
+
+    def __init__(self, path: object, evidence: str, step: str) -> None:
+        self.path, self.evidence, self.step = str(path), evidence, step
+        super().__init__(f"{path}: {evidence}; {step}")
+
+
+class DescriptionError(DynidentError):
+    """A robot description with a fault; ``where`` names the link, the joint or the line."""
+
+    def __init__(self, path: object, where: str, evidence: str, step: str) -> None:
+        self.path, self.where, self.evidence, self.step = str(path), where, evidence, step
+        place = f"{path}: {where}" if where else f"{path}"
+        super().__init__(f"{place}: {evidence}; {step}")
+
+
+class LogFormatError(DynidentError):
+    """A log that cannot be understood; ``line`` is the line of the file, counted from 1."""
+
+    def __init__(self, path: object, line: int | None, evidence: str, step: str) -> None:
+        self.path, self.line, self.evidence, self.step = str(path), line, evidence, step
+        place = f"{path}:{line}" if line else f"{path}"
+        super().__init__(f"{place}: {evidence}; {step}")
+
+
+class LogMismatch(DynidentError):
+    """A log that does not fit the robot, the model or the job asked for."""
+
+    def __init__(self, log: str, evidence: str, step: str) -> None:
+        self.log, self.evidence, self.step = log, evidence, step
+        super().__init__(f"{log}: {evidence}; {step}")
+
+
+class CaseError(DynidentError):
+    """A case file with an unknown key, a wrong type or a value out of range."""
+
+    def __init__(self, path: object, key: str, evidence: str, step: str) -> None:
+        self.path, self.key, self.evidence, self.step = str(path), key, evidence, step
+        place = f"{path}: {key}" if key else f"{path}"
+        super().__init__(f"{place}: {evidence}; {step}")
+
+
+class BadOption(DynidentError):
+    """An option of a part or of a verb with a value it cannot take."""
+
+    def __init__(self, option: str, value: object, step: str) -> None:
+        self.option, self.value, self.step = option, value, step
+        super().__init__(f"{option} = {value!r} is not possible; {step}")
+
+
+class PoorExcitation(DynidentError):
+    """A log that does not determine what is asked of it."""
+
+    def __init__(self, determined: int, wanted: int, evidence: str, step: str) -> None:
+        self.determined, self.wanted, self.evidence, self.step = determined, wanted, evidence, step
+        super().__init__(f"the log determines {determined} of {wanted} base parameters ({evidence}); {step}")
+
+
+class NotConsistent(DynidentError):
+    """Inertial parameters that no body can have, where a possible body is needed."""
+
+    def __init__(self, owner: str, evidence: str, step: str) -> None:
+        self.owner, self.evidence, self.step = owner, evidence, step
+        super().__init__(f"{owner} is not physically consistent: {evidence}; {step}")
+
+
+class SolverFailed(DynidentError):
+    """A numerical solver that did not reach a checked solution."""
+
+    def __init__(self, solver: str, evidence: str, step: str) -> None:
+        self.solver, self.evidence, self.step = solver, evidence, step
+        super().__init__(f"{solver} found no solution: {evidence}; {step}")
+
+
+class EstimateFormatError(DynidentError):
+    """An estimate file that is not one, is damaged or is of a version not known here."""
+
+    def __init__(self, path: object, evidence: str, step: str) -> None:
+        self.path, self.evidence, self.step = str(path), evidence, step
+        super().__init__(f"{path}: {evidence}; {step}")

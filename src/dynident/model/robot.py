@@ -1,0 +1,393 @@
+"""Robot, Link, Joint, JointLimits, Drive: frozen values that say what the robot is, free of any file format."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from dynident.arrays import Array, IntArray, frozen
+from dynident.errors import BadOption, UnknownChoice
+from dynident.model.inertia import Inertia, skew
+
+REVOLUTE, PRISMATIC = 0, 1
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """Limits of a joint; a bound that is not known is infinite.
+
+    Attributes:
+        lower: Lowest position, in rad or m.
+        upper: Highest position, in rad or m.
+        velocity: Largest speed, in rad/s or m/s.
+        acceleration: Largest acceleration, in rad/s^2 or m/s^2.
+        jerk: Largest jerk, in rad/s^3 or m/s^3.
+        effort: Largest joint torque or force, in N m or N.
+        effort_rate: Largest rate of the torque or force, in N m/s or N/s.
+    """
+
+    lower: float = -np.inf
+    upper: float = np.inf
+    velocity: float = np.inf
+    acceleration: float = np.inf
+    jerk: float = np.inf
+    effort: float = np.inf
+    effort_rate: float = np.inf
+
+    def __post_init__(self) -> None:
+        if not self.lower <= self.upper:
+            raise ValueError(f"the lower limit {self.lower:g} is above the upper limit {self.upper:g}")
+        for name in ("velocity", "acceleration", "jerk", "effort", "effort_rate"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"the {name} limit is {getattr(self, name):g}")
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What moves a joint.
+
+    Attributes:
+        gear_ratio: Turns of the motor per turn of the joint; negative for a reversing gear.
+        rotor_inertia: Known inertia of the rotor at the motor, in kg m^2; its torque is compensated, not identified.
+        gain: Joint torque per unit of motor current (16), in N m/A; None where no current is logged.
+    """
+
+    gear_ratio: float = 1.0
+    rotor_inertia: float = 0.0
+    gain: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.gear_ratio) and self.gear_ratio != 0):
+            raise ValueError(f"the gear ratio is {self.gear_ratio:g}")
+        if not 0 <= self.rotor_inertia < np.inf:
+            raise ValueError(f"the rotor inertia is {self.rotor_inertia:g}")
+
+    @property
+    def reflected_inertia(self) -> float:
+        """Rotor inertia seen at the joint, gear_ratio^2 times the rotor's, in kg m^2."""
+        return self.gear_ratio**2 * self.rotor_inertia
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint that follows another one: q = multiplier * q[joint] + offset."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A moving joint: places its link in the parent link, then turns or slides about ``axis`` of its own link frame.
+
+    The link's pose in its parent is (rotation, translation) followed by the motion of the joint.
+
+    Attributes:
+        name: Name of the joint.
+        kind: ``"revolute"`` (also continuous) or ``"prismatic"``.
+        parent: Index of the parent link in ``Robot.links``; -1 is the base.
+        rotation: Orientation of the link in its parent at q = 0, shape (3, 3).
+        translation: Position of the link in its parent at q = 0, shape (3,), in m.
+        axis: Unit axis in the link's own frame, shape (3,).
+        limits: Limits of the joint.
+        drive: What moves it.
+        mimic: The joint that it follows, or None.
+        damping: Viscous friction that the description states, in N m s/rad or N s/m; None where it states none.
+        friction: Coulomb friction that the description states, in N m or N; None where it states none.
+    """
+
+    name: str
+    kind: Literal["revolute", "prismatic"]
+    parent: int
+    rotation: Array
+    translation: Array
+    axis: Array
+    limits: JointLimits = field(default_factory=JointLimits)
+    drive: Drive = field(default_factory=Drive)
+    mimic: Mimic | None = None
+    damping: float | None = None
+    friction: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rotation", frozen(self.rotation, (3, 3), "rotation"))
+        object.__setattr__(self, "translation", frozen(self.translation, (3,), "translation"))
+        axis = np.array(self.axis, dtype=float)
+        length = float(np.linalg.norm(axis))
+        if not (np.isfinite(length) and length > 1e-9):
+            raise ValueError(f"joint '{self.name}' has the axis {axis.tolist()}")
+        object.__setattr__(self, "axis", frozen(axis / length, (3,), "axis"))
+
+    @property
+    def unit(self) -> str:
+        """Unit of the joint's effort: ``"N m"`` or ``"N"``."""
+        return "N m" if self.kind == "revolute" else "N"
+
+
+@dataclass(frozen=True)
+class Link:
+    """A moving link with everything that is fixed to it.
+
+    Attributes:
+        name: Name of the link whose frame is used.
+        inertia: Nominal inertia of the description, with its fixed links; None where it states none.
+        fixed: Names of the links merged into it.
+    """
+
+    name: str
+    inertia: Inertia | None = None
+    fixed: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A named frame fixed to a link: ``link`` is an index (-1 the base), then its pose in that link."""
+
+    link: int
+    rotation: Array
+    translation: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rotation", frozen(self.rotation, (3, 3), "rotation"))
+        object.__setattr__(self, "translation", frozen(self.translation, (3,), "translation"))
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The robot as flat arrays, the only thing the kernels know. l links, n joints that move on their own.
+
+    Attributes:
+        parent: Parent link of each link, -1 the base, shape (l,); a parent comes before its children.
+        kind: 0 revolute, 1 prismatic, shape (l,).
+        rotation: Orientation in the parent at q = 0, shape (l, 3, 3).
+        translation: Position in the parent at q = 0, shape (l, 3), in m.
+        axis: Unit axis in the link frame, shape (l, 3).
+        joint: Column of q that moves each link, shape (l,).
+        multiplier: Link position = multiplier * q[joint] + offset, shape (l,); 1 but for mimic joints.
+        offset: See multiplier, shape (l,).
+        gravity: Gravity in the base frame, shape (3,), in m/s^2.
+        joints: n.
+    """
+
+    parent: IntArray
+    kind: IntArray
+    rotation: Array
+    translation: Array
+    axis: Array
+    joint: IntArray
+    multiplier: Array
+    offset: Array
+    gravity: Array
+    joints: int
+
+    @property
+    def links(self) -> int:
+        """Number of moving links, l."""
+        return len(self.parent)
+
+    @property
+    def has_mimic(self) -> bool:
+        """Whether two links share a joint or a joint scales its link."""
+        return self.links != self.joints or bool(np.any(self.multiplier != 1.0) or np.any(self.offset != 0.0))
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A tree of moving links; link i is moved by joint i; a parent stands before its children.
+
+    Attributes:
+        name: Name of the robot.
+        links: The moving links, fixed ones merged into them.
+        joints: The joint that moves each link, in the same order.
+        gravity: Gravity in the base frame, shape (3,), in m/s^2; a tilted mounting turns it.
+        base: Name of the base link.
+        frames: Named frames on the links (merged links, tool).
+        tool: Name of the frame in ``frames`` that tool paths show; empty for the last link's frame.
+        coupling: Motor speed = coupling @ joint speed, shape (n, n); identity where each motor moves one joint.
+        note: Where the numbers come from.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    gravity: Array = field(default_factory=lambda: np.array(STANDARD_GRAVITY))
+    base: str = "base"
+    frames: Mapping[str, Frame] = field(default_factory=dict)
+    tool: str = ""
+    coupling: Array | None = None
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gravity", frozen(self.gravity, (3,), "gravity"))
+        if len(self.links) != len(self.joints):
+            raise ValueError(f"{len(self.links)} links and {len(self.joints)} joints: each joint moves one link")
+        if any(joint.parent >= i for i, joint in enumerate(self.joints)):
+            raise ValueError("a parent must stand before its children")
+        names = [joint.name for joint in self.joints]
+        if len(set(names)) != len(names):
+            raise ValueError(f"two joints share a name: {names}")
+        coupling = np.eye(self.dof) if self.coupling is None else self.coupling
+        object.__setattr__(self, "coupling", frozen(coupling, (self.dof, self.dof), "coupling"))
+        if abs(np.linalg.det(np.asarray(self.coupling))) < 1e-12:
+            raise ValueError("the coupling matrix is singular")
+
+    @cached_property
+    def active(self) -> tuple[Joint, ...]:
+        """The joints that move on their own (not mimic), in order; n of them."""
+        return tuple(joint for joint in self.joints if joint.mimic is None)
+
+    @property
+    def dof(self) -> int:
+        """n: the number of joints that move on their own."""
+        return len(self.active)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the n joints that move on their own."""
+        return tuple(joint.name for joint in self.active)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each joint's effort: N m or N."""
+        return tuple(joint.unit for joint in self.active)
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether a motor moves more than its own joint."""
+        return not np.array_equal(np.asarray(self.coupling), np.eye(self.dof))
+
+    @property
+    def reflected_inertia(self) -> Array:
+        """Known rotor inertia reflected to the joints, C' diag(r^2 J) C, shape (n, n), in kg m^2."""
+        coupling = np.asarray(self.coupling)
+        return coupling.T @ np.diag([joint.drive.reflected_inertia for joint in self.active]) @ coupling
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The robot as flat arrays for the kernels."""
+        column = {name: i for i, name in enumerate(self.joint_names)}
+        mimics = [joint.mimic or Mimic(joint.name) for joint in self.joints]
+        return Chain(
+            parent=np.array([joint.parent for joint in self.joints], dtype=np.int64),
+            kind=np.array([PRISMATIC if joint.kind == "prismatic" else REVOLUTE for joint in self.joints], np.int64),
+            rotation=np.array([joint.rotation for joint in self.joints]).reshape(-1, 3, 3),
+            translation=np.array([joint.translation for joint in self.joints]).reshape(-1, 3),
+            axis=np.array([joint.axis for joint in self.joints]).reshape(-1, 3),
+            joint=np.array([column[mimic.joint] for mimic in mimics], dtype=np.int64),
+            multiplier=np.array([mimic.multiplier for mimic in mimics], dtype=float),
+            offset=np.array([mimic.offset for mimic in mimics], dtype=float),
+            gravity=np.array(self.gravity),
+            joints=self.dof,
+        )
+
+    @cached_property
+    def nominal(self) -> Array | None:
+        """Inertial parameters of the description, 10 per link in the order of TEN, shape (10 l,); None if any lacks."""
+        if any(link.inertia is None for link in self.links):
+            return None
+        return np.concatenate([link.inertia.vector for link in self.links if link.inertia is not None])
+
+    def with_gravity(self, gravity: npt.ArrayLike) -> Robot:
+        """Return the robot with another gravity vector in its base frame, shape (3,), in m/s^2."""
+        return replace(self, gravity=np.asarray(gravity, dtype=float))
+
+    def with_drives(self, drives: Mapping[str, Drive], coupling: npt.ArrayLike | None = None) -> Robot:
+        """Return the robot with other drives by joint name, and another coupling matrix if one is given."""
+        self._check_names(drives)
+        joints = tuple(replace(j, drive=drives.get(j.name, j.drive)) for j in self.joints)
+        matrix = self.coupling if coupling is None else np.asarray(coupling, dtype=float)
+        return replace(self, joints=joints, coupling=matrix)
+
+    def locked(self, positions: Mapping[str, float]) -> Robot:
+        """Return the robot with some joints fixed at the given positions, their links merged into their parents.
+
+        Args:
+            positions: Position by joint name, in rad or m.
+
+        Raises:
+            UnknownChoice: No such joint.
+            BadOption: All joints locked, or a coupled, followed or following joint.
+        """
+        self._check_names(positions)
+        for joint in self.joints:
+            if joint.mimic is not None and (joint.name in positions or joint.mimic.joint in positions):
+                raise BadOption("locked", joint.name, f"it follows '{joint.mimic.joint}'; lock neither of the two")
+        keep = [i for i, name in enumerate(self.joint_names) if name not in positions]
+        if not keep:
+            raise BadOption("locked", list(positions), "leave at least one joint free")
+        return _merge(self, positions, np.asarray(self.coupling)[np.ix_(keep, keep)])
+
+    def _check_names(self, names: Mapping[str, object]) -> None:
+        for name in names:
+            if name not in self.joint_names:
+                raise UnknownChoice("joint", name, self.joint_names)
+
+
+def rotation_about(axis: npt.ArrayLike, angle: float) -> Array:
+    """Return the rotation by ``angle`` (rad) about a unit axis (Rodrigues' formula), shape (3, 3)."""
+    cross = skew(axis)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def joint_pose(joint: Joint, position: float) -> tuple[Array, Array]:
+    """Return the pose (rotation, translation) of the joint's link in its parent at a position in rad or m."""
+    if joint.kind == "prismatic":
+        return joint.rotation, joint.translation + position * joint.rotation @ joint.axis
+    return joint.rotation @ rotation_about(joint.axis, position), joint.translation
+
+
+def _merge(robot: Robot, positions: Mapping[str, float], coupling: Array) -> Robot:
+    """Fix the joints in ``positions`` and carry inertias, children and frames over to the links they now belong to."""
+    place: dict[int, tuple[int, Array, Array]] = {-1: (-1, np.eye(3), np.zeros(3))}  # old link -> new link and pose
+    links: list[Link] = []
+    joints: list[Joint] = []
+    frames: dict[str, Frame] = {}
+    for i, (link, joint) in enumerate(zip(robot.links, robot.joints, strict=True)):
+        target, turn, shift = place[joint.parent]
+        if joint.name not in positions:
+            moved = replace(
+                joint, parent=target, rotation=turn @ joint.rotation, translation=turn @ joint.translation + shift
+            )
+            place[i] = (len(links), np.eye(3), np.zeros(3))
+            links.append(link)
+            joints.append(moved)
+            continue
+        rotation, translation = joint_pose(joint, float(positions[joint.name]))
+        rotation, translation = turn @ rotation, turn @ translation + shift
+        place[i] = (target, rotation, translation)
+        frames[link.name] = Frame(target, rotation, translation)
+        if target >= 0:
+            links[target] = _joined(links[target], link, rotation, translation)
+    for name, frame in robot.frames.items():
+        target, turn, shift = place[frame.link]
+        frames[name] = Frame(target, turn @ frame.rotation, turn @ frame.translation + shift)
+    tool = robot.tool or _last_link(robot, frames)
+    return replace(
+        robot, links=tuple(links), joints=tuple(joints), frames=frames, tool=tool, coupling=coupling
+    )
+
+
+def _joined(parent: Link, child: Link, rotation: Array, translation: Array) -> Link:
+    inertia = parent.inertia
+    if child.inertia is not None:
+        carried = child.inertia.moved(rotation, translation)
+        inertia = carried if inertia is None else inertia + carried
+    return Link(parent.name, inertia, (*parent.fixed, child.name, *child.fixed))
+
+
+def _last_link(robot: Robot, frames: Mapping[str, Frame]) -> str:
+    """Return the frame of the last link of the unlocked robot where locking turned it into a frame."""
+    name = robot.links[-1].name
+    return name if name in frames else ""
+
+
+def consistency_defects(links: Sequence[Link]) -> dict[str, str]:
+    """Return why each link that is no possible body is none; empty where all are possible."""
+    found = {link.name: link.inertia.defect() for link in links if link.inertia is not None}
+    return {name: why for name, why in found.items() if why}

@@ -1,0 +1,116 @@
+"""How a folder of parts is found: one part per file, chosen by file name, imported when chosen."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from types import ModuleType
+from typing import Any, Generic, TypeVar
+
+from dynident.errors import BadOption, UnknownChoice, nearest
+
+Part = TypeVar("Part")
+
+
+@dataclass(frozen=True)
+class Option:
+    """A field of a part, as the command line and the documentation show it."""
+
+    name: str
+    kind: str
+    default: Any
+    help: str
+
+
+class Family(Generic[Part]):
+    """The parts in one folder: file name = name in scripts, case files and on the command line.
+
+    Attributes:
+        package: Dotted name of the folder.
+        kind: The abstract base that every part of the family implements.
+        noun: What one part is called in messages, such as ``"estimator"``.
+    """
+
+    def __init__(self, package: str, kind: type[Part], noun: str) -> None:
+        self.package, self.kind, self.noun = package, kind, noun
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the parts, sorted; nothing is imported but the folder."""
+        folder = importlib.import_module(self.package)
+        found = (module.name for module in pkgutil.iter_modules(folder.__path__) if not module.ispkg)
+        return tuple(sorted(name for name in found if name != "base" and not name.startswith("_")))
+
+    def get(self, name: str) -> type[Part]:
+        """Import the part called ``name`` and return its class.
+
+        Raises:
+            UnknownChoice: The family has no such part.
+        """
+        if name not in self.names():
+            raise UnknownChoice(self.noun, name, self.names())
+        return self._only_class(importlib.import_module(f"{self.package}.{name}"))
+
+    def make(self, choice: str | Part, **options: Any) -> Part:
+        """Return a part from its name and options, or the part itself when one is given.
+
+        Raises:
+            UnknownChoice: No such part.
+            BadOption: The part has no such option.
+        """
+        if not isinstance(choice, str):
+            return choice
+        part = self.get(choice)
+        known = [option.name for option in self.options(choice)]
+        for key in options:
+            if key not in known:
+                step = f"the {self.noun} '{choice}' has the options: {', '.join(known) or 'none'}{nearest(key, known)}"
+                raise BadOption(key, options[key], step)
+        return part(**options)
+
+    def name_of(self, part: Part) -> str:
+        """Return the name (the file) of a part."""
+        return type(part).__module__.rsplit(".", 1)[-1]
+
+    def options(self, name: str) -> tuple[Option, ...]:
+        """Return the options of a part: the fields of its dataclass, with the line that describes each."""
+        part = self.get(name)
+        if not is_dataclass(part):
+            return ()
+        texts = _attribute_lines(inspect.getdoc(part) or "")
+        return tuple(
+            Option(f.name, str(f.type), None if f.default is MISSING else f.default, texts.get(f.name, ""))
+            for f in fields(part)
+            if f.init
+        )
+
+    def summary(self, name: str) -> str:
+        """Return the first line of the part's docstring."""
+        return (inspect.getdoc(self.get(name)) or "").split("\n", 1)[0]
+
+    def _only_class(self, module: ModuleType) -> type[Part]:
+        mine = [
+            value
+            for value in vars(module).values()
+            if inspect.isclass(value) and value.__module__ == module.__name__ and issubclass(value, self.kind)
+        ]
+        if len(mine) != 1:
+            raise TypeError(f"{module.__name__} must define exactly one {self.kind.__name__}, found {len(mine)}")
+        return mine[0]
+
+
+def _attribute_lines(doc: str) -> dict[str, str]:
+    """Return the texts of the ``Attributes:`` block of a Google-style docstring."""
+    texts: dict[str, str] = {}
+    name = ""
+    _, _, block = doc.partition("Attributes:\n")
+    for line in block.splitlines():
+        if not line.startswith("    "):
+            break
+        if not line.startswith("        ") and ":" in line:
+            name, _, text = line.strip().partition(":")
+            texts[name] = text.strip()
+        elif name:
+            texts[name] += " " + line.strip()
+    return texts
