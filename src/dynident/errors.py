@@ -45,7 +45,7 @@ class FileError(DynidentError):
 
 
 class DescriptionError(DynidentError):
-    """A robot description with a fault; ``where`` names the link, the joint or the line."""
+    """A robot description or case file with a fault; ``where`` names the link, the joint, the line or the key."""
 
     def __init__(self, path: object, where: str, evidence: str, step: str) -> None:
         self.path, self.where, self.evidence, self.step = str(path), where, evidence, step
@@ -68,15 +68,6 @@ class LogMismatch(DynidentError):
     def __init__(self, log: str, evidence: str, step: str) -> None:
         self.log, self.evidence, self.step = log, evidence, step
         super().__init__(f"{log}: {evidence}; {step}")
-
-
-class CaseError(DynidentError):
-    """A case file with an unknown key, a wrong type or a value out of range."""
-
-    def __init__(self, path: object, key: str, evidence: str, step: str) -> None:
-        self.path, self.key, self.evidence, self.step = str(path), key, evidence, step
-        place = f"{path}: {key}" if key else f"{path}"
-        super().__init__(f"{place}: {evidence}; {step}")
 
 
 class BadOption(DynidentError):

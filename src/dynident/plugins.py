@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import inspect
 import pkgutil
+from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from types import ModuleType
 from typing import Any, Generic, TypeVar
@@ -63,11 +64,21 @@ class Family(Generic[Part]):
             return choice
         part = self.get(choice)
         known = [option.name for option in self.options(choice)]
-        for key in options:
+        for key, value in options.items():
             if key not in known:
                 step = f"the {self.noun} '{choice}' has the options: {', '.join(known) or 'none'}{nearest(key, known)}"
-                raise BadOption(key, options[key], step)
+                raise BadOption(key, value, step)
         return part(**options)
+
+    def make_from_text(self, choice: str, options: Mapping[str, str | None]) -> Part:
+        """Return a part whose options are written as text, as in a case file or on the command line.
+
+        Raises:
+            UnknownChoice: No such part.
+            BadOption: No such option, or a text that is no value for it.
+        """
+        kinds = {option.name: option.kind for option in self.options(choice)}
+        return self.make(choice, **{k: _from_text(k, kinds.get(k, "str"), text) for k, text in options.items()})
 
     def name_of(self, part: Part) -> str:
         """Return the name (the file) of a part."""
@@ -114,3 +125,26 @@ def _attribute_lines(doc: str) -> dict[str, str]:
         elif name:
             texts[name] += " " + line.strip()
     return texts
+
+
+def _from_text(name: str, kind: str, text: str | None) -> Any:
+    """Return the value that ``text`` writes for a field annotated ``kind``."""
+    if text is None or text.strip().lower() in ("none", "null"):
+        if "None" in kind:
+            return None
+        raise BadOption(name, text, f"give a value of the kind {kind}")
+    word = text.strip()
+    if kind.startswith("bool"):
+        if word.lower() not in ("true", "false"):
+            raise BadOption(name, text, "write true or false")
+        return word.lower() == "true"
+    try:
+        if kind.startswith("int"):
+            return int(word)
+        if kind.startswith("float"):
+            return float(word)
+        if kind.startswith("tuple"):
+            return tuple(float(item) for item in word.strip("[]()").split(","))
+    except ValueError:
+        raise BadOption(name, text, f"write a value of the kind {kind}") from None
+    return word

@@ -1,0 +1,1 @@
+"""The estimation: problem, estimators, estimate, validation."""

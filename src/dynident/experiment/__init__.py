@@ -1,0 +1,1 @@
+"""The experiment: trajectories, logs, preprocessing, the case file, the virtual robot."""

@@ -1,0 +1,1 @@
+"""The model: inertia, robot, regressor, dynamic model, base parameters."""

@@ -98,9 +98,7 @@ class Inertia:
         (Rucker and Wensing 2022, (12)).
         """
         alpha, d1, d2, d3, s12, s23, s13, t1, t2, t3 = np.asarray(eta, dtype=float)
-        upper = np.array(
-            [[np.exp(d1), s12, s13, t1], [0, np.exp(d2), s23, t2], [0, 0, np.exp(d3), t3], [0, 0, 0, 1.0]]
-        )
+        upper = np.array([[np.exp(d1), s12, s13, t1], [0, np.exp(d2), s23, t2], [0, 0, np.exp(d3), t3], [0, 0, 0, 1.0]])
         upper *= np.exp(alpha)
         return cls.from_pseudo(upper @ upper.T)
 
@@ -130,9 +128,7 @@ class Inertia:
         flipped = np.linalg.cholesky(self.pseudo[::-1, ::-1])[::-1, ::-1]  # P = U U' with U upper triangular
         alpha = np.log(flipped[3, 3])
         u = flipped / flipped[3, 3]
-        return np.array(
-            [alpha, *np.log(np.diag(u)[:3]), u[0, 1], u[1, 2], u[0, 2], u[0, 3], u[1, 3], u[2, 3]]
-        )
+        return np.array([alpha, *np.log(np.diag(u)[:3]), u[0, 1], u[1, 2], u[0, 2], u[0, 3], u[1, 3], u[2, 3]])
 
     @property
     def centre_of_mass(self) -> Array:

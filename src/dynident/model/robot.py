@@ -41,7 +41,7 @@ class JointLimits:
     effort_rate: float = np.inf
 
     def __post_init__(self) -> None:
-        if not self.lower <= self.upper:
+        if not self.lower <= self.upper or self.lower == np.inf or self.upper == -np.inf:
             raise ValueError(f"the lower limit {self.lower:g} is above the upper limit {self.upper:g}")
         for name in ("velocity", "acceleration", "jerk", "effort", "effort_rate"):
             if not getattr(self, name) >= 0:
@@ -122,7 +122,8 @@ class Joint:
         length = float(np.linalg.norm(axis))
         if not (np.isfinite(length) and length > 1e-9):
             raise ValueError(f"joint '{self.name}' has the axis {axis.tolist()}")
-        object.__setattr__(self, "axis", frozen(axis / length, (3,), "axis"))
+        unit = axis if abs(length - 1.0) < 1e-15 else axis / length  # a unit axis stays as it is, to the last bit
+        object.__setattr__(self, "axis", frozen(unit, (3,), "axis"))
 
     @property
     def unit(self) -> str:
@@ -368,9 +369,7 @@ def _merge(robot: Robot, positions: Mapping[str, float], coupling: Array) -> Rob
         target, turn, shift = place[frame.link]
         frames[name] = Frame(target, turn @ frame.rotation, turn @ frame.translation + shift)
     tool = robot.tool or _last_link(robot, frames)
-    return replace(
-        robot, links=tuple(links), joints=tuple(joints), frames=frames, tool=tool, coupling=coupling
-    )
+    return replace(robot, links=tuple(links), joints=tuple(joints), frames=frames, tool=tool, coupling=coupling)
 
 
 def _joined(parent: Link, child: Link, rotation: Array, translation: Array) -> Link:

@@ -1,0 +1,1 @@
+"""Results: numbers as text, figures and the report."""

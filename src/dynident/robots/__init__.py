@@ -1,0 +1,1 @@
+"""Robots that ship, and the published numbers of the ER-16."""

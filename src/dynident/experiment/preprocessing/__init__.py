@@ -1,0 +1,146 @@
+"""Preprocessing, a family of filters, and the one verb that runs them: resample, filter, trim, thin out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray, IntArray
+from dynident.errors import BadOption, LogMismatch
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing.base import Filter
+from dynident.plugins import Family
+
+FILTERS: Family[Filter] = Family("dynident.experiment.preprocessing", Filter, "filter")  # type: ignore[type-abstract]
+
+#: Steps that differ by less than this share of the median step count as uniform.
+UNIFORM = 1e-3
+
+#: A joint that is slow for less time than this, in s, is turning round, not resting.
+SHORTEST_REST = 0.1
+
+
+@dataclass(frozen=True)
+class Preprocessing:
+    """How a log becomes rows of the observation matrix.
+
+    Attributes:
+        filter: The filter part.
+        rate_hz: Rows a second that are kept; None keeps all.
+        trim_s: Seconds left out at both ends, where filters have no past or future.
+        standstill: Speed in rad/s (or m/s) below which a joint is at rest when it stays there; its static friction is
+            then unknown.
+        rest: ``mask`` leaves rows at rest out of the fit, ``keep`` takes them in.
+    """
+
+    filter: Filter
+    rate_hz: float | None = None
+    trim_s: float = 0.0
+    standstill: float = 0.0
+    rest: str = "mask"
+
+    def __post_init__(self) -> None:
+        if self.rate_hz is not None and not self.rate_hz > 0:
+            raise BadOption("rate_hz", self.rate_hz, "give the rows a second to keep, above 0")
+        if not self.trim_s >= 0:
+            raise BadOption("trim_s", self.trim_s, "give seconds, 0 or more")
+        if not self.standstill >= 0:
+            raise BadOption("standstill", self.standstill, "give a speed, 0 or more")
+        if self.rest not in ("mask", "keep"):
+            raise BadOption("rest", self.rest, "choose 'mask' or 'keep'")
+
+    def statement(self) -> dict[str, object]:
+        """Return what must stand beside every figure: the filter, the rows kept, and the rows at rest."""
+        rows = {"rate_hz": self.rate_hz, "trim_s": self.trim_s, "standstill": self.standstill, "rest": self.rest}
+        return {**self.filter.statement(), **rows}
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A preprocessed log and which of its rows count.
+
+    Attributes:
+        log: On a uniform grid, with q, dq, ddq and torque filtered, all rows.
+        keep: Rows that are used, ascending, shape (N,).
+        how: The preprocessing.
+    """
+
+    log: Log
+    keep: IntArray
+    how: Preprocessing
+
+    @cached_property
+    def kept(self) -> Log:
+        """The log of the rows that are used."""
+        every = self.keep[1] - self.keep[0] if len(self.keep) > 1 else 1
+        return self.log.rows(self.keep, f"{len(self.keep)} of {self.log.samples} rows kept, every {every}th")
+
+    def smooth(self, signals: Array) -> Array:
+        """Return signals over all rows, shape (k, rows), filtered as the torque was."""
+        return self.how.filter.smooth(signals, self.log.rate)
+
+
+def preprocess(log: Log, how: Preprocessing) -> Prepared:
+    """Return the log with q, dq, ddq and torque ready for the regressor; time is made uniform first.
+
+    Raises:
+        LogMismatch: Too few samples for the filter, the trim or the rate.
+    """
+    filtered = how.filter.apply(resample(log))
+    start, end = filtered.time[0] + how.trim_s, filtered.time[-1] - how.trim_s
+    slack = 1e-6 / filtered.rate
+    keep = np.flatnonzero((filtered.time >= start - slack) & (filtered.time <= end + slack))
+    if how.rate_hz is not None:
+        keep = keep[:: max(1, round(filtered.rate / how.rate_hz))]
+    if len(keep) < 2:
+        raise LogMismatch(log.name, f"{len(keep)} samples are left of {log.samples}", "trim less, or give more")
+    return Prepared(filtered, keep, how)
+
+
+def at_rest(dq: Array, velocity: float, rate: float, shortest: float = SHORTEST_REST) -> BoolArray:
+    """Return where each joint rests: slower than ``velocity`` for ``shortest`` seconds or longer, shape (N, n).
+
+    A joint that only passes through zero speed is not at rest: its friction changes sign, but is known.
+
+    Args:
+        dq: Velocities on a uniform grid, shape (N, n).
+        velocity: In rad/s or m/s; 0 for nowhere at rest.
+        rate: Samples a second.
+        shortest: In s.
+    """
+    slow = np.abs(dq) < velocity
+    edges = np.diff(np.pad(slow.astype(np.int8), ((1, 1), (0, 0))), axis=0)
+    resting = np.zeros_like(slow)
+    for joint in range(dq.shape[1]):
+        starts, ends = np.flatnonzero(edges[:, joint] == 1), np.flatnonzero(edges[:, joint] == -1)
+        for start, end in zip(starts, ends, strict=True):
+            resting[start:end, joint] = end - start >= shortest * rate
+    return resting
+
+
+def resample(log: Log) -> Log:
+    """Return the log on a uniform grid at its median rate, by linear interpolation; as it is where it is uniform.
+
+    Raises:
+        LogMismatch: Fewer than ten samples, or time that does not run forward.
+    """
+    if log.samples < 10:
+        raise LogMismatch(log.name, f"only {log.samples} samples", "an identification needs seconds of motion")
+    steps = np.diff(log.time)
+    if np.any(steps <= 0):
+        row = int(np.argmax(steps <= 0)) + 1
+        evidence = f"time does not run forward at sample {row + 1} ({log.time[row - 1]:.6g} to {log.time[row]:.6g} s)"
+        raise LogMismatch(log.name, evidence, "sort the rows or remove the repeated ones")
+    middle = float(np.median(steps))
+    if np.max(np.abs(steps - middle)) <= UNIFORM * middle:
+        return log
+    count = round(log.duration / middle) + 1
+    time = log.time[0] + log.duration * np.linspace(0, 1, count)
+    moved = {
+        name: np.column_stack([np.interp(time, log.time, column) for column in values.T])
+        for name, values in log.signals().items()
+    }
+    jitter = f"steps of {steps.min() * 1e3:.3g} to {steps.max() * 1e3:.3g} ms"
+    return log.with_step(f"resampled to {(count - 1) / log.duration:.5g} Hz ({jitter})", time=time, **moved)

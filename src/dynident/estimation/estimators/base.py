@@ -1,0 +1,40 @@
+"""What an estimator is: a pure method from a Problem to a Solution."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from dynident.arrays import Array
+from dynident.estimation.problem import Problem
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What an estimator found.
+
+    Attributes:
+        beta: Base parameters, shape (b,).
+        weights: Weight of each joint's rows, shape (n,), 1 / N m; their squares weigh the covariance.
+        theta: Standard parameters behind beta, shape (p,); None where the estimator works on base parameters only.
+        extras: News of the method itself: iterations, convergence trace, gap to the optimum.
+    """
+
+    beta: Array
+    weights: Array
+    theta: Array | None = None
+    extras: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Estimator(ABC):
+    """A frozen dataclass whose fields are its options; ``solve`` keeps nothing."""
+
+    @abstractmethod
+    def solve(self, problem: Problem) -> Solution:
+        """Return the estimate for a problem.
+
+        Raises:
+            SolverFailed: The method ended without a checked solution.
+        """

@@ -1,0 +1,20 @@
+"""Ordinary least squares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.estimation.estimators.base import Estimator, Solution
+from dynident.estimation.problem import Problem
+from dynident.model.reduction import least_squares
+
+
+@dataclass(frozen=True)
+class OLS(Estimator):
+    """Ordinary least squares: every row counts the same, in N m (Atkeson, An and Hollerbach 1986)."""
+
+    def solve(self, problem: Problem) -> Solution:
+        weights = np.ones(len(problem.triangles))
+        return Solution(least_squares(problem.reduced(weights)).beta, weights)

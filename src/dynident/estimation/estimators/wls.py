@@ -1,0 +1,41 @@
+"""Weighted least squares with the residual variance of each joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.errors import BadOption
+from dynident.estimation.estimators.base import Estimator, Solution
+from dynident.estimation.problem import Problem
+from dynident.model.reduction import least_squares
+
+
+@dataclass(frozen=True)
+class WLS(Estimator):
+    """Least squares with each joint weighed by its own residual standard deviation (Gautier and Poignet 2001).
+
+    Attributes:
+        iterations: How often the weights are renewed at most.
+        tolerance: Relative change of the weights that ends the iteration.
+    """
+
+    iterations: int = 10
+    tolerance: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if self.iterations < 1:
+            raise BadOption("iterations", self.iterations, "give 1 or more")
+
+    def solve(self, problem: Problem) -> Solution:
+        beta = least_squares(problem.reduced()).beta
+        weights = 1.0 / problem.joint_deviations(beta)
+        done, settled = 0, False
+        while not settled and done < self.iterations:
+            done += 1
+            beta = least_squares(problem.reduced(weights)).beta
+            renewed = 1.0 / problem.joint_deviations(beta)
+            settled = bool(np.all(np.abs(renewed - weights) <= self.tolerance * weights))
+            weights = renewed
+        return Solution(beta, weights, extras={"iterations": done})

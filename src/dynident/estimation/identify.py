@@ -1,0 +1,172 @@
+"""identify: preprocessed logs and an estimator to an Estimate."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, is_dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import LogMismatch
+from dynident.estimation.consistency import judge
+from dynident.estimation.estimate import Estimate
+from dynident.estimation.estimators import ESTIMATORS, Estimator
+from dynident.estimation.problem import Observer, Problem, counting_rows, make_problem
+from dynident.estimation.validation import Validation, compare_torques
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing import FILTERS, Prepared, Preprocessing, preprocess
+from dynident.model.base_parameters import BaseParameters, base_parameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.reduction import least_squares
+
+
+def identify(
+    model: DynamicModel,
+    logs: Sequence[Log],
+    estimator: str | Estimator = "consistent",
+    preprocessing: Preprocessing | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Callable[[str], None] = lambda step: None,
+) -> Estimate:
+    """Identify the base parameters of a model from logs.
+
+    Args:
+        model: Robot, drives and friction.
+        logs: Raw logs with positions and torques; each is preprocessed on its own.
+        estimator: Name or part.
+        preprocessing: How logs become rows; default: see :func:`default_preprocessing`.
+        provenance: Facts to keep with the estimate: case, command.
+        progress: Told each step in words.
+
+    Raises:
+        LogMismatch: A log does not fit the robot, or is too short.
+        PoorExcitation: The logs do not determine all base parameters.
+        SolverFailed: The estimator found no checked solution.
+    """
+    if not logs:
+        raise LogMismatch("identify", "no log", "give at least one log")
+    how = preprocessing or default_preprocessing()
+    part = ESTIMATORS.make(estimator)
+    progress("base parameters")
+    base = base_parameters(model)
+    inertial = base_parameters(model, inertial_only=True)
+    progress("preprocessing and reduction")
+    prepared = [preprocess(log.ordered(model.robot.joint_names), how) for log in logs]
+    problem = make_problem(model, base, prepared)
+    progress(f"estimator {ESTIMATORS.name_of(part)}")
+    solution = part.solve(problem)
+    weighted = least_squares(problem.reduced(1.0 / problem.joint_deviations(solution.beta)))
+    train = validate_prepared(model, base, prepared, solution.beta)
+    factors = correlation_factors(np.split(train.residual, train.starts[1:]))
+    covariance = _covariance(problem, solution.beta, factors)
+    return Estimate(
+        model=model,
+        base=base,
+        beta=solution.beta,
+        covariance=covariance,
+        theta=solution.theta,
+        joint_deviations=problem.joint_deviations(solution.beta),
+        correlation_factors=factors,
+        condition_number=weighted.condition_number,
+        samples=problem.samples,
+        inertial_base_parameters=inertial.count,
+        estimator=ESTIMATORS.name_of(part),
+        options=asdict(part) if is_dataclass(part) else {},
+        consistency=judge(model, base, solution.beta, solution.theta),
+        train=train,
+        preprocessing=how,
+        extras=solution.extras,
+        provenance={**versions(), "logs": [asdict(log.kept.source) for log in prepared], **(provenance or {})},
+    )
+
+
+def default_preprocessing() -> Preprocessing:
+    """Return the stated default: zero-phase Butterworth at 5 Hz, order 4, on both sides; rows at rest left out."""
+    return Preprocessing(FILTERS.make("butterworth", cutoff_hz=5.0), rate_hz=200.0, trim_s=0.5, standstill=0.02)
+
+
+def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessing | None = None) -> Validation:
+    """Compare an estimate with logs that it has not seen; they are prepared as those of the fit.
+
+    Args:
+        estimate: The estimate.
+        logs: Raw logs with positions and torques.
+        preprocessing: Another preparation than that of the fit.
+
+    Raises:
+        LogMismatch: A log does not fit the robot, or is too short.
+    """
+    how = preprocessing or estimate.preprocessing
+    prepared = [preprocess(log.ordered(estimate.model.robot.joint_names), how) for log in logs]
+    return validate_prepared(estimate.model, estimate.base, prepared, estimate.beta)
+
+
+def validate_prepared(model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared], beta: Array) -> Validation:
+    """Compare base parameters with preprocessed logs."""
+    for log in logs:
+        if log.log.torque is None:
+            raise LogMismatch(log.log.name, "no torques to compare with", "map torque columns in the case file")
+    observer = Observer(model, base)
+    return compare_torques(
+        [log.kept for log in logs],
+        [log.smooth(observer.predict(log.log, beta).T).T[log.keep] for log in logs],
+        [counting_rows(model, log) for log in logs],
+        model.robot.units,
+        logs[0].how.standstill,
+        logs[0].how.statement(),
+    )
+
+
+def correlation_factors(residuals: Sequence[Array], longest: float = 0.25) -> Array:
+    """Return how much the rows of each joint hang together: the integrated autocorrelation of its residual, >= 1.
+
+    The sum 1 + 2 sum rho_k is cut at the first negative pair (Geyer 1992); filtered or modelled badly, residuals are
+    far from independent, and covariances that ignore it are too small.
+
+    Args:
+        residuals: Residuals of each log over the rows used, shape (N, n) each.
+        longest: Share of a log that the sum may reach over.
+
+    Returns:
+        Shape (n,).
+    """
+    total, rows = np.zeros(len(residuals[0].T)), 0
+    for residual in residuals:
+        total += len(residual) * np.array([_integrated(column, longest) for column in residual.T])
+        rows += len(residual)
+    return total / max(rows, 1)
+
+
+def _integrated(residual: Array, longest: float) -> float:
+    centred = residual - residual.mean()
+    size = 2 ** int(np.ceil(np.log2(2 * len(centred))))
+    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
+    covariance = np.fft.irfft(spectrum, size)[: max(2, int(longest * len(centred)))]
+    if covariance[0] <= 0:
+        return 1.0
+    rho = covariance / covariance[0]
+    pairs = rho[: len(rho) // 2 * 2].reshape(-1, 2).sum(axis=1)
+    negative = np.flatnonzero(pairs <= 0)
+    return max(1.0, float(2 * pairs[: negative[0] if len(negative) else len(pairs)].sum() - 1))
+
+
+def _covariance(problem: Problem, beta: Array, factors: Array) -> Array:
+    """Return the sandwich A^-1 B A^-1: A weighs the joints by their variance, B also by their correlation factor."""
+    weights = 1.0 / problem.joint_deviations(beta)
+    inverse = least_squares(problem.reduced(weights)).unscaled_covariance
+    spread = problem.reduced(weights * np.sqrt(factors)).r @ inverse
+    return spread.T @ spread
+
+
+def versions() -> dict[str, Any]:
+    """Return the versions that produced a result."""
+    packages = ("dynident", "numpy", "scipy", "numba", "clarabel")
+    return {
+        "versions": {name: version(name) for name in packages},
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }

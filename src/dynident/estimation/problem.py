@@ -1,0 +1,288 @@
+"""The identification problem: one triangle per joint and, for estimators that need them, the rows themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from dynident.arrays import Array, BoolArray, IntArray
+from dynident.errors import LogMismatch, PoorExcitation
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing import Prepared, at_rest
+from dynident.model.base_parameters import BaseParameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
+from dynident.model.kernels.batched import JointColumns
+from dynident.model.reduction import CHUNK, Reduced, Triangle, reduce, triangle_of
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The observation matrix in full, joint by joint, rows at rest left out.
+
+    Attributes:
+        matrix: W, shape (r, b).
+        torque: Measured torque less the known one, shape (r,).
+        joint: Joint of each row, shape (r,).
+        samples: Time sample of each row, counted through all logs, shape (r,).
+    """
+
+    matrix: Array
+    torque: Array
+    joint: IntArray
+    samples: IntArray
+
+
+@dataclass(frozen=True)
+class Problem:
+    """All that an estimator may know.
+
+    Attributes:
+        model: Robot, drives and friction.
+        base: The base parameters that are to be found.
+        logs: Preprocessed logs with q, dq, ddq and torque.
+        masks: Which of the kept rows count for each joint, per log, shape (N, n).
+        triangles: The unweighted rows of each joint, reduced, over all logs.
+    """
+
+    model: DynamicModel
+    base: BaseParameters
+    logs: tuple[Prepared, ...]
+    masks: tuple[BoolArray, ...]
+    triangles: tuple[Triangle, ...]
+
+    @property
+    def samples(self) -> int:
+        """Number of time samples in all logs."""
+        return sum(len(log.keep) for log in self.logs)
+
+    @property
+    def counts(self) -> IntArray:
+        """Number of rows that count, per joint, shape (n,)."""
+        return np.array([triangle.rows for triangle in self.triangles])
+
+    def reduced(self, weights: Sequence[float] | Array | None = None) -> Reduced:
+        """Return the triangle over all joints, each joint's rows times its weight (default 1)."""
+        return reduce(self.triangles, self.base.count, np.ones(len(self.triangles)) if weights is None else weights)
+
+    def residual_squares(self, beta: Array) -> Array:
+        """Return the sum of squared residuals of each joint at ``beta``, shape (n,)."""
+        return np.array([triangle.residual_square(beta) for triangle in self.triangles])
+
+    def joint_deviations(self, beta: Array) -> Array:
+        """Return the residual standard deviation of each joint, shape (n,), never zero.
+
+        The degrees of freedom that beta takes are shared among the joints by their rows.
+        """
+        counts = np.maximum(self.counts, 1)
+        free = counts * max(1.0 - self.base.count / max(int(counts.sum()), 1), 1e-3)
+        floor = 1e-12 * np.array([np.sqrt(t.torque_square / max(t.rows, 1)) for t in self.triangles])
+        deviations = np.sqrt(self.residual_squares(beta) / free)
+        return np.maximum(deviations, np.maximum(floor, 1e-300))
+
+    @cached_property
+    def rows(self) -> Rows:
+        """The rows in full; computed when first asked for."""
+        observer = Observer(self.model, self.base)
+        blocks: list[list[tuple[Array, Array, IntArray]]] = [[] for _ in self.triangles]
+        start = 0
+        for log, mask in zip(self.logs, self.masks, strict=True):
+            for i, part in enumerate(observer.rows(log)):
+                keep = np.flatnonzero(mask[:, i])
+                full = np.zeros((len(keep), self.base.count))
+                full[:, observer.columns[i]] = part[:-1, keep].T
+                blocks[i].append((full, part[-1, keep], keep + start))
+            start += len(log.keep)
+        matrix = np.concatenate([block[0] for joint in blocks for block in joint])
+        torque = np.concatenate([block[1] for joint in blocks for block in joint])
+        samples = np.concatenate([block[2] for joint in blocks for block in joint])
+        joints = np.concatenate([np.full(len(block[1]), i) for i, joint in enumerate(blocks) for block in joint])
+        return Rows(matrix, torque, joints, samples)
+
+
+#: Rows filtered at a time.
+SEGMENT = 1 << 16
+
+
+class Observer:
+    """Streams a log into the rows of the base observation matrix, joint by joint, in chunks that stay in the cache."""
+
+    def __init__(self, model: DynamicModel, base: BaseParameters) -> None:
+        self.model, self.base = model, base
+        inertial = base.independent[base.independent < model.inertial_count]
+        self._kernel = JointColumns(model.robot.chain, inertial)
+        friction = base.independent[base.independent >= model.inertial_count] - model.inertial_count
+        self._drive, self._coefficient = np.divmod(friction, max(model.coefficients_per_joint, 1))
+        coupling = np.asarray(model.robot.coupling)
+        self._own: list[IntArray] = []
+        columns: list[IntArray] = []
+        for i in range(model.robot.dof):
+            own = np.flatnonzero(coupling[self._drive, i] != 0)
+            self._own.append(own)
+            columns.append(np.concatenate([self._kernel.columns[i], len(inertial) + own]).astype(np.int64))
+        self.columns: tuple[IntArray, ...] = tuple(columns)
+
+    def rows(self, prepared: Prepared) -> tuple[Array, ...]:
+        """Return [W_i, tau_i]' of each joint over the kept rows, both sides filtered, shape (K_i + 1, N)."""
+        parts = [blocks for _, blocks in self._segments(prepared)]
+        return tuple(np.concatenate(joint, axis=1) for joint in zip(*parts, strict=True))
+
+    def predict(self, log: Log, beta: Array) -> Array:
+        """Return the torque of the model at ``beta``, with the known rotor torque, not filtered, shape (N, n)."""
+        motion = motion_of(log)
+        out: Array = np.empty((log.samples, self.model.robot.dof))
+        for start in range(0, log.samples, CHUNK):
+            part = slice(start, start + CHUNK)
+            for i, block in enumerate(self._block(motion, part)):
+                out[part, i] = beta[self.columns[i]] @ block[:-1]
+        return out + self.model.known_torque(motion)
+
+    def triangles(self, prepared: Prepared, mask: BoolArray) -> tuple[Triangle, ...]:
+        """Return the triangle of each joint over the kept rows in ``mask`` (N, n); no row is kept."""
+        factors = [np.zeros((0, len(columns) + 1)) for columns in self.columns]
+        everything = bool(mask.all())
+        with threadpool_limits(1, user_api="blas"):
+            for part, blocks in self._segments(prepared):
+                for i, block in enumerate(blocks):
+                    rows = block.T if everything else block.T[mask[part, i]]
+                    for start in range(0, len(rows), CHUNK):
+                        panel = rows[start : start + CHUNK]
+                        factors[i] = triangle_of(np.concatenate([factors[i], panel]))
+        return tuple(
+            Triangle(columns, factor, int(mask[:, i].sum()))
+            for i, (columns, factor) in enumerate(zip(self.columns, factors, strict=True))
+        )
+
+    def _segments(self, prepared: Prepared) -> Iterator[tuple[slice, tuple[Array, ...]]]:
+        """Yield slices of the kept rows and the filtered rows of each joint there, in constant memory.
+
+        A filter looks ``reach`` samples to either side, so segments overlap by that much.
+        """
+        log, keep = prepared.log, prepared.keep
+        motion, torque = motion_of(log), target_torque(self.model, log)
+        reach = prepared.how.filter.reach(log.rate)
+        if not reach:  # nothing to filter: only the kept rows are ever computed
+            motion, torque = Motion(motion.q[keep], motion.dq[keep], motion.ddq[keep]), torque[keep]
+            for start in range(0, len(keep), CHUNK):
+                part = slice(start, min(start + CHUNK, len(keep)))
+                yield part, self._block(motion, part, torque)
+            return
+        for start in range(0, log.samples, SEGMENT):
+            inner = slice(start, min(start + SEGMENT, log.samples))
+            outer = slice(max(0, inner.start - reach), min(log.samples, inner.stop + reach))
+            wanted = slice(*np.searchsorted(keep, [inner.start, inner.stop]))
+            if wanted.start == wanted.stop:
+                continue
+            blocks = self._block(motion, outer, torque)
+            for block in blocks:  # the torque is filtered already
+                block[:-1] = prepared.smooth(block[:-1])
+            inside = keep[wanted] - outer.start
+            yield wanted, tuple(block[:, inside] for block in blocks)
+
+    def _block(self, motion: Motion, part: slice, torque: Array | None = None) -> tuple[Array, ...]:
+        """Return [W_i, tau_i]' of each joint over a slice of the samples, not filtered."""
+        cut = Motion(motion.q[part], motion.dq[part], motion.ddq[part])
+        inertial = self._kernel.evaluate(cut.q, cut.dq, cut.ddq)
+        values = self.model.friction_values(cut)
+        coupling = np.asarray(self.model.robot.coupling)
+        blocks = []
+        for i, own in enumerate(self._own):
+            count = len(inertial[i])
+            block = np.zeros((count + len(own) + 1, len(cut.q)))
+            block[:count] = inertial[i]
+            for row, k in enumerate(own, start=count):
+                block[row] = coupling[self._drive[k], i] * values[:, self._drive[k], self._coefficient[k]]
+            if torque is not None:
+                block[-1] = torque[part, i]
+            blocks.append(block)
+        return tuple(blocks)
+
+
+def motion_of(log: Log) -> Motion:
+    """Return the motion of a preprocessed log.
+
+    Raises:
+        LogMismatch: The log has no velocities or accelerations yet.
+    """
+    if log.dq is None or log.ddq is None:
+        raise LogMismatch(log.name, "no velocities and accelerations", "preprocess the log first")
+    return Motion(log.q, log.dq, log.ddq, temperature=log.temperature)
+
+
+def target_torque(model: DynamicModel, log: Log) -> Array:
+    """Return the measured torque less that of the known rotor inertias, shape (N, n).
+
+    Raises:
+        LogMismatch: The log has no torques.
+    """
+    if log.torque is None:
+        raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
+    return log.torque - model.known_torque(motion_of(log))
+
+
+def make_problem(model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared]) -> Problem:
+    """Reduce preprocessed logs to a problem.
+
+    Args:
+        model: Robot, drives and friction.
+        base: Its base parameters.
+        logs: Preprocessed logs, joints in the order of the robot.
+
+    Raises:
+        LogMismatch: A joint never moved.
+        PoorExcitation: The rows do not determine all base parameters.
+    """
+    _check_motion(model, logs)
+    masks = tuple(counting_rows(model, log) for log in logs)
+    observer = Observer(model, base)
+    parts = [observer.triangles(log, mask) for log, mask in zip(logs, masks, strict=True)]
+    triangles = tuple(first.merged(rest) for first, *rest in zip(*parts, strict=True))
+    problem = Problem(model, base, tuple(logs), masks, triangles)
+    _check_rank(problem)
+    return problem
+
+
+def counting_rows(model: DynamicModel, prepared: Prepared) -> BoolArray:
+    """Return which of the kept rows count for each joint, shape (N, n): those where none of its drives rests."""
+    how = prepared.how
+    if how.rest == "keep" or how.standstill == 0:
+        return np.ones((len(prepared.keep), model.robot.dof), bool)
+    coupling = np.asarray(model.robot.coupling)
+    speeds = motion_of(prepared.log).dq @ coupling.T
+    resting = at_rest(speeds, how.standstill, prepared.log.rate)[prepared.keep]
+    return ~((resting @ (coupling != 0)) > 0)
+
+
+def _check_motion(model: DynamicModel, logs: Sequence[Prepared]) -> None:
+    """Name the joints that never move: their friction cannot be known, and the case must say that they are locked."""
+    span = np.max([np.ptp(log.log.q, axis=0) for log in logs], axis=0)
+    still = [name for name, moved in zip(model.robot.joint_names, span, strict=True) if moved < 1e-3]
+    if still:
+        names, ranges = ", ".join(still), ", ".join(f"{s:.2g}" for s in span[span < 1e-3])
+        raise LogMismatch(
+            ", ".join(log.log.name for log in logs),
+            f"{names} never moved (range {ranges} rad or m)",
+            "lock it in the case file (locked: {" + still[0] + ": 0}) or record a motion of all joints",
+        )
+
+
+def _check_rank(problem: Problem, tolerance: float = 1e-9) -> None:
+    reduced = problem.reduced()
+    norms = reduced.column_norms
+    scale = np.where(norms > 0, norms, 1.0)
+    _, values, directions = np.linalg.svd(reduced.r / scale)
+    weak = values <= tolerance * values[0]
+    if not weak.any():
+        return
+    share = np.abs(directions[weak]).max(axis=0)
+    names = [problem.base.names[k] for k in np.argsort(-share)[:3]]
+    raise PoorExcitation(
+        int((~weak).sum()),
+        problem.base.count,
+        f"undetermined: {'; '.join(names)}",
+        "record a motion that moves all joints fast and far at once, or drop friction terms",
+    )

@@ -1,0 +1,187 @@
+"""Validation: measured against predicted torque, per joint and in total."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray
+from dynident.experiment.log import Log
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Figures of one joint; relative figures are fractions, torques in the joint's unit.
+
+    ``rmse``, ``correlation``, ``r2`` and ``relative_error`` use the torque filtered as stated beside them. A figure
+    that does not exist (a torque that never changes, no row) is NaN, and null in JSON.
+
+    Attributes:
+        name: Joint.
+        unit: N m or N.
+        rows: Rows counted.
+        rmse: Root mean square of the residual.
+        rmse_unfiltered: The same against the torque before the filter; the prediction is filtered all the same.
+        correlation: (18).
+        r2: 1 - residual variance about zero / variance of the torque.
+        relative_error: |residual| / |torque|, not centred.
+        deviation: Standard deviation of the torque.
+    """
+
+    name: str
+    unit: str
+    rows: int
+    rmse: float
+    rmse_unfiltered: float
+    correlation: float
+    r2: float
+    relative_error: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class Validation:
+    """How well a model predicts logs.
+
+    Attributes:
+        joints: Figures per joint over all rows.
+        moving: The same over rows where no drive of the joint rests.
+        total_relative_error: |residual| / |torque| over all joints and rows, not centred.
+        samples: Time samples.
+        standstill: Speed in rad/s (or m/s) below which a joint rests when it stays there.
+        filter: What was done to the signals; stands beside every figure.
+        logs: Names of the logs.
+        time: Concatenated time of the logs, shape (N,), in s; starts anew with each log.
+        starts: First row of each log in the arrays.
+        q: Positions, shape (N, n).
+        dq: Velocities, shape (N, n).
+        measured: Filtered torque, shape (N, n).
+        unfiltered: Torque before the filter, shape (N, n).
+        predicted: Torque of the model, shape (N, n).
+    """
+
+    joints: tuple[Fit, ...]
+    moving: tuple[Fit, ...]
+    total_relative_error: float
+    samples: int
+    standstill: float
+    filter: Mapping[str, Any]
+    logs: tuple[str, ...]
+    time: Array
+    starts: tuple[int, ...]
+    q: Array
+    dq: Array
+    measured: Array
+    unfiltered: Array
+    predicted: Array
+
+    @property
+    def residual(self) -> Array:
+        """Measured less predicted torque, shape (N, n)."""
+        return self.measured - self.predicted
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures as plain data for JSON; a figure that does not exist is None."""
+        return {
+            "total_relative_error": _plain(self.total_relative_error),
+            "samples": self.samples,
+            "logs": list(self.logs),
+            "joints": [_figures(fit) for fit in self.joints],
+            "moving": {"standstill": self.standstill, "joints": [_figures(fit) for fit in self.moving]},
+        }
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _figures(fit: Fit) -> dict[str, Any]:
+    numbers = ("rmse", "rmse_unfiltered", "correlation", "r2", "relative_error")
+    return {
+        "name": fit.name,
+        "unit": fit.unit,
+        "rows": fit.rows,
+        **{name: _plain(getattr(fit, name)) for name in numbers},
+    }
+
+
+def compare_torques(
+    logs: Sequence[Log],
+    predictions: Sequence[Array],
+    moving: Sequence[BoolArray],
+    units: Sequence[str],
+    standstill: float,
+    filter: Mapping[str, Any],
+) -> Validation:
+    """Return the figures of predicted against measured torques.
+
+    Args:
+        logs: Preprocessed logs with torque; raw_torque where a filter changed it.
+        predictions: Predicted torques of each log, filtered like the measured ones, shape (N, n).
+        moving: Which rows are not at rest, per log, shape (N, n).
+        units: Unit of each joint's torque.
+        standstill: Speed that divides moving rows from rest.
+        filter: Statement of the preprocessing.
+    """
+    measured = np.concatenate([np.asarray(log.torque) for log in logs])
+    raw = np.concatenate([np.asarray(log.torque if log.raw_torque is None else log.raw_torque) for log in logs])
+    predicted = np.concatenate(predictions)
+    keep = np.concatenate(moving)
+    names = logs[0].joints
+    lengths = [log.samples for log in logs]
+    return Validation(
+        joints=_fits(names, units, measured, raw, predicted, np.ones_like(keep)),
+        moving=_fits(names, units, measured, raw, predicted, keep),
+        total_relative_error=_ratio(np.linalg.norm(measured - predicted), np.linalg.norm(measured)),
+        samples=sum(lengths),
+        standstill=standstill,
+        filter=dict(filter),
+        logs=tuple(log.name for log in logs),
+        time=np.concatenate([log.time for log in logs]),
+        starts=tuple(np.cumsum([0, *lengths[:-1]]).tolist()),
+        q=np.concatenate([log.q for log in logs]),
+        dq=np.concatenate([np.asarray(log.dq) for log in logs]),
+        measured=measured,
+        unfiltered=raw,
+        predicted=predicted,
+    )
+
+
+def _ratio(part: Any, whole: Any) -> float:
+    return float(part / whole) if whole > 0 else float("nan")
+
+
+def _fits(
+    names: Sequence[str], units: Sequence[str], measured: Array, raw: Array, predicted: Array, keep: BoolArray
+) -> tuple[Fit, ...]:
+    return tuple(
+        _fit(name, unit, *[signal[keep[:, i], i] for signal in (measured, raw, predicted)])
+        for i, (name, unit) in enumerate(zip(names, units, strict=True))
+    )
+
+
+def _fit(name: str, unit: str, measured: Array, raw: Array, predicted: Array) -> Fit:
+    if not len(measured):
+        return Fit(name, unit, 0, *[float("nan")] * 6)
+    error = measured - predicted
+    spread = float(np.std(measured))
+    return Fit(
+        name=name,
+        unit=unit,
+        rows=len(measured),
+        rmse=float(np.sqrt(np.mean(error**2))),
+        rmse_unfiltered=float(np.sqrt(np.mean((raw - predicted) ** 2))),
+        correlation=correlation(measured, predicted),
+        r2=1.0 - float(np.mean(error**2)) / spread**2 if spread > 0 else float("nan"),
+        relative_error=_ratio(np.linalg.norm(error), np.linalg.norm(measured)),
+        deviation=spread,
+    )
+
+
+def correlation(measured: Array, predicted: Array) -> float:
+    """Return the normalised cross-covariance (18) of two signals, shape (N,); NaN where one never changes."""
+    a, b = measured - np.mean(measured), predicted - np.mean(predicted)
+    return _ratio(a @ b, np.linalg.norm(a) * np.linalg.norm(b))

@@ -1,0 +1,252 @@
+"""A table of numbers in a text file: read fast where it is sound, and named line by line where it is not."""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import hashlib
+import os
+import re
+import stat
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import FileError, LogFormatError
+from dynident.files import unreadable
+
+#: Larger files are refused; a log of that size belongs in several files.
+MAX_BYTES = 2 << 30
+MAX_COLUMNS = 4096
+_MAX_LINE = 1 << 20
+_CHUNK = 1 << 20
+_ENCODING = "utf-8-sig"
+
+#: Delimiters in the order in which a header is searched for them; None splits at blanks.
+DELIMITERS: dict[str | None, str] = {"\t": "tab", ";": "semicolon", ",": "comma", None: "space"}
+
+_NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A text file whose bytes are sound and whose header is known; the rows are read by :meth:`columns`.
+
+    Attributes:
+        path: The file as it was given.
+        sha256: Hash of its bytes.
+        header: Names of the columns, in order.
+        line: Line of the header, counted from 1.
+        delimiter: What separates the cells; None for blanks.
+        decimal: The decimal sign, ``"."`` or ``","``.
+    """
+
+    path: str
+    sha256: str
+    header: tuple[str, ...]
+    line: int
+    delimiter: str | None
+    decimal: str
+
+    def columns(self, names: Sequence[str]) -> Array:
+        """Return some columns, shape (N, len(names)); every row must have as many cells as the header.
+
+        Raises:
+            LogFormatError: No rows, a row with another number of cells, or a cell that is not a finite number.
+        """
+        wanted = [self.header.index(name) for name in names]
+        try:
+            values = self._fast()[:, wanted]
+        except (ValueError, IndexError):  # some cell or row is unsound, or only a column that is not asked for
+            values = self._careful(wanted)
+        if not len(values):
+            raise LogFormatError(self.path, self.line, "a header and no rows", "record the log again")
+        bad = ~np.isfinite(values)
+        if np.any(bad):
+            row = int(np.argmax(bad.any(axis=1)))
+            column = int(np.argmax(bad[row]))
+            many = f" ({bad.sum()} such cells in {bad.any(axis=1).sum()} rows)" if bad.sum() > 1 else ""
+            evidence = f"column '{names[column]}' holds {values[row, column]:g}{many}"
+            raise LogFormatError(self.path, self.line_of(row), evidence, "mend the recording or leave these rows out")
+        return values
+
+    def line_of(self, row: int) -> int:
+        """Return the line of the file, counted from 1, of a row counted from 0."""
+        for index, (line, _) in enumerate(self._rows()):
+            if index == row:
+                return line
+        raise IndexError(f"row {row} of {self.path}")
+
+    def _fast(self) -> Array:
+        """Return all cells, or raise ValueError for the first that is not a number or a ragged row."""
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
+            if self.decimal == ".":
+                values = np.loadtxt(
+                    os.fspath(Path(self.path)),
+                    delimiter=self.delimiter,
+                    skiprows=self.line,
+                    encoding=_ENCODING,
+                    ndmin=2,
+                )
+            else:
+                with _opened(self.path) as stream:
+                    values = np.loadtxt(self._with_points(stream), delimiter=self.delimiter, ndmin=2)
+        if len(values) and values.shape[1] != len(self.header):
+            raise ValueError(f"{values.shape[1]} cells, {len(self.header)} names")
+        return values if len(values) else np.empty((0, len(self.header)))
+
+    def _with_points(self, stream: TextIO) -> Iterator[str]:
+        for number, line in enumerate(stream, 1):
+            if number > self.line:
+                if "." in line:  # 1.234,5 or a file of two minds: the careful reader says which
+                    raise ValueError(line)
+                yield line.replace(",", ".")
+
+    def _rows(self) -> Iterator[tuple[int, str]]:
+        """Yield number and text of the lines that hold a row: not blank, not only a comment."""
+        with _opened(self.path) as stream:
+            for number, line in enumerate(stream, 1):
+                if number > self.line:
+                    text = line.partition("#")[0].rstrip("\r\n")
+                    if text.strip():
+                        yield number, text
+
+    def _careful(self, wanted: Sequence[int]) -> Array:
+        """Return the wanted columns, or raise the error that names the first unsound cell."""
+        rows = []
+        for number, text in self._rows():
+            cells = cells_of(text, self.delimiter)
+            if len(cells) != len(self.header):
+                raise LogFormatError(self.path, number, *self._ragged(len(cells)))
+            rows.append([self._number(cells[k], self.header[k], number) for k in wanted])
+        return np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
+
+    def _ragged(self, count: int) -> tuple[str, str]:
+        word = DELIMITERS[self.delimiter]
+        evidence = f"{count} {word}-separated cells, the header in line {self.line} has {len(self.header)}"
+        if self.delimiter == "," and count == 2 * len(self.header):
+            return evidence, "decimal commas need another separator; write decimal points or separate by semicolons"
+        return evidence, "mend the line, or write the header with the separator of the rows"
+
+    def _number(self, text: str, name: str, line: int) -> float:
+        cell = text.strip()
+        plain = cell if self.decimal == "." else cell.replace(",", ".")
+        if _NUMBER.fullmatch(plain) and not (self.decimal == "," and "." in cell):
+            return float(plain)
+        if not cell:
+            raise LogFormatError(self.path, line, f"column '{name}' is empty", "fill it or leave the row out")
+        shown = cell if len(cell) <= 40 else f"{cell[:37]}..."
+        evidence = f"column '{name}' holds '{shown}', which is not a number"
+        if self.decimal == "." and _DECIMAL_COMMA.fullmatch(cell):
+            raise LogFormatError(self.path, line, evidence, 'if the commas are decimal signs, declare decimal: ","')
+        step = 'with decimal: "," points are refused' if "." in cell and self.decimal == "," else "mend the cell"
+        raise LogFormatError(self.path, line, evidence, step)
+
+
+def open_table(path: str | Path, decimal: str = ".") -> TextTable:
+    """Return the table in a text file once its bytes and its header are found sound.
+
+    Args:
+        path: The file.
+        decimal: The decimal sign.
+
+    Raises:
+        FileError: The file cannot be read at all.
+        LogFormatError: It is too large, binary, not UTF-8 or empty, or its first row is no header of unique names.
+    """
+    try:
+        _check_place(path)
+        digest = _check_bytes(path)
+        line, text, comment = _header_line(path)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    delimiter = next(sign for sign in DELIMITERS if sign is None or (sign in text and sign != decimal))
+    header = tuple(name.strip() for name in cells_of(text, delimiter))
+    _check_header(path, line, header, comment)
+    return TextTable(str(path), digest, header, line, delimiter, decimal)
+
+
+def cells_of(text: str, delimiter: str | None) -> list[str]:
+    """Return the cells of one line, quotes taken off."""
+    if delimiter is None:
+        return text.split()
+    return next(csv.reader([text], delimiter=delimiter)) if '"' in text else text.split(delimiter)
+
+
+def _check_place(path: str | Path) -> None:
+    found = os.stat(path)
+    if stat.S_ISDIR(found.st_mode):
+        raise FileError(path, "this is a folder", "give a file")
+    if not stat.S_ISREG(found.st_mode):
+        raise FileError(path, "this is no ordinary file", "save the data to a file first")
+    if found.st_size > MAX_BYTES:
+        evidence = f"{found.st_size / 2**30:.3g} GiB, more than the {MAX_BYTES / 2**30:.3g} GiB that are read at once"
+        raise LogFormatError(path, None, evidence, "split it into several logs")
+
+
+def _check_bytes(path: str | Path) -> str:
+    """Return the hash of a file that holds UTF-8 text."""
+    digest, decoder, line = hashlib.sha256(), codecs.getincrementaldecoder("utf-8")(), 1
+    with open(path, "rb") as stream:
+        start = stream.read(4)
+        if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            raise LogFormatError(path, 1, "UTF-16 text, not UTF-8", "save it as CSV UTF-8")
+        stream.seek(0)
+        while chunk := stream.read(_CHUNK):
+            digest.update(chunk)
+            at = chunk.find(b"\0")
+            if at >= 0:
+                where = line + chunk.count(b"\n", 0, at)
+                raise LogFormatError(path, where, "a binary file, not text", "give a text file, or name its format")
+            try:
+                decoder.decode(chunk)
+            except UnicodeDecodeError as error:
+                before = len(error.object) - len(chunk)  # bytes kept from the chunk before
+                where = line + chunk.count(b"\n", 0, max(0, error.start - before))
+                evidence = f"the byte 0x{error.object[error.start]:02x} is not UTF-8 text"
+                raise LogFormatError(path, where, evidence, "save it as CSV UTF-8") from error
+            line += chunk.count(b"\n")
+    return digest.hexdigest()
+
+
+def _header_line(path: str | Path) -> tuple[int, str, str]:
+    """Return number and text of the first line that is no comment, and the comment before it."""
+    comment = ""
+    with _opened(path) as stream:
+        number = 0
+        while line := stream.readline(_MAX_LINE):
+            number += 1
+            if len(line) >= _MAX_LINE:
+                raise LogFormatError(path, number, f"a line of more than {_MAX_LINE} characters", "is it a table?")
+            text = line.strip()
+            if text and not text.startswith("#"):
+                return number, line.rstrip("\r\n"), comment
+            comment = text or comment
+    if comment:
+        raise LogFormatError(path, None, "only comments", "give a header row and rows of numbers")
+    raise LogFormatError(path, None, "the file is empty", "record the log again")
+
+
+def _check_header(path: str | Path, line: int, header: tuple[str, ...], comment: str) -> None:
+    if len(header) > MAX_COLUMNS:
+        raise LogFormatError(path, line, f"{len(header)} columns", f"at most {MAX_COLUMNS} are read")
+    if all(_NUMBER.fullmatch(name.replace(",", ".")) for name in header if name):
+        step = "add a header row such as t,q1,q2,tau1,tau2"
+        if comment:
+            step = f"if the comment '{comment[:60]}' is the header, remove its '#'"
+        raise LogFormatError(path, line, "numbers where the names of the columns should stand", step)
+    for name in header:
+        if name and header.count(name) > 1:
+            evidence = f"{header.count(name)} columns are called '{name}'"
+            raise LogFormatError(path, line, evidence, "give each column a name of its own")
+
+
+def _opened(path: str | Path) -> TextIO:
+    return open(path, encoding=_ENCODING)

@@ -1,0 +1,146 @@
+"""Log: what was recorded, in SI units, with its provenance; select, split, join."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray, IntArray, frozen
+from dynident.errors import BadOption, LogMismatch
+
+_SIGNALS = ("q", "dq", "ddq", "torque", "current", "raw_torque", "temperature")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a log comes from.
+
+    Attributes:
+        path: File as it was given; empty for a simulated log.
+        sha256: Hash of the file's bytes; empty for a simulated log.
+        rows: Rows of the file.
+        steps: What was done to the rows since, in order, in words.
+    """
+
+    path: str = ""
+    sha256: str = ""
+    rows: int = 0
+    steps: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Log:
+    """Samples of a motion. Every signal but time and position may be missing (None).
+
+    Attributes:
+        joints: Names of the n joints, in the order of the columns.
+        time: Shape (N,), in s.
+        q: Positions, shape (N, n), in rad or m.
+        dq: Velocities, shape (N, n), in rad/s or m/s.
+        ddq: Accelerations, shape (N, n), in rad/s^2 or m/s^2.
+        torque: Joint torques, shape (N, n), in N m or N.
+        current: Motor currents, shape (N, n), in A.
+        raw_torque: Torques before any filter, at the same rows, shape (N, n), in N m or N.
+        temperature: Drive temperatures, shape (N, n), in degrees Celsius.
+        source: Where it comes from.
+    """
+
+    joints: tuple[str, ...]
+    time: Array
+    q: Array
+    dq: Array | None = None
+    ddq: Array | None = None
+    torque: Array | None = None
+    current: Array | None = None
+    raw_torque: Array | None = None
+    temperature: Array | None = None
+    source: Source = field(default_factory=Source)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", frozen(self.time, (None,), "time"))
+        shape = (len(self.time), len(self.joints))
+        for name in _SIGNALS:
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(self, name, frozen(values, shape, name))
+
+    @property
+    def samples(self) -> int:
+        """N."""
+        return len(self.time)
+
+    @property
+    def name(self) -> str:
+        """Name for messages: the path, or 'simulated log'."""
+        return self.source.path or "simulated log"
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample, in s."""
+        return float(self.time[-1] - self.time[0]) if self.samples > 1 else 0.0
+
+    @property
+    def rate(self) -> float:
+        """Samples per second by the median step, in Hz."""
+        return 1.0 / float(np.median(np.diff(self.time)))
+
+    def signals(self) -> dict[str, Array]:
+        """Return the signals that are there, by field name."""
+        return {name: getattr(self, name) for name in _SIGNALS if getattr(self, name) is not None}
+
+    def with_step(self, step: str, **changes: object) -> Log:
+        """Return the log with some fields replaced and the step noted in its provenance."""
+        return replace(self, source=replace(self.source, steps=(*self.source.steps, step)), **changes)  # type: ignore[arg-type]
+
+    def rows(self, keep: slice | BoolArray | IntArray, step: str) -> Log:
+        """Return some rows only; ``step`` says which in words."""
+        chosen = {name: values[keep] for name, values in self.signals().items()}
+        return self.with_step(step, time=self.time[keep], **chosen)
+
+    def ordered(self, joints: Sequence[str]) -> Log:
+        """Return the columns in the order of ``joints``, matched by name.
+
+        Raises:
+            LogMismatch: A joint is not in the log.
+        """
+        if tuple(joints) == self.joints:
+            return self
+        missing = [name for name in joints if name not in self.joints]
+        if missing:
+            step = f"the log has {', '.join(self.joints)}; name the joints in the order of the columns (joints: [...])"
+            raise LogMismatch(self.name, f"no joint called '{missing[0]}'", step)
+        order = [self.joints.index(name) for name in joints]
+        chosen = {name: values[:, order] for name, values in self.signals().items()}
+        return replace(self, joints=tuple(joints), **chosen)  # type: ignore[arg-type]
+
+    def split(self, first: float) -> tuple[Log, Log]:
+        """Return the first share of the duration and the rest.
+
+        Raises:
+            BadOption: The share is not between 0 and 1.
+        """
+        if not 0 < first < 1:
+            raise BadOption("split", first, "give the share of the first part, such as first:0.67")
+        head = self.time < self.time[0] + first * self.duration
+        return (
+            self.rows(head, f"first {first:g} of the duration"),
+            self.rows(~head, f"all after the first {first:g} of the duration"),
+        )
+
+
+def torque_from_current(log: Log, gains: Mapping[str, float]) -> Log:
+    """Return the log with torques K I, equation (16), from its currents and the gain of each joint in N m/A.
+
+    Raises:
+        LogMismatch: The log has no currents, or a joint no gain.
+    """
+    if log.current is None:
+        raise LogMismatch(log.name, "no motor currents", "map them with 'current' in the case file")
+    missing = [name for name in log.joints if name not in gains]
+    if missing:
+        step = "state 'gain' (N m/A at the joint) under drives in the case file"
+        raise LogMismatch(log.name, f"currents but no drive gain for {', '.join(missing)}", step)
+    factors = np.array([gains[name] for name in log.joints])
+    return log.with_step("torque = gain x current", torque=log.current * factors)

@@ -1,0 +1,105 @@
+"""Zero-phase Butterworth filter with central differences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.signal
+
+from dynident.arrays import Array
+from dynident.errors import BadOption, LogMismatch
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing.base import Filter
+
+#: Positions are filtered this many times higher than both sides of the equation, where not stated otherwise.
+POSITION_FACTOR = 5.0
+
+
+@dataclass(frozen=True)
+class Butterworth(Filter):
+    """Zero-phase Butterworth low-pass on both sides of the equation: on the torque and on every regressor column.
+
+    Run forwards and backwards, so the attenuation at the cut-off is one half and the phase is zero. Positions are
+    filtered with a higher cut-off first and differentiated centrally; the regressor made of them is filtered like the
+    torque, so that what the filter takes from the torque (a friction step, say) it takes from the model as well.
+
+    Attributes:
+        cutoff_hz: Frequency of half amplitude of both sides, in Hz.
+        order: Order of the one-way filter.
+        positions_hz: Frequency of half amplitude of the positions, in Hz; None for five times ``cutoff_hz``, at most
+            0.4 of the sampling rate, or ``cutoff_hz`` itself where the torque is left as it is.
+        torque: ``same`` filters both sides, ``none`` leaves torque and regressor as they are.
+    """
+
+    cutoff_hz: float = 5.0
+    order: int = 4
+    positions_hz: float | None = None
+    torque: str = "same"
+
+    def __post_init__(self) -> None:
+        for name in ("cutoff_hz", "positions_hz"):
+            value = getattr(self, name)
+            if value is not None and not 0 < value < np.inf:
+                raise BadOption(name, value, "give a frequency in Hz above 0")
+        if not 1 <= self.order <= 20:
+            raise BadOption("order", self.order, "give an order from 1 to 20")
+        if self.torque not in ("same", "none"):
+            raise BadOption("torque", self.torque, "choose 'same' or 'none'")
+
+    def apply(self, log: Log) -> Log:
+        positions = self._positions_cutoff(log.rate)
+        for cutoff in (self.cutoff_hz, positions):
+            _check_length(log, cutoff)
+        q = _zero_phase(log.q.T, positions, self.order, log.rate).T
+        dq = central_differences(q, log.rate)
+        torque = None if log.torque is None else self.smooth(log.torque.T, log.rate).T
+        sides = f"both sides at {self.cutoff_hz:g} Hz" if self.torque == "same" else "torque raw"
+        step = f"zero-phase Butterworth, order {self.order}, positions at {positions:.4g} Hz, {sides}"
+        return log.with_step(
+            step, q=q, dq=dq, ddq=central_differences(dq, log.rate), torque=torque, raw_torque=log.torque
+        )
+
+    def statement(self) -> dict[str, object]:
+        return {
+            "kind": "butterworth",
+            "cutoff_hz": self.cutoff_hz,
+            "order": self.order,
+            "torque": self.torque,
+            "positions_hz": self._positions_cutoff(np.inf),
+        }
+
+    def smooth(self, signals: Array, rate: float) -> Array:
+        return signals if self.torque == "none" else _zero_phase(signals, self.cutoff_hz, self.order, rate)
+
+    def reach(self, rate: float) -> int:
+        # The slowest pole of the filter has decayed to 1e-10 by then.
+        return 0 if self.torque == "none" else int(np.ceil(3.0 * self.order * rate / self.cutoff_hz))
+
+    def _positions_cutoff(self, rate: float) -> float:
+        if self.positions_hz is not None or self.torque == "none":
+            return self.positions_hz or self.cutoff_hz
+        return min(POSITION_FACTOR * self.cutoff_hz, 0.4 * rate)
+
+
+def _check_length(log: Log, cutoff: float) -> None:
+    if cutoff >= log.rate / 2:
+        evidence = f"{log.rate:.4g} samples a second cannot carry a cut-off of {cutoff:g} Hz"
+        raise LogMismatch(log.name, evidence, f"choose a cut-off below {log.rate / 2:.4g} Hz")
+    if log.samples <= _pad(cutoff, log.rate) + 1:
+        evidence = f"{log.samples} samples are too few for a cut-off of {cutoff:g} Hz"
+        raise LogMismatch(log.name, evidence, f"it takes more than {_pad(cutoff, log.rate) + 1}; give a longer log")
+
+
+def _pad(cutoff: float, rate: float) -> int:
+    return int(3 * rate / cutoff)
+
+
+def _zero_phase(signals: Array, cutoff: float, order: int, rate: float) -> Array:
+    sections = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
+    return scipy.signal.sosfiltfilt(sections, signals, axis=-1, padlen=min(_pad(cutoff, rate), signals.shape[-1] - 1))
+
+
+def central_differences(signal: Array, rate: float) -> Array:
+    """Return the derivative of a uniform signal, shape (N, n), by central differences, one-sided at the ends."""
+    return np.gradient(signal, 1.0 / rate, axis=0, edge_order=2)

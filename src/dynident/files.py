@@ -1,0 +1,94 @@
+"""Files that are whole or not there: write under another name, then swap; and the hash that names their content."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+import stat
+from contextlib import suppress
+from pathlib import Path
+
+from dynident.errors import FileError
+
+_CHUNK = 1 << 20
+
+#: The bit that Windows asks for, so that line ends are written as they are; 0 elsewhere.
+_BINARY = getattr(os, "O_BINARY", 0)
+
+
+def write_atomically(path: str | os.PathLike[str], data: str | bytes) -> None:
+    """Write a file so that a reader, or a crash half-way, sees the old content or the new, never a part.
+
+    Text is written as UTF-8 with its line ends as they are. A link is followed, an existing file keeps its mode.
+
+    Raises:
+        FileError: The folder is missing, the place is no ordinary file, or it cannot be written.
+    """
+    content = data.encode("utf-8") if isinstance(data, str) else data
+    try:
+        target = Path(os.path.realpath(path))
+        if not target.parent.is_dir():
+            raise FileError(path, f"there is no folder '{Path(path).parent}'", "create it or choose another place")
+        mode = _mode_of(target, path)
+        partial = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.part")
+        try:
+            _write(partial, content, mode)
+            os.replace(partial, target)
+        except BaseException:
+            with suppress(OSError):
+                partial.unlink()
+            raise
+    except OSError as error:
+        evidence = f"cannot be written ({_reason(error)})"
+        raise FileError(path, evidence, "check the folder, its rights and the space left") from error
+
+
+def sha256_of(path: str | os.PathLike[str]) -> str:
+    """Return the SHA-256 of a file's bytes in hexadecimal.
+
+    Raises:
+        FileError: The file cannot be read.
+    """
+    digest = hashlib.sha256()
+    try:
+        with open(path, "rb") as stream:
+            while chunk := stream.read(_CHUNK):
+                digest.update(chunk)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    return digest.hexdigest()
+
+
+def unreadable(path: str | os.PathLike[str], error: OSError) -> FileError:
+    """Return the error to raise for a file that the system does not give out."""
+    if isinstance(error, FileNotFoundError):
+        return FileError(path, "there is no such file", "check the path")
+    if isinstance(error, IsADirectoryError):
+        return FileError(path, "this is a folder", "give a file")
+    return FileError(path, f"cannot be read ({_reason(error)})", "check the path and its rights")
+
+
+def _mode_of(target: Path, path: object) -> int | None:
+    """Return the permission bits of an existing file, None where there is none yet."""
+    if not target.exists():
+        return None
+    found = target.stat().st_mode
+    if not stat.S_ISREG(found):
+        what = "this is a folder" if stat.S_ISDIR(found) else "this is no ordinary file"
+        raise FileError(path, what, "give the name of a file")
+    return stat.S_IMODE(found)
+
+
+def _write(partial: Path, content: bytes, mode: int | None) -> None:
+    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY, 0o666)
+    with os.fdopen(descriptor, "wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    if mode is not None:
+        partial.chmod(mode)
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()

@@ -1,0 +1,172 @@
+"""Base parameters: which combinations of the standard parameters move the torque, by name.
+
+Numeric method of Gautier 1991: the columns of Y on random states are reduced to a triangle; a column that depends on
+those chosen before it is expressed by them. The order in which columns are offered decides only the names, and follows
+the grouping rules of Khalil and Dombre 2002, section 9.4: the second moment across the axis, the first moment along
+it and the mass go into the links before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dynident.arrays import Array, IntArray
+from dynident.errors import SolverFailed
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.parameters import Parameter
+from dynident.model.reduction import triangle_of
+
+#: A column is dependent when what remains of it is below this share of its norm; see ``_rank_gap``.
+TOLERANCE = 1e-8
+
+IDENTIFIABLE, COMBINED, NOT_IDENTIFIABLE = "identifiable", "only in combination", "not identifiable"
+
+
+@dataclass(frozen=True)
+class BaseParameters:
+    """The map between standard and base parameters: beta = K theta, and Y theta = Y[:, independent] beta.
+
+    Attributes:
+        parameters: The p standard parameters.
+        independent: Positions in theta of the columns that are kept, ascending, shape (b,).
+        matrix: K, shape (b, p); identity on the kept columns.
+    """
+
+    parameters: tuple[Parameter, ...]
+    independent: IntArray
+    matrix: Array
+
+    @property
+    def count(self) -> int:
+        """Number of base parameters, b."""
+        return len(self.independent)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Readable combinations, such as ``Izz[link1] + 0.16 m[link2]``."""
+        return tuple(self._combination(row) for row in range(self.count))
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each base parameter."""
+        return tuple(self.parameters[i].unit for i in self.independent)
+
+    @cached_property
+    def verdicts(self) -> tuple[str, ...]:
+        """For each standard parameter: identifiable, only in combination, or not identifiable."""
+        used = self.matrix != 0
+        alone = used & (used.sum(axis=1) == 1)[:, None]
+        return tuple(
+            IDENTIFIABLE if alone[:, k].any() else COMBINED if used[:, k].any() else NOT_IDENTIFIABLE
+            for k in range(len(self.parameters))
+        )
+
+    def from_standard(self, theta: Array) -> Array:
+        """Return beta = K theta, shape (b,)."""
+        return self.matrix @ np.asarray(theta, dtype=float)
+
+    def to_standard(self, beta: Array) -> Array:
+        """Return the theta with zeros outside the kept columns, shape (p,): the same torque, in general no body."""
+        theta = np.zeros(len(self.parameters))
+        theta[self.independent] = beta
+        return theta
+
+    def _combination(self, row: int) -> str:
+        lead = int(self.independent[row])
+        text = self.parameters[lead].name
+        for k in np.flatnonzero(self.matrix[row]):
+            value = self.matrix[row, k]
+            if k == lead:
+                continue
+            size = "" if np.isclose(abs(value), 1.0, rtol=1e-9) else f"{abs(value):.5g} "
+            text += f" {'-' if value < 0 else '+'} {size}{self.parameters[k].name}"
+        return text
+
+
+def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int = 0) -> BaseParameters:
+    """Return the base parameters of a model.
+
+    Args:
+        model: Robot, drives and friction.
+        inertial_only: Leave out friction, offset and rotor inertia: the count the literature states for an arm.
+        seed: Seed of the random states.
+
+    Raises:
+        SolverFailed: The rank is not clear on the random states (a gap of less than a thousand in singular values).
+    """
+    samples = max(40, 4 * len(model.parameters) // max(model.robot.dof, 1))
+    regressor = model.regressor(model.random_motion(samples, seed))
+    size = model.inertial_count if inertial_only else regressor.shape[-1]
+    triangle = triangle_of(regressor[..., :size].reshape(-1, size))
+    norms = np.linalg.norm(triangle, axis=0)
+    live = norms > 1e-10 * norms.max(initial=0.0)  # against the largest column, before any scaling
+    scaled = np.where(live, triangle / np.where(live, norms, 1.0), 0.0)
+    rank = _rank(scaled[:, live])
+    order = [k for k in _preference(model, size) if live[k]]
+    chosen = np.array(sorted(_independent(scaled, order, rank)), dtype=np.int64)
+    matrix = np.zeros((rank, size))
+    matrix[:, live] = _express(scaled[:, chosen], scaled[:, live]) / norms[chosen, None] * norms[live]
+    largest = norms[chosen, None] * np.abs(matrix) / np.where(live, norms, np.inf)
+    matrix[largest < 1e-7] = 0.0
+    matrix[:, chosen] = np.eye(rank)
+    matrix.setflags(write=False)
+    return BaseParameters(model.parameters[:size], chosen, matrix)
+
+
+def _rank(scaled: Array) -> int:
+    values = np.linalg.svd(scaled, compute_uv=False)
+    rank = int(np.sum(values > TOLERANCE * values[0]))
+    after = values[rank] if rank < len(values) else 0.0
+    if after * 1e3 > values[rank - 1]:
+        raise SolverFailed(
+            "the base parameter count",
+            f"singular values {values[rank - 1]:.2g} and {after:.2g} leave the rank open",
+            "check the robot description for nearly, but not exactly, parallel or intersecting axes",
+        )
+    return rank
+
+
+def _independent(scaled: Array, order: list[int], rank: int) -> list[int]:
+    """Return the first ``rank`` columns in ``order`` that do not depend on those before (Gram-Schmidt, twice)."""
+    basis = np.zeros((len(scaled), 0))
+    chosen: list[int] = []
+    for k in order:
+        if len(chosen) == rank:
+            break
+        rest = scaled[:, k].copy()
+        for _ in range(2):
+            rest -= basis @ (basis.T @ rest)
+        size = float(np.linalg.norm(rest))
+        if size > 1e3 * TOLERANCE:
+            chosen.append(k)
+            basis = np.column_stack([basis, rest / size])
+    if len(chosen) != rank:
+        raise SolverFailed(
+            "the base parameter choice",
+            f"{len(chosen)} columns where the singular values say {rank}",
+            "check the robot description for nearly, but not exactly, parallel or intersecting axes",
+        )
+    return chosen
+
+
+def _express(basis: Array, columns: Array) -> Array:
+    return np.linalg.lstsq(basis, columns, rcond=None)[0]
+
+
+def _preference(model: DynamicModel, size: int) -> list[int]:
+    """Return the order in which columns are offered: see the module's docstring."""
+    second = {0: 3, 1: 0, 2: 3}  # axis x: Iyy goes; axis y: Ixx goes; axis z: Iyy goes
+    first: list[int] = []
+    last: list[int] = []
+    for i, joint in enumerate(model.robot.joints):
+        axis = int(np.argmax(np.abs(joint.axis)))
+        grouped = {second[axis], 6 + axis, 9}
+        for k in range(10):
+            (last if k in grouped else first).append(10 * i + k)
+    friction = list(range(model.inertial_count, size))
+    # Mass first among the grouped, so that a sliding joint keeps m rather than a moment.
+    last.sort(key=lambda k: (k % 10 != 9, k))
+    return [*first, *last, *friction]

@@ -1,0 +1,192 @@
+"""From bodies and connections in any order to a Robot: one tree, fixed bodies merged, followers resolved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import nearest
+from dynident.model.descriptions._fields import Place, shown
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Frame, Joint, JointLimits, Link, Mimic, Robot
+
+
+@dataclass(frozen=True)
+class Connection:
+    """A joint of the file, fixed or moving, between two bodies known by name.
+
+    Attributes:
+        name: Name of the joint.
+        kind: ``"fixed"``, ``"revolute"`` (also continuous) or ``"prismatic"``.
+        parent: Name of the parent body.
+        child: Name of the child body.
+        rotation: Orientation of the child in the parent at q = 0, shape (3, 3).
+        translation: Position of the child in the parent at q = 0, shape (3,), in m.
+        axis: Axis in the child's frame, shape (3,).
+        limits: Limits.
+        mimic: What it follows, or None.
+        damping: Viscous friction of the file, or None.
+        friction: Coulomb friction of the file, or None.
+    """
+
+    name: str
+    kind: Literal["fixed", "revolute", "prismatic"]
+    parent: str
+    child: str
+    rotation: Array
+    translation: Array
+    axis: Array
+    limits: JointLimits
+    mimic: Mimic | None = None
+    damping: float | None = None
+    friction: float | None = None
+
+
+def assemble(
+    path: object,
+    name: str,
+    bodies: Mapping[str, Inertia | None],
+    connections: Sequence[Connection],
+    note: str,
+) -> Robot:
+    """Return the robot that the bodies (by name, with their inertia) and connections of a file make.
+
+    Moving links are in depth-first order, children in the order of the file. A fixed body becomes part of the moving
+    link that carries it and a named frame on it; those that the base carries are frames of the base.
+
+    Raises:
+        DescriptionError: No tree, no moving joint, or a follower that follows nothing that moves.
+    """
+    root = _root(path, bodies, connections)
+    order = _depth_first(path, root, bodies, connections)
+    follow = _followers(path, connections)
+    places: dict[str, tuple[int, Array, Array]] = {root: (-1, np.eye(3), np.zeros(3))}
+    links: list[tuple[str, Inertia | None, list[str]]] = []
+    joints: list[Joint] = []
+    frames: dict[str, Frame] = {}
+    for joint in order:
+        target, turn, shift = places[joint.parent]
+        rotation, translation = turn @ joint.rotation, shift + turn @ joint.translation
+        inertia = bodies[joint.child]
+        if joint.kind == "fixed":
+            places[joint.child] = (target, rotation, translation)
+            frames[joint.child] = Frame(target, rotation, translation)
+            if target >= 0:
+                carrier, own, merged = links[target]
+                links[target] = (carrier, _sum(own, inertia, rotation, translation), [*merged, joint.child])
+            continue
+        places[joint.child] = (len(links), np.eye(3), np.zeros(3))
+        links.append((joint.child, inertia, []))
+        joints.append(
+            Joint(
+                joint.name, joint.kind, target, rotation, translation, joint.axis, joint.limits,
+                mimic=follow.get(joint.name), damping=joint.damping, friction=joint.friction,
+            )
+        )  # fmt: skip
+    if not joints:
+        raise Place(path).error("no joint moves", "give the description of an arm with moving joints")
+    return Robot(
+        name,
+        tuple(Link(link, inertia, tuple(merged)) for link, inertia, merged in links),
+        tuple(joints),
+        base=root,
+        frames=frames,
+        note=note,
+    )
+
+
+def _sum(own: Inertia | None, more: Inertia | None, rotation: Array, translation: Array) -> Inertia | None:
+    if more is None:
+        return own
+    carried = more.moved(rotation, translation)
+    return carried if own is None else own + carried
+
+
+def _root(path: object, bodies: Iterable[str], connections: Sequence[Connection]) -> str:
+    """Return the one body that no joint carries, after a check that each body has at most one parent."""
+    carried: dict[str, str] = {}
+    for joint in connections:
+        if joint.child in carried:
+            raise Place(path, f"link {shown(joint.child)}").error(
+                f"it is the child of two joints, {shown(carried[joint.child])} and {shown(joint.name)}",
+                "keep one of them: each link hangs on one joint",
+            )
+        carried[joint.child] = joint.name
+    roots = [name for name in bodies if name not in carried]
+    if not roots:
+        raise _loop(path, next(iter(bodies)), connections)
+    if len(roots) > 1:
+        names = ", ".join(shown(name) for name in roots[:5]) + (", ..." if len(roots) > 5 else "")
+        raise Place(path).error(
+            f"{len(roots)} links have no parent joint: {names}",
+            "connect all but one with a joint, or remove them",
+        )
+    return roots[0]
+
+
+def _depth_first(
+    path: object, root: str, bodies: Mapping[str, Inertia | None], connections: Sequence[Connection]
+) -> list[Connection]:
+    children: dict[str, list[Connection]] = {}
+    for joint in connections:
+        children.setdefault(joint.parent, []).append(joint)
+    order: list[Connection] = []
+    waiting = children.get(root, [])[::-1]
+    while waiting:
+        joint = waiting.pop()
+        order.append(joint)
+        waiting.extend(children.get(joint.child, [])[::-1])
+    reached = {root, *(joint.child for joint in order)}
+    for name in bodies:
+        if name not in reached:
+            raise _loop(path, name, connections)
+    return order
+
+
+def _loop(path: object, start: str, connections: Sequence[Connection]) -> Exception:
+    """Return the error for a loop above ``start``, with the loop written out."""
+    parents = {joint.child: joint.parent for joint in connections}
+    seen: list[str] = []
+    name = start
+    while name not in seen:
+        seen.append(name)
+        name = parents[name]
+    loop = [name, *seen[seen.index(name) :][::-1]]
+    words = " -> ".join(shown(link) for link in loop[:8]) + (" -> ..." if len(loop) > 8 else "")
+    return Place(path).error(f"the links form a loop: {words}", "remove one joint of the loop: only trees are read")
+
+
+def _followers(path: object, connections: Sequence[Connection]) -> dict[str, Mimic]:
+    """Return what each follower follows in the end; chains q = m1 (m2 q + o2) + o1 are multiplied out."""
+    by_name = {joint.name: joint for joint in connections}
+    found: dict[str, Mimic] = {}
+    for joint in connections:
+        if joint.mimic is None or joint.kind == "fixed":
+            continue
+        place = Place(path, f"joint {shown(joint.name)}")
+        seen = [joint.name]
+        mimic = joint.mimic
+        while True:
+            if mimic.joint in seen:
+                words = " -> ".join(shown(name) for name in [*seen, mimic.joint])
+                raise place.error(f"it follows itself: {words}", "let one of them move on its own: remove its <mimic>")
+            leader = by_name.get(mimic.joint)
+            if leader is None:
+                step = f"write the name of a joint of this file in <mimic>{nearest(mimic.joint, by_name)}"
+                raise place.error(f"it follows {shown(mimic.joint)}, which is no joint", step)
+            if leader.kind == "fixed":
+                step = "remove the <mimic>, or make the joint fixed"
+                raise place.error(f"it follows {shown(mimic.joint)}, which is fixed", step)
+            if leader.mimic is None:
+                break
+            seen.append(leader.name)
+            further = leader.mimic
+            mimic = Mimic(
+                further.joint, mimic.multiplier * further.multiplier, mimic.multiplier * further.offset + mimic.offset
+            )
+        found[joint.name] = mimic
+    return found

@@ -1,0 +1,120 @@
+"""A robot description format, and read_robot: from a file, or the name of a robot that ships, to a Robot."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from importlib import resources
+from pathlib import Path
+from typing import ClassVar, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from dynident.arrays import Array
+from dynident.errors import DescriptionError, FileError, nearest
+from dynident.model.robot import Robot
+from dynident.plugins import Family
+
+MAX_BYTES: Final = 20_000_000
+
+_SHIPPED: Final = "dynident.robots"
+_SPACE: Final = b"\xef\xbb\xbf \t\r\n"  # with the byte order mark of UTF-8
+
+
+class Description(ABC):
+    """A format of robot descriptions.
+
+    Attributes:
+        suffixes: Endings of its file names, with the dot.
+        opening: First visible bytes of every file of the format; empty where it has no mark.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]]
+    opening: ClassVar[bytes] = b""
+
+    @abstractmethod
+    def read(self, path: object, data: bytes) -> Robot:
+        """Return the robot that the bytes of a file describe; ``path`` is what messages call the file.
+
+        Raises:
+            DescriptionError: Any fault of the file.
+        """
+
+
+DESCRIPTIONS: Final = Family("dynident.model.descriptions", Description, "robot description")
+
+
+def read_robot(path: str | Path) -> Robot:
+    """Read a robot description: a URDF, a DH table in YAML, the JSON of dynident, or a robot that ships, by name.
+
+    The format follows from the first visible character (``<`` is XML) and then from the ending of the file name.
+
+    Args:
+        path: The file, or a name from :func:`shipped_robots`; a file of that name goes first.
+
+    Raises:
+        FileError: No such file or robot, no regular file, not readable, or larger than 20 MB.
+        DescriptionError: A fault in the description.
+    """
+    file = Path(path)
+    name = str(path)
+    if not file.is_file() and name in shipped_robots():
+        data = (resources.files(_SHIPPED) / f"{name}.yaml").read_bytes()
+        return _format(f"{name}.yaml", ".yaml", data).read(f"{name}.yaml", data)
+    data = _bytes(file)
+    return _format(path, file.suffix.lower(), data).read(path, data)
+
+
+def shipped_robots() -> tuple[str, ...]:
+    """Return the names of the robots that ship with dynident, sorted; each is a choice for :func:`read_robot`."""
+    files = (entry.name for entry in resources.files(_SHIPPED).iterdir())
+    return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
+
+
+def rotation_from_rpy(rpy: npt.ArrayLike) -> Array:
+    """Return R = Rz(yaw) Ry(pitch) Rx(roll) for (roll, pitch, yaw) in rad, shape (3,) -> (3, 3) (URDF's order)."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def _bytes(file: Path) -> bytes:
+    """Return the bytes of a file of a sane size."""
+    if file.is_dir():
+        raise FileError(file, "it is a folder", "give the file of the robot description in it")
+    if not file.exists():
+        names = shipped_robots()
+        step = f"give a file, or a robot that ships: {', '.join(names)}{nearest(str(file), names)}"
+        raise FileError(file, "no such file", step)
+    if not file.is_file():
+        raise FileError(file, "it is no regular file", "give a file")
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except OSError as problem:
+        raise FileError(file, f"it cannot be read ({problem.strerror})", "check its permissions") from problem
+    if len(data) > MAX_BYTES:
+        raise FileError(file, f"it is larger than {MAX_BYTES // 1_000_000} MB", "give the description of one robot")
+    return data
+
+
+def _format(path: object, suffix: str, data: bytes) -> Description:
+    """Return the format of a file, by its first visible bytes and then by its suffix."""
+    head = data[:4096].lstrip(_SPACE)
+    if not head:
+        raise DescriptionError(path, "", "the file is empty", "give a URDF, or a DH table in YAML")
+    kinds = [DESCRIPTIONS.get(name) for name in DESCRIPTIONS.names()]
+    for kind in kinds:
+        if kind.opening and head.startswith(kind.opening):
+            return kind()
+    for kind in kinds:
+        if suffix in kind.suffixes:
+            return kind()
+    endings = ", ".join(ending for kind in kinds for ending in kind.suffixes)
+    step = f"give a file that ends with one of: {endings}"
+    raise DescriptionError(path, "", f"a file that ends with '{suffix}' is not known", step)

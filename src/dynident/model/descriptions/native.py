@@ -1,0 +1,244 @@
+"""The robot as plain data, exactly: the form in which files of dynident carry it, and JSON on its own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Final, Literal, final
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import DescriptionError
+from dynident.model.descriptions._fields import LIMITS, Place, Section, check_name, read_drive, read_limits, shown
+from dynident.model.descriptions.base import Description
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Drive, Frame, Joint, Link, Mimic, Robot
+
+SCHEMA: Final = "dynident-robot"
+VERSION: Final = 1
+
+_ROBOT: Final = (
+    "schema", "version", "name", "base", "gravity", "links", "joints", "frames", "tool", "coupling", "note",
+)  # fmt: skip
+_LINK: Final = ("name", "inertia", "fixed")
+_JOINT: Final = (
+    "name", "kind", "parent", "rotation", "translation", "axis", "limits", "drive", "mimic", "damping", "friction",
+)  # fmt: skip
+_DRIVE: Final = tuple(item.name for item in fields(Drive))
+_MIMIC: Final = tuple(item.name for item in fields(Mimic))
+_FRAME: Final = ("link", "rotation", "translation")
+
+
+@final
+@dataclass(frozen=True)
+class Native(Description):
+    """The JSON of dynident, exact to the last bit; an infinite limit is null, inertia is ten numbers as in ``TEN``."""
+
+    suffixes: ClassVar[tuple[str, ...]] = (".json",)
+
+    def read(self, path: object, data: bytes) -> Robot:
+        """Return the robot of a JSON file; see :class:`Description`."""
+        return robot_from_dict(_load_json(path, data), path)
+
+
+def robot_to_dict(robot: Robot) -> dict[str, Any]:
+    """Return the robot as plain data for JSON; :func:`robot_from_dict` gives back the same numbers, bit by bit."""
+    return {
+        "schema": SCHEMA,
+        "version": VERSION,
+        "name": robot.name,
+        "base": robot.base,
+        "gravity": robot.gravity.tolist(),
+        "links": [
+            {
+                "name": link.name,
+                "inertia": None if link.inertia is None else link.inertia.vector.tolist(),
+                "fixed": list(link.fixed),
+            }
+            for link in robot.links
+        ],
+        "joints": [_joint_to_dict(joint) for joint in robot.joints],
+        "frames": {
+            name: {"link": frame.link, "rotation": frame.rotation.tolist(), "translation": frame.translation.tolist()}
+            for name, frame in robot.frames.items()
+        },
+        "tool": robot.tool,
+        "coupling": np.asarray(robot.coupling).tolist(),
+        "note": robot.note,
+    }
+
+
+def robot_from_dict(data: object, path: object = "robot") -> Robot:
+    """Return the robot that :func:`robot_to_dict` has written.
+
+    Args:
+        data: The mapping.
+        path: The file that carries it, for messages.
+
+    Raises:
+        DescriptionError: Another schema or version, or any fault; the message names the key path, items of lists
+            counted from 1.
+    """
+    if isinstance(data, Mapping) and data.get("schema") != SCHEMA:
+        evidence = f"schema is {shown(data.get('schema'))}, not {shown(SCHEMA)}"
+        raise DescriptionError(path, "", evidence, "give a robot that dynident has written")
+    if isinstance(data, Mapping) and data.get("version") != VERSION:
+        evidence = f"version is {shown(data.get('version'))}; this dynident knows version {VERSION}"
+        raise DescriptionError(path, "", evidence, "update dynident, or write the robot again")
+    top = Section.top(path, data, _ROBOT)
+    links = tuple(_link(section) for section in top.sections("links", _LINK))
+    sections = top.sections("joints", _JOINT)
+    if len(sections) != len(links) or not links:
+        evidence = f"{len(links)} links and {len(sections)} joints"
+        raise top.place("joints").error(evidence, "write one joint for each link, at least one")
+    joints = tuple(_joint(section, i) for i, section in enumerate(sections))
+    _check_names(top, joints)
+    dof = sum(joint.mimic is None for joint in joints)
+    coupling = top.matrix("coupling", dof, dof)
+    if abs(np.linalg.det(coupling)) < 1e-12:
+        raise top.place("coupling").error("the coupling matrix is singular", "write the robot again")
+    frames = _frames(top, len(links))
+    tool = top.text("tool", "")
+    if tool and tool not in frames:
+        raise top.place("tool").error(f"no frame is called {shown(tool)}", "name one of 'frames', or nothing")
+    return Robot(
+        top.name("name"),
+        links,
+        joints,
+        top.numbers("gravity", 3),
+        base=top.name("base"),
+        frames=frames,
+        tool=tool,
+        coupling=coupling,
+        note=top.text("note", ""),
+    )
+
+
+def _joint_to_dict(joint: Joint) -> dict[str, Any]:
+    limits = {name: getattr(joint.limits, name) for name in LIMITS}
+    return {
+        "name": joint.name,
+        "kind": joint.kind,
+        "parent": joint.parent,
+        "rotation": joint.rotation.tolist(),
+        "translation": joint.translation.tolist(),
+        "axis": joint.axis.tolist(),
+        "limits": {name: float(value) if np.isfinite(value) else None for name, value in limits.items()},
+        "drive": {name: _plain(getattr(joint.drive, name)) for name in _DRIVE},
+        "mimic": None
+        if joint.mimic is None
+        else {
+            "joint": joint.mimic.joint,
+            "multiplier": float(joint.mimic.multiplier),
+            "offset": float(joint.mimic.offset),
+        },
+        "damping": _plain(joint.damping),
+        "friction": _plain(joint.friction),
+    }
+
+
+def _plain(value: float | None) -> float | None:
+    return None if value is None else float(value)
+
+
+def _link(section: Section) -> Link:
+    inertia = Inertia.from_vector(section.numbers("inertia", 10)) if section.has("inertia") else None
+    fixed = section.value("fixed")
+    if not isinstance(fixed, list) or not all(isinstance(name, str) for name in fixed):
+        raise section.place("fixed").error(f"{shown(fixed)} is no list of names", "write a list of texts")
+    return Link(section.name("name"), inertia, tuple(fixed))
+
+
+def _joint(section: Section, i: int) -> Joint:
+    kind: Literal["revolute", "prismatic"] = (
+        "prismatic" if section.choice("kind", ("revolute", "prismatic")) == "prismatic" else "revolute"
+    )
+    axis = section.numbers("axis", 3)
+    if abs(np.linalg.norm(axis) - 1.0) > 1e-9:
+        raise section.place("axis").error(f"the axis has length {np.linalg.norm(axis):.4g}", "write a unit vector")
+    mimic = None
+    if section.has("mimic"):
+        inner = section.section("mimic", _MIMIC)
+        mimic = Mimic(inner.name("joint"), inner.number("multiplier"), inner.number("offset"))
+    return Joint(
+        section.name("name"),
+        kind,
+        _index(section, "parent", i),
+        _rotation(section),
+        section.numbers("translation", 3),
+        axis,
+        read_limits(section.section("limits", LIMITS)),
+        read_drive(section.section("drive", _DRIVE)),
+        mimic,
+        section.number("damping") if section.has("damping") else None,
+        section.number("friction") if section.has("friction") else None,
+    )
+
+
+def _index(section: Section, key: str, end: int) -> int:
+    """Return the index of a link before ``end``, -1 for the base."""
+    value = section.value(key)
+    if isinstance(value, bool) or not isinstance(value, int) or not -1 <= value < end:
+        evidence = f"{shown(value)} is no index of a link that stands before (-1 to {end - 1})"
+        raise section.place(key).error(evidence, "write the index, from 0, or -1 for the base")
+    return value
+
+
+def _rotation(section: Section) -> Array:
+    rotation = section.matrix("rotation", 3, 3)
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
+        raise section.place("rotation").error("the matrix is no rotation", "write an orthogonal matrix, determinant 1")
+    return rotation
+
+
+def _frames(top: Section, links: int) -> dict[str, Frame]:
+    names = top.value("frames")
+    if not isinstance(names, Mapping):
+        raise top.place("frames").error(f"{shown(names)} is no mapping", "write frames by name")
+    inner = top.section("frames", tuple(names))
+    found: dict[str, Frame] = {}
+    for name in names:
+        check_name(top.place("frames"), "a frame name", name)
+        frame = inner.section(name, _FRAME)
+        found[name] = Frame(_index(frame, "link", links), _rotation(frame), frame.numbers("translation", 3))
+    return found
+
+
+def _check_names(top: Section, joints: tuple[Joint, ...]) -> None:
+    leaders = [joint.name for joint in joints if joint.mimic is None]
+    seen: set[str] = set()
+    for i, joint in enumerate(joints, start=1):
+        if joint.name in seen:
+            raise top.place(f"joints.{i}.name").error(f"a second joint is called {shown(joint.name)}", "rename one")
+        seen.add(joint.name)
+        if joint.mimic is not None and joint.mimic.joint not in leaders:
+            evidence = f"{shown(joint.mimic.joint)} is no joint that moves on its own"
+            raise top.place(f"joints.{i}.mimic.joint").error(evidence, "name one that does")
+
+
+def _load_json(path: object, data: bytes) -> object:
+    def refuse(word: str) -> float:
+        raise Place(path).error(f"{word} is no number in JSON", "write null for a limit that is not known")
+
+    def mapping(pairs: list[tuple[str, object]]) -> dict[str, object]:
+        found: dict[str, object] = {}
+        for key, value in pairs:
+            if key in found:
+                raise Place(path).error(f"the key {shown(key)} is there twice", "keep one of the two")
+            found[key] = value
+        return found
+
+    try:
+        return json.loads(data, parse_constant=refuse, object_pairs_hook=mapping)
+    except json.JSONDecodeError as problem:
+        step = "give a robot that dynident has written"
+        raise Place(path, f"line {problem.lineno}").error(f"not JSON ({problem.msg})", step) from problem
+    except (ValueError, RecursionError) as problem:
+        reason = "a number of too many digits"
+        if isinstance(problem, RecursionError):
+            reason = "nested too deep"
+        elif isinstance(problem, UnicodeDecodeError):
+            reason = "not UTF-8 text"
+        raise Place(path).error(f"not JSON ({reason})", "give a robot that dynident has written") from problem

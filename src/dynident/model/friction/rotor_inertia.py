@@ -1,0 +1,19 @@
+"""Rotor inertia reflected to the joint, identified with the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dynident.arrays import Array
+from dynident.model.friction.base import Coefficient, Friction, Motion
+
+
+@dataclass(frozen=True)
+class RotorInertia(Friction):
+    """Torque Ia ddq of the reflected rotor inertia, for geared drives whose rotors are not known."""
+
+    coefficients: ClassVar = (Coefficient("Ia", "kg m^2", "kg", nonnegative=True),)
+
+    def columns(self, motion: Motion) -> Array:
+        return motion.ddq[..., None]

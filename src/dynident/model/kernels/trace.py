@@ -1,0 +1,258 @@
+"""A scalar tracer: run a formula once on traced scalars and keep what it computes as a short straight program.
+
+Every operation is numbered by its value (the same operation on the same operands is the same node), constants fold, and
+factors 0, 1 and -1 vanish; what no output needs is never part of the program. Source of value numbering: Cocke 1970; of
+the reverse mode: Linnainmaa 1976.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from dynident.arrays import Array
+
+
+class Source(NamedTuple):
+    """Where an input stands: an array of the caller and the index in it."""
+
+    array: str
+    index: int
+
+
+class Node(NamedTuple):
+    """One operation: ``add``, ``sub``, ``mul``, ``neg``, ``sin``, ``cos``, ``const`` or ``input``."""
+
+    operation: str
+    left: int = -1
+    right: int = -1
+    value: float = 0.0
+    source: Source | None = None
+
+    @property
+    def operands(self) -> tuple[int, ...]:
+        """The nodes that the operation reads."""
+        return tuple(k for k in (self.left, self.right) if k >= 0)
+
+
+class Trace:
+    """The operations met so far. Build scalars with :meth:`input`; take programs out with :meth:`program`."""
+
+    def __init__(self) -> None:
+        self.nodes: list[Node] = []
+        self._numbers: dict[Node, int] = {}
+
+    def node(self, operation: str, left: int = -1, right: int = -1, value: float = 0.0) -> Scalar:
+        """Return the scalar of an operation, the known one where the operation has been met before."""
+        return self._numbered(Node(operation, left, right, value))
+
+    def input(self, array: str, index: int) -> Scalar:
+        """Return the scalar that stands for one entry of an array of the caller."""
+        return self._numbered(Node("input", source=Source(array, index)))
+
+    def program(self, outputs: Mapping[int, Number]) -> Program:
+        """Return the program of some outputs, by slot; outputs that are exactly zero are left out."""
+        ends = {slot: self._node_of(value) for slot, value in outputs.items() if not is_zero(value)}
+        keep = self.needed(ends.values())
+        place = {old: new for new, old in enumerate(keep)}
+        nodes = [self.nodes[k] for k in keep]
+        moved = (n._replace(left=place.get(n.left, -1), right=place.get(n.right, -1)) for n in nodes)
+        return Program(tuple(moved), {slot: place[k] for slot, k in ends.items()})
+
+    def needed(self, ends: Iterable[int]) -> list[int]:
+        """Return the nodes that some nodes need, operands first."""
+        found: set[int] = set()
+        ahead = list(ends)
+        while ahead:
+            k = ahead.pop()
+            if k not in found:
+                found.add(k)
+                ahead += self.nodes[k].operands
+        return sorted(found)
+
+    def constant(self, value: float) -> Scalar:
+        """Return a constant as a node of the trace."""
+        return self.node("const", value=float(value))
+
+    def _node_of(self, value: Number) -> int:
+        return value.number if isinstance(value, Scalar) else self.constant(value).number
+
+    def _numbered(self, node: Node) -> Scalar:
+        number = self._numbers.get(node)
+        if number is None:
+            number = self._numbers[node] = len(self.nodes)
+            self.nodes.append(node)
+        return Scalar(self, number)
+
+
+class Scalar:
+    """A value that is known only when the program runs; constants beside it are plain floats."""
+
+    __slots__ = ("number", "trace")
+
+    def __init__(self, trace: Trace, number: int) -> None:
+        self.trace, self.number = trace, number
+
+    @property
+    def _node(self) -> Node:
+        return self.trace.nodes[self.number]
+
+    def _other(self, other: Number) -> Scalar:
+        return other if isinstance(other, Scalar) else self.trace.constant(other)
+
+    def __neg__(self) -> Scalar:
+        node = self._node
+        if node.operation == "neg":
+            return Scalar(self.trace, node.left)
+        if node.operation == "sub":
+            return self.trace.node("sub", node.right, node.left)
+        return self.trace.node("neg", self.number)
+
+    def __add__(self, other: Number) -> Scalar:
+        if is_zero(other):
+            return self
+        other = self._other(other)
+        for one, two in ((self, other), (other, self)):
+            if two._node.operation == "neg":  # a + (-b)
+                return self.trace.node("sub", one.number, two._node.left)
+        return self.trace.node("add", *sorted((self.number, other.number)))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Number) -> Number:
+        if is_zero(other):
+            return self
+        other = self._other(other)
+        if other.number == self.number:
+            return 0.0
+        if other._node.operation == "neg":
+            return self + Scalar(self.trace, other._node.left)
+        if self._node.operation == "neg":  # -a - b
+            return -(Scalar(self.trace, self._node.left) + other)
+        return self.trace.node("sub", self.number, other.number)
+
+    def __rsub__(self, other: float) -> Number:
+        return -self + other
+
+    def __mul__(self, other: Number) -> Number:
+        if not isinstance(other, Scalar):
+            if other in (0.0, 1.0, -1.0):
+                return {0.0: 0.0, 1.0: self, -1.0: -self}[other]
+            if other < 0:  # one constant for both signs
+                return -(self * -other)
+            other = self.trace.constant(other)
+        if self._node.operation == "neg":
+            return -(Scalar(self.trace, self._node.left) * other)
+        if other._node.operation == "neg":
+            return -(self * Scalar(self.trace, other._node.left))
+        return self.trace.node("mul", *sorted((self.number, other.number)))
+
+    __rmul__ = __mul__
+
+
+Number: TypeAlias = Scalar | float
+
+
+def is_zero(value: Number) -> bool:
+    """Say whether a value is zero whatever the inputs are."""
+    return not isinstance(value, Scalar) and value == 0.0
+
+
+def sine(angle: Number) -> Number:
+    """Return the sine of a scalar or of a constant."""
+    return angle.trace.node("sin", angle.number) if isinstance(angle, Scalar) else float(np.sin(angle))
+
+
+def cosine(angle: Number) -> Number:
+    """Return the cosine of a scalar or of a constant."""
+    return angle.trace.node("cos", angle.number) if isinstance(angle, Scalar) else float(np.cos(angle))
+
+
+_RULES: dict[str, Callable[..., Array]] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "neg": np.negative,
+    "sin": np.sin,
+    "cos": np.cos,
+}
+
+
+@dataclass(frozen=True)
+class Program:
+    """Operations in an order in which they can run.
+
+    Attributes:
+        nodes: The operations; operands stand before the operations that read them.
+        outputs: Node by slot of the output; slots that are left out are zero.
+    """
+
+    nodes: tuple[Node, ...]
+    outputs: Mapping[int, int]
+
+    @property
+    def operations(self) -> int:
+        """Number of arithmetic operations of one sample; a sine and its cosine count as two."""
+        return sum(node.operation not in ("input", "const") for node in self.nodes)
+
+    @property
+    def arrays(self) -> tuple[str, ...]:
+        """Names of the arrays that the program reads, sorted."""
+        return tuple(sorted({node.source.array for node in self.nodes if node.source is not None}))
+
+    def evaluate(self, inputs: Mapping[str, Array]) -> dict[int, Array]:
+        """Return the outputs by slot, computed with NumPy.
+
+        Args:
+            inputs: The arrays by name; entry ``index`` is taken along the first axis, the rest are samples.
+        """
+        values: list[Array] = []
+        for node in self.nodes:
+            if node.source is not None:
+                values.append(np.asarray(inputs[node.source.array][node.source.index]))
+            elif node.operation == "const":
+                values.append(np.float64(node.value) * np.ones(()))
+            else:
+                values.append(_RULES[node.operation](*(values[k] for k in node.operands)))
+        return {slot: values[k] for slot, k in self.outputs.items()}
+
+
+def gradient(trace: Trace, outputs: Mapping[int, Number], weights: str, inputs: Iterable[Scalar]) -> list[Number]:
+    """Return d(sum of weight times output)/d(input), by reverse accumulation over the trace.
+
+    Args:
+        trace: The trace that holds the outputs.
+        outputs: Values by slot; the weight of a slot is entry ``slot`` of the array ``weights`` of the caller.
+        weights: Name of the array of weights.
+        inputs: The inputs to differentiate by.
+    """
+    adjoint: dict[int, Number] = {}
+    for slot, value in outputs.items():
+        if isinstance(value, Scalar):
+            adjoint[value.number] = adjoint.get(value.number, 0.0) + trace.input(weights, slot)
+    for k in reversed(trace.needed(list(adjoint))):
+        node, above = trace.nodes[k], adjoint.get(k, 0.0)
+        for operand, slope in _slopes(trace, node):
+            adjoint[operand] = adjoint.get(operand, 0.0) + above * slope
+    return [adjoint.get(scalar.number, 0.0) for scalar in inputs]
+
+
+def _slopes(trace: Trace, node: Node) -> list[tuple[int, Number]]:
+    """Return the derivative of an operation by each of its operands."""
+    left, right = node.left, node.right
+    if node.operation == "add":
+        return [(left, 1.0), (right, 1.0)]
+    if node.operation == "sub":
+        return [(left, 1.0), (right, -1.0)]
+    if node.operation == "mul":
+        return [(left, Scalar(trace, right)), (right, Scalar(trace, left))]
+    if node.operation == "neg":
+        return [(left, -1.0)]
+    if node.operation == "sin":
+        return [(left, trace.node("cos", left))]
+    if node.operation == "cos":
+        return [(left, -trace.node("sin", left))]
+    return []

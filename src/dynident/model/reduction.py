@@ -1,0 +1,145 @@
+"""Triangles: rows are reduced by QR as they come, merged, and never kept (TSQR).
+
+A triangle T of the rows [W, tau] satisfies T'T = [W, tau]'[W, tau], so every quadratic question about the rows has
+the same answer on T. Ranks are decided on T, never on the Gram matrix, whose singular values are squared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from threadpoolctl import threadpool_limits
+
+from dynident.arrays import Array, IntArray, frozen
+
+# Householder QR of LAPACK; it has no type stub.
+_GEQRF: Any = scipy.linalg.get_lapack_funcs("geqrf", dtype=np.float64)
+
+#: Rows reduced at a time: the panel stays in the cache.
+CHUNK = 1000
+
+
+def triangle_of(rows: Array) -> Array:
+    """Return the upper triangle of ``rows`` (N, k), shape (min(N, k), k), by Householder QR."""
+    if not len(rows):
+        return np.zeros((0, rows.shape[1]))
+    factor, _, _, info = _GEQRF(rows)
+    if info:
+        raise ValueError("the rows contain a value that is not a number")
+    return np.triu(factor[: min(rows.shape)])
+
+
+@dataclass(frozen=True)
+class Triangle:
+    """The unweighted rows of one joint, reduced.
+
+    Attributes:
+        columns: Positions in beta of the columns kept; all others are zero on this joint, shape (K,).
+        factor: Upper triangle of [W, tau], shape (<= K + 1, K + 1).
+        rows: Number of rows reduced.
+    """
+
+    columns: IntArray
+    factor: Array
+    rows: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "factor", frozen(self.factor, (None, len(self.columns) + 1), "triangle"))
+
+    @classmethod
+    def empty(cls, columns: IntArray) -> Triangle:
+        """Return a triangle of no rows."""
+        return cls(columns, np.zeros((0, len(columns) + 1)), 0)
+
+    def merged(self, others: Iterable[Triangle]) -> Triangle:
+        """Return the triangle of all rows of this and the others, which have the same columns."""
+        parts = [self, *others]
+        with threadpool_limits(1, user_api="blas"):
+            factor = triangle_of(np.concatenate([part.factor for part in parts]))
+        return Triangle(self.columns, factor, sum(part.rows for part in parts))
+
+    def residual_square(self, beta: Array) -> float:
+        """Return the sum of squared residuals of the rows at ``beta``, shape (b,)."""
+        vector = np.append(beta[self.columns], -1.0)
+        return float(np.sum((self.factor @ vector) ** 2))
+
+    @property
+    def torque_square(self) -> float:
+        """Sum of the squared torques of the rows."""
+        return float(np.sum(self.factor[:, -1] ** 2))
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """The weighted least-squares problem min |R beta - z|^2 + rest.
+
+    Attributes:
+        r: Upper triangle, shape (b, b).
+        z: Right-hand side, shape (b,).
+        rest: Part of the squared residual that no beta can remove.
+        rows: Number of rows behind it.
+    """
+
+    r: Array
+    z: Array
+    rest: float
+    rows: int
+
+    @property
+    def column_norms(self) -> Array:
+        """Norm of each column of the weighted observation matrix, shape (b,)."""
+        return np.linalg.norm(self.r, axis=0)
+
+    def residual_square(self, beta: Array) -> float:
+        """Return the weighted sum of squared residuals at ``beta``."""
+        return float(np.sum((self.r @ beta - self.z) ** 2)) + self.rest
+
+
+def reduce(triangles: Sequence[Triangle], size: int, weights: Sequence[float] | Array) -> Reduced:
+    """Stack the joints' triangles, each times its weight, and reduce them to one of ``size`` columns."""
+    stacked = np.zeros((sum(len(t.factor) for t in triangles) + size + 1, size + 1))
+    row = 0
+    for triangle, weight in zip(triangles, weights, strict=True):
+        rows = slice(row, row + len(triangle.factor))
+        stacked[rows, np.append(triangle.columns, size)] = weight * triangle.factor
+        row = rows.stop
+    with threadpool_limits(1, user_api="blas"):
+        factor = triangle_of(stacked)
+    return Reduced(factor[:size, :size], factor[:size, size], float(factor[size, size] ** 2), _rows(triangles))
+
+
+def _rows(triangles: Sequence[Triangle]) -> int:
+    return sum(triangle.rows for triangle in triangles)
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """Solution of a reduced problem.
+
+    Attributes:
+        beta: Minimiser, shape (b,).
+        unscaled_covariance: (R'R)^-1, shape (b, b); times the residual variance it is the covariance.
+        singular_values: Of R with unit columns, largest first, shape (b,).
+        condition_number: Their ratio.
+    """
+
+    beta: Array
+    unscaled_covariance: Array
+    singular_values: Array
+    condition_number: float
+
+
+def least_squares(problem: Reduced, tolerance: float = 1e-10) -> LeastSquares:
+    """Solve min |R beta - z| by the singular values of R with unit columns; directions below tolerance stay zero."""
+    norms = problem.column_norms
+    scale = np.where(norms > 0, norms, 1.0)
+    u, s, vt = np.linalg.svd(problem.r / scale)
+    keep = s > tolerance * s[0] if len(s) and s[0] > 0 else np.zeros(len(s), bool)
+    inverse = np.where(keep, 1.0 / np.where(keep, s, 1.0), 0.0)
+    root = (vt.T * inverse) / scale[:, None]
+    condition = float(s[0] / s[-1]) if len(s) and s[-1] > 0 else np.inf
+    return LeastSquares(root @ (u.T @ problem.z), root @ root.T, s, condition)

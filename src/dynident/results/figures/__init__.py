@@ -1,0 +1,21 @@
+"""Figures: data to SVG text. Each is a pure function; nothing is read, written or fetched."""
+
+from dynident.results.figures.convergence import convergence_chart
+from dynident.results.figures.deviations import deviation_chart
+from dynident.results.figures.friction import friction_chart
+from dynident.results.figures.path import ToolPath, path_chart, tool_path
+from dynident.results.figures.residuals import residual_chart
+from dynident.results.figures.signals import line_chart, torque_chart, trajectory_chart
+
+__all__ = [
+    "ToolPath",
+    "convergence_chart",
+    "deviation_chart",
+    "friction_chart",
+    "line_chart",
+    "path_chart",
+    "residual_chart",
+    "tool_path",
+    "torque_chart",
+    "trajectory_chart",
+]

@@ -1,0 +1,252 @@
+"""Charts: plots with a common horizontal axis, one below the other, and the marks that stand in them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.results.figures import svg
+from dynident.results.figures.scales import Linear, Log, Scale, finite_range, upright, upright_log
+from dynident.results.text import shorten
+
+#: Width of a figure: two stand side by side on a page, one fills a telephone.
+WIDTH = 480.0
+
+_ROW = 19.0  # height of a line of text
+
+
+@dataclass(frozen=True)
+class Mark(ABC):
+    """Data in a plot.
+
+    Attributes:
+        label: Its name in the legend; empty for none.
+        x: Shape (N,).
+        y: Shape (N,); NaN where there is none.
+        colour: Number in the palette.
+    """
+
+    label: str
+    x: Array
+    y: Array
+    colour: int = 1
+
+    @abstractmethod
+    def draw(self, x: Array, y: Array) -> str:
+        """Return the mark at places (N,) of the drawing."""
+
+    @abstractmethod
+    def sample(self, x: float, y: float) -> str:
+        """Return what stands before the label in the legend, 18 wide, its middle at height ``y``."""
+
+
+@dataclass(frozen=True)
+class Line(Mark):
+    """A line through the points in their order, with a gap where one is missing.
+
+    Attributes:
+        width: Of the stroke.
+        dashed: Whether it is broken.
+    """
+
+    width: float = 1.3
+    dashed: bool = False
+
+    def draw(self, x: Array, y: Array) -> str:
+        if len(x) and np.all(np.diff(x) >= 0):
+            rows = svg.kept_rows(x, y)
+            x, y = x[rows], y[rows]
+        return svg.stroke(svg.track(x, y), self.colour, self.width, self.dashed)
+
+    def sample(self, x: float, y: float) -> str:
+        return svg.stroke(svg.track(np.array([x, x + 18]), np.array([y, y])), self.colour, 2.0, self.dashed)
+
+
+@dataclass(frozen=True)
+class Cloud(Mark):
+    """Many points as their density: cells of the drawing, the darker the more points lie in them (four shades)."""
+
+    def draw(self, x: Array, y: Array) -> str:
+        cell = 3.0
+        good = np.isfinite(x) & np.isfinite(y)
+        places = np.floor(np.column_stack([x[good], y[good]]) / cell).astype(np.int64)
+        cells, counts = np.unique(places, axis=0, return_counts=True)
+        if not len(cells):
+            return ""
+        level = np.minimum(np.log1p(counts) / np.log1p(counts.max()) * 4, 3).astype(int)
+        shade = f"h{cell:g}v{cell:g}h-{cell:g}z"
+        layers = [cells[level == k] * cell for k in range(4)]
+        return "".join(
+            svg.filled("".join(f"M{a:g} {b:g}{shade}" for a, b in layer.tolist()), self.colour, opacity)
+            for layer, opacity in zip(layers, (0.22, 0.42, 0.68, 1.0), strict=True)
+            if len(layer)
+        )
+
+    def sample(self, x: float, y: float) -> str:
+        return svg.filled(f"M{svg.number(x + 6)} {svg.number(y - 3)}h6v6h-6z", self.colour, 0.7)
+
+
+@dataclass(frozen=True)
+class Level:
+    """A horizontal line with a word to it."""
+
+    value: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Plot:
+    """One rectangle of a chart.
+
+    Attributes:
+        heading: What is drawn upwards, with its unit.
+        marks: The data, the last on top.
+        height: Of the rectangle.
+        log: Whether the vertical axis is logarithmic; only where all data are above zero.
+        levels: Horizontal lines.
+    """
+
+    heading: str
+    marks: tuple[Mark, ...]
+    height: float = 150.0
+    log: bool = False
+    levels: tuple[Level, ...] = ()
+
+    def scale(self, top: float) -> Scale:
+        """Return the vertical scale of the plot when its rectangle begins at ``top``."""
+        low, high = finite_range(*(mark.y for mark in self.marks), np.array([level.value for level in self.levels]))
+        return (upright_log if self.log else upright)(low, high, top + self.height, top)
+
+
+@dataclass(frozen=True)
+class Across:
+    """The horizontal axis that the plots of a chart share.
+
+    Attributes:
+        heading: What it is, with its unit.
+        starts: First row of each stretch; a stretch is a log whose time runs on its own.
+        log: Whether it is logarithmic.
+    """
+
+    heading: str
+    starts: tuple[int, ...] = (0,)
+    log: bool = False
+
+    def pieces(self, plots: Sequence[Plot], left: float, right: float) -> list[tuple[slice, Scale]]:
+        """Return the rows and the scale of each stretch, side by side with a gap, as long as its span of values."""
+        marks = [mark for plot in plots for mark in plot.marks]
+        if len(self.starts) == 1:
+            low, high = finite_range(*(mark.x for mark in marks))
+            return [(slice(0, None), Log(low, high, left, right) if self.log else Linear(low, high, left, right))]
+        rows = [slice(a, b) for a, b in zip(self.starts, [*self.starts[1:], None], strict=True)]
+        ends = [finite_range(marks[0].x[part]) for part in rows]
+        gap = min(10.0, 0.2 * (right - left) / len(rows))
+        length = (right - left - gap * (len(rows) - 1)) / sum(high - low for low, high in ends)
+        found: list[tuple[slice, Scale]] = []
+        place = left
+        for part, (low, high) in zip(rows, ends, strict=True):
+            found.append((part, Linear(low, high, place, place + (high - low) * length)))
+            place += (high - low) * length + gap
+        return found
+
+
+def chart(title: str, description: str, across: Across, plots: Sequence[Plot], width: float = WIDTH) -> str:
+    """Return a figure of plots with a common horizontal axis.
+
+    Args:
+        title: What it shows; stands above it.
+        description: What can be seen, in words, with the figures that matter.
+        across: The horizontal axis.
+        plots: From top to bottom.
+        width: In units of the drawing.
+    """
+    head, top = heading(title, [mark for plot in plots for mark in plot.marks if mark.label], width)
+    tops = []
+    for plot in plots:
+        top += _ROW
+        tops.append(top)
+        top += plot.height + 6
+    scales = [plot.scale(at) for plot, at in zip(plots, tops, strict=True)]
+    left = 8 + max(svg.breadth(tick.text) for scale in scales for tick in scale.ticks(30.0))
+    pieces = across.pieces(plots, left, width - 12)
+    body = [head]
+    for plot, scale, at in zip(plots, scales, tops, strict=True):
+        body.append(_grid(plot, scale, at, pieces, left))
+        body += [_marks(mark, scale, pieces) for mark in plot.marks]
+        body.append(_levels(plot, scale, left, width - 12))
+    bottom = tops[-1] + plots[-1].height
+    body.append(_ticks(pieces, bottom))
+    body.append(svg.words(across.heading, width - 12, bottom + 2 * _ROW - 1, anchor="end"))
+    return svg.drawing(width, bottom + 2 * _ROW + 5, "".join(body), title, description)
+
+
+def heading(title: str, marks: Sequence[Mark], width: float) -> tuple[str, float]:
+    """Return the title with the legend beside it, or below where there is no room, and the height they take."""
+    legend = list({mark.label: mark for mark in marks}.values())
+    labels = [shorten(mark.label, 28) for mark in legend]
+    sizes = [18 + 6 + svg.breadth(text) + 14 for text in labels]
+    room = width - sum(sizes) - 16 if legend else width
+    beside = sum(sizes) < 0.7 * width and (svg.breadth(title) * 1.06 <= room or sum(sizes) < 0.45 * width)
+    shown = shorten(title, int((room if beside else width) / (1.06 * svg.LETTER)))
+    body = [svg.element("g", svg.words(shown, 0, 15, "ink", full=title if shown != title else ""), font_weight="600")]
+    x, y = (width - sum(sizes) + 10, 15.0) if beside else (0.0, 15.0 + _ROW)
+    for mark, text, size in zip(legend, labels, sizes, strict=True):
+        if x > 0 and x + size > width + 14:
+            x, y = 0.0, y + _ROW
+        body.append(mark.sample(x, y - 4.5))
+        body.append(svg.words(text, x + 24, y, full=mark.label if text != mark.label else ""))
+        x += size
+    return "".join(body), (y if legend else 15.0) + 5
+
+
+def _grid(plot: Plot, scale: Scale, top: float, pieces: Sequence[tuple[slice, Scale]], left: float) -> str:
+    spans = [sorted(_ends(piece)) for _, piece in pieces]
+    body = [svg.words(plot.heading, 0, top - 7)]
+    for tick in scale.ticks(30.0):
+        y = float(scale.at(np.array(tick.value)))
+        body += [svg.rule(a, y, b, y, strong=tick.value == 0 and not plot.log) for a, b in spans]
+        body.append(svg.words(tick.text, left - 7, y + 4.5, anchor="end"))
+    return "".join(body)
+
+
+def _ends(scale: Scale) -> tuple[float, float]:
+    assert isinstance(scale, Linear | Log)
+    return scale.start, scale.end
+
+
+def _marks(mark: Mark, scale: Scale, pieces: Sequence[tuple[slice, Scale]]) -> str:
+    return "".join(mark.draw(piece.at(mark.x[rows]), scale.at(mark.y[rows])) for rows, piece in pieces)
+
+
+def _levels(plot: Plot, scale: Scale, left: float, right: float) -> str:
+    body = []
+    for level in plot.levels:
+        y = float(scale.at(np.array(level.value)))
+        body.append(svg.stroke(svg.track(np.array([left, right]), np.array([y, y])), 0, 1.0, dashed=True))
+        body.append(svg.words(level.text, right, y - 5, "ink", "end"))
+    return "".join(body)
+
+
+def _ticks(pieces: Sequence[tuple[slice, Scale]], bottom: float) -> str:
+    """Draw the horizontal axis; one spacing for all stretches, labels that would touch are left out."""
+    body = []
+    free = -np.inf
+    for _, scale in pieces:
+        start, end = _ends(scale)
+        body.append(svg.rule(start, bottom, end, bottom, strong=True))
+        for tick in scale.ticks(64.0):
+            x = float(scale.at(np.array(tick.value)))
+            half = svg.breadth(tick.text) / 2
+            body.append(svg.rule(x, bottom, x, bottom + 4, strong=True))
+            if x - half > free + 6:
+                body.append(svg.words(tick.text, x, bottom + 4 + SPACE, anchor="middle"))
+                free = x + half
+    return "".join(body)
+
+
+#: From the end of a tick to the base line of its label.
+SPACE = 13.0

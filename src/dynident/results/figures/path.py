@@ -1,0 +1,171 @@
+"""Figure of the tool's path in space, with the robot, the floor and the axes (Figure 5 of the article)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import UnknownChoice
+from dynident.model.kernels import batched
+from dynident.model.robot import Robot
+from dynident.results.figures import svg
+from dynident.results.figures.chart import WIDTH
+from dynident.results.figures.scales import Tick, round_step, write_tick
+from dynident.results.text import format_number
+
+#: The eye: turned about the vertical and raised, in rad. x runs to the right, y away from the eye.
+AZIMUTH, ELEVATION = np.deg2rad(-58.0), np.deg2rad(24.0)
+
+
+@dataclass(frozen=True)
+class ToolPath:
+    """Where the tool was, and how the robot stood at the start.
+
+    Attributes:
+        points: Origin of the tool frame in the base frame, shape (N, 3), in m.
+        bones: From each link's parent to the link, and on to the tool, at the first sample, shape (s, 2, 3), in m.
+    """
+
+    points: Array
+    bones: Array
+
+
+def tool_path(robot: Robot, q: Array, most: int = 1500) -> ToolPath:
+    """Return the path of the robot's tool, or of its last link where it names none.
+
+    Args:
+        robot: The robot.
+        q: Positions, shape (N, n), in rad or m.
+        most: So many samples at most, evenly taken.
+
+    Raises:
+        UnknownChoice: The robot's tool is none of its frames.
+    """
+    if robot.tool and robot.tool not in robot.frames:
+        raise UnknownChoice("frame", robot.tool, tuple(robot.frames))
+    rows = np.unique(np.linspace(0, len(q) - 1, min(len(q), most)).astype(int))
+    rotations, places = batched.link_poses(robot.chain, q[rows])
+    link, shift = len(robot.links) - 1, np.zeros(3)
+    if robot.tool:
+        link, shift = robot.frames[robot.tool].link, np.asarray(robot.frames[robot.tool].translation)
+    fixed = np.broadcast_to(shift, (len(rows), 3))
+    points = fixed if link < 0 else places[:, link] + rotations[:, link] @ shift
+    bones = [
+        (places[0, joint.parent] if joint.parent >= 0 else np.zeros(3), places[0, k])
+        for k, joint in enumerate(robot.joints)
+    ]
+    if link >= 0:
+        bones.append((places[0, link], points[0]))
+    return ToolPath(np.array(points), np.array(bones))
+
+
+def path_chart(title: str, path: ToolPath, width: float = WIDTH, height: float = 400.0) -> str:
+    """Return the path in an axonometric view: floor grid, axes in metres, the robot at the start.
+
+    Args:
+        title: What it shows.
+        path: Points and bones.
+        width: Of the figure.
+        height: Of the figure, title included.
+    """
+    cloud = np.concatenate([path.points, path.bones.reshape(-1, 3), np.zeros((1, 3))])
+    cloud = cloud[np.isfinite(cloud).all(axis=1)]
+    step = round_step(max(float(np.ptp(cloud, axis=0).max()), 1e-3) / 5)
+    low, high = np.floor(cloud.min(axis=0) / step) * step, np.ceil(cloud.max(axis=0) / step) * step
+    high = np.maximum(high, low + step)
+    low[2] = min(low[2], 0.0)
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    view = _View.around(corners, width, height)
+    floor = path.points * [1, 1, 0] + [0, 0, low[2]]
+    body = [
+        svg.element("g", svg.words(title, 0, 15, "ink"), font_weight="600"),
+        _box(view, low, high, step),
+        svg.stroke(view.line(floor), 0, 1.0, opacity=0.22),
+        *[svg.stroke(view.line(bone), 0, 7.0, opacity=0.35) for bone in path.bones if np.ptp(bone, axis=0).any()],
+        svg.stroke(view.line(path.points), 1, 1.6),
+        *[_dot(view, point, 0, 3.5) for point in path.bones[:, 0]],
+        _dot(view, path.points[0], 2, 5.0),
+    ]
+    spans = [f"{axis} from {format_number(a, 3)} to {format_number(b, 3)} m" for axis, a, b in
+             zip("xyz", path.points.min(axis=0), path.points.max(axis=0), strict=True)]  # fmt: skip
+    said = (
+        f"Path of the tool in the base frame, {', '.join(spans)}; its shadow on the floor and the robot at the start."
+    )
+    return svg.drawing(width, height, "".join(body), title, said)
+
+
+@dataclass(frozen=True)
+class _View:
+    """A parallel projection: x to the right of the drawing and y down it, from points in m."""
+
+    matrix: Array
+    shift: Array
+
+    @classmethod
+    def around(cls, corners: Array, width: float, height: float) -> _View:
+        """Return the view that fits the corners (8, 3) of a box into the drawing, with room for labels."""
+        sine, cosine = np.sin(AZIMUTH), np.cos(AZIMUTH)
+        right = np.array([-sine, cosine, 0.0])
+        up = np.array([-cosine * np.sin(ELEVATION), -sine * np.sin(ELEVATION), np.cos(ELEVATION)])
+        flat = corners @ np.array([right, -up]).T
+        low, span = flat.min(axis=0), np.ptp(flat, axis=0)
+        room = np.array([width - 110.0, height - 90.0])
+        scale = float(np.min(room / span))
+        return cls(scale * np.array([right, -up]), np.array([62.0, 34.0]) + (room - scale * span) / 2 - scale * low)
+
+    def at(self, points: Array) -> Array:
+        """Return the places (N, 2) of points (N, 3)."""
+        return np.atleast_2d(points) @ self.matrix.T + self.shift
+
+    def line(self, points: Array) -> str:
+        """Return path data through points (N, 3)."""
+        places = self.at(points)
+        return svg.track(places[:, 0], places[:, 1])
+
+
+def _dot(view: _View, point: Array, colour: int, radius: float) -> str:
+    ((x, y),) = view.at(point)
+    turn = f"a{radius:g} {radius:g} 0 1 1"
+    return svg.filled(
+        f"M{svg.number(x - radius)} {svg.number(y)}{turn} {2 * radius:g} 0{turn} -{2 * radius:g} 0z", colour
+    )
+
+
+def _box(view: _View, low: Array, high: Array, step: float) -> str:
+    """Draw the floor with its grid, the labels along its two near edges, and the height at the left."""
+    ticks = [_axis_ticks(a, b, step) for a, b in zip(low, high, strict=True)]
+    body = [_segment(view, [t.value, low[1], low[2]], [t.value, high[1], low[2]]) for t in ticks[0]]
+    body += [_segment(view, [low[0], t.value, low[2]], [high[0], t.value, low[2]]) for t in ticks[1]]
+    body.append(_segment(view, [low[0], low[1], low[2]], [low[0], low[1], high[2]], strong=True))
+    body += _labels(view, [([t.value, low[1], low[2]], t.text) for t in ticks[0]], "middle", (0.0, 19.0))
+    body += _labels(view, [([high[0], t.value, low[2]], t.text) for t in ticks[1]], "start", (9.0, 11.0))
+    body += _labels(view, [([low[0], low[1], t.value], t.text) for t in ticks[2][1:]], "end", (-9.0, 4.5))
+    middle = (low + high) / 2
+    body += _labels(view, [([middle[0], low[1], low[2]], "x [m]")], "middle", (-6.0, 38.0))
+    body += _labels(view, [([high[0], middle[1], low[2]], "y [m]")], "start", (34.0, 26.0))
+    body += _labels(view, [([low[0], low[1], high[2]], "z [m]")], "end", (-4.0, -9.0))
+    return "".join(body)
+
+
+def _axis_ticks(low: float, high: float, step: float) -> list[Tick]:
+    count = round((high - low) / step)
+    return [Tick(low + k * step, write_tick(low + k * step, step)) for k in range(count + 1)]
+
+
+def _segment(view: _View, start: list[float], end: list[float], strong: bool = False) -> str:
+    (x1, y1), (x2, y2) = view.at(np.array([start, end]))
+    return svg.rule(x1, y1, x2, y2, strong)
+
+
+def _labels(view: _View, entries: list[tuple[list[float], str]], anchor: str, away: tuple[float, float]) -> list[str]:
+    """Write labels beside points; one that would touch the label before is left out."""
+    body: list[str] = []
+    last = np.array([-np.inf, -np.inf])
+    for point, text in entries:
+        place = view.at(np.array(point))[0]
+        if abs(place[0] - last[0]) > svg.breadth(text) + 6 or abs(place[1] - last[1]) > svg.SIZE + 2:
+            body.append(svg.words(text, place[0] + away[0], place[1] + away[1], anchor=anchor))
+            last = place
+    return body

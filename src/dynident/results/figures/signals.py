@@ -1,0 +1,136 @@
+"""Figures over time: lines, measured and predicted torque, trajectories."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.results.figures.chart import WIDTH, Across, Level, Line, Plot, chart
+from dynident.results.figures.svg import COLOURS
+from dynident.results.text import format_number, label, pretty_unit
+
+#: Seconds from which on time is a clock's and not that of a run; it is then counted from the start.
+_CLOCK = 1e5
+
+
+def line_chart(
+    title: str,
+    lines: Sequence[tuple[str, Array, Array]],
+    across: str,
+    upwards: str,
+    description: str = "",
+    log: tuple[bool, bool] = (False, False),
+    levels: Sequence[Level] = (),
+    height: float = 210.0,
+    width: float = WIDTH,
+) -> str:
+    """Return a figure of lines over a common axis.
+
+    Args:
+        title: What it shows.
+        lines: Name, x (N,) and y (N,) of each line; names and lengths may differ.
+        across: Heading of the horizontal axis, with its unit.
+        upwards: Heading of the vertical axis, with its unit.
+        description: What can be seen, in words; by default the names of the lines.
+        log: Whether the horizontal and the vertical axis are logarithmic.
+        levels: Horizontal lines with a word each.
+        height: Of the rectangle.
+        width: Of the figure.
+    """
+    marks = coloured([(label(name), np.asarray(x, dtype=float), np.asarray(y, dtype=float)) for name, x, y in lines])
+    said = description or f"{upwards} over {across}: {', '.join(mark.label for mark in marks)}."
+    plot = Plot(upwards, marks, height, log[1], tuple(levels))
+    return chart(title, said, Across(across, log=log[0]), [plot], width)
+
+
+def coloured(lines: Sequence[tuple[str, Array, Array]]) -> tuple[Line, ...]:
+    """Return lines in the colours of the palette, ink last; a second round through it is dashed."""
+    count = len(COLOURS)
+    return tuple(Line(name, x, y, (k + 1) % count, dashed=k >= count) for k, (name, x, y) in enumerate(lines))
+
+
+def run_time(time: Array, starts: Sequence[int]) -> Array:
+    """Return the time of each log, from its first row where it is a clock's (above 1e5 s), else as it is, (N,)."""
+    shown = np.array(time, dtype=float)
+    for start, stop in zip(starts, [*starts[1:], len(shown)], strict=True):
+        if stop > start and shown[start] > _CLOCK:
+            shown[start:stop] -= shown[start]
+    return shown
+
+
+def torque_chart(
+    joint: str,
+    unit: str,
+    time: Array,
+    measured: Array,
+    predicted: Array,
+    starts: Sequence[int] = (0,),
+    width: float = WIDTH,
+) -> str:
+    """Return measured and predicted torque of a joint and, below on the same time axis, the residual.
+
+    Figures 7 and 9 of the article.
+
+    Args:
+        joint: Name of the joint.
+        unit: N m or N.
+        time: Shape (N,), in s; starts anew with each log.
+        measured: Shape (N,).
+        predicted: Shape (N,).
+        starts: First row of each log; a gap stands between two.
+        width: Of the figure.
+    """
+    shown = run_time(time, starts)
+    kind = f"{'torque' if unit == 'N m' else 'force'} [{pretty_unit(unit)}]"
+    residual = measured - predicted
+    rms = float(np.sqrt(np.nanmean(residual**2))) if len(residual) else float("nan")
+    plots = [
+        Plot(kind, (Line("measured", shown, measured, 1, 1.6), Line("predicted", shown, predicted, 2, 1.1)), 150.0),
+        Plot(f"measured - predicted [{pretty_unit(unit)}]", (Line("", shown, residual, 3, 1.0),), 66.0),
+    ]
+    said = (
+        f"Measured and predicted {kind} of {label(joint)} over {len(shown)} samples in {len(starts)} log(s); "
+        f"their difference has a root mean square of {format_number(rms, 3)} {pretty_unit(unit)}."
+    )
+    return chart(label(joint), said, Across("time [s]", tuple(starts)), plots, width)
+
+
+def trajectory_chart(
+    title: str,
+    joints: Sequence[str],
+    kinds: Sequence[str],
+    time: Array,
+    q: Array,
+    dq: Array | None = None,
+    starts: Sequence[int] = (0,),
+    width: float = WIDTH,
+) -> str:
+    """Return positions and speeds of the joints over time; turning and sliding joints apart. Figures 4 and 8.
+
+    Args:
+        title: What it shows.
+        joints: Names of the n joints.
+        kinds: ``revolute`` or ``prismatic`` for each.
+        time: Shape (N,), in s.
+        q: Positions, shape (N, n), in rad or m.
+        dq: Speeds, shape (N, n), in rad/s or m/s; None draws positions only.
+        starts: First row of each log; a gap stands between two.
+        width: Of the figure.
+    """
+    shown = run_time(time, starts)
+    lines = coloured([(label(name), shown, q[:, k]) for k, name in enumerate(joints)])
+    plots = []
+    for what, values, units in (("position", q, ("rad", "m")), ("speed", dq, ("rad/s", "m/s"))):
+        for kind, unit in zip(("revolute", "prismatic"), units, strict=True):
+            own = [k for k, found in enumerate(kinds) if found == kind]
+            if values is None or not own:
+                continue
+            marks = tuple(Line(lines[k].label, shown, values[:, k], lines[k].colour, 1.2, lines[k].dashed) for k in own)
+            plots.append(Plot(f"{what} [{unit}]", marks, 125.0))
+    reach = ", ".join(
+        f"{label(name)} from {format_number(float(low), 3)} to {format_number(float(high), 3)}"
+        for name, low, high in zip(joints, np.min(q, axis=0), np.max(q, axis=0), strict=True)
+    )
+    return chart(title, f"Positions over time: {reach}.", Across("time [s]", tuple(starts)), plots, width)

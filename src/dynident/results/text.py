@@ -1,0 +1,320 @@
+"""Numbers, names and plain tables as text, the same for the terminal and for the report."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dynident.estimation.estimate import Estimate
+from dynident.estimation.validation import Fit, Validation
+
+#: What stands in a cell for a figure that does not exist.
+MISSING = "–"
+
+#: Characters that turn the direction of the text around them; a name must not do that.
+_DIRECTION = {*range(0x202A, 0x202F), *range(0x2066, 0x206A), 0x200E, 0x200F, 0x061C}
+
+_NUMBER = re.compile(r"(?P<whole>[<>]?[-+]?\d+)(?P<tail>(?:\.\d+)?(?:e[-+]?\d+)?)")
+_POWERS = {"^2": "²", "^3": "³"}
+
+
+def clean(text: object) -> str:
+    """Return one line of printable text: line ends become blanks, control and direction characters their escapes."""
+    return "".join(_visible(character) for character in str(text))
+
+
+def _visible(character: str) -> str:
+    if character in "\t\n\r":
+        return " "
+    code = ord(character)
+    if code in _DIRECTION or unicodedata.category(character) in ("Cc", "Cs", "Zl", "Zp"):
+        return f"\\u{code:04x}"
+    return character
+
+
+def label(name: object) -> str:
+    """Return a name from a file as it is shown; one that is empty or blank is called ``(no name)``."""
+    return clean(name).strip() or "(no name)"
+
+
+def display_width(text: str) -> int:
+    """Return how many columns of a terminal a text takes: wide characters take two, combining ones none."""
+    return sum(0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in text)
+
+
+def shorten(text: str, width: int) -> str:
+    """Return the text cut to ``width`` columns, the cut marked by an ellipsis."""
+    if display_width(text) <= width:
+        return text
+    kept = ""
+    for character in text:
+        if display_width(kept + character) > width - 1:
+            break
+        kept += character
+    return kept.rstrip() + "…"
+
+
+def pretty_unit(unit: str) -> str:
+    """Return a unit as printed: ``kg m^2`` becomes ``kg·m²``."""
+    for plain_power, power in _POWERS.items():
+        unit = unit.replace(plain_power, power)
+    return clean(unit).replace(" ", "·")
+
+
+def format_value(value: float, deviation: float) -> tuple[str, str]:
+    """Return a value and its standard deviation with the digits that the deviation allows.
+
+    The rule of the Particle Data Group (Review of Particle Physics 2022, 5.3): three leading digits of the deviation
+    of 100 to 354 keep two, 355 to 949 one, from 950 on it is rounded up to 1000 and keeps two; the value ends at the
+    same place. ``format_value(1.2567, 0.1234)`` is ``("1.26", "0.12")``. Outside 1e-4 to 1e6 both carry the same
+    power of ten. A value known to more than ten digits shows ten.
+    """
+    if not (np.isfinite(value) and np.isfinite(deviation) and deviation > 0):
+        return _number(value, lambda v: f"{v:.6g}"), _number(deviation, lambda v: f"{v:.2g}")
+    mantissa, exponent = f"{deviation:.2e}".split("e")
+    place = int(exponent) - (1 if float(mantissa) < 3.55 else 0)
+    size = _exponent(round(max(abs(value), deviation), -place))
+    if place < size - 9:
+        return format_number(value, 10), f"{deviation:.1e}"
+    if -4 <= size < 6:
+        return _fixed(value, place), _fixed(deviation, place)
+    power = f"e{size:+03d}"
+    return tuple(_fixed(part / 10.0**size, place - size) + power for part in (value, deviation))  # type: ignore[return-value]
+
+
+def format_number(value: float, digits: int = 4) -> str:
+    """Return a figure with some significant digits, trailing zeros kept; MISSING for NaN."""
+    return _number(value, lambda v: _significant(v, digits))
+
+
+def format_given(value: float | None) -> str:
+    """Return a number that somebody stated, as short as it is; MISSING where none is, or where it is infinite."""
+    return MISSING if value is None or not np.isfinite(value) else f"{value:.6g}"
+
+
+def format_percent(fraction: float, sign: bool = True) -> str:
+    """Return a fraction in percent with two digits, between ``<0.01 %`` and ``>999 %``; MISSING for NaN.
+
+    Args:
+        fraction: 0.05 is 5 %.
+        sign: Whether to write the sign of percent; a column that has it in its heading leaves it out.
+    """
+    return _number(fraction, _percent) + (" %" if sign and np.isfinite(fraction) else "")
+
+
+def _number(value: float, write: Callable[[float], str]) -> str:
+    if np.isnan(value):
+        return MISSING
+    if np.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    return write(float(value))
+
+
+def _percent(fraction: float) -> str:
+    percent = abs(100.0 * fraction)
+    sign = "-" if fraction < 0 else ""
+    if percent == 0:
+        return "0"
+    if percent < 0.01:
+        return ">-0.01" if sign else "<0.01"
+    if percent >= 999.5:
+        return "<-999" if sign else ">999"
+    return f"{sign}{percent:.{2 if percent < 0.995 else 1 if percent < 9.95 else 0}f}"
+
+
+def _exponent(size: float) -> int:
+    return int(f"{size:.15e}".split("e")[1])
+
+
+def _fixed(value: float, place: int) -> str:
+    text = f"{round(value, -place):.{max(0, -place)}f}"
+    return text.lstrip("-") if float(text) == 0 else text
+
+
+def _significant(value: float, digits: int) -> str:
+    if value == 0:
+        return "0"
+    size = int(f"{value:.{digits - 1}e}".split("e")[1])
+    return f"{value:.{max(0, digits - 1 - size)}f}" if -4 <= size < 6 else f"{value:.{digits - 1}e}"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes:
+        heading: What it is.
+        unit: Its unit, empty where the cells have none or carry their own.
+        numeric: Whether its cells are numbers that line up at their decimal points.
+    """
+
+    heading: str
+    unit: str = ""
+    numeric: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table as data.
+
+    Attributes:
+        columns: The columns.
+        rows: The cells, row by row, one for each column.
+        note: What has to be said beside it.
+    """
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        for number, row in enumerate(self.rows, start=1):
+            if len(row) != len(self.columns):
+                raise ValueError(f"row {number} has {len(row)} cells for {len(self.columns)} columns")
+
+    def lined_up(self, digit: str = " ", point: str = " ") -> tuple[tuple[str, ...], ...]:
+        """Return the rows with the numbers of each numeric column padded so that their decimal points line up.
+
+        Args:
+            digit: A blank as wide as a digit.
+            point: A blank as wide as a decimal point.
+        """
+        columns = [
+            line_up([row[k] for row in self.rows], digit, point) if column.numeric else [row[k] for row in self.rows]
+            for k, column in enumerate(self.columns)
+        ]
+        return tuple(zip(*columns, strict=True)) if self.rows else ()
+
+
+def line_up(cells: Sequence[str], digit: str = " ", point: str = " ") -> list[str]:
+    """Return number texts padded on the right so that, set flush right, their decimal points line up."""
+    tails = [_tail(cell) for cell in cells]
+    longest = max((len(tail) for tail in tails), default=0)
+    pointed = any("." in tail for tail in tails)
+    return [cell + _blank(longest - len(tail), pointed and not tail, digit, point) for cell, tail in zip(cells, tails)]  # noqa: B905
+
+
+def _tail(cell: str) -> str:
+    match = _NUMBER.fullmatch(cell)
+    return match["tail"] if match else ""
+
+
+def _blank(count: int, with_point: bool, digit: str, point: str) -> str:
+    return point + digit * (count - 1) if with_point and count else digit * count
+
+
+def plain(table: Table) -> str:
+    """Return a table as lines of text: two blanks between columns, numbers flush right, a rule below the headings."""
+    heads = [f"{c.heading} [{c.unit}]" if c.unit else c.heading for c in table.columns]
+    lines = [tuple(heads), *table.lined_up()]
+    widths = [max(display_width(line[k]) for line in lines) for k in range(len(heads))]
+    ruled = [lines[0], tuple("-" * width for width in widths), *lines[1:]]
+    return "\n".join("  ".join(map(_cell, line, widths, table.columns)).rstrip() for line in ruled)
+
+
+def _cell(text: str, width: int, column: Column) -> str:
+    blank = " " * (width - display_width(text))
+    return blank + text if column.numeric else text + blank
+
+
+def parameters_table(estimate: Estimate) -> Table:
+    """Return the base parameters: value with its deviation, unit, relative deviation and what it is made of."""
+    base = estimate.base
+    rows = []
+    known = zip(base.names, estimate.beta, base.units, estimate.deviations, estimate.relative_deviations, strict=True)
+    for number, (name, value, unit, deviation, relative) in enumerate(known, start=1):
+        shown, spread = format_value(value, deviation)
+        rows.append((str(number), label(name), shown, spread, pretty_unit(unit), format_percent(relative, sign=False)))
+    columns = (
+        Column("#", numeric=True),
+        Column("parameter"),
+        Column("value", numeric=True),
+        Column("std", numeric=True),
+        Column("unit"),
+        Column("rel. std", "%", numeric=True),
+    )
+    return Table(columns, tuple(rows))
+
+
+def fits_table(validation: Validation, moving: bool = False) -> Table:
+    """Return the figures of each joint, over all rows or over those in motion; the note states the filter.
+
+    Args:
+        validation: What was compared.
+        moving: Only rows where the joint moves faster than ``validation.standstill``.
+    """
+    columns = (
+        Column("joint"),
+        Column("rows", numeric=True),
+        Column("unit"),
+        Column("RMS error", numeric=True),
+        Column("unfiltered", numeric=True),
+        Column("relative error", "%", numeric=True),
+        Column("correlation", numeric=True),
+        Column("R²", numeric=True),
+    )
+    fits = validation.moving if moving else validation.joints
+    return Table(columns, tuple(_fit_row(fit) for fit in fits), statement(validation.filter))
+
+
+def _fit_row(fit: Fit) -> tuple[str, ...]:
+    return (
+        label(fit.name),
+        str(fit.rows),
+        pretty_unit(fit.unit),
+        format_number(fit.rmse, 3),
+        format_number(fit.rmse_unfiltered, 3),
+        format_percent(fit.relative_error, sign=False),
+        _number(fit.correlation, lambda v: f"{v:.4f}"),
+        _number(fit.r2, lambda v: f"{v:.4f}"),
+    )
+
+
+def statement(facts: Mapping[str, Any]) -> str:
+    """Return named facts in one line: ``kind butterworth, cutoff_hz 8, order 4``; those that are None are left out."""
+    return ", ".join(f"{label(key)} {plain_value(value)}" for key, value in facts.items() if value is not None)
+
+
+def plain_value(value: object) -> str:
+    """Return any plain value as text: numbers short, yes and no, MISSING for None, lists with commas."""
+    if isinstance(value, Mapping):
+        return statement(value)
+    if isinstance(value, np.ndarray):
+        return plain_value(value.tolist())
+    if isinstance(value, list | tuple):
+        return ", ".join(plain_value(item) for item in value)
+    return _plain_scalar(value)
+
+
+def _plain_scalar(value: object) -> str:
+    if value is None:
+        return MISSING
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if isinstance(value, int | np.integer):
+        return str(int(value))
+    if isinstance(value, float | np.floating):
+        return _number(float(value), lambda v: f"{v:.6g}")
+    return label(value)
+
+
+def comparison_table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    """Return rows given as data: a column for each key, in the order of first sight; numbers with four digits."""
+    keys = list(dict.fromkeys(key for row in rows for key in row))
+    numeric = {key: all(_is_number(row.get(key)) for row in rows) for key in keys}
+    columns = tuple(Column(label(key), numeric=numeric[key]) for key in keys)
+    return Table(columns, tuple(tuple(_compared(row.get(key)) for key in keys) for row in rows))
+
+
+def _is_number(value: object) -> bool:
+    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool | np.bool_)
+    return value is None or number
+
+
+def _compared(value: object) -> str:
+    return format_number(float(value)) if isinstance(value, float | np.floating) else plain_value(value)

@@ -1,0 +1,303 @@
+"""Every fault in the values of a URDF, with its full message."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dynident.errors import DescriptionError
+from dynident.model.descriptions import read_robot
+
+GOOD = """<?xml version="1.0"?>
+<robot name="arm">
+  <link name="base"/>
+  <link name="upper">
+    <inertial>
+      <origin xyz="0.1 0 0" rpy="0 0 0.5"/>
+      <mass value="1.5"/>
+      <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"/>
+    </inertial>
+  </link>
+  <link name="hand"/>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/>
+    <child link="upper"/>
+    <origin xyz="0 0 0.3" rpy="0 0 0"/>
+    <axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="10" velocity="2"/>
+    <dynamics damping="0.5" friction="0.1"/>
+  </joint>
+  <joint name="wrist" type="continuous">
+    <parent link="upper"/>
+    <child link="hand"/>
+    <mimic joint="shoulder" multiplier="2" offset="0.1"/>
+  </joint>
+</robot>
+"""
+
+#: What to replace by what (None: the whole file), and the message after the file name.
+CASES: dict[str, tuple[str | None, str, str]] = {
+    "mass comma": ('"1.5"', '"1,5"', "link 'upper': mass value '1,5' is not a number; write a decimal point: 1.5"),
+    "mass unit": (
+        '"1.5"',
+        '"1kg"',
+        "link 'upper': mass value '1kg' is not a number; write one plain number, without a unit",
+    ),
+    "mass empty": ('"1.5"', '""', "link 'upper': mass value is empty; write a number"),
+    "mass nan": ('"1.5"', '"nan"', "link 'upper': mass value 'nan' is not a finite number; write a finite number"),
+    "mass inf": ('"1.5"', '"inf"', "link 'upper': mass value 'inf' is not a finite number; write a finite number"),
+    "mass overflow": ('"1.5"', '"1e400"', "link 'upper': mass value '1e400' is too large; write a number in SI units"),
+    "mass huge": ('"1.5"', '"1e60"', "link 'upper': mass value '1e60' is too large; write a number in SI units"),
+    "mass negative": ('"1.5"', '"-1"', "link 'upper': mass value -1 is negative; write the mass in kg, 0 or more"),
+    "mass underscore": (
+        '"1.5"',
+        '"1_5"',
+        "link 'upper': mass value '1_5' is not a number; write one plain number, without a unit",
+    ),
+    "mass hexadecimal": (
+        '"1.5"',
+        '"0x1p3"',
+        "link 'upper': mass value '0x1p3' is not a number; write one plain number, without a unit",
+    ),
+    "mass digits": (
+        '"1.5"',
+        '"\u0661"',
+        "link 'upper': mass value '١' is not a number; write one plain number, without a unit",
+    ),
+    "mass long": (
+        '"1.5"',
+        '"' + "x" * 100 + '"',
+        (
+            "link 'upper': mass value 'xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx'... is not a number; write "
+            "one plain number, without a unit"
+        ),
+    ),
+    "mass missing": ('<mass value="1.5"/>', "", "link 'upper': <inertial> has no <mass>; add <mass .../> (line 5)"),
+    "mass attribute": (
+        '<mass value="1.5"/>',
+        "<mass>1.5</mass>",
+        "link 'upper': <mass> has no attribute 'value'; write <mass value=\"...\">",
+    ),
+    "mass element": (
+        '<mass value="1.5"/>',
+        "<mass><value>1.5</value></mass>",
+        ('line 7: <value> is an element of <mass>, which no reader sees; write an attribute: <mass value="...">'),
+    ),
+    "mass twice": (
+        '<mass value="1.5"/>',
+        '<mass value="1.5"/><mass value="2"/>',
+        "link 'upper': 2 <mass> elements (lines 7, 7); keep one of them",
+    ),
+    "inertia missing": (
+        '<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"/>',
+        "",
+        "link 'upper': <inertial> has no <inertia>; add <inertia .../> (line 5)",
+    ),
+    "inertia attribute": (
+        'iyz="0" ',
+        "",
+        "link 'upper': <inertia> has no attribute 'iyz'; write <inertia iyz=\"...\">",
+    ),
+    "inertia text": (
+        'ixx="0.01"',
+        'ixx="a"',
+        "link 'upper': inertia ixx 'a' is not a number; write one plain number, without a unit",
+    ),
+    "inertia nan": (
+        'ixx="0.01"',
+        'ixx="NaN"',
+        "link 'upper': inertia ixx 'NaN' is not a finite number; write a finite number",
+    ),
+    "inertial twice": (
+        '<link name="hand"/>',
+        '<link name="hand"><inertial/><inertial/></link>',
+        "link 'hand': 2 <inertial> elements (lines 11, 11); keep one of them",
+    ),
+    "xyz count": (
+        '"0 0 0.3"',
+        '"0 0.3"',
+        "joint 'shoulder': origin xyz '0 0.3' is not 3 numbers; write 3 numbers with spaces between them",
+    ),
+    "xyz commas": (
+        '"0 0 0.3"',
+        '"0,0,0.3"',
+        "joint 'shoulder': origin xyz '0,0,0.3' is not 3 numbers; write 3 numbers with spaces between them",
+    ),
+    "xyz text": (
+        '"0 0 0.3"',
+        '"0 0 high"',
+        "joint 'shoulder': origin xyz 'high' is not a number; write one plain number, without a unit",
+    ),
+    "inertial xyz": (
+        '"0.1 0 0"',
+        '"0.1 0 0 0"',
+        "link 'upper': origin xyz '0.1 0 0 0' is not 3 numbers; write 3 numbers with spaces between them",
+    ),
+    "rpy text": (
+        'rpy="0 0 0.5"',
+        'rpy="0 0 pi/2"',
+        "link 'upper': origin rpy 'pi/2' is not a number; write one plain number, without a unit",
+    ),
+    "rpy count": (
+        'rpy="0 0 0"',
+        'rpy="0 0"',
+        "joint 'shoulder': origin rpy '0 0' is not 3 numbers; write 3 numbers with spaces between them",
+    ),
+    "quaternion and rpy": (
+        'rpy="0 0 0"',
+        'rpy="0 0 0" quat_xyzw="0 0 0 1"',
+        "joint 'shoulder': origin has both rpy and quat_xyzw; keep one of the two",
+    ),
+    "quaternion length": (
+        'rpy="0 0 0"',
+        'quat_xyzw="0 0 0 2"',
+        "joint 'shoulder': origin quat_xyzw '0 0 0 2' has length 2, not 1; write a unit quaternion x y z w",
+    ),
+    "quaternion count": (
+        'rpy="0 0 0"',
+        'quat_xyzw="0 0 1"',
+        ("joint 'shoulder': origin quat_xyzw '0 0 1' is not 4 numbers; write 4 numbers with spaces between them"),
+    ),
+    "axis zero": (
+        '<axis xyz="0 0 1"/>',
+        '<axis xyz="0 0 0"/>',
+        "joint 'shoulder': axis xyz '0 0 0' has no direction; write it as '0 0 1'",
+    ),
+    "axis count": (
+        '<axis xyz="0 0 1"/>',
+        '<axis xyz="0 1"/>',
+        "joint 'shoulder': axis xyz '0 1' is not 3 numbers; write 3 numbers with spaces between them",
+    ),
+    "axis attribute": (
+        '<axis xyz="0 0 1"/>',
+        "<axis/>",
+        "joint 'shoulder': <axis> has no attribute 'xyz'; write <axis xyz=\"...\">",
+    ),
+    "axis inf": (
+        '<axis xyz="0 0 1"/>',
+        '<axis xyz="0 0 inf"/>',
+        "joint 'shoulder': axis xyz 'inf' is not a finite number; write a finite number",
+    ),
+    "limits crossed": (
+        'lower="-1"',
+        'lower="2"',
+        "joint 'shoulder': the lower limit 2 is above the upper limit 1; exchange or mend them",
+    ),
+    "limits absent": (
+        'lower="-1" upper="1"',
+        "",
+        (
+            "joint 'shoulder': limit has neither lower nor upper, which some readers take for 0 to 0; write "
+            "both, or make the joint continuous"
+        ),
+    ),
+    "limit nan": (
+        'lower="-1"',
+        'lower="nan"',
+        "joint 'shoulder': limit lower 'nan' is not a finite number; write a finite number",
+    ),
+    "limit overflow": (
+        'upper="1"',
+        'upper="1e400"',
+        "joint 'shoulder': limit upper '1e400' is too large; write 'inf' where there is no limit",
+    ),
+    "limit side": (
+        'lower="-1"',
+        'lower="inf"',
+        "joint 'shoulder': the lower limit inf is above the upper limit 1; exchange or mend them",
+    ),
+    "velocity negative": (
+        'velocity="2"',
+        'velocity="-2"',
+        "joint 'shoulder': limit velocity -2 is negative; write 0 or more",
+    ),
+    "effort negative": (
+        'effort="10"',
+        'effort="-10"',
+        "joint 'shoulder': limit effort -10 is negative; write 0 or more",
+    ),
+    "acceleration negative": (
+        'velocity="2"',
+        'velocity="2" acceleration="-1"',
+        "joint 'shoulder': limit acceleration -1 is negative; write 0 or more",
+    ),
+    "damping negative": (
+        'damping="0.5"',
+        'damping="-0.5"',
+        "joint 'shoulder': dynamics damping -0.5 is negative; write 0 or more",
+    ),
+    "friction negative": (
+        'friction="0.1"',
+        'friction="-0.1"',
+        "joint 'shoulder': dynamics friction -0.1 is negative; write 0 or more",
+    ),
+    "friction text": (
+        'friction="0.1"',
+        'friction="low"',
+        "joint 'shoulder': dynamics friction 'low' is not a number; write one plain number, without a unit",
+    ),
+    "damping element": (
+        '<dynamics damping="0.5" friction="0.1"/>',
+        "<dynamics><damping>0.5</damping></dynamics>",
+        (
+            "line 18: <damping> is an element of <dynamics>, which no reader sees; write an attribute: "
+            '<dynamics damping="...">'
+        ),
+    ),
+    "mimic unknown": (
+        'mimic joint="shoulder"',
+        'mimic joint="sholder"',
+        (
+            "joint 'wrist': it follows 'sholder', which is no joint; write the name of a joint of this file "
+            "in <mimic>; did you mean 'shoulder'?"
+        ),
+    ),
+    "mimic itself": (
+        'mimic joint="shoulder"',
+        'mimic joint="wrist"',
+        ("joint 'wrist': it follows itself: 'wrist' -> 'wrist'; let one of them move on its own: remove its <mimic>"),
+    ),
+    "mimic loop": (
+        '<axis xyz="0 0 1"/>',
+        '<mimic joint="wrist"/>',
+        (
+            "joint 'shoulder': it follows itself: 'shoulder' -> 'wrist' -> 'shoulder'; let one of them move "
+            "on its own: remove its <mimic>"
+        ),
+    ),
+    "mimic zero": (
+        'multiplier="2"',
+        'multiplier="0"',
+        "joint 'wrist': mimic multiplier 0 holds it still; make the joint fixed, or mend the multiplier",
+    ),
+    "mimic joint": (
+        '<mimic joint="shoulder"',
+        "<mimic",
+        "joint 'wrist': <mimic> has no attribute 'joint'; write <mimic joint=\"...\">",
+    ),
+    "mimic fixed": (
+        'type="revolute"',
+        'type="fixed"',
+        "joint 'wrist': it follows 'shoulder', which is fixed; remove the <mimic>, or make the joint fixed",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_message(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    old, new, message = CASES[name]
+    assert old is None or old in GOOD
+    text = new if old is None else GOOD.replace(old, new, 1)
+    Path("bad.urdf").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(DescriptionError) as caught:
+        read_robot("bad.urdf")
+    assert str(caught.value) == f"bad.urdf: {message}"
+    assert "\n" not in str(caught.value)
+
+
+def test_the_good_one_reads(tmp_path: Path) -> None:
+    path = tmp_path / "good.urdf"
+    path.write_text(GOOD)
+    assert read_robot(path).name == "arm"
