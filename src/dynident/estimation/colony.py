@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.model.kernels.jit import compiled
+from dynident.estimation.landscape import Landscape
+from dynident.model.kernels.jit import compiled, inlined
 
 #: Accepted moves of a source after which its residuals are computed anew, so that rounding cannot add up.
 REFRESH = 50
@@ -22,38 +23,6 @@ REFRESH = 50
 _CYCLES = 256  # cycles whose random numbers are drawn at a time
 _BLOCK = 4096  # rows between two looks at the partial sum
 _LANES = 128  # partial sums side by side, so that the loop runs in vector registers
-
-
-@dataclass(frozen=True)
-class Landscape:
-    """The objective F(x) = constant + sum_i weight_i sum_{rows of block i} |target - columns' x|^power.
-
-    Attributes:
-        columns: Observation matrix, each column contiguous, shape (b, r).
-        target: Shape (r,).
-        edges: First row of each block (joint), then r, shape (n + 1,).
-        present: Whether a column is not zero throughout a block, shape (b, n).
-        weights: Shape (n,).
-        power: 1 or 2.
-        constant: See above.
-    """
-
-    columns: Array
-    target: Array
-    edges: IntArray
-    present: BoolArray
-    weights: Array
-    power: int
-    constant: float = 0.0
-
-    def sums(self, residual: Array) -> Array:
-        """Return sum |residual|^power of each block, shape (n,)."""
-        size = np.abs(residual) if self.power == 1 else residual**2
-        return np.array([size[a:b].sum() for a, b in zip(self.edges[:-1], self.edges[1:], strict=True)])
-
-    def value(self, x: Array) -> float:
-        """Return F(x)."""
-        return float(self.weights @ self.sums(self.target - x @ self.columns)) + self.constant
 
 
 @dataclass(frozen=True)
@@ -111,7 +80,8 @@ def search(land: Landscape, lower: Array, upper: Array, colony: int, limit: int,
     generator = np.random.default_rng(seed)
     size, sources = len(lower), colony // 2
     x = lower + generator.random((colony, size)) * (upper - lower)  # (7)
-    residuals = land.target - x @ land.columns
+    residuals = x @ land.columns
+    np.subtract(land.target, residuals, out=residuals)
     sums = np.array([land.sums(row) for row in residuals])
     chosen = np.argsort(sums @ land.weights, kind="stable")[:sources]
     x, residuals, sums = x[chosen], residuals[chosen], sums[chosen]
@@ -119,13 +89,13 @@ def search(land: Landscape, lower: Array, upper: Array, colony: int, limit: int,
     place = (land.columns, land.target, land.edges, land.present, land.weights, land.power, land.constant)
     flock = (x, residuals, sums, values, np.zeros(sources, np.int64), np.zeros(sources, np.int64))
     first = int(np.argmin(values))
-    best, best_value = x[first].copy(), values[first : first + 1].copy()
+    found = np.append(values[first], x[first])
     trace, scouts, done = np.empty(cycles), 0, 0
     for draws in draw(generator, cycles, sources, size):
         part = trace[done : done + len(draws.moves)]
-        scouts += _fly(place, lower, upper, flock, best, best_value, draws.moves, draws.scouts, limit, part)
+        scouts += _fly(place, lower, upper, flock, found, draws.moves, draws.scouts, limit, part)
         done += len(part)
-    return Swarm(best, land.value(best), trace, colony + 2 * sources * cycles + scouts, scouts)
+    return Swarm(found[1:], land.value(found[1:]), trace, colony + 2 * sources * cycles + scouts, scouts)
 
 
 # Types of the compiled functions: place = (columns, target, edges, present, weights, power, constant) of the landscape;
@@ -134,10 +104,11 @@ _Place = tuple[Array, Array, IntArray, BoolArray, Array, int, float]
 _Flock = tuple[Array, Array, Array, Array, IntArray, IntArray]
 
 
-@compiled
+@inlined
 def _block_sum(residual: Array, column: Array, step: float, start: int, stop: int, power: int, lanes: Array) -> float:
     """Return sum |residual - step column|^power over some rows, many partial sums side by side."""
-    lanes[:] = 0.0
+    for k in range(_LANES):
+        lanes[k] = 0.0
     whole = start + (stop - start) // _LANES * _LANES
     for i in range(start, whole, _LANES):
         if power == 1:
@@ -155,7 +126,7 @@ def _block_sum(residual: Array, column: Array, step: float, start: int, stop: in
     return total
 
 
-@compiled
+@inlined
 def _try(place: _Place, flock: _Flock, s: int, j: int, step: float, sums: Array, lanes: Array) -> float:
     """Return the objective of source s moved by ``step`` along j; infinity once it is no better than the source.
 
@@ -180,28 +151,29 @@ def _try(place: _Place, flock: _Flock, s: int, j: int, step: float, sums: Array,
     return total
 
 
-@compiled
-def _accept(place: _Place, flock: _Flock, s: int, j: int, value: float, step: float, sums: Array, total: float) -> None:
-    """Move source s to ``value`` along j, its residuals by ``step`` columns."""
-    columns, target, edges, present, weights, power, constant = place
-    x, residuals, kept, values, trials, moves = flock
-    x[s, j] = value
-    trials[s] = 0
-    moves[s] += 1
-    kept[s] = sums
-    values[s] = total
-    for i in range(len(weights)):
+@inlined
+def _accept(place: _Place, flock: _Flock, s: int, j: int, value: float, sums: Array, total: float) -> None:
+    """Move source s to ``value`` along j, its residuals by a multiple of one column."""
+    columns, edges, present, residuals = place[0], place[2], place[3], flock[1]
+    step = value - flock[0][s, j]
+    flock[0][s, j] = value
+    flock[3][s] = total
+    flock[4][s] = 0
+    flock[5][s] += 1
+    for i in range(len(sums)):
+        flock[2][s, i] = sums[i]
         if present[j, i]:
             for row in range(edges[i], edges[i + 1]):
                 residuals[s, row] -= step * columns[j, row]
 
 
-@compiled
+@inlined
 def _settle(place: _Place, flock: _Flock, s: int) -> None:
     """Compute the residuals, sums and objective of source s from its position."""
     columns, target, edges, present, weights, power, constant = place
-    x, residuals, kept, values, trials, moves = flock
-    residuals[s] = target
+    x, residuals, kept, values, _, moves = flock
+    for row in range(len(target)):
+        residuals[s, row] = target[row]
     values[s] = constant
     moves[s] = 0
     for i in range(len(weights)):
@@ -217,7 +189,7 @@ def _settle(place: _Place, flock: _Flock, s: int) -> None:
         values[s] += weights[i] * total
 
 
-@compiled
+@inlined
 def _visit(
     place: _Place, lower: Array, upper: Array, flock: _Flock, s: int, dice: Array, sums: Array, lanes: Array
 ) -> None:
@@ -229,12 +201,53 @@ def _visit(
         k += 1
     value = x[s, j] + (2.0 * dice[3] - 1.0) * (x[s, j] - x[k, j])
     value = min(max(value, lower[j]), upper[j])
-    step = value - x[s, j]
-    total = _try(place, flock, s, j, step, sums, lanes)
+    total = _try(place, flock, s, j, value - x[s, j], sums, lanes)
     if total < flock[3][s]:
-        _accept(place, flock, s, j, value, step, sums, total)
+        _accept(place, flock, s, j, value, sums, total)
     else:
         trials[s] += 1
+
+
+@inlined
+def _follow(flock: _Flock, dice: float) -> int:
+    """Return the source that an onlooker chooses with probability (12), fitness (8)."""
+    values = flock[3]
+    whole = 0.0
+    for s in range(len(values)):
+        whole += 1.0 / (1.0 + values[s])
+    rest = dice * whole
+    for s in range(len(values) - 1):
+        rest -= 1.0 / (1.0 + values[s])
+        if rest < 0.0:
+            return s
+    return len(values) - 1
+
+
+@inlined
+def _remember(flock: _Flock, found: Array) -> None:
+    """Keep (objective, x) of the best source where it is better than the one kept."""
+    x, values = flock[0], flock[3]
+    for s in range(len(values)):
+        if values[s] < found[0]:
+            found[0] = values[s]
+            for j in range(x.shape[1]):
+                found[j + 1] = x[s, j]
+
+
+@inlined
+def _scout(flock: _Flock, lower: Array, upper: Array, dice: Array, limit: int) -> int:
+    """Replace the source with the most vain trials where they exceed the limit, (13); return it or -1."""
+    x, trials = flock[0], flock[4]
+    idle = 0
+    for s in range(len(trials)):
+        if trials[s] > trials[idle]:
+            idle = s
+    if trials[idle] <= limit:
+        return -1
+    for j in range(len(lower)):
+        x[idle, j] = lower[j] + dice[j] * (upper[j] - lower[j])
+    trials[idle] = 0
+    return idle
 
 
 @compiled
@@ -243,40 +256,27 @@ def _fly(
     lower: Array,
     upper: Array,
     flock: _Flock,
-    best: Array,
-    best_value: Array,
+    found: Array,
     moves: Array,
     scouts: Array,
     limit: int,
     trace: Array,
 ) -> int:
-    """Run cycles; write the best source, its objective and the trace; return the number of scouts."""
-    x, values, trials, accepted = flock[0], flock[3], flock[4], flock[5]
-    sources, sent = len(x), 0
-    sums, lanes, roulette = np.empty(len(place[4])), np.empty(_LANES), np.empty(sources)
+    """Run cycles; write (objective, x) of the best source and the trace; return the number of scouts."""
+    sources, sent = len(flock[0]), 0
+    sums, lanes, chosen = np.empty(len(place[4])), np.empty(_LANES), np.empty(2 * sources, np.int64)
     for cycle in range(len(moves)):
-        fitness = 0.0
         for bee in range(2 * sources):
-            s = bee
-            if bee == sources:
-                for source in range(sources):
-                    fitness += 1.0 / (1.0 + values[source])  # (8)
-                    roulette[source] = fitness
-            if bee >= sources:  # (12)
-                s = min(np.searchsorted(roulette, moves[cycle, bee, 0] * fitness, side="right"), sources - 1)
+            if bee == sources:  # every onlooker sees the fitness at the end of the employed bees' phase
+                for onlooker in range(sources, 2 * sources):
+                    chosen[onlooker] = _follow(flock, moves[cycle, onlooker, 0])
+            s = chosen[bee] if bee >= sources else bee
             _visit(place, lower, upper, flock, s, moves[cycle, bee], sums, lanes)
-        s = np.argmin(values)
-        if values[s] < best_value[0]:
-            best_value[0] = values[s]
-            best[:] = x[s]
-        trace[cycle] = best_value[0]
-        idle = np.argmax(trials)
+        _remember(flock, found)
+        trace[cycle] = found[0]
+        lost = _scout(flock, lower, upper, scouts[cycle], limit)
+        sent += lost >= 0
         for s in range(sources):
-            lost = s == idle and trials[s] > limit  # (13), one scout per cycle
-            if lost:
-                x[s] = lower + scouts[cycle] * (upper - lower)
-                trials[s] = 0
-                sent += 1
-            if lost or accepted[s] >= REFRESH:
+            if s == lost or flock[5][s] >= REFRESH:
                 _settle(place, flock, s)
     return sent

@@ -10,6 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.estimation.validation import Validation
+from dynident.experiment.formats import ColumnMap
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
@@ -51,6 +52,7 @@ class Estimate:
         consistency: Whether a possible robot stands behind it.
         train: Figures on the data of the fit.
         preprocessing: How logs were and will be prepared.
+        columns: How its logs were read.
         extras: News of the method: convergence trace, gap to the optimum.
         provenance: Versions, files with hashes, case, command.
     """
@@ -70,6 +72,7 @@ class Estimate:
     consistency: Consistency
     train: Validation
     preprocessing: Preprocessing
+    columns: ColumnMap = field(default_factory=ColumnMap)
     extras: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
 

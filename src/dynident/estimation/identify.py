@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from importlib.metadata import version
@@ -17,8 +18,10 @@ from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators import ESTIMATORS, Estimator
 from dynident.estimation.problem import Observer, Problem, counting_rows, make_problem
 from dynident.estimation.validation import Validation, compare_torques
+from dynident.experiment.case import default_preprocessing
+from dynident.experiment.formats import ColumnMap
 from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import FILTERS, Prepared, Preprocessing, preprocess
+from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.reduction import least_squares
@@ -29,6 +32,7 @@ def identify(
     logs: Sequence[Log],
     estimator: str | Estimator = "consistent",
     preprocessing: Preprocessing | None = None,
+    columns: ColumnMap | None = None,
     provenance: Mapping[str, Any] | None = None,
     progress: Callable[[str], None] = lambda step: None,
 ) -> Estimate:
@@ -38,7 +42,8 @@ def identify(
         model: Robot, drives and friction.
         logs: Raw logs with positions and torques; each is preprocessed on its own.
         estimator: Name or part.
-        preprocessing: How logs become rows; default: see :func:`default_preprocessing`.
+        preprocessing: How logs become rows; default: ``default_preprocessing``.
+        columns: How the logs were read, kept so that other logs of the robot can be read alike.
         provenance: Facts to keep with the estimate: case, command.
         progress: Told each step in words.
 
@@ -47,46 +52,68 @@ def identify(
         PoorExcitation: The logs do not determine all base parameters.
         SolverFailed: The estimator found no checked solution.
     """
+    part = ESTIMATORS.make(estimator)
+    problem = pose(model, logs, preprocessing, progress)
+    return estimate_of(problem, part, columns, provenance, progress)
+
+
+def pose(
+    model: DynamicModel,
+    logs: Sequence[Log],
+    preprocessing: Preprocessing | None = None,
+    progress: Callable[[str], None] = lambda step: None,
+) -> Problem:
+    """Return the problem that every estimator can be asked to solve; arguments and errors as of :func:`identify`."""
     if not logs:
         raise LogMismatch("identify", "no log", "give at least one log")
     how = preprocessing or default_preprocessing()
-    part = ESTIMATORS.make(estimator)
     progress("base parameters")
     base = base_parameters(model)
-    inertial = base_parameters(model, inertial_only=True)
     progress("preprocessing and reduction")
     prepared = [preprocess(log.ordered(model.robot.joint_names), how) for log in logs]
-    problem = make_problem(model, base, prepared)
-    progress(f"estimator {ESTIMATORS.name_of(part)}")
-    solution = part.solve(problem)
-    weighted = least_squares(problem.reduced(1.0 / problem.joint_deviations(solution.beta)))
-    train = validate_prepared(model, base, prepared, solution.beta)
+    return make_problem(model, base, prepared)
+
+
+def estimate_of(
+    problem: Problem,
+    estimator: Estimator,
+    columns: ColumnMap | None = None,
+    provenance: Mapping[str, Any] | None = None,
+    progress: Callable[[str], None] = lambda step: None,
+) -> Estimate:
+    """Return the estimate of one estimator, with covariance, verdicts and provenance.
+
+    Raises:
+        SolverFailed: The estimator found no checked solution.
+    """
+    model, base = problem.model, problem.base
+    progress(f"estimator {ESTIMATORS.name_of(estimator)}")
+    started = time.perf_counter()
+    solution = estimator.solve(problem)
+    seconds = time.perf_counter() - started
+    deviations = problem.joint_deviations(solution.beta)
+    train = validate_prepared(model, base, problem.logs, solution.beta)
     factors = correlation_factors(np.split(train.residual, train.starts[1:]))
-    covariance = _covariance(problem, solution.beta, factors)
     return Estimate(
         model=model,
         base=base,
         beta=solution.beta,
-        covariance=covariance,
+        covariance=_covariance(problem, solution.beta, factors),
         theta=solution.theta,
-        joint_deviations=problem.joint_deviations(solution.beta),
+        joint_deviations=deviations,
         correlation_factors=factors,
-        condition_number=weighted.condition_number,
+        condition_number=least_squares(problem.reduced(1.0 / deviations)).condition_number,
         samples=problem.samples,
-        inertial_base_parameters=inertial.count,
-        estimator=ESTIMATORS.name_of(part),
-        options=asdict(part) if is_dataclass(part) else {},
+        inertial_base_parameters=base_parameters(model, inertial_only=True).count,
+        estimator=ESTIMATORS.name_of(estimator),
+        options=asdict(estimator) if is_dataclass(estimator) else {},
         consistency=judge(model, base, solution.beta, solution.theta),
         train=train,
-        preprocessing=how,
-        extras=solution.extras,
-        provenance={**versions(), "logs": [asdict(log.kept.source) for log in prepared], **(provenance or {})},
+        preprocessing=problem.logs[0].how,
+        columns=columns or ColumnMap(joints=model.robot.joint_names),
+        extras={**solution.extras, "seconds": seconds},
+        provenance={**versions(), "logs": [asdict(log.kept.source) for log in problem.logs], **(provenance or {})},
     )
-
-
-def default_preprocessing() -> Preprocessing:
-    """Return the stated default: zero-phase Butterworth at 5 Hz, order 4, on both sides; rows at rest left out."""
-    return Preprocessing(FILTERS.make("butterworth", cutoff_hz=5.0), rate_hz=200.0, trim_s=0.5, standstill=0.02)
 
 
 def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessing | None = None) -> Validation:

@@ -1,10 +1,10 @@
 """The certified L1 optimum: least absolute residuals in a box, with a dual bound that proves it.
 
-Primal-dual interior point for L1 regression as in Portnoy and Koenker 1997, with the predictor and corrector of Mehrotra
-1992; a step costs one product W' D W of b columns. Many rows are cut first, another idea of Portnoy and Koenker: a fit to
-a sample of the rows tells the sign of most residuals, and a row of known sign is only a linear term. Every result, however
-it came about, is judged by its certificate alone. HiGHS takes over ten times as long on 75 000 rows (see
-benchmarks/colony.py).
+Primal-dual interior point for L1 regression as in Portnoy and Koenker 1997, with the predictor and corrector of
+Mehrotra 1992; a step costs one product W' D W of b columns. Many rows are cut first, another idea of Portnoy and
+Koenker: a fit to a sample of the rows tells the sign of most residuals, and a row of known sign is only a linear term.
+Every result, however it came about, is judged by its certificate alone. HiGHS takes over ten times as long on 75 000
+rows (see benchmarks/colony.py).
 """
 
 from __future__ import annotations

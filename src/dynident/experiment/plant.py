@@ -27,6 +27,9 @@ FRICTION_STEP = 0.5
 #: Steps a second: at least chosen, and at most chosen or accepted.
 MIN_RATE, MAX_RATE = 1e3, 1e6
 
+#: Rows that one simulation gives at most.
+MAX_ROWS = 1e8
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -72,7 +75,9 @@ class Clock:
         return self.last // self.per_noise + 1
 
 
-def clock(row_rate: float, control_rate: float, rate: float | None, decay: float, lead_in: float, rows: int) -> Clock:
+def clock(
+    row_rate: float, control_rate: float, rate: float | None, decay: float, lead_in: float, length: float
+) -> Clock:
     """Return the ticks for the rates in Hz; an integration rate that is not given is chosen.
 
     Args:
@@ -81,11 +86,13 @@ def clock(row_rate: float, control_rate: float, rate: float | None, decay: float
         rate: Steps of the integration a second; None for the lowest of at least 1 kHz that fits.
         decay: Fastest decay of the friction, in 1/s.
         lead_in: Time before the first row, in s; rounded up to whole controls.
-        rows: Number of rows.
+        length: Length of the log, in s; its end is not a row.
 
     Raises:
         BadOption: A rate that is not positive, that does not divide the integration's, or that is too low or high.
     """
+    if not (0 < length < np.inf and 2 <= length * row_rate < MAX_ROWS):
+        raise BadOption("duration", length, f"give seconds for 2 to {MAX_ROWS:g} rows at {row_rate:g} Hz")
     for name, value in (("rate", row_rate), ("controller.rate", control_rate), ("integration_rate", rate or 1.0)):
         if not 0 < value <= MAX_RATE:
             raise BadOption(name, value, f"give a rate in Hz, above 0, at most {MAX_RATE:g}")
@@ -109,7 +116,7 @@ def clock(row_rate: float, control_rate: float, rate: float | None, decay: float
         raise BadOption("integration_rate", rate, step)
     per_control = round(per_control)
     first = math.ceil(lead_in * rate / per_control - 1e-9) * per_control
-    return Clock(rate, per_control, round(per_row), first, rows)
+    return Clock(rate, per_control, round(per_row), first, round(length * row_rate))
 
 
 @dataclass(frozen=True)

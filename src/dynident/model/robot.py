@@ -235,7 +235,7 @@ class Robot:
             raise ValueError(f"two joints share a name: {names}")
         coupling = np.eye(self.dof) if self.coupling is None else self.coupling
         object.__setattr__(self, "coupling", frozen(coupling, (self.dof, self.dof), "coupling"))
-        if abs(np.linalg.det(np.asarray(self.coupling))) < 1e-12:
+        if np.linalg.matrix_rank(np.asarray(self.coupling)) < self.dof:
             raise ValueError("the coupling matrix is singular")
 
     @cached_property
@@ -308,21 +308,25 @@ class Robot:
     def locked(self, positions: Mapping[str, float]) -> Robot:
         """Return the robot with some joints fixed at the given positions, their links merged into their parents.
 
+        Joints that follow a locked one are locked where it puts them.
+
         Args:
             positions: Position by joint name, in rad or m.
 
         Raises:
             UnknownChoice: No such joint.
-            BadOption: All joints locked, or a coupled, followed or following joint.
+            BadOption: All joints locked.
         """
         self._check_names(positions)
-        for joint in self.joints:
-            if joint.mimic is not None and (joint.name in positions or joint.mimic.joint in positions):
-                raise BadOption("locked", joint.name, f"it follows '{joint.mimic.joint}'; lock neither of the two")
+        followers = {
+            joint.name: joint.mimic.multiplier * positions[joint.mimic.joint] + joint.mimic.offset
+            for joint in self.joints
+            if joint.mimic is not None and joint.mimic.joint in positions
+        }
         keep = [i for i, name in enumerate(self.joint_names) if name not in positions]
         if not keep:
             raise BadOption("locked", list(positions), "leave at least one joint free")
-        return _merge(self, positions, np.asarray(self.coupling)[np.ix_(keep, keep)])
+        return _merge(self, {**positions, **followers}, np.asarray(self.coupling)[np.ix_(keep, keep)])
 
     def _check_names(self, names: Mapping[str, object]) -> None:
         for name in names:

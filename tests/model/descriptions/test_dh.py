@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.arrays import Array
-from dynident.model.descriptions._fields import Place, expression
 from dynident.model.descriptions.dh import modified_pose, read_dh, standard_pose
+from dynident.model.documents.numbers import Place, expression
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot, joint_pose
 

@@ -108,8 +108,8 @@ def test_message(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.chdir(tmp_path)
     old, new, message = CASES[name]
     assert old is None or old in GOOD
-    text = new if old is None else GOOD.replace(old, new, 1)
-    Path("bad.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
+    text = new if isinstance(new, bytes) else new.encode()
+    Path("bad.yaml").write_bytes(text if old is None else GOOD.encode().replace(old.encode(), text, 1))
     with pytest.raises(DescriptionError) as caught:
         read_robot("bad.yaml")
     assert str(caught.value) == f"bad.yaml: {message}"

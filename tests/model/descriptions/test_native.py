@@ -226,10 +226,11 @@ FAULTS: dict[str, tuple[list[str | int], Any, str]] = {
     ),
     "tool": (["tool"], "gripper", "tool: no frame is called 'gripper'; name one of 'frames', or nothing"),
     "coupling": (["coupling"], [[1.0]], "coupling: 4 rows are needed, not a list of 1; write 4 lists of 4 numbers"),
+    "coupling huge": (["coupling", 1, 0], 1e7, "coupling: an entry is 1e+07; write ratios of up to 1e+06"),
     "coupling singular": (
         ["coupling"],
         [[0.0] * 4] * 4,
-        "coupling: the coupling matrix is singular; write the robot again",
+        "coupling: the coupling matrix is singular; write motor speed = coupling @ joint speed",
     ),
     "gravity": (["gravity"], None, "gravity: is missing; add it"),
 }

@@ -245,7 +245,7 @@ def test_message(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     old, new, message = CASES[name]
     assert old is None or old in GOOD
     text = new if old is None else GOOD.replace(old, new, 1)
-    Path("bad.urdf").write_bytes(text if isinstance(text, bytes) else text.encode())
+    Path("bad.urdf").write_text(text, encoding="utf-8")
     with pytest.raises(DescriptionError) as caught:
         read_robot("bad.urdf")
     assert str(caught.value) == f"bad.urdf: {message}"

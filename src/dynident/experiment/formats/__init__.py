@@ -11,7 +11,7 @@ from dynident.plugins import Family
 
 FORMATS: Family[LogFormat] = Family("dynident.experiment.formats", LogFormat, "log format")  # type: ignore[type-abstract]
 
-__all__ = ["FORMATS", "ColumnMap", "LogFormat", "Units", "read_log", "write_log", "written_columns"]
+__all__ = ["FORMATS", "ColumnMap", "LogFormat", "Units", "read_header", "read_log", "write_log", "written_columns"]
 
 
 def read_log(path: str | Path, columns: ColumnMap | None = None, *, form: str | LogFormat | None = None) -> Log:
@@ -28,6 +28,16 @@ def read_log(path: str | Path, columns: ColumnMap | None = None, *, form: str | 
         UnknownChoice: No such format.
     """
     return _chosen(path, form).read(path, columns or ColumnMap())
+
+
+def read_header(path: str | Path, *, form: str | LogFormat | None = None) -> tuple[str, ...]:
+    """Return the names of the columns in a log file.
+
+    Raises:
+        FileError: The file cannot be read at all.
+        LogFormatError: It has no sound header, or no format has its suffix.
+    """
+    return _chosen(path, form).header(path)
 
 
 def write_log(log: Log, path: str | Path, *, form: str | LogFormat | None = None) -> None:

@@ -204,9 +204,10 @@ class ColumnMap:
                 step = f"name the columns of the {count} joints with columns: in the case file"
                 raise LogFormatError(path, line, evidence, step)
             chosen[name] = tuple(f"{NUMBERED[name]}{k}" for k in range(1, count + 1))
-        for column in (self.time, *(name for names in chosen.values() for name in names)):
+        used = (self.time, *(name for names in chosen.values() for name in names))
+        for column in used:
             if column not in header:
-                raise missing_column(column, header, path, line)
+                raise missing_column(column, header, path, line, used)
         joints = self.joints or tuple(f"joint{k}" for k in range(1, count + 1))
         empty: dict[str, tuple[str, ...]] = dict.fromkeys(NUMBERED, ())
         resolved = replace(self, joints=joints, **(empty | chosen))  # type: ignore[arg-type]
@@ -273,6 +274,15 @@ class LogFormat(ABC):
     suffixes: ClassVar[tuple[str, ...]]
 
     @abstractmethod
+    def header(self, path: str | Path) -> tuple[str, ...]:
+        """Return the names of the columns in a file, without reading the rows.
+
+        Raises:
+            FileError: The file cannot be read at all.
+            LogFormatError: It has no sound header.
+        """
+
+    @abstractmethod
     def read(self, path: str | Path, columns: ColumnMap) -> Log:
         """Return the log in a file, in SI units.
 
@@ -301,10 +311,13 @@ def written_columns(log: Log) -> ColumnMap:
     return ColumnMap(joints=log.joints, **names)  # type: ignore[arg-type]
 
 
-def missing_column(name: str, header: Sequence[str], path: object, line: int | None) -> LogFormatError:
-    """Return the error to raise for a column that is not in the header."""
+def missing_column(
+    name: str, header: Sequence[str], path: object, line: int | None, used: Sequence[str] = ()
+) -> LogFormatError:
+    """Return the error to raise for a column that is not in the header; ``used`` are other columns of the map."""
+    free = [other for other in header if other not in used]
     listed = ", ".join(header[:40]) + (f", ... ({len(header)} columns)" if len(header) > 40 else "")
-    step = f"the header has {listed}; map it with columns: in the case file{nearest(name, header)}"
+    step = f"the header has {listed}; map it with columns: in the case file{nearest(name, free)}"
     return LogFormatError(path, line, f"no column '{name}'", step)
 
 

@@ -35,6 +35,10 @@ class Csv(LogFormat):
         if self.decimal not in (".", ","):
             raise BadOption("decimal", self.decimal, "choose '.' or ','")
 
+    def header(self, path: str | Path) -> tuple[str, ...]:
+        """Return the names of the columns; see :meth:`LogFormat.header`."""
+        return open_table(path, self.decimal).header
+
     def read(self, path: str | Path, columns: ColumnMap) -> Log:
         """Return the log; see :meth:`LogFormat.read`."""
         table = open_table(path, self.decimal)

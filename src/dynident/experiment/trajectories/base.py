@@ -20,6 +20,11 @@ class Trajectory(ABC):
 
     @property
     @abstractmethod
+    def periodic(self) -> bool:
+        """Whether the motion repeats itself after its duration."""
+
+    @property
+    @abstractmethod
     def joints(self) -> int:
         """Number of joints, n."""
 

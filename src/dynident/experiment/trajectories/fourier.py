@@ -44,7 +44,7 @@ class FourierSeries(Trajectory):
         for name in ("offset", "sine", "cosine"):
             values = getattr(self, name)
             if not np.all(np.isfinite(values)):
-                raise BadOption(name, values[~np.isfinite(values)][0], "give finite numbers")
+                raise BadOption(name, float(values[~np.isfinite(values)][0]), "give finite numbers")
         if not 0 < self.period < np.inf:
             raise BadOption("period", self.period, "give the period in s, above 0")
 
@@ -79,6 +79,11 @@ class FourierSeries(Trajectory):
     def harmonics(self) -> int:
         """Number of sine and cosine pairs, H."""
         return self.sine.shape[1]
+
+    @property
+    def periodic(self) -> bool:
+        """A Fourier series repeats itself."""
+        return True
 
     @property
     def joints(self) -> int:

@@ -64,6 +64,11 @@ class Quintic(Trajectory):
         return cls(start, np.stack([q, dq, ddq]), length)
 
     @property
+    def periodic(self) -> bool:
+        """A quintic does not repeat itself."""
+        return False
+
+    @property
     def joints(self) -> int:
         """Number of joints, n."""
         return self.start.shape[1]

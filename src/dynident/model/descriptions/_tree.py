@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import nearest
-from dynident.model.descriptions._fields import Place, shown
+from dynident.model.documents.numbers import Place, shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Frame, Joint, JointLimits, Link, Mimic, Robot
 

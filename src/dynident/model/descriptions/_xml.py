@@ -13,7 +13,7 @@ import defusedxml
 import defusedxml.sax
 
 from dynident.errors import DescriptionError
-from dynident.model.descriptions._fields import Place, shown
+from dynident.model.documents.numbers import Place, shown
 
 MAX_DEPTH: Final = 64
 MAX_LINKS: Final = 1000

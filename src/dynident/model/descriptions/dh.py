@@ -8,9 +8,9 @@ from typing import ClassVar, Final, Literal, final
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.descriptions._fields import LIMITS, Section, read_drive, read_limits
-from dynident.model.descriptions._strict_yaml import load_yaml
 from dynident.model.descriptions.base import Description, rotation_from_rpy
+from dynident.model.documents.sections import LIMITS, Section, read_coupling, read_drive, read_limits
+from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.inertia import Inertia
 from dynident.model.robot import STANDARD_GRAVITY, Frame, Joint, Link, Robot
 
@@ -120,7 +120,7 @@ def _robot(table: Section) -> Robot:
         table.numbers("gravity", 3, STANDARD_GRAVITY),
         frames=frames,
         tool=tool,
-        coupling=_coupling(table, len(joints)),
+        coupling=read_coupling(table, len(joints)) if table.has("coupling") else None,
         note=table.text("note", "").strip(),
     )
 
@@ -176,16 +176,6 @@ def _tool(section: Section, last: int, end: Pose, frames: dict[str, Frame], link
     translation = section.numbers("translation", 3, (0.0, 0.0, 0.0))
     frames[name] = Frame(last, turn @ rotation, shift + turn @ translation)
     return name
-
-
-def _coupling(table: Section, count: int) -> Array | None:
-    if not table.has("coupling"):
-        return None
-    matrix = table.matrix("coupling", count, count)
-    if abs(np.linalg.det(matrix)) < 1e-12:
-        step = "write motor speed = coupling @ joint speed"
-        raise table.place("coupling").error("the coupling matrix is singular", step)
-    return matrix
 
 
 def _check_unique(table: Section, joints: list[str], links: list[str]) -> None:

@@ -11,8 +11,9 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import DescriptionError
-from dynident.model.descriptions._fields import LIMITS, Place, Section, check_name, read_drive, read_limits, shown
 from dynident.model.descriptions.base import Description
+from dynident.model.documents.numbers import Place, check_name, shown
+from dynident.model.documents.sections import LIMITS, Section, read_coupling, read_drive, read_limits
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, Joint, Link, Mimic, Robot
 
@@ -96,9 +97,7 @@ def robot_from_dict(data: object, path: object = "robot") -> Robot:
     joints = tuple(_joint(section, i) for i, section in enumerate(sections))
     _check_names(top, joints)
     dof = sum(joint.mimic is None for joint in joints)
-    coupling = top.matrix("coupling", dof, dof)
-    if abs(np.linalg.det(coupling)) < 1e-12:
-        raise top.place("coupling").error("the coupling matrix is singular", "write the robot again")
+    coupling = read_coupling(top, dof)
     frames = _frames(top, len(links))
     tool = top.text("tool", "")
     if tool and tool not in frames:

@@ -12,10 +12,10 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import nearest
-from dynident.model.descriptions._fields import Place, check_name, check_order, decimal, shown
 from dynident.model.descriptions._tree import Connection, assemble
 from dynident.model.descriptions._xml import Element, parse_urdf
 from dynident.model.descriptions.base import Description, rotation_from_rpy
+from dynident.model.documents.numbers import Place, check_name, check_order, decimal, shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import JointLimits, Mimic, Robot
 
@@ -144,10 +144,9 @@ class _Reader:
         if kind == "fixed" or element is None:
             return np.array([1.0, 0.0, 0.0])  # the default of the format
         axis = self._numbers(place, element, "xyz", 3)
-        length = float(np.linalg.norm(axis))
-        if length < 1e-9:
+        if np.linalg.norm(axis) < 1e-9:
             raise place.error(f"axis xyz {shown(element.attributes['xyz'])} has no direction", "write it as '0 0 1'")
-        return axis / length
+        return axis  # the joint normalises it
 
     def _limits(self, place: Place, joint: Element, word: str) -> JointLimits:
         element = self._only(place, joint, "limit")

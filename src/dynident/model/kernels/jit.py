@@ -20,16 +20,16 @@ FAST = {"contract", "nsz"}
 
 @cache
 def _sources() -> str:
-    """Return a digest of the compiled sources of this folder, which callers elsewhere inline."""
-    files = sorted(Path(__file__).parent.glob("*.py"))
+    """Return a digest of the sources that compiled functions of other files inline."""
+    files = (Path(__file__).with_name(name) for name in ("generic.py", "jit.py"))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 class PatientCache(FunctionCache):
     """The cache of numba, but a file that cannot be read or written leads to compiling, never to an error.
 
-    Cached code holds the code of the functions it calls, so it counts as old when any kernel source changes; numba
-    alone watches only the caller's own file.
+    Cached code holds the code of the functions it calls, so it counts as old when generic.py changes; numba alone
+    watches only the caller's own file.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -66,4 +66,5 @@ def compiled(function: Function) -> Function:
 def inlined(function: Function) -> Function:
     """Return ``function`` for use inside compiled ones: it becomes part of their code and is not cached itself."""
     settings: Any = {"nogil": True, "forceinline": True, "error_model": "numpy", "fastmath": FAST}
-    return numba.njit(**settings)(function)
+    dispatcher: Any = numba.njit(**settings)(function)
+    return dispatcher

@@ -17,10 +17,10 @@ from dynident.arrays import Array
 
 
 class Source(NamedTuple):
-    """Where an input stands: an array of the caller and the index in it."""
+    """Where an input stands: an array of the caller and the entry in it."""
 
     array: str
-    index: int
+    entry: int
 
 
 class Node(NamedTuple):
@@ -49,9 +49,9 @@ class Trace:
         """Return the scalar of an operation, the known one where the operation has been met before."""
         return self._numbered(Node(operation, left, right, value))
 
-    def input(self, array: str, index: int) -> Scalar:
+    def input(self, array: str, entry: int) -> Scalar:
         """Return the scalar that stands for one entry of an array of the caller."""
-        return self._numbered(Node("input", source=Source(array, index)))
+        return self._numbered(Node("input", source=Source(array, entry)))
 
     def program(self, outputs: Mapping[int, Number]) -> Program:
         """Return the program of some outputs, by slot; outputs that are exactly zero are left out."""
@@ -207,12 +207,12 @@ class Program:
         """Return the outputs by slot, computed with NumPy.
 
         Args:
-            inputs: The arrays by name; entry ``index`` is taken along the first axis, the rest are samples.
+            inputs: The arrays by name; an entry is taken along the first axis, the rest are samples.
         """
         values: list[Array] = []
         for node in self.nodes:
             if node.source is not None:
-                values.append(np.asarray(inputs[node.source.array][node.source.index]))
+                values.append(np.asarray(inputs[node.source.array][node.source.entry]))
             elif node.operation == "const":
                 values.append(np.float64(node.value) * np.ones(()))
             else:
@@ -220,19 +220,21 @@ class Program:
         return {slot: values[k] for slot, k in self.outputs.items()}
 
 
-def gradient(trace: Trace, outputs: Mapping[int, Number], weights: str, inputs: Iterable[Scalar]) -> list[Number]:
+def gradient(
+    trace: Trace, outputs: Mapping[int, Number], weights: Mapping[int, Scalar], inputs: Iterable[Scalar]
+) -> list[Number]:
     """Return d(sum of weight times output)/d(input), by reverse accumulation over the trace.
 
     Args:
         trace: The trace that holds the outputs.
-        outputs: Values by slot; the weight of a slot is entry ``slot`` of the array ``weights`` of the caller.
-        weights: Name of the array of weights.
+        outputs: Values by slot.
+        weights: Their weights by slot.
         inputs: The inputs to differentiate by.
     """
     adjoint: dict[int, Number] = {}
     for slot, value in outputs.items():
         if isinstance(value, Scalar):
-            adjoint[value.number] = adjoint.get(value.number, 0.0) + trace.input(weights, slot)
+            adjoint[value.number] = adjoint.get(value.number, 0.0) + weights[slot]
     for k in reversed(trace.needed(list(adjoint))):
         node, above = trace.nodes[k], adjoint.get(k, 0.0)
         for operand, slope in _slopes(trace, node):
@@ -243,16 +245,12 @@ def gradient(trace: Trace, outputs: Mapping[int, Number], weights: str, inputs: 
 def _slopes(trace: Trace, node: Node) -> list[tuple[int, Number]]:
     """Return the derivative of an operation by each of its operands."""
     left, right = node.left, node.right
-    if node.operation == "add":
-        return [(left, 1.0), (right, 1.0)]
-    if node.operation == "sub":
-        return [(left, 1.0), (right, -1.0)]
-    if node.operation == "mul":
-        return [(left, Scalar(trace, right)), (right, Scalar(trace, left))]
-    if node.operation == "neg":
-        return [(left, -1.0)]
-    if node.operation == "sin":
-        return [(left, trace.node("cos", left))]
-    if node.operation == "cos":
-        return [(left, -trace.node("sin", left))]
-    return []
+    rules: dict[str, Callable[[], list[tuple[int, Number]]]] = {
+        "add": lambda: [(left, 1.0), (right, 1.0)],
+        "sub": lambda: [(left, 1.0), (right, -1.0)],
+        "mul": lambda: [(left, Scalar(trace, right)), (right, Scalar(trace, left))],
+        "neg": lambda: [(left, -1.0)],
+        "sin": lambda: [(left, trace.node("cos", left))],
+        "cos": lambda: [(left, -trace.node("sin", left))],
+    }
+    return rules[node.operation]() if node.operation in rules else []

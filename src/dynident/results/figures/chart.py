@@ -51,14 +51,16 @@ class Line(Mark):
     Attributes:
         width: Of the stroke.
         dashed: Whether it is broken.
+        detail: Stretch of the drawing in which only the lowest and the highest point are kept.
     """
 
     width: float = 1.3
     dashed: bool = False
+    detail: float = 0.5
 
     def draw(self, x: Array, y: Array) -> str:
         if len(x) and np.all(np.diff(x) >= 0):
-            rows = svg.kept_rows(x, y)
+            rows = svg.kept_rows(x, y, self.detail)
             x, y = x[rows], y[rows]
         return svg.stroke(svg.track(x, y), self.colour, self.width, self.dashed)
 
@@ -118,7 +120,10 @@ class Plot:
 
     def scale(self, top: float) -> Scale:
         """Return the vertical scale of the plot when its rectangle begins at ``top``."""
-        low, high = finite_range(*(mark.y for mark in self.marks), np.array([level.value for level in self.levels]))
+        levels = [level.value for level in self.levels]
+        low, high = finite_range(*(mark.y for mark in self.marks), np.array(levels))
+        if low in levels and not self.log:  # else the axis would hide the line
+            low -= 0.06 * (high - low)
         return (upright_log if self.log else upright)(low, high, top + self.height, top)
 
 
@@ -130,18 +135,22 @@ class Across:
         heading: What it is, with its unit.
         starts: First row of each stretch; a stretch is a log whose time runs on its own.
         log: Whether it is logarithmic.
+        pad: Share of the range that stays free at both ends of a linear axis in one stretch.
     """
 
     heading: str
     starts: tuple[int, ...] = (0,)
     log: bool = False
+    pad: float = 0.0
 
     def pieces(self, plots: Sequence[Plot], left: float, right: float) -> list[tuple[slice, Scale]]:
         """Return the rows and the scale of each stretch, side by side with a gap, as long as its span of values."""
         marks = [mark for plot in plots for mark in plot.marks]
         if len(self.starts) == 1:
             low, high = finite_range(*(mark.x for mark in marks))
-            return [(slice(0, None), Log(low, high, left, right) if self.log else Linear(low, high, left, right))]
+            free = self.pad * (high - low)
+            scale = Log(low, high, left, right) if self.log else Linear(low - free, high + free, left, right)
+            return [(slice(0, None), scale)]
         rows = [slice(a, b) for a, b in zip(self.starts, [*self.starts[1:], None], strict=True)]
         ends = [finite_range(marks[0].x[part]) for part in rows]
         gap = min(10.0, 0.2 * (right - left) / len(rows))
@@ -167,11 +176,11 @@ def chart(title: str, description: str, across: Across, plots: Sequence[Plot], w
     head, top = heading(title, [mark for plot in plots for mark in plot.marks if mark.label], width)
     tops = []
     for plot in plots:
-        top += _ROW
+        top += _ROW + 5
         tops.append(top)
-        top += plot.height + 6
+        top += plot.height + 12
     scales = [plot.scale(at) for plot, at in zip(plots, tops, strict=True)]
-    left = 8 + max(svg.breadth(tick.text) for scale in scales for tick in scale.ticks(30.0))
+    left = 9 + max(svg.breadth(tick.text) for scale in scales for tick in scale.ticks(30.0))
     pieces = across.pieces(plots, left, width - 12)
     body = [head]
     for plot, scale, at in zip(plots, scales, tops, strict=True):
@@ -205,7 +214,7 @@ def heading(title: str, marks: Sequence[Mark], width: float) -> tuple[str, float
 
 def _grid(plot: Plot, scale: Scale, top: float, pieces: Sequence[tuple[slice, Scale]], left: float) -> str:
     spans = [sorted(_ends(piece)) for _, piece in pieces]
-    body = [svg.words(plot.heading, 0, top - 7)]
+    body = [svg.words(plot.heading, 0, top - 12)]
     for tick in scale.ticks(30.0):
         y = float(scale.at(np.array(tick.value)))
         body += [svg.rule(a, y, b, y, strong=tick.value == 0 and not plot.log) for a, b in spans]
@@ -227,7 +236,7 @@ def _levels(plot: Plot, scale: Scale, left: float, right: float) -> str:
     for level in plot.levels:
         y = float(scale.at(np.array(level.value)))
         body.append(svg.stroke(svg.track(np.array([left, right]), np.array([y, y])), 0, 1.0, dashed=True))
-        body.append(svg.words(level.text, right, y - 5, "ink", "end"))
+        body.append(svg.words(level.text, left + 4, y - 5, "ink", halo=True))
     return "".join(body)
 
 

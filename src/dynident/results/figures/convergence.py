@@ -19,7 +19,7 @@ def convergence_chart(
 ) -> str:
     """Return the best objective so far over iterations, the optimum as a line. Figure 6 of the article.
 
-    The vertical axis is logarithmic where all values are above zero.
+    The vertical axis is logarithmic where the values are above zero and reach over a power of ten.
 
     Args:
         traces: Objective after each iteration, by name of the estimator.
@@ -30,6 +30,7 @@ def convergence_chart(
     lines = [(name, np.arange(1.0, len(trace) + 1), np.asarray(trace, dtype=float)) for name, trace in traces.items()]
     known = [] if optimum is None or not np.isfinite(optimum) else [Level(optimum, f"optimum {format_number(optimum)}")]
     values = np.concatenate([*(y for _, _, y in lines), np.array([level.value for level in known])])
+    finite = values[np.isfinite(values)]
     ends = "; ".join(f"{label(name)} ends at {format_number(float(y[-1]))}" for name, _, y in lines if len(y))
     return line_chart(
         "Convergence",
@@ -38,7 +39,7 @@ def convergence_chart(
         objective,
         f"Objective over iterations: {ends}."
         + (f" The optimum is {format_number(optimum)}." if known and optimum else ""),
-        log=(False, bool(np.all(values[np.isfinite(values)] > 0))),
+        log=(False, bool(len(finite) and finite.min() > 0 and finite.max() >= 10 * finite.min())),
         levels=known,
         width=width,
     )

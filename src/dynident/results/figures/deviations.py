@@ -36,6 +36,9 @@ def deviation_chart(names: Sequence[str], fractions: Array, limits: Sequence[flo
     for tick in scale.ticks(56.0):
         x = float(scale.at(np.array(tick.value)))
         body += [svg.rule(x, top, x, bottom), svg.words(tick.text, x, bottom + 16, anchor="middle")]
+    for limit in limits:
+        x = float(scale.at(np.array(100.0 * limit)))
+        body.append(svg.stroke(svg.track(np.array([x, x]), np.array([top, bottom])), 0, 1.0, dashed=True))
     for k, (name, text, fraction) in enumerate(zip(names, shown, fractions, strict=True)):
         y = top + _STEP * (k + 0.5)
         end = float(np.clip(scale.at(np.array(100.0 * min(fraction, 1e9) if fraction > 0 else low)), left, scale.end))
@@ -43,10 +46,7 @@ def deviation_chart(names: Sequence[str], fractions: Array, limits: Sequence[flo
         body.append(
             svg.filled(f"M{svg.number(left)} {svg.number(y - 5.5)}H{svg.number(end)}v11H{svg.number(left)}z", 1, 0.75)
         )
-        body.append(svg.words(format_percent(float(fraction)), end + 6, y + 4.5, "ink"))
-    for limit in limits:
-        x = float(scale.at(np.array(100.0 * limit)))
-        body.append(svg.stroke(svg.track(np.array([x, x]), np.array([top, bottom])), 0, 1.0, dashed=True))
+        body.append(svg.words(format_percent(float(fraction)), end + 6, y + 4.5, "ink", halo=True))
     body.append(svg.words("std / |value| [%]", width - 12, bottom + 33, anchor="end"))
     worst = "; ".join(f"{label(n)} {format_percent(float(f))}" for n, f in list(zip(names, fractions, strict=True))[:5])
     return svg.drawing(

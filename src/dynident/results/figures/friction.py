@@ -33,7 +33,7 @@ def friction_chart(
     plot = Plot(f"friction [{pretty_unit(unit)}]", marks, 170.0)
     reach = float(np.max(np.abs(curve[1]), initial=0.0))
     said = f"Friction of {label(drive)} over speed: the model reaches {reach:.3g} {pretty_unit(unit)}."
-    return chart(label(drive), said, Across(f"speed [{speed_unit}]"), [plot], width)
+    return chart(label(drive), said, Across(f"speed [{speed_unit}]", pad=0.02), [plot], width)
 
 
 def speed_grid(speed: Array, points: int = 241) -> Array:

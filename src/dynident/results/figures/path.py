@@ -61,14 +61,14 @@ def tool_path(robot: Robot, q: Array, most: int = 1500) -> ToolPath:
     return ToolPath(np.array(points), np.array(bones))
 
 
-def path_chart(title: str, path: ToolPath, width: float = WIDTH, height: float = 400.0) -> str:
+def path_chart(title: str, path: ToolPath, width: float = WIDTH, most: float = 340.0) -> str:
     """Return the path in an axonometric view: floor grid, axes in metres, the robot at the start.
 
     Args:
         title: What it shows.
         path: Points and bones.
         width: Of the figure.
-        height: Of the figure, title included.
+        most: Height of the view at most.
     """
     cloud = np.concatenate([path.points, path.bones.reshape(-1, 3), np.zeros((1, 3))])
     cloud = cloud[np.isfinite(cloud).all(axis=1)]
@@ -76,24 +76,23 @@ def path_chart(title: str, path: ToolPath, width: float = WIDTH, height: float =
     low, high = np.floor(cloud.min(axis=0) / step) * step, np.ceil(cloud.max(axis=0) / step) * step
     high = np.maximum(high, low + step)
     low[2] = min(low[2], 0.0)
-    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-    view = _View.around(corners, width, height)
-    floor = path.points * [1, 1, 0] + [0, 0, low[2]]
+    floor = [[x, y, low[2]] for x in (low[0], high[0]) for y in (low[1], high[1])]
+    view = _View.around(np.concatenate([cloud, floor, [[low[0], low[1], high[2]]]]), width, most)
     body = [
         svg.element("g", svg.words(title, 0, 15, "ink"), font_weight="600"),
         _box(view, low, high, step),
-        svg.stroke(view.line(floor), 0, 1.0, opacity=0.22),
+        svg.stroke(view.line(path.points * [1, 1, 0] + [0, 0, low[2]]), 0, 1.0, opacity=0.22),
         *[svg.stroke(view.line(bone), 0, 7.0, opacity=0.35) for bone in path.bones if np.ptp(bone, axis=0).any()],
         svg.stroke(view.line(path.points), 1, 1.6),
         *[_dot(view, point, 0, 3.5) for point in path.bones[:, 0]],
         _dot(view, path.points[0], 2, 5.0),
     ]
-    spans = [f"{axis} from {format_number(a, 3)} to {format_number(b, 3)} m" for axis, a, b in
-             zip("xyz", path.points.min(axis=0), path.points.max(axis=0), strict=True)]  # fmt: skip
-    said = (
-        f"Path of the tool in the base frame, {', '.join(spans)}; its shadow on the floor and the robot at the start."
+    spans = ", ".join(
+        f"{axis} from {format_number(float(a), 3)} to {format_number(float(b), 3)} m"
+        for axis, a, b in zip("xyz", path.points.min(axis=0), path.points.max(axis=0), strict=True)
     )
-    return svg.drawing(width, height, "".join(body), title, said)
+    said = f"Path of the tool in the base frame, {spans}; its shadow on the floor and the robot at the start."
+    return svg.drawing(width, view.height, "".join(body), title, said)
 
 
 @dataclass(frozen=True)
@@ -102,18 +101,20 @@ class _View:
 
     matrix: Array
     shift: Array
+    height: float
 
     @classmethod
-    def around(cls, corners: Array, width: float, height: float) -> _View:
-        """Return the view that fits the corners (8, 3) of a box into the drawing, with room for labels."""
+    def around(cls, points: Array, width: float, most: float) -> _View:
+        """Return the view that fits points (N, 3) into a width and a height, with room for labels around them."""
         sine, cosine = np.sin(AZIMUTH), np.cos(AZIMUTH)
         right = np.array([-sine, cosine, 0.0])
         up = np.array([-cosine * np.sin(ELEVATION), -sine * np.sin(ELEVATION), np.cos(ELEVATION)])
-        flat = corners @ np.array([right, -up]).T
+        flat = points @ np.array([right, -up]).T
         low, span = flat.min(axis=0), np.ptp(flat, axis=0)
-        room = np.array([width - 110.0, height - 90.0])
+        room = np.array([width - 110.0, most])
         scale = float(np.min(room / span))
-        return cls(scale * np.array([right, -up]), np.array([62.0, 34.0]) + (room - scale * span) / 2 - scale * low)
+        shift = np.array([48.0 + (room[0] - scale * span[0]) / 2, 48.0]) - scale * low
+        return cls(scale * np.array([right, -up]), shift, scale * float(span[1]) + 100.0)
 
     def at(self, points: Array) -> Array:
         """Return the places (N, 2) of points (N, 3)."""
@@ -140,12 +141,12 @@ def _box(view: _View, low: Array, high: Array, step: float) -> str:
     body += [_segment(view, [low[0], t.value, low[2]], [high[0], t.value, low[2]]) for t in ticks[1]]
     body.append(_segment(view, [low[0], low[1], low[2]], [low[0], low[1], high[2]], strong=True))
     body += _labels(view, [([t.value, low[1], low[2]], t.text) for t in ticks[0]], "middle", (0.0, 19.0))
-    body += _labels(view, [([high[0], t.value, low[2]], t.text) for t in ticks[1]], "start", (9.0, 11.0))
+    body += _labels(view, [([high[0], t.value, low[2]], t.text) for t in ticks[1][1:]], "start", (9.0, 11.0))
     body += _labels(view, [([low[0], low[1], t.value], t.text) for t in ticks[2][1:]], "end", (-9.0, 4.5))
     middle = (low + high) / 2
-    body += _labels(view, [([middle[0], low[1], low[2]], "x [m]")], "middle", (-6.0, 38.0))
+    body += _labels(view, [([middle[0], low[1], low[2]], "x [m]")], "middle", (-22.0, 40.0))
     body += _labels(view, [([high[0], middle[1], low[2]], "y [m]")], "start", (34.0, 26.0))
-    body += _labels(view, [([low[0], low[1], high[2]], "z [m]")], "end", (-4.0, -9.0))
+    body += _labels(view, [([low[0], low[1], high[2]], "z [m]")], "end", (-4.0, -14.0))
     return "".join(body)
 
 

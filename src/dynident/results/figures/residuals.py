@@ -29,7 +29,7 @@ def residual_chart(joint: str, unit: str, speed_unit: str, speed: Array, residua
     marks = (Cloud("rows", speed, residual, 1), Line("median", middle, medians, 2, 2.0))
     plot = Plot(f"residual [{pretty_unit(unit)}]", marks, 170.0)
     said = f"Residual of {label(joint)} over its speed, {len(speed)} rows as density, and its median by speed."
-    return chart(label(joint), said, Across(f"speed [{speed_unit}]"), [plot], width)
+    return chart(label(joint), said, Across(f"speed [{speed_unit}]", pad=0.02), [plot], width)
 
 
 def running_median(x: Array, y: Array, bins: int = 31) -> tuple[Array, Array]:

@@ -39,19 +39,21 @@ class Linear(Scale):
         high: Value at ``end``.
         start: Place of the lowest value.
         end: Place of the highest one; below ``start`` for an axis that points up.
+        step: Between two ticks; 0 where the spacing decides.
     """
 
     low: float
     high: float
     start: float
     end: float
+    step: float = 0.0
 
     def at(self, values: Array) -> Array:
         share = (np.asarray(values, dtype=float) - self.low) / (self.high - self.low)
         return self.start + share * (self.end - self.start)
 
     def ticks(self, spacing: float) -> tuple[Tick, ...]:
-        step = round_step((self.high - self.low) / max(abs(self.end - self.start) / spacing, 1.0))
+        step = self.step or round_step((self.high - self.low) / max(abs(self.end - self.start) / spacing, 1.0))
         first, last = np.ceil(self.low / step - 1e-6), np.floor(self.high / step + 1e-6)
         return tuple(Tick(k * step, write_tick(k * step, step)) for k in np.arange(first, last + 1))
 
@@ -113,10 +115,17 @@ def finite_range(*arrays: Array) -> tuple[float, float]:
     return low, high
 
 
-def upright(low: float, high: float, bottom: float, top: float, spacing: float = 30.0) -> Linear:
-    """Return a vertical scale whose ends are ticks, so that the data stay between two labelled lines."""
-    step = round_step((high - low) / max((bottom - top) / spacing, 1.0))
-    return Linear(float(np.floor(low / step + 1e-6) * step), float(np.ceil(high / step - 1e-6) * step), bottom, top)
+def upright(low: float, high: float, bottom: float, top: float) -> Linear:
+    """Return a vertical scale whose ends are ticks, so that the data stay between two labelled lines.
+
+    Of a wide and a narrow step, the one that leaves less of the plot empty.
+    """
+    found = []
+    for spacing in (36.0, 22.0):
+        step = round_step((high - low) / max((bottom - top) / spacing, 1.0))
+        ends = float(np.floor(low / step + 1e-6) * step), float(np.ceil(high / step - 1e-6) * step)
+        found.append(Linear(*ends, bottom, top, step))
+    return min(found, key=lambda scale: (round((scale.high - scale.low) / (high - low), 2), -scale.step))
 
 
 def upright_log(low: float, high: float, bottom: float, top: float) -> Log:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -127,7 +128,7 @@ def trajectory_chart(
             own = [k for k, found in enumerate(kinds) if found == kind]
             if values is None or not own:
                 continue
-            marks = tuple(Line(lines[k].label, shown, values[:, k], lines[k].colour, 1.2, lines[k].dashed) for k in own)
+            marks = tuple(replace(lines[k], y=values[:, k], width=1.2, detail=1.0) for k in own)
             plots.append(Plot(f"{what} [{unit}]", marks, 125.0))
     reach = ", ".join(
         f"{label(name)} from {format_number(float(low), 3)} to {format_number(float(high), 3)}"

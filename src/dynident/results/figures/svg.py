@@ -16,7 +16,7 @@ from dynident.results.text import clean, display_width
 
 #: Height of letters and the width of an average one, in units of the drawing.
 SIZE = 13.0
-LETTER = 0.56 * SIZE
+LETTER = 0.61 * SIZE
 
 #: Ink, then the palette of Okabe and Ito (2008) without its yellow, which white paper hides.
 COLOURS = ("#1b1f24", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
@@ -50,7 +50,9 @@ def element(name: str, content: str = "", **attributes: object) -> str:
     return f"<{opened}>{content}</{name}>" if content else f"<{opened}/>"
 
 
-def words(text: str, x: float, y: float, shade: str = "soft", anchor: str = "start", full: str = "") -> str:
+def words(
+    text: str, x: float, y: float, shade: str = "soft", anchor: str = "start", full: str = "", halo: bool = False
+) -> str:
     """Return a line of text.
 
     Args:
@@ -60,9 +62,13 @@ def words(text: str, x: float, y: float, shade: str = "soft", anchor: str = "sta
         shade: ``ink`` or ``soft``.
         anchor: ``start``, ``middle`` or ``end``.
         full: The whole of a text that was shortened, as a title.
+        halo: Whether paper shows around the letters where they stand on data.
     """
     inside = escape(text) + (element("title", escape(full)) if full else "")
-    return element("text", inside, x=float(x), y=float(y), class_=shade, fill=_INK[shade], text_anchor=anchor)
+    style: dict[str, object] = {"class_": shade, "fill": _INK[shade], "text_anchor": anchor}
+    if halo:
+        style |= {"class_": f"{shade} halo", "stroke": "#ffffff", "stroke_width": 3.5, "paint_order": "stroke"}
+    return element("text", inside, x=float(x), y=float(y), **style)
 
 
 def breadth(text: str) -> float:

@@ -7,7 +7,7 @@ from typing import Any, Final
 import yaml
 
 from dynident.errors import DescriptionError
-from dynident.model.descriptions._fields import Place, shown
+from dynident.model.documents.numbers import Place, shown
 
 MAX_BYTES: Final = 1_000_000
 MAX_NODES: Final = 20_000

@@ -1,0 +1,96 @@
+"""Answers on stdout, progress and remarks on stderr; colours and bars only on a terminal."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dynident.results.text import Table
+
+
+def answer(text: str = "") -> None:
+    """Print an answer."""
+    print(text)
+
+
+def remark(text: str, quiet: bool = False) -> None:
+    """Print a remark that is no answer."""
+    if not quiet:
+        print(text, file=sys.stderr)
+
+
+def answer_json(data: Mapping[str, Any]) -> None:
+    """Print one JSON object."""
+    print(json.dumps(data, indent=1, allow_nan=False))
+
+
+def answer_table(table: Table, title: str = "") -> None:
+    """Print a table: with rules and colour on a terminal, as plain columns in a pipe."""
+    from dynident.results.text import plain
+
+    if not sys.stdout.isatty():
+        if title:
+            print(title)
+        print(plain(table))
+        return
+    from rich.console import Console
+    from rich.table import Table as RichTable
+    from rich.text import Text
+
+    shown = RichTable(title=title or None, title_justify="left", box=None, header_style="bold", pad_edge=False)
+    for column in table.columns:
+        heading = f"{column.heading} [{column.unit}]" if column.unit else column.heading
+        shown.add_column(Text(heading), justify="right" if column.numeric else "left", no_wrap=column.numeric)
+    for row in table.lined_up():
+        shown.add_row(*[Text(cell) for cell in row])
+    Console().print(shown)
+
+
+class Progress:
+    """Tells each step of a long work; a bar with the time left where stderr is a terminal, else one line a step."""
+
+    def __init__(self, total: int, quiet: bool) -> None:
+        self._total, self._quiet, self._done = total, quiet, 0
+        self._bar: Any = None
+        self._task: Any = None
+
+    def start(self) -> None:
+        """Open the bar."""
+        if self._quiet or not sys.stderr.isatty():
+            return
+        from rich.console import Console
+        from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+        from rich.progress import Progress as RichProgress
+
+        columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+        self._bar = RichProgress(*columns, console=Console(stderr=True), transient=True)
+        self._bar.start()
+        self._task = self._bar.add_task("", total=self._total)
+
+    def step(self, text: str) -> None:
+        """Begin a step; the one before is done."""
+        self._done += 1
+        if self._bar is not None:
+            self._bar.update(self._task, description=text, completed=self._done - 1)
+        elif not self._quiet:
+            print(f"  {text}", file=sys.stderr)
+
+    def stop(self) -> None:
+        """Close the bar."""
+        if self._bar is not None:
+            self._bar.stop()
+
+
+@contextmanager
+def progress(total: int, quiet: bool = False) -> Iterator[Progress]:
+    """Show the progress of a work of ``total`` steps."""
+    shown = Progress(total, quiet)
+    shown.start()
+    try:
+        yield shown
+    finally:
+        shown.stop()

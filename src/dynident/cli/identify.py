@@ -1,0 +1,103 @@
+"""Identify the dynamic model of a robot from logs.
+
+CASE is a case file (see 'dynident init') or a robot description: a URDF, a DH table in YAML or a robot that ships.
+Without a case file the model has Coulomb and viscous friction and an offset; columns are t, q1.., tau1.. (or i1.. with
+drive gains) in chain order, in SI units; the filter is a zero-phase Butterworth at 5 Hz on both sides.
+
+  dynident identify panda.urdf run.csv --split first:0.67
+  dynident identify case.yaml -o estimate.json --report report.html
+  dynident identify case.yaml a.csv b.csv --test c.csv --estimator wls --json
+"""
+
+from __future__ import annotations
+
+import argparse
+
+SUMMARY = "from logs to a physically consistent dynamic model"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    from dynident.cli.jobs import add_case_options
+
+    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot description")
+    parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to learn from; default: those of the case file")
+    parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to test on, not used in the fit")
+    method = parser.add_argument_group("estimator")
+    method.add_argument("--estimator", metavar="NAME", help="see 'dynident list estimators'; default: consistent")
+    method.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the estimator")
+    add_case_options(parser)
+    output = parser.add_argument_group("output")
+    output.add_argument("-o", "--output", metavar="FILE", help="write the estimate (JSON) here")
+    output.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
+    output.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    output.add_argument("--quiet", action="store_true", help="no progress and no remarks")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from dynident.cli import console, jobs
+    from dynident.estimation.estimate_file import summary, write_estimate
+    from dynident.estimation.identify import identify, validate
+
+    with console.progress(6, options.quiet or options.json) as progress:
+        progress.step("reading")
+        case = jobs.case_from(options)
+        data = jobs.read_data(case, options.logs, options.test)
+        estimator = jobs.estimator_from(case, options.estimator, options.option)
+        estimate = identify(
+            case.model,
+            data.train,
+            estimator,
+            case.preprocessing,
+            columns=case.columns,
+            provenance=jobs.provenance_of(case),
+            progress=progress.step,
+        )
+        progress.step("validating")
+        test = validate(estimate, data.test) if data.test else None
+        if options.report:
+            from dynident.results.report import write_report
+
+            progress.step("writing the report")
+            write_report(options.report, estimate, () if test is None else (test,), command=jobs.repeat_command())
+    if options.output:
+        write_estimate(estimate, options.output)
+    if options.json:
+        console.answer_json(summary(estimate, test))
+        return 0
+    _show(estimate, test)
+    if options.output:
+        console.remark(f"saved {options.output}; next: dynident validate {options.output} other-run.csv", options.quiet)
+    return 0
+
+
+def _show(estimate, test) -> None:
+    from dynident.cli import console
+    from dynident.results.text import fits_table, format_number, format_percent, parameters_table, statement
+
+    model = estimate.model
+    console.answer(
+        f"{model.robot.name}: {model.robot.dof} joints, {estimate.base.count} base parameters "
+        f"({estimate.inertial_base_parameters} inertial), {estimate.samples} samples, "
+        f"condition number {format_number(estimate.condition_number, 3)} (weighted, unit columns)"
+    )
+    console.answer(f"estimator {estimate.estimator}; filter {statement(estimate.train.filter)}\n")
+    console.answer_table(parameters_table(estimate))
+    for title, validation in (("fit on the training data", estimate.train), ("on test data not used in the fit", test)):
+        if validation is not None:
+            total = format_percent(validation.total_relative_error)
+            console.answer()
+            console.answer_table(fits_table(validation), f"{title}: total relative error {total}")
+    console.answer()
+    console.answer(consistency_line(estimate))
+
+
+def consistency_line(estimate) -> str:
+    """Return in one line whether a possible robot stands behind the estimate."""
+    from dynident.estimation.consistency import describe_reasons
+
+    verdict = estimate.consistency
+    if verdict.consistent:
+        return f"physically consistent: yes (smallest eigenvalue of M(q) {verdict.smallest_inertia:.3g})"
+    return f"physically consistent: NO: {describe_reasons(verdict.reasons)}"

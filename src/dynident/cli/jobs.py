@@ -1,0 +1,123 @@
+"""What several commands share: a case from the command line's options, logs read and split, parts from text."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dynident.estimation.estimators import Estimator
+    from dynident.experiment.case import Case
+    from dynident.experiment.log import Log
+
+
+def add_case_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that change a case: model, filter, split."""
+    model = parser.add_argument_group("model (a case file states these for good)")
+    model.add_argument(
+        "--friction",
+        nargs="+",
+        metavar="NAME",
+        help="friction parts, such as: coulomb viscous offset rotor_inertia; see 'dynident list friction'",
+    )
+    data = parser.add_argument_group("data")
+    data.add_argument(
+        "--split", metavar="HOW", help="first:0.67, or rows:0:24750,29250:45000: train on one, test on the other"
+    )
+    data.add_argument(
+        "--cutoff", type=float, metavar="HZ", help="cut-off of the zero-phase Butterworth filter on both sides"
+    )
+    data.add_argument("--rate", metavar="HZ", help="rows a second that are used, or 'all'")
+
+
+def case_from(options: argparse.Namespace) -> Case:
+    """Return the case named on the command line with its options applied.
+
+    Raises:
+        DynidentError: Any fault of the case or of an option.
+    """
+    from dynident.errors import BadOption
+    from dynident.experiment.case import Split, read_case
+    from dynident.experiment.preprocessing import FILTERS
+    from dynident.model.friction import FRICTION
+
+    case = read_case(options.case)
+    if options.friction:
+        case = replace(case, friction=tuple(FRICTION.make(name) for name in options.friction))
+    if options.split:
+        case = replace(case, split=Split.parse(options.split))
+    how = case.preprocessing
+    if options.cutoff is not None:
+        how = replace(how, filter=FILTERS.make("butterworth", cutoff_hz=options.cutoff))
+    if options.rate is not None:
+        try:
+            how = replace(how, rate_hz=None if options.rate == "all" else float(options.rate))
+        except ValueError:
+            raise BadOption("rate", options.rate, "give rows a second, or 'all'") from None
+    return replace(case, preprocessing=how)
+
+
+@dataclass(frozen=True)
+class Data:
+    """Logs to learn from and logs to test on."""
+
+    train: tuple[Log, ...]
+    test: tuple[Log, ...]
+
+
+def read_data(case: Case, logs: Sequence[str], tests: Sequence[str]) -> Data:
+    """Read the logs of the command line, or those that the case names, and split them where that is asked.
+
+    Raises:
+        DynidentError: No log named, or any fault of a log.
+    """
+    from dynident.errors import BadOption
+
+    names = tuple(logs) or case.train
+    if not names:
+        raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
+    train = [case.read(name) for name in names]
+    given = tuple(tests) or (() if logs else case.test)
+    if given or case.split is None:
+        return Data(tuple(train), tuple(case.read(name) for name in given))
+    parts = [case.split.apply(log) for log in train]
+    return Data(tuple(a for a, _ in parts), tuple(b for _, b in parts))
+
+
+def estimator_from(case: Case, name: str | None, options: Sequence[str]) -> Estimator:
+    """Return the estimator of the case, or the named one, with ``key=value`` options.
+
+    Raises:
+        UnknownChoice: No such estimator.
+        BadOption: No such option, or not of the form key=value.
+    """
+    from dynident.errors import BadOption
+    from dynident.estimation.estimators import ESTIMATORS
+
+    chosen = case.estimator
+    texts: dict[str, str | None] = dict(chosen.options) if name in (None, chosen.name) else {}
+    for item in options:
+        key, equals, value = item.partition("=")
+        if not equals:
+            raise BadOption("--option", item, "write key=value, such as --option iterations=500")
+        texts[key] = value
+    return ESTIMATORS.make_from_text(name or chosen.name, texts)
+
+
+def repeat_command() -> str:
+    """Return the command line as it was typed, to be repeated."""
+    return shlex.join(["dynident", *sys.argv[1:]])
+
+
+def provenance_of(case: Case) -> dict[str, Any]:
+    """Return the facts of this run that go with an estimate."""
+    from dynident.files import sha256_of
+
+    facts: dict[str, Any] = {"command": repeat_command()}
+    if case.path:
+        facts["case"] = {"path": case.path, "sha256": sha256_of(case.path)}
+    return facts

@@ -1,0 +1,76 @@
+"""List the parts of a family with their options: estimators, friction models, filters, log formats, robots.
+
+dynident list
+dynident list estimators
+dynident list friction --json
+"""
+
+from __future__ import annotations
+
+import argparse
+
+SUMMARY = "the parts to choose from, with their options"
+
+FAMILIES = ("estimators", "friction", "filters", "formats", "trajectories", "robots")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("family", nargs="?", choices=FAMILIES, metavar="FAMILY", help=", ".join(FAMILIES))
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from dynident.cli import console
+
+    chosen = [options.family] if options.family else list(FAMILIES)
+    data = {name: _parts(name) for name in chosen}
+    if options.json:
+        console.answer_json(data)
+        return 0
+    for name, parts in data.items():
+        console.answer(f"{name}")
+        for part in parts:
+            console.answer(f"  {part['name']:<16} {part['summary']}")
+            for option in part["options"] if options.family else []:
+                console.answer(
+                    f"      {option['name']} ({option['kind']}, default {option['default']}): {option['help']}"
+                )
+        console.answer()
+    if not options.family:
+        console.answer("'dynident list FAMILY' shows the options of each part")
+    return 0
+
+
+def _parts(name: str) -> list[dict]:
+    from dynident.estimation.estimators import ESTIMATORS
+    from dynident.experiment.formats import FORMATS
+    from dynident.experiment.preprocessing import FILTERS
+    from dynident.experiment.trajectories import TRAJECTORIES
+    from dynident.model.descriptions import read_robot
+    from dynident.model.descriptions.base import shipped_robots
+    from dynident.model.friction import FRICTION
+
+    if name == "robots":
+        robots = [read_robot(robot) for robot in shipped_robots()]
+        names = zip(shipped_robots(), robots, strict=True)
+        return [{"name": file, "summary": f"{robot.name}: {robot.dof} joints", "options": []} for file, robot in names]
+    families = {
+        "estimators": ESTIMATORS,
+        "friction": FRICTION,
+        "filters": FILTERS,
+        "formats": FORMATS,
+        "trajectories": TRAJECTORIES,
+    }
+    family = families[name]
+    return [
+        {
+            "name": part,
+            "summary": family.summary(part),
+            "options": [
+                {"name": o.name, "kind": o.kind, "default": o.default, "help": o.help} for o in family.options(part)
+            ],
+        }
+        for part in family.names()
+    ]

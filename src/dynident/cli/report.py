@@ -1,0 +1,35 @@
+"""Write the report of an estimate: one HTML file that opens offline.
+
+dynident report estimate.json -o report.html
+dynident report estimate.json --test other-run.csv -o report.html
+"""
+
+from __future__ import annotations
+
+import argparse
+
+SUMMARY = "one self-contained HTML file from an estimate"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
+    parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to validate on")
+    parser.add_argument("-o", "--output", metavar="FILE", default="report.html", help="default: report.html")
+    parser.add_argument("--quiet", action="store_true", help="no remarks")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from dynident.cli import console, jobs
+    from dynident.estimation.estimate_file import read_estimate
+    from dynident.estimation.identify import validate
+    from dynident.experiment.case import read_with
+    from dynident.results.report import write_report
+
+    estimate = read_estimate(options.estimate)
+    logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.test]
+    tests = (validate(estimate, logs),) if logs else ()
+    write_report(options.output, estimate, tests, command=jobs.repeat_command())
+    console.remark(f"wrote {options.output}", options.quiet)
+    return 0

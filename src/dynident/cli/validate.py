@@ -1,0 +1,57 @@
+"""Compare an estimate with logs that it has not seen, prepared like those of the fit.
+
+dynident validate estimate.json other-run.csv
+dynident validate estimate.json other-run.csv --json --report report.html
+"""
+
+from __future__ import annotations
+
+import argparse
+
+SUMMARY = "compare an estimate with logs that it has not seen"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs to compare with")
+    parser.add_argument("--split", metavar="HOW", help="use only the test part of each log: first:0.67 or rows:...")
+    parser.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    parser.add_argument("--quiet", action="store_true", help="no progress and no remarks")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from dynident.cli import console, jobs
+    from dynident.cli.identify import consistency_line
+    from dynident.estimation.estimate_file import read_estimate, summary
+    from dynident.estimation.identify import validate
+    from dynident.experiment.case import Split, read_with
+    from dynident.results.text import fits_table, format_percent, statement
+
+    with console.progress(3, options.quiet or options.json) as progress:
+        progress.step("reading")
+        estimate = read_estimate(options.estimate)
+        logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
+        if options.split:
+            split = Split.parse(options.split)
+            logs = [split.apply(log)[1] for log in logs]
+        progress.step("validating")
+        test = validate(estimate, logs)
+        if options.report:
+            from dynident.results.report import write_report
+
+            progress.step("writing the report")
+            write_report(options.report, estimate, (test,), command=jobs.repeat_command())
+    if options.json:
+        console.answer_json(summary(estimate, test))
+        return 0
+    console.answer(f"{estimate.model.robot.name}: estimator {estimate.estimator}, {test.samples} samples")
+    console.answer(f"filter {statement(test.filter)}\n")
+    console.answer_table(fits_table(test), f"total relative error {format_percent(test.total_relative_error)}")
+    console.answer()
+    console.answer_table(fits_table(test, moving=True), "moving rows only")
+    console.answer()
+    console.answer(consistency_line(estimate))
+    return 0

@@ -1,0 +1,214 @@
+"""The estimate file: versioned JSON with everything that validation, reports and exports need; no pickle."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import DynidentError, EstimateFormatError
+from dynident.estimation.estimate import Consistency, Estimate
+from dynident.estimation.validation import Fit, Validation
+from dynident.experiment.formats import ColumnMap, Units
+from dynident.experiment.preprocessing import FILTERS, Preprocessing
+from dynident.files import unreadable, write_atomically
+from dynident.model.base_parameters import base_parameters
+from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
+
+KIND, FORMAT = "dynident estimate", 1
+
+_SIGNALS = ("time", "q", "dq", "measured", "unfiltered", "predicted")
+
+#: Rows of the training signals that the file keeps for the report; figures are over all rows.
+KEPT_ROWS = 2000
+
+
+def summary(estimate: Estimate, test: Validation | None = None) -> dict[str, Any]:
+    """Return what ``--json`` prints: documented plain data, relative figures as fractions."""
+    return {
+        "robot": estimate.model.robot.name,
+        "estimator": estimate.estimator,
+        "options": plain(estimate.options),
+        "samples": estimate.samples,
+        "condition_number": finite(estimate.condition_number),
+        "inertial_base_parameters": estimate.inertial_base_parameters,
+        "base_parameters": estimate.base.count,
+        "parameters": estimate.parameters(),
+        "standard_parameters": None if estimate.theta is None else _standard(estimate, estimate.theta),
+        "physically_consistent": estimate.consistency.consistent,
+        "inconsistencies": list(estimate.consistency.reasons),
+        "smallest_inertia_eigenvalue": finite(estimate.consistency.smallest_inertia),
+        "joint_deviations": estimate.joint_deviations.tolist(),
+        "correlation_factors": estimate.correlation_factors.tolist(),
+        "train": estimate.train.figures(),
+        "test": None if test is None else test.figures(),
+        "filter": plain(estimate.train.filter),
+        "extras": plain(estimate.extras),
+    }
+
+
+def _standard(estimate: Estimate, theta: Array) -> list[dict[str, Any]]:
+    return [
+        {"name": parameter.name, "value": float(value), "unit": parameter.unit, "verdict": verdict}
+        for parameter, value, verdict in zip(estimate.model.parameters, theta, estimate.base.verdicts, strict=True)
+    ]
+
+
+def write_estimate(estimate: Estimate, path: str | Path) -> None:
+    """Write an estimate as JSON; the old file or the new one is there, never half of one.
+
+    Raises:
+        FileError: The file cannot be written.
+    """
+    train = estimate.train
+    rows = np.linspace(0, train.samples - 1, min(KEPT_ROWS, train.samples)).round().astype(int)
+    data = {
+        "kind": KIND,
+        "format": FORMAT,
+        "summary": summary(estimate),
+        "robot": robot_to_dict(estimate.model.robot),
+        "friction": [{FRICTION.name_of(part): plain(_options(part))} for part in estimate.model.friction],
+        "preprocessing": _preprocessing(estimate.preprocessing),
+        "columns": plain(asdict(estimate.columns)),
+        "beta": estimate.beta.tolist(),
+        "covariance": estimate.covariance.tolist(),
+        "theta": None if estimate.theta is None else estimate.theta.tolist(),
+        "train": {
+            "filter": plain(train.filter),
+            "standstill": train.standstill,
+            "logs": list(train.logs),
+            "samples": train.samples,
+            "joints": [asdict(fit) for fit in train.joints],
+            "moving": [asdict(fit) for fit in train.moving],
+            "total_relative_error": train.total_relative_error,
+            "starts": np.searchsorted(rows, train.starts).tolist(),
+            "signals": {name: _rounded(np.asarray(getattr(train, name))[rows]) for name in _SIGNALS},
+        },
+        "provenance": plain(estimate.provenance),
+    }
+    write_atomically(path, json.dumps(data) + "\n")
+
+
+def read_estimate(path: str | Path) -> Estimate:
+    """Read an estimate file.
+
+    Raises:
+        FileError: The file cannot be read.
+        EstimateFormatError: It is no estimate, damaged, or of another format.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise EstimateFormatError(path, "not UTF-8 text", "give a file that identify has written") from error
+    except OSError as error:
+        raise unreadable(path, error) from error
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        step = "give a file that 'dynident identify -o' has written"
+        raise EstimateFormatError(path, f"line {error.lineno} is not JSON ({error.msg})", step) from error
+    if not isinstance(data, dict) or data.get("kind") != KIND:
+        raise EstimateFormatError(path, "no estimate", "give a file that 'dynident identify -o' has written")
+    if data.get("format") != FORMAT:
+        step = f"this version reads format {FORMAT}; identify again"
+        raise EstimateFormatError(path, f"format {data.get('format')}", step)
+    try:
+        return _estimate(data, path)
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+        raise EstimateFormatError(path, f"damaged ({type(error).__name__}: {error})", "identify again") from error
+    except DynidentError as error:
+        raise EstimateFormatError(path, str(error), "identify again") from error
+
+
+def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
+    friction = tuple(FRICTION.make(name, **options) for item in data["friction"] for name, options in item.items())
+    model = DynamicModel(robot_from_dict(data["robot"], path), friction)
+    base = base_parameters(model)
+    facts, train = data["summary"], data["train"]
+    beta = np.array(data["beta"], dtype=float)
+    if beta.shape != (base.count,):
+        raise ValueError(f"{len(beta)} base parameters, the model has {base.count}")
+    how = data["preprocessing"]
+    ((kind, options),) = how["filter"].items()
+    columns = {name: _tuples(value) for name, value in data["columns"].items()}
+    units: Any = {name: _tuples(value) for name, value in data["columns"]["units"].items()}
+    columns["units"] = Units(**units)
+    return Estimate(
+        model=model,
+        base=base,
+        beta=beta,
+        covariance=np.array(data["covariance"], dtype=float).reshape(base.count, base.count),
+        theta=None if data["theta"] is None else np.array(data["theta"], dtype=float),
+        joint_deviations=np.array(facts["joint_deviations"], dtype=float),
+        correlation_factors=np.array(facts["correlation_factors"], dtype=float),
+        condition_number=float("inf") if facts["condition_number"] is None else facts["condition_number"],
+        samples=facts["samples"],
+        inertial_base_parameters=facts["inertial_base_parameters"],
+        estimator=facts["estimator"],
+        options=facts["options"],
+        consistency=Consistency(
+            facts["physically_consistent"], tuple(facts["inconsistencies"]), facts["smallest_inertia_eigenvalue"]
+        ),
+        train=Validation(
+            joints=tuple(Fit(**fit) for fit in train["joints"]),
+            moving=tuple(Fit(**fit) for fit in train["moving"]),
+            total_relative_error=train["total_relative_error"],
+            samples=train["samples"],
+            standstill=train["standstill"],
+            filter=train["filter"],
+            logs=tuple(train["logs"]),
+            starts=tuple(train["starts"]),
+            **{name: np.array(train["signals"][name], dtype=float) for name in _SIGNALS},
+        ),
+        preprocessing=Preprocessing(
+            filter=FILTERS.make(kind, **options), **{k: v for k, v in how.items() if k != "filter"}
+        ),
+        columns=ColumnMap(**columns),
+        extras=facts["extras"],
+        provenance=data["provenance"],
+    )
+
+
+def _preprocessing(how: Preprocessing) -> dict[str, Any]:
+    rest = {f.name: getattr(how, f.name) for f in fields(how) if f.name != "filter"}
+    return {"filter": {FILTERS.name_of(how.filter): plain(_options(how.filter))}, **rest}
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+def _rounded(values: Array) -> Any:
+    """Return signals as lists of seven significant digits, enough to draw."""
+    return [float(f"{x:.7g}") for x in values] if values.ndim == 1 else [_rounded(row) for row in values]
+
+
+def _options(part: Any) -> dict[str, Any]:
+    return {f.name: getattr(part, f.name) for f in fields(part)}
+
+
+def finite(value: float) -> float | None:
+    """Return the number, or None where it is not finite and JSON has no word for it."""
+    return float(value) if np.isfinite(value) else None
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON can hold it: arrays as lists, numbers that are not finite as null."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return plain(value.item())
+    if isinstance(value, float):
+        return finite(value)
+    return value

@@ -1,0 +1,368 @@
+"""The case file: the one place where a user describes their robot, their log and how the two are used.
+
+Format 1, YAML. Keys: case (the format), robot, gravity, locked, joints, coupling, drives, friction, log (columns,
+units, decimal), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, train, test, split, note. Unknown
+keys are errors that name the nearest known one. docs/case-file.md describes each.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from dynident.errors import BadOption, DescriptionError, DynidentError, LogMismatch
+from dynident.experiment.formats import FORMATS, ColumnMap, Units, read_log
+from dynident.experiment.log import Log, torque_from_current
+from dynident.experiment.preprocessing import FILTERS, Preprocessing
+from dynident.experiment.preprocessing.base import Filter
+from dynident.model.descriptions import read_robot
+from dynident.model.documents.numbers import Place
+from dynident.model.documents.sections import Section
+from dynident.model.documents.strict_yaml import load_yaml
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION, Friction
+from dynident.model.robot import Drive, Robot
+from dynident.plugins import Family
+
+FORMAT = 1
+
+#: The folder under which logs and robots are looked for when they are neither beside the case file nor where it says.
+DATA_VARIABLE = "DYNIDENT_DATA"
+
+DEFAULT_FRICTION = ("coulomb", "viscous", "offset")
+
+_KEYS = ("case", "robot", "gravity", "locked", "joints", "coupling", "drives", "friction", "log", "preprocessing")
+_KEYS += ("estimator", "train", "test", "split", "note")
+_LOG_KEYS = ("columns", "units", "decimal")
+_COLUMN_KEYS = ("time", "q", "dq", "ddq", "torque", "current", "temperature")
+_UNIT_KEYS = ("time", "position", "velocity", "acceleration", "torque", "current")
+_PREPROCESSING_KEYS = ("filter", "rate_hz", "trim_s", "standstill", "rest")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A part by name with its options as text."""
+
+    name: str
+    options: Mapping[str, str | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Split:
+    """How one log becomes a training and a test part.
+
+    Attributes:
+        first: Share of the duration that trains; None where rows are stated.
+        train: Rows start:stop that train.
+        test: Rows start:stop that test.
+    """
+
+    first: float | None = None
+    train: tuple[int, int] = (0, 0)
+    test: tuple[int, int] = (0, 0)
+
+    @classmethod
+    def parse(cls, text: str) -> Split:
+        """Read ``first:0.67`` or ``rows:0:24750,29250:45000``.
+
+        Raises:
+            BadOption: Neither of the two.
+        """
+        kind, _, rest = text.strip().partition(":")
+        try:
+            if kind == "first" and 0 < float(rest) < 1:
+                return cls(first=float(rest))
+            if kind == "rows":
+                (a, b), (c, d) = (tuple(int(n) for n in part.split(":")) for part in rest.split(","))
+                if 0 <= a < b and 0 <= c < d:
+                    return cls(train=(a, b), test=(c, d))
+        except ValueError:
+            pass
+        step = "write first:0.67 (share of the duration) or rows:0:24750,29250:45000 (rows that train, rows that test)"
+        raise BadOption("split", text, step)
+
+    def apply(self, log: Log) -> tuple[Log, Log]:
+        """Return the training and the test part of a log.
+
+        Raises:
+            LogMismatch: The log has fewer rows than the split names.
+        """
+        if self.first is not None:
+            return log.split(self.first)
+        last = max(self.train[1], self.test[1])
+        if last > log.samples:
+            raise LogMismatch(log.name, f"{log.samples} rows, the split wants {last}", "state rows that are there")
+        parts = [log.rows(slice(a, b), f"rows {a} to {b} of {log.samples}") for a, b in (self.train, self.test)]
+        return parts[0], parts[1]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot, how its logs are read and prepared, and what is asked.
+
+    Attributes:
+        robot: With locked joints, gravity, drives and coupling applied.
+        friction: Friction parts.
+        columns: How columns become signals.
+        decimal: Decimal mark of the log files.
+        preprocessing: How logs become rows.
+        estimator: Name and options.
+        train: Logs to learn from, as written.
+        test: Logs to test on, as written.
+        split: How a single log is split; None where it is not.
+        path: The case file; empty for a case made from a robot alone.
+    """
+
+    robot: Robot
+    friction: tuple[Friction, ...]
+    columns: ColumnMap
+    preprocessing: Preprocessing
+    decimal: str = "."
+    estimator: Choice = field(default_factory=lambda: Choice("consistent"))
+    train: tuple[str, ...] = ()
+    test: tuple[str, ...] = ()
+    split: Split | None = None
+    path: str = ""
+
+    @property
+    def model(self) -> DynamicModel:
+        """The dynamic model of the case."""
+        return DynamicModel(self.robot, self.friction)
+
+    def find(self, name: str) -> Path:
+        """Return a file named in the case: as it is, beside the case file, or under the folder DYNIDENT_DATA."""
+        return _find(name, self.path)
+
+    def read(self, name: str | Path) -> Log:
+        """Return a log with torques, from its currents where it has no torques."""
+        return read_with(self.find(str(name)), self.columns, self.robot, self.decimal)
+
+
+def read_with(path: str | Path, columns: ColumnMap, robot: Robot, decimal: str = ".") -> Log:
+    """Return a log with the joints of a robot and with torques, currents times drive gains where it has none.
+
+    Raises:
+        LogFormatError: The file is no sound log.
+        LogMismatch: A joint is missing, or currents have no gain.
+    """
+    form = None if decimal == "." else FORMATS.make("csv", decimal=decimal)
+    log = read_log(path, columns, form=form).ordered(robot.joint_names)
+    if log.torque is not None or log.current is None:
+        return log
+    gains = {joint.name: joint.drive.gain for joint in robot.active if joint.drive.gain is not None}
+    return torque_from_current(log, gains)
+
+
+def default_preprocessing() -> Preprocessing:
+    """Return the stated default: zero-phase Butterworth at 5 Hz, order 4, on both sides; rows at rest left out."""
+    return Preprocessing(FILTERS.make("butterworth", cutoff_hz=5.0), rate_hz=200.0, trim_s=0.5, standstill=0.02)
+
+
+def case_of_robot(path: str) -> Case:
+    """Return the case that stands for a robot description alone: its joints, default friction and filter."""
+    robot = read_robot(path)
+    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
+
+
+def read_case(path: str | Path) -> Case:
+    """Read a case file, or a robot description as a case with all defaults.
+
+    Raises:
+        FileError: No such file.
+        DescriptionError: A fault in the case file or the robot description, with the key.
+        UnknownChoice: A part that does not exist.
+        BadOption: An option of a part with a value it cannot take.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in (".yaml", ".yml") or not file.is_file():
+        return case_of_robot(str(path))
+    data = file.read_bytes()
+    value, lines = load_yaml(path, data)
+    if isinstance(value, dict) and "case" not in value and "convention" in value:
+        return case_of_robot(str(path))  # a DH table
+    top = Section.top(path, value, _KEYS, lines)
+    version = top.text("case")
+    if version != str(FORMAT):
+        raise top.place("case").error(f"format {version}", f"this version reads format {FORMAT}")
+    full = read_robot(_find(top.text("robot"), str(path)))
+    robot = _robot(top, full)
+    return Case(
+        robot=robot,
+        friction=tuple(_parts(top, "friction", FRICTION, DEFAULT_FRICTION)),
+        columns=_columns(top, full),
+        preprocessing=_preprocessing(top),
+        decimal=top.section("log", _LOG_KEYS).choice("decimal", (".", ","), ".") if top.has("log") else ".",
+        estimator=_choice(top, "estimator", "consistent"),
+        train=_texts(top, "train"),
+        test=_texts(top, "test"),
+        split=_guard(top.place("split"), lambda: Split.parse(top.text("split"))) if top.has("split") else None,
+        path=str(path),
+    )
+
+
+def _find(name: str, case: str) -> Path:
+    """Return where a file named in a case file is; the name itself where it is nowhere, for the reader to refuse."""
+    written = Path(name).expanduser()
+    if written.is_absolute():
+        return written
+    roots = [Path(case).parent] if case else []
+    roots += [Path()] + ([Path(os.environ[DATA_VARIABLE])] if os.environ.get(DATA_VARIABLE) else [])
+    return next((root / written for root in roots if (root / written).exists()), written)
+
+
+def _robot(top: Section, robot: Robot) -> Robot:
+    """Apply gravity, drives, coupling and locked joints, in this order."""
+    if top.has("gravity"):
+        robot = robot.with_gravity(top.numbers("gravity", 3))
+    names = robot.joint_names
+    drives: dict[str, Drive] = {}
+    if top.has("drives"):
+        section = top.section("drives", names)
+        for name, joint in zip(names, robot.active, strict=True):
+            if section.has(name):
+                own = section.section(name, ("gear_ratio", "rotor_inertia", "gain"))
+                drives[name] = _guard(section.place(name), lambda own=own, joint=joint: _drive(own, joint.drive))
+    coupling = top.matrix("coupling", len(names), len(names)) if top.has("coupling") else None
+    robot = _guard(top.place("coupling"), lambda: robot.with_drives(drives, coupling))
+    if not top.has("locked"):
+        return robot
+    section = top.section("locked", names)
+    positions = {name: section.number(name) for name in names if section.has(name)}
+    return _guard(top.place("locked"), lambda: robot.locked(positions))
+
+
+def _drive(section: Section, stated: Drive) -> Drive:
+    return replace(
+        stated,
+        gear_ratio=section.number("gear_ratio", stated.gear_ratio),
+        rotor_inertia=section.number("rotor_inertia", stated.rotor_inertia),
+        gain=section.number("gain") if section.has("gain") else stated.gain,
+    )
+
+
+def _columns(top: Section, robot: Robot) -> ColumnMap:
+    joints = _texts(top, "joints") or robot.joint_names
+    unknown = [name for name in joints if name not in robot.joint_names]
+    if unknown:
+        step = f"the robot has {', '.join(robot.joint_names)}"
+        raise top.place("joints").error(f"no joint called '{unknown[0]}'", step)
+    if not top.has("log"):
+        return ColumnMap(joints=joints)
+    log = top.section("log", _LOG_KEYS)
+    named: dict[str, Any] = {}
+    if log.has("columns"):
+        columns = log.section("columns", _COLUMN_KEYS)
+        for key in _COLUMN_KEYS:
+            if columns.has(key):
+                named[key] = columns.text("time") if key == "time" else _column_names(columns, key, len(joints))
+    words: dict[str, Any] = {}
+    if log.has("units"):
+        units = log.section("units", _UNIT_KEYS)
+        words = {key: _one_or_many(units, key) for key in _UNIT_KEYS if units.has(key)}
+    return _guard(log.place(), lambda: ColumnMap(joints=joints, units=Units(**words), **named))
+
+
+def _column_names(section: Section, key: str, joints: int) -> tuple[str, ...]:
+    """Return the columns of a signal: a list, or one text with {} for the number of the joint, counted from 1."""
+    value = _one_or_many(section, key)
+    if not isinstance(value, str):
+        return value
+    if value == "none":
+        return ()
+    if "{}" not in value:
+        raise section.place(key).error(f"one name '{value}' for {joints} joints", "write a list, or a pattern as q{}")
+    return tuple(value.replace("{}", str(k)) for k in range(1, joints + 1))
+
+
+def _preprocessing(top: Section) -> Preprocessing:
+    stated = default_preprocessing()
+    if not top.has("preprocessing"):
+        return stated
+    section = top.section("preprocessing", _PREPROCESSING_KEYS)
+    how = Preprocessing(
+        filter=_part(section, "filter", FILTERS) if section.has("filter") else stated.filter,
+        rate_hz=stated.rate_hz,
+    )
+    rate = section.value("rate_hz") if section.has("rate_hz") else stated.rate_hz
+    return _guard(
+        section.place(),
+        lambda: replace(
+            how,
+            rate_hz=None if rate in (None, "all") else section.number("rate_hz", stated.rate_hz),
+            trim_s=section.number("trim_s", stated.trim_s),
+            standstill=section.number("standstill", stated.standstill),
+            rest=section.choice("rest", ("mask", "keep"), stated.rest),
+        ),
+    )
+
+
+def _parts(top: Section, key: str, family: Family[Any], default: Sequence[str]) -> list[Any]:
+    if not top.has(key):
+        return [family.make(name) for name in default]
+    value = top.value(key)
+    if not isinstance(value, list):
+        raise top.place(key).error("not a list", f"write a list such as [{', '.join(default)}]")
+    return [_made(top.place(f"{key}.{i}"), item, family) for i, item in enumerate(value, start=1)]
+
+
+def _part(section: Section, key: str, family: Family[Filter]) -> Any:
+    return _made(section.place(key), section.value(key), family)
+
+
+def _made(place: Place, value: object, family: Family[Any]) -> Any:
+    choice = _choice_of(place, value)
+    return _guard(place, lambda: family.make_from_text(choice.name, choice.options))
+
+
+def _choice(top: Section, key: str, default: str) -> Choice:
+    return _choice_of(top.place(key), top.value(key)) if top.has(key) else Choice(default)
+
+
+def _choice_of(place: Place, value: object) -> Choice:
+    """Return a part written as ``name`` or as ``name: {option: value}``."""
+    if isinstance(value, str):
+        return Choice(value)
+    if isinstance(value, dict) and len(value) == 1:
+        ((name, options),) = value.items()
+        if options is None or (isinstance(options, dict) and all(_is_plain(v) for v in options.values())):
+            texts = {k: _text_of(v) for k, v in (options or {}).items()}
+            return Choice(str(name), texts)
+    raise place.error("neither a name nor one name with its options", "write name, or name: {option: value}")
+
+
+def _is_plain(value: object) -> bool:
+    return value is None or isinstance(value, str) or (isinstance(value, list) and all(map(_is_plain, value)))
+
+
+def _text_of(value: object) -> str | None:
+    return ",".join(str(item) for item in value) if isinstance(value, list) else None if value is None else str(value)
+
+
+def _texts(section: Section, key: str) -> tuple[str, ...]:
+    if not section.has(key):
+        return ()
+    value = _one_or_many(section, key)
+    return (value,) if isinstance(value, str) else value
+
+
+def _one_or_many(section: Section, key: str) -> str | tuple[str, ...]:
+    value = section.value(key)
+    if isinstance(value, str):
+        return value
+    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
+        return tuple(value)
+    raise section.place(key).error("neither a text nor a list of texts", "write one, or a list [a, b]")
+
+
+def _guard(place: Place, make: Any) -> Any:
+    """Return ``make()``; an error about a value then also names the place in the case file."""
+    try:
+        return make()
+    except DescriptionError:
+        raise
+    except (DynidentError, ValueError) as error:
+        raise DescriptionError(place.path, place.where, str(error), "see docs/case-file.md") from error

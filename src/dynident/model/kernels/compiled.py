@@ -1,0 +1,111 @@
+"""Programs made into machine code, in memory, when they are first wanted.
+
+A robot with six joints takes some hundredths of a second, less than to load compiled code from a disk: nothing is
+stored, so there is no cache to age, to protect or to share between processes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.model.kernels.emit import Access, Layout, llvm_assembly
+from dynident.model.kernels.trace import Program
+
+#: Kernels kept ready; the one used longest ago goes first.
+KEPT = 64
+
+_ready: OrderedDict[Hashable, Kernel | None] = OrderedDict()
+_lock = threading.Lock()
+
+
+class Kernel:
+    """Machine code of one program on this processor."""
+
+    def __init__(self, program: Program, layout: Layout) -> None:
+        self.program, self.layout, self.lanes = program, layout, lanes()
+        module = llvm.parse_assembly(llvm_assembly(program, layout, self.lanes))
+        module.verify()
+        self._engine = llvm.create_mcjit_compiler(module, _machine())
+        self._engine.finalize_object()
+        kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)
+        self._call = kind(self._engine.get_function_address("kernel"))
+        self._pointers = ctypes.c_void_p * (len(layout.inputs) + len(layout.outputs))
+
+    def run(self, inputs: Sequence[Array], outputs: Sequence[Array], samples: int) -> None:
+        """Run over the samples; the interpreter lock is released meanwhile.
+
+        Args:
+            inputs: C-contiguous float64 arrays in the order and layout of ``layout.inputs``.
+            outputs: The same for ``layout.outputs``; slots that the program lacks become 0 in
+                arrays laid out by sample and are not touched in those laid out by row.
+            samples: N.
+        """
+        if 0 < samples < self.lanes:
+            self._run_few(inputs, outputs, samples)
+        elif samples:
+            addresses = [array.ctypes.data for array in (*inputs, *outputs)]
+            self._call(samples, samples, self._pointers(*addresses))
+
+    def _run_few(self, inputs: Sequence[Array], outputs: Sequence[Array], samples: int) -> None:
+        """Run over fewer samples than one step takes, on copies that repeat the last one."""
+        picks = np.minimum(np.arange(self.lanes), samples - 1)
+        padded = []
+        for buffer, array in zip(self.layout.inputs, inputs, strict=True):
+            axis = {Access.FIXED: None, Access.BY_SAMPLE: 0, Access.BY_ROW: 1}[buffer.access]
+            padded.append(array if axis is None else np.ascontiguousarray(np.take(array, picks, axis)))
+        copies = []
+        for buffer, array in zip(self.layout.outputs, outputs, strict=True):
+            axis = 0 if buffer.access is Access.BY_SAMPLE else 1
+            copies.append(np.ascontiguousarray(np.take(array, picks, axis)))
+        self.run(padded, copies, self.lanes)
+        for buffer, array, copied in zip(self.layout.outputs, outputs, copies, strict=True):
+            array[...] = copied[:samples] if buffer.access is Access.BY_SAMPLE else copied[:, :samples]
+
+
+def kernel(key: Hashable, make: Callable[[], tuple[Program, Layout] | None]) -> Kernel | None:
+    """Return the kernel known by ``key``, compiled now if need be; safe to call from several threads.
+
+    Args:
+        key: Tells this kernel from all others.
+        make: Returns what to compile, or None where it is not worth it, which is remembered too.
+    """
+    with _lock:
+        if key not in _ready:
+            made = make()
+            _ready[key] = None if made is None else Kernel(*made)
+            while len(_ready) > KEPT:
+                _ready.popitem(last=False)
+        _ready.move_to_end(key)
+        return _ready[key]
+
+
+@cache
+def lanes() -> int:
+    """Return how many samples go into one step on this processor."""
+    features = _features()
+    return 8 if features.get("avx512f") else 4
+
+
+@cache
+def _features() -> Mapping[str, bool]:
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return dict(llvm.get_host_cpu_features())
+
+
+def _machine() -> Any:
+    """Return a target machine for this processor, with its widest vectors."""
+    features: Any = llvm.get_host_cpu_features()
+    flags = features.flatten() + (",-prefer-256-bit" if _features().get("avx512f") else "")
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=flags, opt=2
+    )

@@ -1,0 +1,86 @@
+"""Which programs a chain has, and when their kernels are generated."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Literal, TypeAlias
+
+from dynident.model.kernels.compiled import Kernel, kernel
+from dynident.model.kernels.emit import Access, Buffer, Layout
+from dynident.model.kernels.inputs import kernel_choice
+from dynident.model.kernels.recursion import TracedChain
+from dynident.model.kernels.trace import Number, Program
+from dynident.model.robot import Chain
+
+Quantity: TypeAlias = Literal["regressor", "torque", "mass", "frames"]
+
+#: Operations above which a program is left to the generic kernels: about ten joints in general position, half a second
+#: of compiling, which grows faster than the program.
+LARGEST = 6000
+
+_READS: dict[Quantity, tuple[str, ...]] = {
+    "regressor": ("q", "dq", "ddq"),
+    "torque": ("theta", "q", "dq", "ddq"),
+    "mass": ("theta", "q"),
+    "frames": ("q",),
+}
+
+
+def chain_kernel(chain: Chain, quantity: Quantity) -> Kernel | None:
+    """Return the kernel of a quantity over samples, or None where the generic one is to be used.
+
+    Its inputs are, in this order, those of theta, q, dq and ddq that the quantity depends on; its output is (N, width)
+    as the methods of :class:`TracedChain` number it.
+    """
+    choice = kernel_choice()
+    if choice == "generic":
+        return None
+    forced = choice == "generated"
+    return kernel((quantity, forced, chain_key(chain)), lambda: _quantity(chain, quantity, forced))
+
+
+def chain_key(chain: Chain) -> Hashable:
+    """Return what tells one chain from another."""
+    arrays = (chain.parent, chain.kind, chain.joint, chain.rotation, chain.translation, chain.axis)
+    more = (chain.multiplier, chain.offset, chain.gravity)
+    return (chain.joints, *(array.tobytes() for array in (*arrays, *more)))
+
+
+def by_sample(chain: Chain, names: tuple[str, ...]) -> tuple[Buffer, ...]:
+    """Return the layout of q, dq, ddq (N, n) and theta."""
+    return tuple(
+        Buffer(name, Access.FIXED) if name == "theta" else Buffer(name, Access.BY_SAMPLE, chain.joints)
+        for name in names
+    )
+
+
+def is_small(program: Program) -> bool:
+    """Say whether a program is worth compiling."""
+    return program.operations <= LARGEST
+
+
+def _quantity(chain: Chain, quantity: Quantity, forced: bool) -> tuple[Program, Layout] | None:
+    # The regressor alone has l^2 / 2 blocks of ten: no need to trace a large robot to see that it is too large.
+    if not forced and chain.links > LARGEST // 100:
+        return None
+    traced = TracedChain(chain)
+    values, width = _values(traced, quantity)
+    program = traced.trace.program(values)
+    if not (forced or is_small(program)):
+        return None
+    output = Buffer("out", Access.BY_SAMPLE, width)
+    return program, Layout(by_sample(chain, _READS[quantity]), (output,), {slot: (0, slot) for slot in program.outputs})
+
+
+def _values(traced: TracedChain, quantity: Quantity) -> tuple[dict[int, Number], int]:
+    """Return the values of a quantity by slot, and how many slots it has."""
+    joints, links = traced.chain.joints, traced.chain.links
+    match quantity:
+        case "regressor":
+            return traced.regressor(range(10 * links)), joints * 10 * links
+        case "torque":
+            return traced.torque(), joints
+        case "mass":
+            return traced.mass(), joints * joints
+        case "frames":
+            return traced.frames(), 12 * links

@@ -1,0 +1,133 @@
+"""The report: its sections in order, in one self-contained page that asks nothing of any network."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from importlib.metadata import version
+from os import PathLike
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from dynident.estimation.estimate import Estimate
+from dynident.estimation.validation import Validation
+from dynident.experiment.log import Log, Source
+from dynident.files import write_atomically
+from dynident.results.report.sections import SECTIONS
+from dynident.results.report.subject import Comparison, Subject
+from dynident.results.text import clean, label
+
+#: Sections from top to bottom; one that is not named here stands before the last.
+ORDER = (
+    "verdict",
+    "robot",
+    "data",
+    "parameters",
+    "bodies",
+    "torques",
+    "validation",
+    "residuals",
+    "friction",
+    "motion",
+    "convergence",
+    "comparison",
+    "provenance",
+)
+
+
+def write_report(
+    path: str | PathLike[str],
+    estimate: Estimate,
+    validations: Iterable[Validation] = (),
+    comparison: Comparison | Sequence[Mapping[str, Any]] | None = None,
+    trajectories: Mapping[str, Log] | None = None,
+    command: str = "",
+    sources: Iterable[Source] = (),
+) -> None:
+    """Write the report of an estimate as one HTML file; see :func:`build_report` for the arguments.
+
+    Raises:
+        FileError: The file cannot be written.
+        LogMismatch: A validation or a trajectory has other joints than the robot.
+    """
+    write_atomically(path, build_report(estimate, validations, comparison, trajectories, command, sources))
+
+
+def build_report(
+    estimate: Estimate,
+    validations: Iterable[Validation] = (),
+    comparison: Comparison | Sequence[Mapping[str, Any]] | None = None,
+    trajectories: Mapping[str, Log] | None = None,
+    command: str = "",
+    sources: Iterable[Source] = (),
+) -> str:
+    """Return the report of an estimate as HTML.
+
+    Args:
+        estimate: What it is about.
+        validations: Comparisons with logs that the fit did not see.
+        comparison: Several estimators on the same data, or only the rows of their table.
+        trajectories: Reference motions by name, as logs with time, q and, where known, dq.
+        command: The command line that repeats it; by default that of the estimate's provenance.
+        sources: Files of the tests; those of the fit are in the estimate's provenance.
+
+    Raises:
+        LogMismatch: A validation or a trajectory has other joints than the robot.
+    """
+    beside = comparison if comparison is None or isinstance(comparison, Comparison) else Comparison(tuple(comparison))
+    subject = Subject(estimate, tuple(validations), beside, dict(trajectories or {}), command, tuple(sources))
+    return render(subject)
+
+
+def render(subject: Subject, names: Sequence[str] = ()) -> str:
+    """Return the page of a subject.
+
+    Args:
+        subject: What the report is about.
+        names: Sections to show, in order; all by default. One with nothing to show is left out.
+    """
+    page = _environment()
+    style = Markup(page.get_template("style.css").render())
+    parts = []
+    for name in names or section_names():
+        section = SECTIONS.make(name)
+        context = section.context(subject)
+        if context:
+            parts.append((name, section.title, Markup(page.get_template(section.template).render(context))))
+    return page.get_template("report.html").render(
+        title=f"Identification of {label(subject.estimate.model.robot.name)}",
+        robot=label(subject.estimate.model.robot.name),
+        estimate=subject.estimate,
+        sections=parts,
+        style=style,
+        style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
+        version=version("dynident"),
+    )
+
+
+def section_names() -> tuple[str, ...]:
+    """Return the sections of the family in the order of the report."""
+    found = SECTIONS.names()
+    new = [name for name in found if name not in ORDER]
+    return (*[name for name in ORDER[:-1] if name in found], *new, ORDER[-1])
+
+
+def _shown(value: Any) -> Any:
+    """Make every text that a template puts in printable; escaping follows."""
+    return clean(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("dynident.results.report", "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_shown,
+    )

@@ -1,0 +1,40 @@
+"""What a section of the report is: a title, a template and the values that the template needs."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+from markupsafe import Markup
+
+from dynident.results.report.subject import MOST_DRAWN, Subject
+
+
+class Section(ABC):
+    """A frozen dataclass whose fields are its options.
+
+    Attributes:
+        title: Heading on the page and in its table of contents.
+        template: File in the folder ``templates``.
+    """
+
+    title: ClassVar[str]
+    template: ClassVar[str]
+
+    @abstractmethod
+    def context(self, subject: Subject) -> dict[str, Any]:
+        """Return what the template needs; empty where there is nothing to show, and the section is left out.
+
+        Text is put in as it is: the page escapes it. Only what :func:`drawn` returns is taken as markup.
+        """
+
+
+def drawn(figure: str) -> Markup:
+    """Return a figure of :mod:`dynident.results.figures`, which escapes its own text, as markup for the page."""
+    return Markup(figure)
+
+
+def left_out(subject: Subject) -> str:
+    """Return the sentence that says which data sets have no figures; empty where all have."""
+    count = len(subject.datasets)
+    return f"Figures show the first {MOST_DRAWN} of {count} data sets; the tables have all." if count > MOST_DRAWN else ""

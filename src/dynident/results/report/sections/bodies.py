@@ -1,0 +1,107 @@
+"""Standard parameters link by link: mass, centre of mass, inertia, and which of them the data can tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.model.base_parameters import COMBINED, IDENTIFIABLE, NOT_IDENTIFIABLE
+from dynident.model.inertia import TEN, Inertia
+from dynident.model.parameters import TEN_UNITS
+from dynident.results.report.sections.base import Section
+from dynident.results.report.subject import Subject
+from dynident.results.text import Column, format_number, label, line_up, pretty_unit
+
+#: Sign and word of each verdict, from the best to the worst.
+SIGNS = {IDENTIFIABLE: "●", COMBINED: "◐", NOT_IDENTIFIABLE: "○"}
+
+_RANK = list(SIGNS)
+_CENTRE = ((6, 9), (7, 9), (8, 9))  # of TEN, what the centre of mass is made of
+_INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A number with the verdict on it."""
+
+    text: str
+    sign: str
+    verdict: str
+
+
+@dataclass(frozen=True)
+class JudgedTable:
+    """Numbers with verdicts, a row for each link.
+
+    Attributes:
+        columns: Headings of the numbers.
+        rows: Name of the link, its numbers, and a remark.
+    """
+
+    columns: tuple[Column, ...]
+    rows: tuple[tuple[str, tuple[Judged, ...], str], ...]
+
+
+@dataclass(frozen=True)
+class Bodies(Section):
+    """Standard parameters, where the estimator found some."""
+
+    title: ClassVar = "Standard parameters of the links"
+    template: ClassVar = "bodies.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        estimate = subject.estimate
+        if estimate.theta is None:
+            return {}
+        links = estimate.model.robot.links
+        names = [label(link.name) for link in links]
+        theta = np.asarray(estimate.theta)[: 10 * len(links)].reshape(-1, 10)
+        verdicts = [estimate.base.verdicts[10 * i : 10 * i + 10] for i in range(len(links))]
+        return {
+            "bodies": _bodies(names, theta, verdicts),
+            "ten": _ten(names, theta, verdicts),
+            "signs": [(sign, verdict) for verdict, sign in SIGNS.items()],
+        }
+
+
+def _bodies(names: Sequence[str], theta: Array, verdicts: Sequence[Sequence[str]]) -> JudgedTable:
+    """Return mass, centre of mass and inertia about it; a value is judged by the worst of what it is made of."""
+    columns = (
+        Column("mass", "kg"),
+        *(Column(f"centre {axis}" if axis == "x" else axis, "m") for axis in "xyz"),
+        *(Column(f"I{pair}", "kg·m²") for pair in ("xx", "yy", "zz", "xy", "xz", "yz")),
+    )
+    values, worst, remarks = [], [], []
+    for row, verdict in zip(theta, verdicts, strict=True):
+        inertia = Inertia.from_vector(row)
+        about = inertia.about_centre
+        values.append([inertia.mass, *inertia.centre_of_mass, *(about[i, j] for i, j in _INERTIA)])
+        whole = _worst(verdict)
+        centre = [_worst([verdict[k] for k in parts]) for parts in _CENTRE]
+        worst.append([verdict[9], *centre, *[whole] * len(_INERTIA)])
+        defect = inertia.defect()
+        remarks.append(f"no: {defect}" if defect else "yes")
+    return JudgedTable(columns, _judged(names, np.array(values), worst, remarks))
+
+
+def _ten(names: Sequence[str], theta: Array, verdicts: Sequence[Sequence[str]]) -> JudgedTable:
+    columns = tuple(Column(symbol, pretty_unit(unit)) for symbol, unit in zip(TEN, TEN_UNITS, strict=True))
+    return JudgedTable(columns, _judged(names, theta, verdicts, [""] * len(names)))
+
+
+def _worst(verdicts: Sequence[str]) -> str:
+    return max(verdicts, key=_RANK.index)
+
+
+def _judged(
+    names: Sequence[str], values: Array, verdicts: Sequence[Sequence[str]], remarks: Sequence[str]
+) -> tuple[tuple[str, tuple[Judged, ...], str], ...]:
+    texts = [line_up([format_number(float(v), 4) for v in column], "\u2007", "\u2008") for column in values.T]
+    return tuple(
+        (name, tuple(Judged(texts[k][i], SIGNS[v], v) for k, v in enumerate(verdicts[i])), remarks[i])
+        for i, name in enumerate(names)
+    )

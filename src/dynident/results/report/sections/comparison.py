@@ -1,0 +1,23 @@
+"""Estimators side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from dynident.results.report.sections.base import Section
+from dynident.results.report.subject import Subject
+from dynident.results.text import comparison_table
+
+
+@dataclass(frozen=True)
+class ComparisonSection(Section):
+    """The table of the comparison, where there is one."""
+
+    title: ClassVar = "Comparison of estimators"
+    template: ClassVar = "comparison.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        if subject.comparison is None or not subject.comparison.rows:
+            return {}
+        return {"table": comparison_table(subject.comparison.rows)}

@@ -1,0 +1,62 @@
+"""Convergence of estimators that search."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from dynident.results.figures import convergence_chart
+from dynident.results.report.sections.base import Section, drawn
+from dynident.results.report.subject import Subject
+from dynident.results.text import Column, Table, format_number, format_percent, label
+
+
+@dataclass(frozen=True)
+class Convergence(Section):
+    """The objective per iteration, from the estimate's ``extras`` (``trace``, ``optimum``) and the comparison's traces."""
+
+    title: ClassVar = "Convergence"
+    template: ClassVar = "convergence.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        extras, comparison = subject.estimate.extras, subject.comparison
+        traces = {name: trace for name, trace in (comparison.traces if comparison else {}).items() if len(trace)}
+        own = extras.get("trace")
+        if _is_trace(own):
+            traces.setdefault(subject.estimate.estimator, own)
+        if not traces:
+            return {}
+        optimum = comparison.optimum if comparison and comparison.optimum is not None else extras.get("optimum")
+        known = float(optimum) if isinstance(optimum, int | float | np.number) else None
+        objective = comparison.objective if comparison else "objective"
+        return {
+            "chart": drawn(convergence_chart(traces, known, objective)),
+            "table": _ends(traces, known),
+            "optimum": "" if known is None else format_number(known, 6),
+        }
+
+
+def _is_trace(found: object) -> bool:
+    """Say whether something is a list of finite numbers."""
+    if not isinstance(found, Sequence | np.ndarray) or isinstance(found, str | bytes) or not len(found):
+        return False
+    return all(isinstance(value, int | float | np.number) and np.isfinite(value) for value in found)
+
+
+def _ends(traces: dict[str, Sequence[float]], optimum: float | None) -> Table:
+    columns = (
+        Column("estimator"),
+        Column("iterations", numeric=True),
+        Column("first", numeric=True),
+        Column("last", numeric=True),
+        Column("above the optimum", "%", numeric=True),
+    )
+    rows = []
+    for name, trace in traces.items():
+        gap = (float(trace[-1]) - optimum) / abs(optimum) if optimum else float("nan")
+        ends = (format_number(float(trace[0]), 6), format_number(float(trace[-1]), 6))
+        rows.append((label(name), str(len(trace)), *ends, format_percent(gap, sign=False)))
+    return Table(columns, tuple(rows))

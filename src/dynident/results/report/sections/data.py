@@ -1,0 +1,89 @@
+"""Data and filter: the logs, what was done to them, and the files they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from dynident.results.report.sections.base import Section
+from dynident.results.report.subject import Dataset, Subject
+from dynident.results.text import Column, Table, format_number, format_percent, label, plain_value
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A file of the fit or of a test: its name, rows, hash, and the steps from its rows to those of the figures."""
+
+    use: str
+    path: str
+    rows: str
+    sha256: str
+    steps: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Data(Section):
+    """Logs, filter and sources."""
+
+    title: ClassVar = "Data and filter"
+    template: ClassVar = "data.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        if not subject.datasets:
+            return {}
+        filters = {dataset.name: _facts(dataset.validation.filter) for dataset in subject.datasets}
+        same = len({tuple(facts) for facts in filters.values()}) == 1
+        return {
+            "logs": _logs(subject),
+            "filters": {"": next(iter(filters.values()))} if same else filters,
+            "sources": _sources(subject),
+        }
+
+
+def _facts(filter: Mapping[str, Any]) -> list[tuple[str, str]]:
+    return [(label(key), plain_value(value)) for key, value in filter.items() if value is not None]
+
+
+def _logs(subject: Subject) -> Table:
+    columns = (
+        Column("used for"),
+        Column("log"),
+        Column("samples", numeric=True),
+        Column("duration", "s", numeric=True),
+        Column("rate", "Hz", numeric=True),
+        Column("rows in motion", "%", numeric=True),
+    )
+    return Table(columns, tuple(row for dataset in subject.datasets for row in _log_rows(dataset)))
+
+
+def _log_rows(dataset: Dataset) -> list[tuple[str, ...]]:
+    validation = dataset.validation
+    rows = []
+    stops = [*validation.starts[1:], validation.samples]
+    for name, start, stop in zip(validation.logs, validation.starts, stops, strict=True):
+        time = validation.time[start:stop]
+        duration = float(time[-1] - time[0]) if len(time) > 1 else 0.0
+        rate = 1.0 / float(np.median(np.diff(time))) if duration > 0 else float("nan")
+        moving = float(np.mean(np.abs(validation.dq[start:stop]) > validation.standstill)) if stop > start else 0.0
+        figures = (str(stop - start), format_number(duration), format_number(rate), format_percent(moving, sign=False))
+        rows.append((dataset.name, label(name), *figures))
+    return rows
+
+
+def _sources(subject: Subject) -> list[SourceFile]:
+    """Return the files of the fit (provenance ``logs``: a mapping as of :class:`Source` each) and of the tests."""
+    fit = [entry for entry in subject.estimate.provenance.get("logs", ()) if isinstance(entry, Mapping)]
+    used = [("Training", entry) for entry in fit] + [("Test", asdict(source)) for source in subject.sources]
+    return [
+        SourceFile(
+            use,
+            label(entry["path"]) if entry.get("path") else "simulated",
+            plain_value(entry.get("rows") or None),
+            plain_value(entry.get("sha256") or None),
+            tuple(str(step) for step in entry.get("steps", ())),
+        )
+        for use, entry in used
+    ]

@@ -1,0 +1,46 @@
+"""Base parameters: what was identified, and how well each is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from dynident.results.figures import deviation_chart
+from dynident.results.report.judgement import LOST, WELL_KNOWN
+from dynident.results.report.sections.base import Section, drawn
+from dynident.results.report.subject import Subject
+from dynident.results.text import format_number, format_percent, parameters_table
+
+
+@dataclass(frozen=True)
+class Parameters(Section):
+    """The table of base parameters and a chart of the least known.
+
+    Attributes:
+        most: Bars in the chart.
+    """
+
+    most: int = 24
+
+    title: ClassVar = "Base parameters"
+    template: ClassVar = "parameters.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        estimate = subject.estimate
+        relative = estimate.relative_deviations
+        order = np.argsort(-np.where(np.isnan(relative), np.inf, relative), kind="stable")[: self.most]
+        chart = deviation_chart([estimate.base.names[k] for k in order], relative[order], limits=(WELL_KNOWN,))
+        count = estimate.base.count
+        return {
+            "table": parameters_table(estimate),
+            "chart": drawn(chart) if count else "",
+            "count": count,
+            "standard": len(estimate.base.parameters),
+            "inertial": estimate.inertial_base_parameters,
+            "condition_number": format_number(estimate.condition_number, 3),
+            "shown": len(order),
+            "well": format_percent(WELL_KNOWN),
+            "lost": format_percent(LOST),
+        }

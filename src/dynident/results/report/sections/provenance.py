@@ -1,0 +1,54 @@
+"""Provenance: how to repeat it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from dynident.results.report.sections.base import Section
+from dynident.results.report.subject import Subject
+from dynident.results.text import format_number, label, plain_value
+
+#: Lists longer than this are counted, not written out.
+_LONG = 12
+
+#: Shown elsewhere: the files with the data, the command above the facts, the trace as a figure.
+_ELSEWHERE = ("logs", "command", "trace")
+
+
+@dataclass(frozen=True)
+class Provenance(Section):
+    """Method, options, news of the method, versions and the exact command."""
+
+    title: ClassVar = "Provenance"
+    template: ClassVar = "provenance.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        estimate = subject.estimate
+        groups = [
+            ("Estimator", [("method", label(estimate.estimator)), *_entries(estimate.options)]),
+            ("What the method reports", list(_entries(estimate.extras))),
+            ("Preparation", list(_entries(estimate.preprocessing.statement()))),
+            ("Fit", [("samples", str(estimate.samples)), ("condition number", format_number(estimate.condition_number))]),
+            ("Origin", list(_entries(estimate.provenance))),
+        ]
+        command = subject.command or estimate.provenance.get("command") or ""
+        shown = command if isinstance(command, str) else " ".join(str(part) for part in command)
+        return {"groups": [group for group in groups if group[1]], "command": shown}
+
+
+def _entries(facts: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Return facts in words, nested ones with the way to them before their name."""
+    for key, value in facts.items():
+        name = f"{prefix}{label(key)}"
+        if not prefix and key in _ELSEWHERE:
+            continue
+        if isinstance(value, Mapping):
+            yield from _entries(value, f"{name} ")
+        elif isinstance(value, list | tuple | np.ndarray) and np.size(np.asarray(value, dtype=object)) > _LONG:
+            yield name, f"{len(value)} values"
+        else:
+            yield name, plain_value(value)

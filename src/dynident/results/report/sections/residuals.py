@@ -1,0 +1,86 @@
+"""What the model leaves: figures of the residual, over speed and over frequency."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from markupsafe import Markup
+
+from dynident.model.robot import Robot
+from dynident.results.figures import line_chart, residual_chart
+from dynident.results.figures.residuals import spectrum, thinned
+from dynident.results.report.sections.base import Section, drawn, left_out
+from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
+from dynident.results.text import MISSING, Column, Table, format_number, label, pretty_unit
+
+
+@dataclass(frozen=True)
+class Residuals(Section):
+    """Size, memory, dependence on speed and spectrum of the residual."""
+
+    title: ClassVar = "Residuals"
+    template: ClassVar = "residuals.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        robot = subject.estimate.model.robot
+        groups = [
+            (dataset, [*_over_speed(dataset, robot), *_spectra(dataset, robot)])
+            for dataset in subject.datasets[:MOST_DRAWN]
+        ]
+        return {"table": _table(subject), "groups": groups, "left_out": left_out(subject)} if groups else {}
+
+
+def _table(subject: Subject) -> Table:
+    columns = (
+        Column("data"),
+        Column("joint"),
+        Column("unit"),
+        Column("mean", numeric=True),
+        Column("std", numeric=True),
+        Column("largest", numeric=True),
+        Column("at", "s", numeric=True),
+        Column("correlation of neighbours", numeric=True),
+        Column("correlation factor", numeric=True),
+    )
+    rows = []
+    for dataset in subject.datasets:
+        validation = dataset.validation
+        for i, fit in enumerate(validation.joints):
+            residual = validation.residual[:, i]
+            top = int(np.argmax(np.abs(residual)))
+            centred = residual - residual.mean()
+            power = float(centred @ centred)
+            memory = float(centred[1:] @ centred[:-1]) / power if power > 0 else float("nan")
+            factor = MISSING if dataset.held_out else format_number(subject.estimate.correlation_factors[i], 3)
+            sizes = (residual.mean(), residual.std(), residual[top], validation.time[top], memory)
+            numbers = [format_number(float(value), 3) for value in sizes]
+            rows.append((dataset.name, label(fit.name), pretty_unit(fit.unit), *numbers, factor))
+    return Table(columns, tuple(rows))
+
+
+def _over_speed(dataset: Dataset, robot: Robot) -> list[Markup]:
+    v = dataset.validation
+    return [
+        drawn(residual_chart(fit.name, fit.unit, _speed_unit(fit.unit), v.dq[:, i], v.residual[:, i]))
+        for i, fit in enumerate(v.joints)
+    ]
+
+
+def _speed_unit(unit: str) -> str:
+    return "rad/s" if unit == "N m" else "m/s"
+
+
+def _spectra(dataset: Dataset, robot: Robot) -> list[Markup]:
+    """Return a figure for the turning joints and one for the sliding ones."""
+    v = dataset.validation
+    frequency, density = thinned(*spectrum(v.residual, v.time, v.starts))
+    if not len(frequency) or not np.all(density.max(axis=0) > 0):
+        return []
+    charts = []
+    for unit in dict.fromkeys(robot.units):
+        lines = [(name, frequency, density[:, i]) for i, (name, u) in enumerate(zip(robot.joint_names, robot.units, strict=True)) if u == unit]
+        heading = f"density [{pretty_unit(unit)}/√Hz]"
+        charts.append(drawn(line_chart("Spectrum", lines, "frequency [Hz]", heading, log=(True, True), height=170.0)))
+    return charts

@@ -1,0 +1,114 @@
+"""The robot: joints, limits, drives, gravity, and whether the description's inertias are possible."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from dynident.model.friction import FRICTION, Friction
+from dynident.model.robot import Robot
+from dynident.results.report.sections.base import Section
+from dynident.results.report.subject import Subject
+from dynident.results.text import MISSING, Column, Table, format_given, label, pretty_unit, statement
+
+
+@dataclass(frozen=True)
+class RobotSection(Section):
+    """Joints, drives, links and gravity as the description states them."""
+
+    title: ClassVar = "Robot"
+    template: ClassVar = "robot.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        model = subject.estimate.model
+        robot = model.robot
+        friction = ", ".join(_friction(part) for part in model.friction) or "none"
+        gravity = " ".join(format_given(float(value)) for value in robot.gravity)
+        facts = [
+            ("Name", label(robot.name)),
+            ("Moves", f"{robot.dof} joints, {len(robot.links)} links on the base {label(robot.base)}"),
+            ("Gravity in the base frame", f"{gravity} m/s²"),
+            ("Friction model", friction),
+            ("Tool frame", label(robot.tool) if robot.tool else "frame of the last link"),
+        ]
+        return {
+            "facts": facts,
+            "joints": _joints(robot),
+            "drives": _drives(robot),
+            "links": _links(robot),
+            "note": robot.note,
+        }
+
+
+def _friction(part: Friction) -> str:
+    options = statement(asdict(part)) if hasattr(part, "__dataclass_fields__") else ""  # type: ignore[call-overload]
+    return FRICTION.name_of(part) + (f" ({options})" if options else "")
+
+
+def _joints(robot: Robot) -> Table:
+    columns = (
+        Column("joint"),
+        Column("kind"),
+        Column("from", numeric=True),
+        Column("to", numeric=True),
+        Column("unit"),
+        Column("speed", "unit/s", numeric=True),
+        Column("acceleration", "unit/s²", numeric=True),
+        Column("effort", numeric=True),
+        Column("unit"),
+    )
+    rows = []
+    for joint in robot.joints:
+        limits = joint.limits
+        numbers = [format_given(value) for value in (limits.lower, limits.upper)]
+        rates = [format_given(value) for value in (limits.velocity, limits.acceleration, limits.effort)]
+        kind = joint.kind if joint.mimic is None else f"{joint.kind}, follows {label(joint.mimic.joint)}"
+        place = "rad" if joint.kind == "revolute" else "m"
+        rows.append((label(joint.name), kind, *numbers, place, *rates, pretty_unit(joint.unit)))
+    return Table(columns, tuple(rows), f"{MISSING} stands for a limit that the description does not state.")
+
+
+def _drives(robot: Robot) -> Table | None:
+    """Return the drives, None where all are as if there were no gear, rotor or current."""
+    stated = [joint.drive for joint in robot.active]
+    if all(d.gear_ratio == 1 and d.rotor_inertia == 0 and d.gain is None for d in stated) and not robot.is_coupled:
+        return None
+    columns = (
+        Column("joint"),
+        Column("gear ratio", numeric=True),
+        Column("rotor inertia", "kg·m²", numeric=True),
+        Column("gain", "N·m/A", numeric=True),
+    )
+    rows = tuple(
+        (label(j.name), *map(format_given, (j.drive.gear_ratio, j.drive.rotor_inertia, j.drive.gain)))
+        for j in robot.active
+    )
+    return Table(columns, rows, f"Motor speed = {_matrix(robot)} times joint speed." if robot.is_coupled else "")
+
+
+def _matrix(robot: Robot) -> str:
+    rows = ("[" + " ".join(format_given(float(v)) for v in row) + "]" for row in np.asarray(robot.coupling))
+    return "[" + " ".join(rows) + "]"
+
+
+def _links(robot: Robot) -> Table:
+    columns = (
+        Column("link"),
+        Column("mass", "kg", numeric=True),
+        Column("centre x", "m", numeric=True),
+        Column("y", "m", numeric=True),
+        Column("z", "m", numeric=True),
+        Column("possible body"),
+    )
+    rows = []
+    for link in robot.links:
+        name = label(link.name) + (f" (with {', '.join(map(label, link.fixed))})" if link.fixed else "")
+        if link.inertia is None:
+            rows.append((name, *[MISSING] * 4, "not stated"))
+            continue
+        defect = link.inertia.defect()
+        values = (link.inertia.mass, *link.inertia.centre_of_mass)
+        rows.append((name, *(format_given(float(v)) for v in values), f"no: {defect}" if defect else "yes"))
+    return Table(columns, tuple(rows), "Inertias as the description states them, in link frames.")

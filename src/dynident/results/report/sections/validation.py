@@ -1,0 +1,42 @@
+"""The table of figures: joint by joint, all rows and rows in motion, with the filter beside them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from dynident.results.report.sections.base import Section
+from dynident.results.report.subject import Dataset, Subject
+from dynident.results.text import Table, fits_table, format_number, format_percent
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The tables of one data set."""
+
+    dataset: Dataset
+    error: str
+    standstill: str
+    all_rows: Table
+    moving: Table
+
+
+@dataclass(frozen=True)
+class ValidationSection(Section):
+    """Errors and correlations of each joint."""
+
+    title: ClassVar = "Validation"
+    template: ClassVar = "validation.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        found = [
+            Figures(
+                dataset,
+                format_percent(dataset.validation.total_relative_error),
+                format_number(dataset.validation.standstill, 2),
+                fits_table(dataset.validation),
+                fits_table(dataset.validation, moving=True),
+            )
+            for dataset in subject.datasets
+        ]
+        return {"found": found} if found else {}

@@ -1,0 +1,135 @@
+"""The verdict: what the report comes to, in plain words and three numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from dynident.estimation.estimate import Estimate
+from dynident.results.report.judgement import GAP, LOST, WELL_KNOWN, grade, tone
+from dynident.results.report.sections.base import Section
+from dynident.results.report.subject import Subject
+from dynident.results.text import format_percent, label, shorten
+
+_REASONS = 3  # of what breaks consistency, in full
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One of the numbers that matter.
+
+    Attributes:
+        value: The number.
+        meaning: What it is.
+        detail: What to know with it.
+        tone: ``good``, ``fair`` or ``bad``.
+    """
+
+    value: str
+    meaning: str
+    detail: str
+    tone: str
+
+
+@dataclass(frozen=True)
+class Verdict(Section):
+    """Held-out error, physical consistency and how well the parameters are known."""
+
+    title: ClassVar = "Verdict"
+    template: ClassVar = "verdict.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        estimate = subject.estimate
+        return {
+            "answers": [_prediction(subject), _consistency(estimate), _knowledge(estimate)],
+            "sentences": [*_about_prediction(subject), *_about_robot(estimate), *_about_parameters(estimate)],
+        }
+
+
+def _worst(subject: Subject) -> float:
+    """Return the largest total relative error of the tests; NaN where none has one."""
+    errors = [dataset.validation.total_relative_error for dataset in subject.held_out]
+    known = [error for error in errors if np.isfinite(error)]
+    return max(known, default=float("nan"))
+
+
+def _prediction(subject: Subject) -> Answer:
+    train = subject.estimate.train.total_relative_error
+    if not subject.held_out:
+        return Answer(format_percent(train), "torque error on the data of the fit", "no log was held out", "fair")
+    worst = _worst(subject)
+    largest = f", largest of {len(subject.held_out)} tests" if len(subject.held_out) > 1 else ""
+    meaning = f"torque error on data the fit has not seen{largest}"
+    return Answer(format_percent(worst), meaning, f"on the data of the fit: {format_percent(train)}", tone(worst))
+
+
+def _about_prediction(subject: Subject) -> list[str]:
+    train = subject.estimate.train.total_relative_error
+    if not subject.held_out:
+        return [
+            f"The model reproduces the torques it was fitted to with an error of {format_percent(train)} of their size. "
+            "No log was held out, and the error on the data of the fit flatters a model: record a second, different "
+            "motion and validate with it."
+        ]
+    worst = _worst(subject)
+    said = [f"On motions it has not seen, the model misses {format_percent(worst)} of the measured torque: {grade(worst)}."]
+    if np.isfinite(worst) and worst > GAP * train > 0:
+        said.append(
+            f"That is {worst / train:.1f} times the error on the data of the fit: the tests move in ways the fit did not "
+            "see enough of, or the fit followed its own noise."
+        )
+    return said
+
+
+def _consistency(estimate: Estimate) -> Answer:
+    found = estimate.consistency
+    if found.consistent:
+        return Answer("Yes", "physically consistent", "a possible robot stands behind the estimate", "good")
+    count = len(found.reasons)
+    return Answer("No", "physically consistent", f"{count} condition{'s' if count != 1 else ''} broken", "bad")
+
+
+def _about_robot(estimate: Estimate) -> list[str]:
+    found = estimate.consistency
+    if found.consistent:
+        return ["A robot with these parameters can exist: the model is safe to simulate and to invert."]
+    reasons = "; ".join(label(reason) for reason in found.reasons[:_REASONS])
+    more = len(found.reasons) - _REASONS
+    return [
+        f"No robot can have these parameters ({reasons}{f' and {more} more' if more > 0 else ''}): use the model to "
+        "predict torques near the recorded motions, not to simulate, or identify with an estimator that keeps to "
+        "possible robots."
+    ]
+
+
+def _knowledge(estimate: Estimate) -> Answer:
+    relative = np.where(np.isnan(estimate.relative_deviations), np.inf, estimate.relative_deviations)
+    known = int(np.sum(relative <= WELL_KNOWN))
+    share = known / max(len(relative), 1)
+    worst = int(np.argmax(relative)) if len(relative) else -1
+    detail = "" if worst < 0 else f"least known: {_short(estimate, worst)}, ± {format_percent(relative[worst])}"
+    meaning = f"base parameters known to {format_percent(WELL_KNOWN)} or better"
+    return Answer(f"{known} of {len(relative)}", meaning, detail, "good" if share >= 0.8 else "fair")
+
+
+def _about_parameters(estimate: Estimate) -> list[str]:
+    relative = np.where(np.isnan(estimate.relative_deviations), np.inf, estimate.relative_deviations)
+    lost = [int(k) for k in np.argsort(-relative, kind="stable") if relative[k] > LOST]
+    if not lost:
+        return ["Every base parameter can be told from zero."]
+    names = ", ".join(_short(estimate, k) for k in lost[:_REASONS])
+    more = len(lost) - _REASONS
+    return [
+        f"{len(lost)} of {len(relative)} base parameters cannot be told from zero at 95 %: {names}"
+        f"{f' and {more} more' if more > 0 else ''}. They hardly move the recorded torques, so they hardly matter for "
+        "motions like these; do not rely on their values."
+    ]
+
+
+def _short(estimate: Estimate, row: int) -> str:
+    """Return the leading term of a base parameter, with an ellipsis where it has more."""
+    base = estimate.base
+    lead = label(base.parameters[int(base.independent[row])].name)
+    return shorten(lead, 40) + (" + …" if np.count_nonzero(base.matrix[row]) > 1 else "")

@@ -1,0 +1,104 @@
+"""What a report is about: the one value that all its sections see."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from dynident.errors import LogMismatch
+from dynident.estimation.estimate import Estimate
+from dynident.estimation.validation import Validation
+from dynident.experiment.log import Log, Source
+from dynident.results.text import label
+
+#: Figures of so many data sets are drawn; the tables have all of them.
+MOST_DRAWN = 4
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Several estimators on the same data.
+
+    Attributes:
+        rows: One per estimator; keys are the headings of the columns (with units), values numbers, text, yes and no.
+        traces: Objective after each iteration, by name, for those that search.
+        optimum: The least objective possible, where it is known.
+        objective: What the traces show, with its unit.
+    """
+
+    rows: tuple[Mapping[str, Any], ...] = ()
+    traces: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    optimum: float | None = None
+    objective: str = "objective"
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A comparison of measured and predicted torque, with the words that say which.
+
+    Attributes:
+        name: Such as ``Training`` or ``Test 1``.
+        validation: The comparison; it has rows.
+        held_out: Whether the fit did not see it.
+    """
+
+    name: str
+    validation: Validation
+    held_out: bool
+
+    @property
+    def logs(self) -> str:
+        """Names of its logs."""
+        return ", ".join(label(name) for name in self.validation.logs)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What a report is about.
+
+    Attributes:
+        estimate: The estimate.
+        tests: Comparisons with logs that the fit did not see.
+        comparison: Other estimators beside it; None where there are none.
+        trajectories: Reference motions by name: logs with time, q and, where known, dq.
+        command: The command line that repeats the report; empty to take that of the estimate's provenance.
+        sources: Files of the tests; those of the fit are in the estimate's provenance.
+
+    Raises:
+        LogMismatch: A test or a trajectory has other joints than the robot.
+    """
+
+    estimate: Estimate
+    tests: tuple[Validation, ...] = ()
+    comparison: Comparison | None = None
+    trajectories: Mapping[str, Log] = field(default_factory=dict)
+    command: str = ""
+    sources: tuple[Source, ...] = ()
+
+    def __post_init__(self) -> None:
+        joints = self.estimate.model.robot.joint_names
+        for validation in (self.estimate.train, *self.tests):
+            names = tuple(fit.name for fit in validation.joints)
+            if names != joints:
+                step = f"the robot has {', '.join(joints)}; validate with the estimate that the report is about"
+                raise LogMismatch(", ".join(validation.logs), f"the joints {', '.join(names)}", step)
+        ordered = {name: log.ordered(joints) for name, log in self.trajectories.items()}
+        object.__setattr__(self, "trajectories", ordered)
+
+    @property
+    def datasets(self) -> tuple[Dataset, ...]:
+        """Training first, then the tests, those without rows left out."""
+        return tuple(self._named())
+
+    @property
+    def held_out(self) -> tuple[Dataset, ...]:
+        """The tests that have rows."""
+        return tuple(dataset for dataset in self.datasets if dataset.held_out)
+
+    def _named(self) -> Iterator[Dataset]:
+        if self.estimate.train.samples:
+            yield Dataset("Training", self.estimate.train, held_out=False)
+        for number, test in enumerate(self.tests, start=1):
+            if test.samples:
+                yield Dataset(f"Test {number}" if len(self.tests) > 1 else "Test", test, held_out=True)
