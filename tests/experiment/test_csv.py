@@ -13,7 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.errors import BadOption, DynidentError, FileError, LogFormatError, LogMismatch, UnknownChoice
-from dynident.experiment.formats import FORMATS, ColumnMap, Units, _text_table, read_log, write_log, written_columns
+from dynident.experiment.formats import (
+    FORMATS,
+    ColumnMap,
+    Units,
+    _text_table,
+    read_header,
+    read_log,
+    write_log,
+    written_columns,
+)
 from dynident.experiment.formats.csv import Csv
 from dynident.experiment.log import Log
 
@@ -180,7 +189,8 @@ FAULTS = [
     ),
     (
         table("t,q1,tau1,tau2"),
-        "1: 1 joints but a column 'tau2'; name the columns of the 1 joints with columns: in the case file",
+        "1: a column 'tau2' where the number of joints is 1; "
+        "name the columns of these joints with columns: in the case file",
     ),
     (table("t,q1,q1,tau1,tau2"), "1: 2 columns are called 'q1'; give each column a name of its own"),
     (
@@ -418,6 +428,11 @@ def test_a_log_with_a_value_that_is_not_finite_is_not_written(tmp_path):
     with pytest.raises(LogMismatch, match="q1 of sample 2 is not finite"):
         write_log(log, tmp_path / "run.csv")
     assert not any(tmp_path.iterdir())
+
+
+def test_the_header_alone_is_read_too(tmp_path):
+    path = saved(tmp_path, ["# note", "t; q1 ;tau", "no numbers; needed; here"])
+    assert read_header(path) == ("t", "q1", "tau")
 
 
 def test_the_family_knows_its_part():

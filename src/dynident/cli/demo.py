@@ -28,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", default="dynident-demo", help="folder to write into (dynident-demo)")
     parser.add_argument("--seed", type=int, default=0, help="seed of noise and colonies (0)")
     parser.add_argument(
-        "--iterations", type=int, default=None, metavar="N", help="iterations of the colony that is given time (20000)"
+        "--iterations", type=int, default=None, metavar="N", help="iterations of the colony that converges (4000)"
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     parser.add_argument("--quiet", action="store_true", help="no progress and no remarks")

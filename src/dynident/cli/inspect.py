@@ -98,6 +98,11 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
     )
     numbered = tuple((str(i), label(name)) for i, name in enumerate(base.names, start=1))
     console.answer_table(Table((Column("#", numeric=True), Column("base parameter")), numbered))
-    lost = [p.name for p, v in zip(base.parameters, base.verdicts, strict=True) if v == "not identifiable"]
+    lost: dict[str, list[str]] = {}
+    for parameter, verdict in zip(base.parameters, base.verdicts, strict=True):
+        if verdict == "not identifiable":
+            lost.setdefault(parameter.owner, []).append(parameter.symbol)
     if lost:
-        console.answer(f"\nnot identifiable at all: {', '.join(lost)}")
+        console.answer("\nnot identifiable at all, whatever the motion:")
+        for owner, symbols in lost.items():
+            console.answer(f"  {label(owner)}: {' '.join(symbols)}")

@@ -70,16 +70,27 @@ def natural_scale(model: DynamicModel, torque: Array, acceleration: Array) -> Sc
         source = "the description's inertias"
     else:
         reach = float(np.sum(length))
-        pull = np.linalg.norm(robot.gravity) * reach + acceleration * reach**2
+        lever = np.array([reach if joint.kind == "revolute" else 1.0 for joint in robot.active])
+        pull = lever * (np.linalg.norm(robot.gravity) + acceleration * lever)
         total = float(np.max(torque / np.maximum(pull, 1e-12)))
         mass = np.full(len(robot.links), max(total, 1e-6) * 2.0 / len(robot.links))
         ball = [Inertia(m, np.zeros(3), 0.4 * m * s**2 * np.eye(3)) for m, s in zip(mass, length, strict=True)]
         inertial = np.concatenate([inertia.vector for inertia in ball])
         source = "balls that explain the size of the torques"
-    sizes = [np.r_[np.full(6, m * s**2), np.full(3, m * s), m] for m, s in zip(mass, length, strict=True)]
-    rotor = float(np.max(mass * length**2))
-    tail = [rotor if p.unit.startswith("kg") else 1.0 for p in model.parameters[model.inertial_count :]]
-    return Scale(mass, length, np.concatenate([*sizes, tail]), np.concatenate([inertial, np.zeros(len(tail))]), source)
+    sizes = _sizes(model, mass, length, torque)
+    rest = np.zeros(len(sizes) - model.inertial_count)
+    return Scale(mass, length, sizes, np.concatenate([inertial, rest]), source)
+
+
+def _sizes(model: DynamicModel, mass: Array, length: Array, torque: Array) -> Array:
+    """Return the natural size of each standard parameter: a rotor counts as the largest link, friction as torque."""
+    links = [np.r_[np.full(6, m * s**2), np.full(3, m * s), m] for m, s in zip(mass, length, strict=True)]
+    rotor = {"kg m^2": float(np.max(mass * length**2)), "kg": float(np.max(mass))}
+    largest = float(np.max(torque, initial=0.0))
+    own = np.maximum(torque, 1e-3 * largest) if largest > 0 else np.ones(model.robot.dof)
+    joint = dict(zip(model.robot.joint_names, own.tolist(), strict=True))
+    tail = [rotor.get(p.unit, joint[p.owner]) for p in model.parameters[model.inertial_count :]]
+    return np.concatenate([*links, tail])
 
 
 def _lengths(model: DynamicModel) -> Array:
@@ -192,7 +203,7 @@ def consistent_fit(
         [clarabel.ZeroConeT(count), *cones.cones],
     )
     theta = x[:size] * scale.parameters
-    theta = _clipped(model, theta)
+    theta = _clipped(model, theta, scale)
     broken = broken_conditions(model, theta)
     if "Solved" not in str(found.status) or broken:
         raise SolverFailed(
@@ -203,10 +214,10 @@ def consistent_fit(
     return theta
 
 
-def _clipped(model: DynamicModel, theta: Array) -> Array:
-    """Set non-negative coefficients that the solver left at -1e-12 to zero."""
+def _clipped(model: DynamicModel, theta: Array, scale: Scale) -> Array:
+    """Set non-negative coefficients that the solver left a rounding below zero to zero."""
     signs = np.array([p.nonnegative for p in model.parameters])
-    return np.where(signs & (theta < 0) & (theta > -1e-6), 0.0, theta)
+    return np.where(signs & (theta < 0) & (theta > -1e-6 * scale.parameters), 0.0, theta)
 
 
 def broken_conditions(model: DynamicModel, theta: Array) -> tuple[str, ...]:
@@ -261,9 +272,7 @@ def deepest_consistent(model: DynamicModel, base: BaseParameters, beta: Array) -
     size = len(model.parameters)
     length = _lengths(model)
     mass = np.full(len(length), max(_mass_of(model, base, beta, float(np.max(length))), 1e-9))
-    sizes = [np.r_[np.full(6, m * s**2), np.full(3, m * s), m] for m, s in zip(mass, length, strict=True)]
-    tail = np.ones(size - model.inertial_count)
-    scale = Scale(mass, length, np.concatenate([*sizes, tail]), np.zeros(size), "beta")
+    scale = Scale(mass, length, _sizes(model, mass, length, _friction_of(model, base, beta)), np.zeros(size), "beta")
     cones = _consistency_cones(model, scale, 0.0)
     matrix = base.matrix * scale.parameters
     rows = np.linalg.norm(matrix, axis=1)
@@ -301,6 +310,16 @@ def _mass_of(model: DynamicModel, base: BaseParameters, beta: Array, length: flo
         if k < model.inertial_count
     ]
     return max(masses, default=1.0)
+
+
+def _friction_of(model: DynamicModel, base: BaseParameters, beta: Array) -> Array:
+    """Return the largest friction coefficient of each joint, shape (n,)."""
+    sizes = dict.fromkeys(model.robot.joint_names, 0.0)
+    for k, value, unit in zip(base.independent, beta, base.units, strict=True):
+        owner = base.parameters[k].owner
+        if k >= model.inertial_count and not unit.startswith("kg"):
+            sizes[owner] = max(sizes[owner], abs(float(value)))
+    return np.array(list(sizes.values()))
 
 
 def describe_reasons(reasons: Sequence[str], most: int = 3) -> str:

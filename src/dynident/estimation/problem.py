@@ -17,7 +17,7 @@ from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.kernels.batched import JointColumns
-from dynident.model.reduction import CHUNK, Reduced, Triangle, reduce, triangle_of
+from dynident.model.reduction import CHUNK, Reduced, Triangle, absorb, reduce
 
 
 @dataclass(frozen=True)
@@ -134,26 +134,24 @@ class Observer:
     def predict(self, log: Log, beta: Array) -> Array:
         """Return the torque of the model at ``beta``, with the known rotor torque, not filtered, shape (N, n)."""
         motion = motion_of(log)
-        out: Array = np.empty((log.samples, self.model.robot.dof))
-        for start in range(0, log.samples, CHUNK):
-            part = slice(start, start + CHUNK)
-            for i, block in enumerate(self._block(motion, part)):
-                out[part, i] = beta[self.columns[i]] @ block[:-1]
-        return out + self.model.known_torque(motion)
+        parts = [slice(start, start + CHUNK) for start in range(0, log.samples, CHUNK)]
+        blocks = (self._block(motion, part) for part in parts)
+        torques = [[beta[own] @ block[:-1] for own, block in zip(self.columns, joint, strict=True)] for joint in blocks]
+        return np.concatenate([np.stack(part, axis=1) for part in torques]) + self.model.known_torque(motion)
 
     def triangles(self, prepared: Prepared, mask: BoolArray) -> tuple[Triangle, ...]:
         """Return the triangle of each joint over the kept rows in ``mask`` (N, n); no row is kept."""
-        factors = [np.zeros((0, len(columns) + 1)) for columns in self.columns]
+        factors = [np.zeros((len(columns) + 1, len(columns) + 1), order="F") for columns in self.columns]
         everything = bool(mask.all())
         with threadpool_limits(1, user_api="blas"):
             for part, blocks in self._segments(prepared):
                 for i, block in enumerate(blocks):
-                    rows = block.T if everything else block.T[mask[part, i]]
-                    for start in range(0, len(rows), CHUNK):
-                        panel = rows[start : start + CHUNK]
-                        factors[i] = triangle_of(np.concatenate([factors[i], panel]))
+                    chosen = block if everything else block[:, mask[part, i]]
+                    for start in range(0, chosen.shape[1], CHUNK):
+                        panel = np.ascontiguousarray(chosen[:, start : start + CHUNK])
+                        factors[i] = absorb(factors[i], panel.T)
         return tuple(
-            Triangle(columns, factor, int(mask[:, i].sum()))
+            Triangle(columns, np.triu(factor), int(mask[:, i].sum()))
             for i, (columns, factor) in enumerate(zip(self.columns, factors, strict=True))
         )
 

@@ -153,7 +153,7 @@ def read_with(path: str | Path, columns: ColumnMap, robot: Robot, decimal: str =
     if log.torque is not None or log.current is None:
         return log
     gains = {joint.name: joint.drive.gain for joint in robot.active if joint.drive.gain is not None}
-    return torque_from_current(log, gains)
+    return torque_from_current(log, gains, robot.coupling if robot.is_coupled else None)
 
 
 def default_preprocessing() -> Preprocessing:

@@ -130,8 +130,14 @@ class Log:
         )
 
 
-def torque_from_current(log: Log, gains: Mapping[str, float]) -> Log:
+def torque_from_current(log: Log, gains: Mapping[str, float], coupling: Array | None = None) -> Log:
     """Return the log with torques K I, equation (16), from its currents and the gain of each joint in N m/A.
+
+    Args:
+        log: With currents.
+        gains: Drive gain by joint.
+        coupling: C with motor speed = C dq, shape (n, n), in the log's order of joints; the torques at the joints are
+            then C' K I. None where each motor moves one joint.
 
     Raises:
         LogMismatch: The log has no currents, or a joint no gain.
@@ -142,5 +148,7 @@ def torque_from_current(log: Log, gains: Mapping[str, float]) -> Log:
     if missing:
         step = "state 'gain' (N m/A at the joint) under drives in the case file"
         raise LogMismatch(log.name, f"currents but no drive gain for {', '.join(missing)}", step)
-    factors = np.array([gains[name] for name in log.joints])
-    return log.with_step("torque = gain x current", torque=log.current * factors)
+    torque = log.current * np.array([gains[name] for name in log.joints])
+    if coupling is None:
+        return log.with_step("torque = gain x current", torque=torque)
+    return log.with_step("torque = coupling' x gain x current", torque=torque @ np.asarray(coupling))

@@ -126,7 +126,7 @@ def simulate(
     decay = body.fastest_decay(masses)
     ticks = clock(rate, controller.rate, integration_rate, decay, lead_in, course.length)
     errors = _Errors.drawn(noise, ticks, body.joints, seed)
-    encoder = _per_joint("resolution", resolution, body.joints)
+    encoder = _per_joint("resolution", resolution, body.joints, 0.0)
     reference = _reference(body, course, ticks.control_times, controller.gravity)
     out, cut = body.run(ticks, reference[0, :2], tables, encoder, reference, errors.states)
     text = f"{controller.rate:g} Hz control, {ticks.rate:g} Hz integration, seed {seed}"

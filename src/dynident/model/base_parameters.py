@@ -81,7 +81,7 @@ class BaseParameters:
             value = self.matrix[row, k]
             if k == lead:
                 continue
-            size = "" if np.isclose(abs(value), 1.0, rtol=1e-9) else f"{abs(value):.5g} "
+            size = "" if np.isclose(abs(value), 1.0, rtol=1e-9) else f"{abs(value):.6g} "
             text += f" {'-' if value < 0 else '+'} {size}{self.parameters[k].name}"
         return text
 

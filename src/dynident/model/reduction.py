@@ -16,8 +16,12 @@ from threadpoolctl import threadpool_limits
 
 from dynident.arrays import Array, IntArray, frozen
 
-# Householder QR of LAPACK; it has no type stub.
+# Householder QR of LAPACK, plain and of a triangle over new rows; they have no type stubs.
 _GEQRF: Any = scipy.linalg.get_lapack_funcs("geqrf", dtype=np.float64)
+_TPQRT: Any = scipy.linalg.get_lapack_funcs("tpqrt", dtype=np.float64)
+
+#: Columns factored at a time inside a panel; 8 is the fastest for panels of 20 to 60 columns.
+_BLOCK = 8
 
 #: Rows reduced at a time: the panel stays in the cache.
 CHUNK = 1000
@@ -31,6 +35,21 @@ def triangle_of(rows: Array) -> Array:
     if info:
         raise ValueError("the rows contain a value that is not a number")
     return np.triu(factor[: min(rows.shape)])
+
+
+def absorb(factor: Array, rows: Array) -> Array:
+    """Return the triangle of ``factor`` and new rows; both are overwritten.
+
+    Args:
+        factor: Upper triangle, shape (k, k), in Fortran order; what stands below its diagonal is left alone.
+        rows: Shape (m, k), in Fortran order.
+    """
+    if not len(rows):
+        return factor
+    factor, _, _, info = _TPQRT(0, min(_BLOCK, len(factor)), factor, rows, overwrite_a=True, overwrite_b=True)
+    if info:
+        raise ValueError("the rows contain a value that is not a number")
+    return factor
 
 
 @dataclass(frozen=True)

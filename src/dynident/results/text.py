@@ -304,17 +304,20 @@ def _plain_scalar(value: object) -> str:
 
 
 def comparison_table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    """Return rows given as data: a column for each key, in the order of first sight; numbers with four digits."""
+    """Return rows given as data: a column for each key, in the order of first sight; numbers with four digits at most.
+
+    A column of texts that all end in a sign of percent has it in its heading.
+    """
     keys = list(dict.fromkeys(key for row in rows for key in row))
-    numeric = {key: all(_is_number(row.get(key)) for row in rows) for key in keys}
-    columns = tuple(Column(label(key), numeric=numeric[key]) for key in keys)
-    return Table(columns, tuple(tuple(_compared(row.get(key)) for key in keys) for row in rows))
-
-
-def _is_number(value: object) -> bool:
-    number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool | np.bool_)
-    return value is None or number
+    cells = {key: [_compared(row.get(key)) for row in rows] for key in keys}
+    columns = []
+    for key, texts in cells.items():
+        percent = all(text.endswith(" %") or text == MISSING for text in texts)
+        cells[key] = [text.removesuffix(" %") for text in texts] if percent else texts
+        numeric = all(_NUMBER.fullmatch(text) or text in (MISSING, "inf", "-inf") for text in cells[key])
+        columns.append(Column(label(key), "%" if percent and any(t != MISSING for t in texts) else "", numeric))
+    return Table(tuple(columns), tuple(zip(*cells.values(), strict=True)))
 
 
 def _compared(value: object) -> str:
-    return format_number(float(value)) if isinstance(value, float | np.floating) else plain_value(value)
+    return _number(float(value), lambda v: f"{v:.4g}") if isinstance(value, float | np.floating) else plain_value(value)

@@ -200,8 +200,8 @@ class ColumnMap:
         chosen = dict(self.stated())
         for name in self._numbered_signals(found):
             if max(found[name], default=0) > count:
-                evidence = f"{count} joints but a column '{NUMBERED[name]}{max(found[name])}'"
-                step = f"name the columns of the {count} joints with columns: in the case file"
+                evidence = f"a column '{NUMBERED[name]}{max(found[name])}' where the number of joints is {count}"
+                step = "name the columns of these joints with columns: in the case file"
                 raise LogFormatError(path, line, evidence, step)
             chosen[name] = tuple(f"{NUMBERED[name]}{k}" for k in range(1, count + 1))
         used = (self.time, *(name for names in chosen.values() for name in names))

@@ -18,6 +18,9 @@ FILTERS: Family[Filter] = Family("dynident.experiment.preprocessing", Filter, "f
 #: Steps that differ by less than this share of the median step count as uniform.
 UNIFORM = 1e-3
 
+#: A longer gap in time, in s, is not bridged (nor one shorter than ten steps refused).
+LONGEST_GAP = 0.5
+
 #: A joint that is slow for less time than this, in s, is turning round, not resting.
 SHORTEST_REST = 0.1
 
@@ -124,7 +127,7 @@ def resample(log: Log) -> Log:
     """Return the log on a uniform grid at its median rate, by linear interpolation; as it is where it is uniform.
 
     Raises:
-        LogMismatch: Fewer than ten samples, or time that does not run forward.
+        LogMismatch: Fewer than ten samples, time that does not run forward, or a long gap in it.
     """
     if log.samples < 10:
         raise LogMismatch(log.name, f"only {log.samples} samples", "an identification needs seconds of motion")
@@ -134,6 +137,9 @@ def resample(log: Log) -> Log:
         evidence = f"time does not run forward at sample {row + 1} ({log.time[row - 1]:.6g} to {log.time[row]:.6g} s)"
         raise LogMismatch(log.name, evidence, "sort the rows or remove the repeated ones")
     middle = float(np.median(steps))
+    if np.max(steps) > max(LONGEST_GAP, 10 * middle):
+        row = int(np.argmax(steps))
+        raise LogMismatch(log.name, f"a gap of {steps[row]:.4g} s after sample {row + 1}", "split the log there")
     if np.max(np.abs(steps - middle)) <= UNIFORM * middle:
         return log
     count = round(log.duration / middle) + 1

@@ -12,6 +12,9 @@ from dynident.experiment.log import Log
 from dynident.experiment.preprocessing.base import Filter
 from dynident.experiment.preprocessing.five_point import five_point_smoothing
 
+#: Samples by which the periods of a log may run out of step before it is resampled; averaging would smear them.
+SLIP = 0.01
+
 
 @dataclass(frozen=True)
 class FourierFit(Filter):
@@ -39,6 +42,7 @@ class FourierFit(Filter):
             raise BadOption("torque_repeats", self.torque_repeats, "give 0 or more")
 
     def apply(self, log: Log) -> Log:
+        log = _on_whole_samples(log, self.period_s)
         per_period = round(self.period_s * log.rate)
         periods = log.samples // per_period if per_period else 0
         if not periods or per_period < 2 * self.harmonics + 1:
@@ -75,6 +79,19 @@ class FourierFit(Filter):
             "order": self.harmonics,
             "torque": f"period average, five-point smoothing {self.torque_repeats} times",
         }
+
+
+def _on_whole_samples(log: Log, period: float) -> Log:
+    """Return a log of several periods with whole samples per period, by linear interpolation where it has not."""
+    rate = round(period * log.rate) / period
+    if not rate or log.samples < 2 * period * rate or abs(rate / log.rate - 1) * log.samples < SLIP:
+        return log
+    time = log.time[0] + np.arange(int(log.duration * rate + 1e-6) + 1) / rate
+    moved = {
+        name: np.column_stack([np.interp(time, log.time, column) for column in values.T])
+        for name, values in log.signals().items()
+    }
+    return log.with_step(f"resampled to {rate:.8g} Hz, whole samples per period", time=time, **moved)
 
 
 def fourier_basis(time: Array, period: float, harmonics: int) -> tuple[Array, Array, Array]:

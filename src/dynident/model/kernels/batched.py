@@ -2,24 +2,39 @@
 
 Shapes: N samples, n joints, l links; q in rad or m, dq and ddq its derivatives, theta (10 l,) in SI units about the
 link frames. Every call accepts N = 0 and ``threads``, which shares the samples among Python threads (the kernels hold
-no interpreter lock). Nothing is compiled or imported from numba before the first call.
+no interpreter lock).
+
+Each call runs a kernel that is generated for the robot on its first use (some hundredths of a second, kept for the
+process), or, for robots too large for that, the generic kernel that numba compiles once per installation. They agree to
+1e-10 of the largest entry. The environment variable DYNIDENT_KERNEL forces one of them: ``generic``, ``generated``;
+``auto`` is the default. Nothing is compiled, and no compiler is imported, before the first call.
 """
 
 from __future__ import annotations
 
-import importlib
 import itertools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from dynident.arrays import Array, IntArray
+from dynident.arrays import Array
 from dynident.errors import SolverFailed
+from dynident.model.kernels.generated import chain_kernel
+from dynident.model.kernels.inputs import parameters, samples
+from dynident.model.kernels.joint_columns import JointColumns
 from dynident.model.robot import Chain
+
+__all__ = [
+    "JointColumns",
+    "forward_dynamics",
+    "inverse_dynamics",
+    "link_poses",
+    "mass_matrix",
+    "torque_regressor",
+]
 
 #: Fewer samples than this are not worth a thread of their own.
 SHARE = 512
@@ -41,15 +56,26 @@ def torque_regressor(chain: Chain, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt
     Raises:
         ValueError: A shape is wrong.
     """
-    q, dq, ddq = _samples(chain, q=q, dq=dq, ddq=ddq)
-    size = chain.links
-    out = np.empty((len(q), size * 10 * size))
-    tables = _tables(chain)
-    _share(len(q), threads, lambda s: _loops().regressor(*tables, q[s], dq[s], ddq[s], out[s]))
-    rows = out.reshape(len(q), size, 10 * size)
+    q, dq, ddq = samples(chain, q=q, dq=dq, ddq=ddq)
+    kernel = chain_kernel(chain, "regressor")
+    if kernel is None:
+        return _generic_regressor(chain, q, dq, ddq, threads)
+    out = np.empty((len(q), chain.joints, 10 * chain.links))
+    _share(len(q), threads, lambda s: kernel.run((q[s], dq[s], ddq[s]), (out[s],), len(q[s])))
+    return out
+
+
+def _generic_regressor(chain: Chain, q: Array, dq: Array, ddq: Array, threads: int) -> Array:
+    from dynident.model.kernels import generic_batches  # numba loads with the first call
+    from dynident.model.kernels.generic import pack
+
+    links, tables = chain.links, pack(chain)
+    out = np.empty((len(q), links * 10 * links))
+    _share(len(q), threads, lambda s: generic_batches.regressor(*tables, q[s], dq[s], ddq[s], out[s]))
+    rows = out.reshape(len(q), links, 10 * links)
     if np.array_equal(chain.joint, np.arange(chain.joints)):
         return rows
-    summed = np.zeros((len(q), chain.joints, 10 * size))
+    summed = np.zeros((len(q), chain.joints, 10 * links))
     for link, joint in enumerate(chain.joint):
         summed[:, joint] += rows[:, link]
     return summed
@@ -71,11 +97,18 @@ def inverse_dynamics(
     Raises:
         ValueError: A shape is wrong.
     """
-    q, dq, ddq = _samples(chain, q=q, dq=dq, ddq=ddq)
-    theta = _parameters(chain, theta)
+    q, dq, ddq = samples(chain, q=q, dq=dq, ddq=ddq)
+    theta = parameters(chain, theta)
     out = np.empty((len(q), chain.joints))
-    tables = _tables(chain)
-    _share(len(q), threads, lambda s: _loops().inverse_dynamics(*tables, theta, q[s], dq[s], ddq[s], out[s]))
+    kernel = chain_kernel(chain, "torque")
+    if kernel is not None:
+        _share(len(q), threads, lambda s: kernel.run((theta, q[s], dq[s], ddq[s]), (out[s],), len(q[s])))
+        return out
+    from dynident.model.kernels import generic_batches
+    from dynident.model.kernels.generic import pack
+
+    tables = pack(chain)
+    _share(len(q), threads, lambda s: generic_batches.inverse_dynamics(*tables, theta, q[s], dq[s], ddq[s], out[s]))
     return out
 
 
@@ -91,11 +124,18 @@ def mass_matrix(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, threads: i
     Raises:
         ValueError: A shape is wrong.
     """
-    (q,) = _samples(chain, q=q)
-    theta = _parameters(chain, theta)
+    (q,) = samples(chain, q=q)
+    theta = parameters(chain, theta)
     out = np.empty((len(q), chain.joints, chain.joints))
-    links, reals, _ = _tables(chain)
-    _share(len(q), threads, lambda s: _loops().mass_matrix(links, reals, theta, q[s], out[s]))
+    kernel = chain_kernel(chain, "mass")
+    if kernel is not None:
+        _share(len(q), threads, lambda s: kernel.run((theta, q[s]), (out[s],), len(q[s])))
+        return out
+    from dynident.model.kernels import generic_batches
+    from dynident.model.kernels.generic import pack
+
+    links, reals, _ = pack(chain)
+    _share(len(q), threads, lambda s: generic_batches.mass_matrix(links, reals, theta, q[s], out[s]))
     return out
 
 
@@ -111,6 +151,7 @@ def forward_dynamics(
     """Return the accelerations ddq with (M + armature) ddq + c + g = tau, shape (N, n), in rad/s^2 or m/s^2.
 
     The system is solved by LU, so that a mass matrix that is not positive definite (non-physical parameters) works.
+    The kernel is always the generic one.
 
     Args:
         chain: The robot.
@@ -125,18 +166,21 @@ def forward_dynamics(
         ValueError: A shape is wrong.
         SolverFailed: The mass matrix of a sample is singular or not finite.
     """
-    q, dq, tau = _samples(chain, q=q, dq=dq, tau=tau)
-    theta = _parameters(chain, theta)
+    from dynident.model.kernels import generic_batches
+    from dynident.model.kernels.generic import pack
+
+    q, dq, tau = samples(chain, q=q, dq=dq, tau=tau)
+    theta = parameters(chain, theta)
     size = chain.joints
     added = np.zeros((size, size)) if armature is None else np.array(armature, dtype=np.float64)
     if added.shape != (size, size):
         raise ValueError(f"armature has shape {added.shape}, expected {(size, size)}")
     added.setflags(write=False)
     out = np.empty((len(q), size))
-    tables = _tables(chain)
+    tables = pack(chain)
 
     def work(s: slice) -> None:
-        failed = _loops().forward_dynamics(*tables, theta, added, q[s], dq[s], tau[s], out[s])
+        failed = generic_batches.forward_dynamics(*tables, theta, added, q[s], dq[s], tau[s], out[s])
         if failed >= 0:
             sample = s.start + failed
             raise SolverFailed(
@@ -163,150 +207,18 @@ def link_poses(chain: Chain, q: npt.ArrayLike, threads: int = 1) -> tuple[Array,
     Raises:
         ValueError: A shape is wrong.
     """
-    (q,) = _samples(chain, q=q)
-    rotations, translations = np.empty((len(q), chain.links, 3, 3)), np.empty((len(q), chain.links, 3))
-    links, reals, _ = _tables(chain)
-    _share(len(q), threads, lambda s: _loops().link_poses(links, reals, q[s], rotations[s], translations[s]))
-    return rotations, translations
+    (q,) = samples(chain, q=q)
+    out = np.empty((len(q), chain.links, 12))
+    kernel = chain_kernel(chain, "frames")
+    if kernel is not None:
+        _share(len(q), threads, lambda s: kernel.run((q[s],), (out[s],), len(q[s])))
+    else:
+        from dynident.model.kernels import generic_batches
+        from dynident.model.kernels.generic import pack
 
-
-class JointColumns:
-    """Chosen columns of the regressor, joint by joint, without the entries that are zero at every motion.
-
-    The fast path that identification streams through: sample index fastest, in chunks that the caller sizes (some
-    hundred samples stay in the processor's cache).
-
-    Attributes:
-        chain: The robot.
-        wanted: Indices of the wanted columns among the 10 l standard ones, shape (b,).
-        columns: Per joint, the positions in ``wanted`` that are not structurally zero on that joint's row.
-    """
-
-    def __init__(self, chain: Chain, columns: npt.ArrayLike) -> None:
-        """Choose columns of the regressor of ``chain``.
-
-        Args:
-            chain: The robot.
-            columns: Indices into the 10 l standard columns, each at most once; any order.
-
-        Raises:
-            ValueError: An index is out of range or stands twice.
-        """
-        self.chain = chain
-        self.wanted = _indices(columns, 10 * chain.links)
-        moved = np.zeros((chain.joints, chain.links), dtype=bool)
-        for link, other in itertools.product(range(chain.links), repeat=2):
-            moved[chain.joint[link], other] |= _carries(chain, link, other)
-        self.columns: tuple[IntArray, ...] = tuple(np.flatnonzero(row[self.wanted // 10]) for row in moved)
-        self._ends = np.cumsum([len(found) for found in self.columns])[:-1]
-        self._rows = sum(len(found) for found in self.columns)
-        self._entries = self._places()
-        self._used = np.zeros(chain.links, dtype=np.int64)
-        self._used[self.wanted // 10] = 1
-        for array in (self._entries, self._used):
-            array.setflags(write=False)
-
-    def buffers(self, samples: int) -> tuple[Array, ...]:
-        """Return empty buffers for ``out``: one array (K_i, samples) per joint."""
-        return tuple(np.empty((len(found), samples)) for found in self.columns)
-
-    def evaluate(
-        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, out: Sequence[Array] | None = None
-    ) -> tuple[Array, ...]:
-        """Return the entries of the regressor: per joint i an array (K_i, N), row k for ``columns[i][k]``.
-
-        Args:
-            q: Positions, shape (N, n).
-            dq: Velocities, shape (N, n).
-            ddq: Accelerations, shape (N, n).
-            out: Where to write: one C-contiguous float64 array (K_i, N) per joint; fresh ones if None.
-
-        Raises:
-            ValueError: A shape, type or order is wrong.
-        """
-        q, dq, ddq = _samples(self.chain, q=q, dq=dq, ddq=ddq)
-        blocks = self.buffers(len(q)) if out is None else self._checked(out, len(q))
-        stacked = np.empty((self._rows, len(q)))
-        _loops().columns(*_tables(self.chain), self._entries, self._used, q, dq, ddq, stacked)
-        for block, part in zip(blocks, np.split(stacked, self._ends), strict=True):
-            block[:] = part
-        return blocks
-
-    def _places(self) -> IntArray:
-        """Return (row of the stacked blocks, entry of the link regressor) for every link a joint moves, (k, 2)."""
-        width, row, places = 10 * self.chain.links, 0, []
-        for joint, found in enumerate(self.columns):
-            for column in self.wanted[found]:
-                movers = np.flatnonzero(self.chain.joint == joint)
-                places += [
-                    (row, link * width + column)
-                    for link in movers
-                    if _carries(self.chain, int(link), int(column) // 10)
-                ]
-                row += 1
-        return np.array(places, dtype=np.int64).reshape(-1, 2)
-
-    def _checked(self, out: Sequence[Array], samples: int) -> tuple[Array, ...]:
-        wanted = [(len(found), samples) for found in self.columns]
-        if [block.shape for block in out] != wanted:
-            raise ValueError(f"out has the shapes {[block.shape for block in out]}, expected {wanted}")
-        for joint, block in enumerate(out):
-            if not (block.flags.c_contiguous and block.flags.writeable and block.dtype == np.float64):
-                raise ValueError(f"out[{joint}] must be a writeable C-contiguous float64 array")
-        return tuple(out)
-
-
-def _loops() -> Any:
-    """Return the compiled loops; numba is imported here, on the first call."""
-    return importlib.import_module("dynident.model.kernels.generic_batches")
-
-
-def _tables(chain: Chain) -> tuple[IntArray, Array, Array]:
-    return importlib.import_module("dynident.model.kernels.generic").pack(chain)
-
-
-def _samples(chain: Chain, **arrays: npt.ArrayLike) -> list[Array]:
-    """Return the arrays as read-only C-contiguous float64 views (N, n), so that one compiled version serves all."""
-    found = []
-    length: int | None = None
-    for name, values in arrays.items():
-        array = np.ascontiguousarray(values, dtype=np.float64).view()
-        if array.ndim != 2 or array.shape[1] != chain.joints or length not in (None, len(array)):
-            rows = "N" if length is None else str(length)
-            raise ValueError(f"{name} has shape {array.shape}, expected ({rows}, {chain.joints})")
-        length = len(array)
-        array.setflags(write=False)
-        found.append(array)
-    return found
-
-
-def _parameters(chain: Chain, theta: npt.ArrayLike) -> Array:
-    array = np.ascontiguousarray(theta, dtype=np.float64).view()
-    if array.shape != (10 * chain.links,):
-        raise ValueError(f"theta has shape {array.shape}, expected ({10 * chain.links},)")
-    array.setflags(write=False)
-    return array
-
-
-def _indices(columns: npt.ArrayLike, limit: int) -> IntArray:
-    """Return the wanted columns as a read-only int array, checked."""
-    given = np.asarray(columns)
-    array = np.array(given, dtype=np.int64)
-    if array.ndim != 1 or (array.size and not np.array_equal(array, given)):
-        raise ValueError(f"columns must be a list of whole numbers, got shape {given.shape} of {given.dtype}")
-    if array.size and (array.min() < 0 or array.max() >= limit):
-        raise ValueError(f"columns reach from {array.min()} to {array.max()}, expected 0 to {limit - 1}")
-    if len(np.unique(array)) != len(array):
-        raise ValueError("a column stands twice in columns")
-    array.setflags(write=False)
-    return array
-
-
-def _carries(chain: Chain, link: int, other: int) -> bool:
-    """Say whether the joint of ``link`` moves the link ``other``."""
-    while other > link:
-        other = int(chain.parent[other])
-    return other == link
+        links, reals, _ = pack(chain)
+        _share(len(q), threads, lambda s: generic_batches.link_poses(links, reals, q[s], out[s]))
+    return out[:, :, :9].reshape(len(q), chain.links, 3, 3), out[:, :, 9:].copy()
 
 
 def _share(samples: int, threads: int, work: Callable[[slice], None]) -> None:

@@ -170,8 +170,8 @@ def forward_dynamics(
 
 
 @compiled
-def link_poses(links: IntArray, reals: Array, q: Array, rotations: Array, translations: Array) -> None:
-    """Write the poses of the links in the base frame, (N, l, 3, 3) and (N, l, 3)."""
+def link_poses(links: IntArray, reals: Array, q: Array, out: Array) -> None:
+    """Write the poses of the links in the base frame, out (N, l, 12): rotation row-major, translation."""
     size = len(links)
     work = np.empty((size + 1, WORK))
     world = np.zeros((size + 1, 12))
@@ -187,6 +187,5 @@ def link_poses(links: IntArray, reals: Array, q: Array, rotations: Array, transl
             world[i, 9], world[i, 10], world[i, 11] = x, y, z
             for k in range(3):
                 world[i, 9 + k] += world[parent, 9 + k]
-                translations[s, i, k] = world[i, 9 + k]
-                for c in range(3):
-                    rotations[s, i, k, c] = world[i, 3 * k + c]
+            for k in range(12):
+                out[s, i, k] = world[i, k]

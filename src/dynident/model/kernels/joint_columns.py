@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import importlib
-import itertools
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from dynident.arrays import Array, IntArray
+from dynident.model.kernels.compiled import Kernel, kernel
+from dynident.model.kernels.emit import Access, Buffer, Layout
+from dynident.model.kernels.generated import by_sample, chain_key, is_small
 from dynident.model.kernels.inputs import column_indices, kernel_choice, samples
 from dynident.model.kernels.recursion import TracedChain
-from dynident.model.kernels.trace import Scalar, gradient, is_zero
+from dynident.model.kernels.trace import Program, Scalar, gradient, is_zero
 from dynident.model.robot import Chain
-
-if TYPE_CHECKING:
-    from dynident.model.kernels.compiled import Kernel
-    from dynident.model.kernels.emit import Layout
-    from dynident.model.kernels.trace import Program
 
 _MOTION = ("q", "dq", "ddq")
 
@@ -52,12 +48,16 @@ class JointColumns:
         traced = TracedChain(chain)
         values = traced.regressor(self.wanted)
         self._program = traced.trace.program(values)
+        self._is_small = is_small(self._program)
         used = {slot for slot, value in values.items() if not is_zero(value)}
         found = [[k for k, c in enumerate(self.wanted) if j * width + c in used] for j in range(chain.joints)]
         self.columns: tuple[IntArray, ...] = tuple(np.array(row, dtype=np.int64) for row in found)
         self._places = {
             int(j * width + self.wanted[k]): (j, row) for j, kept in enumerate(found) for row, k in enumerate(kept)
         }
+
+    def __reduce__(self) -> tuple[type[JointColumns], tuple[Chain, IntArray]]:
+        return JointColumns, (self.chain, self.wanted)  # machine code stays in its process
 
     def buffers(self, count: int) -> tuple[Array, ...]:
         """Return empty buffers for ``out``: one array (K_i, count) per joint."""
@@ -107,33 +107,35 @@ class JointColumns:
         motion = samples(self.chain, q=q, dq=dq, ddq=ddq)
         count = len(motion[0])
         found = (np.empty_like(motion[0]), np.empty_like(motion[0]), np.empty_like(motion[0]))
-        self._gradient_kernel().run([*motion, *self._checked(weights, count, "weights")], found, count)
+        assert self._pullback is not None  # its size is not limited
+        self._pullback.run([*motion, *self._checked(weights, count, "weights")], found, count)
         return found
 
     def _kernel(self) -> Kernel | None:
         """Return the generated kernel, or None where the generic one is to be used."""
         choice = kernel_choice()
-        if choice == "generic":
-            return None
-        compiled, generated = _module("compiled"), _module("generated")
-        if choice == "auto" and not generated.is_small(self._program):
-            return None
-        return compiled.kernel(self._key("columns"), lambda: (self._program, self._layout()))
+        generated = choice == "generated" or (choice == "auto" and self._is_small)
+        return self._generated if generated else None
 
-    def _key(self, what: str) -> tuple[object, ...]:
-        return what, self.wanted.tobytes(), _module("generated").chain_key(self.chain)
+    @cached_property
+    def _generated(self) -> Kernel | None:
+        return kernel(("columns", *self._key), lambda: (self._program, self._layout()))
+
+    @cached_property
+    def _pullback(self) -> Kernel | None:
+        return kernel(("pullback", *self._key), self._gradient)
+
+    @cached_property
+    def _key(self) -> tuple[object, ...]:
+        return self.wanted.tobytes(), chain_key(self.chain)
 
     def _layout(self) -> Layout:
-        emit = _module("emit")
-        rows = tuple(emit.Buffer(f"joint{j}", emit.Access.BY_ROW) for j in range(self.chain.joints))
-        return emit.Layout(_module("generated").by_sample(self.chain, _MOTION), rows, self._places)
-
-    def _gradient_kernel(self) -> Kernel:
-        return _module("compiled").kernel(self._key("gradient"), self._gradient)
+        rows = tuple(Buffer(f"joint{j}", Access.BY_ROW) for j in range(self.chain.joints))
+        return Layout(by_sample(self.chain, _MOTION), rows, self._places)
 
     def _gradient(self) -> tuple[Program, Layout]:
         """Return the program of :meth:`pullback`."""
-        emit, joints = _module("emit"), range(self.chain.joints)
+        joints = range(self.chain.joints)
         traced = TracedChain(self.chain)
         trace = traced.trace
         values = traced.regressor(self.wanted)
@@ -141,32 +143,42 @@ class JointColumns:
         inputs: list[Scalar] = [trace.input(name, joint) for name in _MOTION for joint in joints]
         slopes = gradient(trace, values, weights, inputs)
         program = trace.program(dict(enumerate(slopes)))
-        rows = tuple(emit.Buffer(f"weight{j}", emit.Access.BY_ROW) for j in joints)
-        outputs = tuple(emit.Buffer(f"by_{name}", emit.Access.BY_SAMPLE, self.chain.joints) for name in _MOTION)
+        rows = tuple(Buffer(f"weight{j}", Access.BY_ROW) for j in joints)
+        outputs = tuple(Buffer(f"by_{name}", Access.BY_SAMPLE, self.chain.joints) for name in _MOTION)
         places = {slot: divmod(slot, self.chain.joints) for slot in program.outputs}
-        return program, emit.Layout((*_module("generated").by_sample(self.chain, _MOTION), *rows), outputs, places)
+        return program, Layout((*by_sample(self.chain, _MOTION), *rows), outputs, places)
 
     def _evaluate_generic(self, motion: Sequence[Array], blocks: Sequence[Array]) -> None:
         """Write the blocks with the generic kernel."""
-        starts = np.cumsum([0, *(len(block) for block in blocks)])
+        from dynident.model.kernels import generic_batches  # numba loads with the first call
+
+        q, dq, ddq = motion
+        links, reals, gravity, entries, used = self._tables
+        stacked = np.empty((sum(len(block) for block in blocks), len(q)))
+        generic_batches.columns(links, reals, gravity, entries, used, q, dq, ddq, stacked)
+        start = 0
+        for block in blocks:
+            block[:] = stacked[start : start + len(block)]
+            start += len(block)
+
+    @cached_property
+    def _tables(self) -> tuple[IntArray, Array, Array, IntArray, IntArray]:
+        """The first five arguments of the generic kernel."""
+        from dynident.model.kernels.generic import pack
+
+        starts = np.cumsum([0, *(len(found) for found in self.columns)])
         width = 10 * self.chain.links
-        entries = np.array(
-            [
-                (starts[joint] + row, link * width + slot % width)
-                for slot, (joint, row) in self._places.items()
-                for link in np.flatnonzero(self.chain.joint == joint)
-            ],
-            dtype=np.int64,
-        ).reshape(-1, 2)
+        entries = [
+            (starts[joint] + row, link * width + slot % width)
+            for slot, (joint, row) in self._places.items()
+            for link in np.flatnonzero(self.chain.joint == joint)
+        ]
+        places = np.array(entries, dtype=np.int64).reshape(-1, 2)
         used = np.zeros(self.chain.links, dtype=np.int64)
         used[self.wanted // 10] = 1
-        for array in (entries, used):
+        for array in (places, used):
             array.setflags(write=False)
-        stacked = np.empty((int(starts[-1]), len(motion[0])))
-        tables = _module("generic").pack(self.chain)
-        _module("generic_batches").columns(*tables, entries, used, *motion, stacked)
-        for block, (start, stop) in zip(blocks, itertools.pairwise(starts), strict=True):
-            block[:] = stacked[start:stop]
+        return (*pack(self.chain), places, used)
 
     def _checked(self, arrays: Sequence[Array], count: int, name: str) -> tuple[Array, ...]:
         shapes, wanted = [array.shape for array in arrays], [(len(found), count) for found in self.columns]
@@ -175,10 +187,7 @@ class JointColumns:
         for joint, array in enumerate(arrays):
             flags = array.flags
             if not (flags.c_contiguous and array.dtype == np.float64 and (flags.writeable or name != "out")):
-                raise ValueError(f"{name}[{joint}] must be a C-contiguous float64 array{', writeable' * (name == 'out')}")
+                raise ValueError(
+                    f"{name}[{joint}] must be a C-contiguous float64 array{', writeable' * (name == 'out')}"
+                )
         return tuple(arrays)
-
-
-def _module(name: str):  # noqa: ANN202
-    """Return a module of this folder that loads a compiler, when it is first needed."""
-    return importlib.import_module(f"dynident.model.kernels.{name}")

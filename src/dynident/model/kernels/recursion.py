@@ -104,10 +104,11 @@ class TracedChain:
     Attributes:
         trace: Where the operations are kept.
         chain: The chain, its rounding removed by :func:`snapped`.
+        theta: Inertial parameters that become constants of the program, shape (10 l,); None where they are an input.
     """
 
-    def __init__(self, chain: Chain) -> None:
-        self.trace, self.chain = Trace(), snapped(chain)
+    def __init__(self, chain: Chain, theta: Array | None = None) -> None:
+        self.trace, self.chain, self.theta = Trace(), snapped(chain), theta
         self.axes = [_vector(axis) for axis in self.chain.axis]
         self.poses = [self._pose(i) for i in range(chain.links)]
 
@@ -218,8 +219,10 @@ class TracedChain:
         return found
 
     def _parameters(self, i: int) -> tuple[Matrix, Vector, Number]:
-        """Return inertia, first moment and mass of link i from ``theta``."""
-        xx, xy, xz, yy, yz, zz, hx, hy, hz, mass = (self.trace.input("theta", 10 * i + k) for k in range(10))
+        """Return inertia, first moment and mass of link i."""
+        numbers = range(10 * i, 10 * i + 10)
+        ten = [self.trace.input("theta", k) if self.theta is None else float(self.theta[k]) for k in numbers]
+        xx, xy, xz, yy, yz, zz, hx, hy, hz, mass = ten
         return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), (hx, hy, hz), mass
 
     def _wrench(self, i: int, motion: Motion) -> tuple[Vector, Vector]:

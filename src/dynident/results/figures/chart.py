@@ -122,8 +122,8 @@ class Plot:
         """Return the vertical scale of the plot when its rectangle begins at ``top``."""
         levels = [level.value for level in self.levels]
         low, high = finite_range(*(mark.y for mark in self.marks), np.array(levels))
-        if low in levels and not self.log:  # else the axis would hide the line
-            low -= 0.06 * (high - low)
+        if low in levels:  # room for its word between the line and the axis
+            low = low * (low / high) ** 0.12 if self.log else low - 0.12 * (high - low)
         return (upright_log if self.log else upright)(low, high, top + self.height, top)
 
 
@@ -236,7 +236,8 @@ def _levels(plot: Plot, scale: Scale, left: float, right: float) -> str:
     for level in plot.levels:
         y = float(scale.at(np.array(level.value)))
         body.append(svg.stroke(svg.track(np.array([left, right]), np.array([y, y])), 0, 1.0, dashed=True))
-        body.append(svg.words(level.text, left + 4, y - 5, "ink", halo=True))
+        below = isinstance(scale, Linear | Log) and y + 16 < scale.start
+        body.append(svg.words(level.text, left + 4, y + 15 if below else y - 5, "ink", halo=True))
     return "".join(body)
 
 

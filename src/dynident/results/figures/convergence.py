@@ -6,9 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from dynident.arrays import Array
 from dynident.results.figures.chart import WIDTH, Level
 from dynident.results.figures.signals import line_chart
 from dynident.results.text import format_number, label
+
+_WIDE = 10.0  # ratio from which on an axis is logarithmic
 
 
 def convergence_chart(
@@ -19,27 +22,32 @@ def convergence_chart(
 ) -> str:
     """Return the best objective so far over iterations, the optimum as a line. Figure 6 of the article.
 
-    The vertical axis is logarithmic where the values are above zero and reach over a power of ten.
+    An axis is logarithmic where it reaches over a power of ten: the upward one from the least to the largest
+    objective (above zero), the other one from the shortest to the longest search.
 
     Args:
-        traces: Objective after each iteration, by name of the estimator.
+        traces: Objective after each iteration, by name of the estimator; one value at least.
         optimum: The least objective possible, where it is known.
         objective: What it is, with its unit.
         width: Of the figure.
     """
     lines = [(name, np.arange(1.0, len(trace) + 1), np.asarray(trace, dtype=float)) for name, trace in traces.items()]
-    known = [] if optimum is None or not np.isfinite(optimum) else [Level(optimum, f"optimum {format_number(optimum)}")]
-    values = np.concatenate([*(y for _, _, y in lines), np.array([level.value for level in known])])
-    finite = values[np.isfinite(values)]
-    ends = "; ".join(f"{label(name)} ends at {format_number(float(y[-1]))}" for name, _, y in lines if len(y))
+    levels, said = [], "; ".join(f"{label(name)} ends at {format_number(float(y[-1]))}" for name, _, y in lines)
+    if optimum is not None and np.isfinite(optimum):
+        levels = [Level(optimum, f"optimum {format_number(optimum)}")]
+        said += f"; the optimum is {format_number(optimum)}"
+    values = np.concatenate([*(y for _, _, y in lines), [level.value for level in levels]])
     return line_chart(
         "Convergence",
         lines,
         "iteration",
         objective,
-        f"Objective over iterations: {ends}."
-        + (f" The optimum is {format_number(optimum)}." if known and optimum else ""),
-        log=(False, bool(len(finite) and finite.min() > 0 and finite.max() >= 10 * finite.min())),
-        levels=known,
+        f"Objective over iterations: {said}.",
+        log=(_is_wide(np.array([float(len(y)) for _, _, y in lines])), _is_wide(values[np.isfinite(values)])),
+        levels=levels,
         width=width,
     )
+
+
+def _is_wide(values: Array) -> bool:
+    return bool(len(values) and values.min() > 0 and values.max() >= _WIDE * values.min())

@@ -48,8 +48,8 @@ def running_median(x: Array, y: Array, bins: int = 31) -> tuple[Array, Array]:
 def spectrum(signal: Array, time: Array, starts: Sequence[int], longest: int = 4096) -> tuple[Array, Array]:
     """Return frequencies (K,), in Hz, and the amplitude density of each column (K, n), in its unit / sqrt(Hz).
 
-    Mean over half-overlapping stretches under a Hann window (Welch 1967), one stretch of a log at least; sampled
-    at the median rate of the first log. The constant part is left out.
+    Mean over half-overlapping stretches under a Hann window (Welch 1967), a quarter of the shortest log long; sampled
+    at the median rate of the first log. The constant part and the half of the rate are left out.
 
     Args:
         signal: Shape (N, n).
@@ -58,7 +58,8 @@ def spectrum(signal: Array, time: Array, starts: Sequence[int], longest: int = 4
         longest: Rows of a stretch at most.
     """
     stops = [*starts[1:], len(signal)]
-    size = min([longest, *(stop - start for start, stop in zip(starts, stops, strict=True))])
+    shortest = min(stop - start for start, stop in zip(starts, stops, strict=True))
+    size = min(longest, shortest // 4)
     if size < 16:
         return np.zeros(0), np.zeros((0, signal.shape[1]))
     rate = 1.0 / float(np.median(np.diff(time[starts[0] : stops[0]])))
@@ -71,7 +72,7 @@ def spectrum(signal: Array, time: Array, starts: Sequence[int], longest: int = 4
             power += np.abs(np.fft.rfft((part - part.mean(axis=0)) * window, axis=0)) ** 2
             count += 1
     power *= 2.0 / (rate * float(np.sum(window**2)) * count)
-    return np.fft.rfftfreq(size, 1.0 / rate)[1:], np.sqrt(power[1:])
+    return np.fft.rfftfreq(size, 1.0 / rate)[1:-1], np.sqrt(power[1:-1])
 
 
 def thinned(frequency: Array, density: Array, bands: int = 160) -> tuple[Array, Array]:

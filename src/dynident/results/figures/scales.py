@@ -121,7 +121,7 @@ def upright(low: float, high: float, bottom: float, top: float) -> Linear:
     Of a wide and a narrow step, the one that leaves less of the plot empty.
     """
     found = []
-    for spacing in (36.0, 22.0):
+    for spacing in (36.0, 26.0):
         step = round_step((high - low) / max((bottom - top) / spacing, 1.0))
         ends = float(np.floor(low / step + 1e-6) * step), float(np.ceil(high / step - 1e-6) * step)
         found.append(Linear(*ends, bottom, top, step))

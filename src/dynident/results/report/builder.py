@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from os import PathLike
@@ -43,7 +44,9 @@ def write_report(
     path: str | PathLike[str],
     estimate: Estimate,
     validations: Iterable[Validation] = (),
+    *,
     comparison: Comparison | Sequence[Mapping[str, Any]] | None = None,
+    traces: Mapping[str, Sequence[float]] | None = None,
     trajectories: Mapping[str, Log] | None = None,
     command: str = "",
     sources: Iterable[Source] = (),
@@ -54,13 +57,24 @@ def write_report(
         FileError: The file cannot be written.
         LogMismatch: A validation or a trajectory has other joints than the robot.
     """
-    write_atomically(path, build_report(estimate, validations, comparison, trajectories, command, sources))
+    page = build_report(
+        estimate,
+        validations,
+        comparison=comparison,
+        traces=traces,
+        trajectories=trajectories,
+        command=command,
+        sources=sources,
+    )
+    write_atomically(path, page)
 
 
 def build_report(
     estimate: Estimate,
     validations: Iterable[Validation] = (),
+    *,
     comparison: Comparison | Sequence[Mapping[str, Any]] | None = None,
+    traces: Mapping[str, Sequence[float]] | None = None,
     trajectories: Mapping[str, Log] | None = None,
     command: str = "",
     sources: Iterable[Source] = (),
@@ -71,6 +85,7 @@ def build_report(
         estimate: What it is about.
         validations: Comparisons with logs that the fit did not see.
         comparison: Several estimators on the same data, or only the rows of their table.
+        traces: Objective after each iteration, by name; added to those of the comparison.
         trajectories: Reference motions by name, as logs with time, q and, where known, dq.
         command: The command line that repeats it; by default that of the estimate's provenance.
         sources: Files of the tests; those of the fit are in the estimate's provenance.
@@ -78,9 +93,9 @@ def build_report(
     Raises:
         LogMismatch: A validation or a trajectory has other joints than the robot.
     """
-    beside = comparison if comparison is None or isinstance(comparison, Comparison) else Comparison(tuple(comparison))
-    subject = Subject(estimate, tuple(validations), beside, dict(trajectories or {}), command, tuple(sources))
-    return render(subject)
+    beside = comparison if isinstance(comparison, Comparison) else Comparison(tuple(comparison or ()))
+    beside = replace(beside, traces={**beside.traces, **(traces or {})})
+    return render(Subject(estimate, tuple(validations), beside, dict(trajectories or {}), command, tuple(sources)))
 
 
 def render(subject: Subject, names: Sequence[str] = ()) -> str:
@@ -117,8 +132,10 @@ def section_names() -> tuple[str, ...]:
 
 
 def _shown(value: Any) -> Any:
-    """Make every text that a template puts in printable; escaping follows."""
-    return clean(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+    """Make a text that a template puts in printable and keep its signs of percent to their numbers."""
+    if isinstance(value, str) and not isinstance(value, Markup):
+        return clean(value).replace(" %", "\u00a0%")
+    return value
 
 
 @cache

@@ -39,7 +39,7 @@ class Dataset:
 
     Attributes:
         name: Such as ``Training`` or ``Test 1``.
-        validation: The comparison; it has rows.
+        validation: The comparison; it has signals.
         held_out: Whether the fit did not see it.
     """
 
@@ -52,6 +52,23 @@ class Dataset:
         """Names of its logs."""
         return ", ".join(label(name) for name in self.validation.logs)
 
+    @property
+    def rows(self) -> tuple[slice, ...]:
+        """The rows of each log among the signals."""
+        starts = self.validation.starts
+        return tuple(slice(a, b) for a, b in zip(starts, (*starts[1:], len(self.validation.time)), strict=True))
+
+    @property
+    def thinned(self) -> bool:
+        """Whether the signals are only some of the rows, as an estimate file keeps them; figures are over all."""
+        return len(self.validation.time) < self.validation.samples
+
+    @property
+    def remark(self) -> str:
+        """What has to be said about thinned signals; empty where all rows are there."""
+        count = len(self.validation.time)
+        return f"Drawn from {count} of {self.validation.samples} rows, as the estimate file keeps them." * self.thinned
+
 
 @dataclass(frozen=True)
 class Subject:
@@ -60,7 +77,7 @@ class Subject:
     Attributes:
         estimate: The estimate.
         tests: Comparisons with logs that the fit did not see.
-        comparison: Other estimators beside it; None where there are none.
+        comparison: Other estimators beside it.
         trajectories: Reference motions by name: logs with time, q and, where known, dq.
         command: The command line that repeats the report; empty to take that of the estimate's provenance.
         sources: Files of the tests; those of the fit are in the estimate's provenance.
@@ -71,7 +88,7 @@ class Subject:
 
     estimate: Estimate
     tests: tuple[Validation, ...] = ()
-    comparison: Comparison | None = None
+    comparison: Comparison = field(default_factory=Comparison)
     trajectories: Mapping[str, Log] = field(default_factory=dict)
     command: str = ""
     sources: tuple[Source, ...] = ()
@@ -97,8 +114,8 @@ class Subject:
         return tuple(dataset for dataset in self.datasets if dataset.held_out)
 
     def _named(self) -> Iterator[Dataset]:
-        if self.estimate.train.samples:
+        if len(self.estimate.train.time):
             yield Dataset("Training", self.estimate.train, held_out=False)
         for number, test in enumerate(self.tests, start=1):
-            if test.samples:
+            if len(test.time):
                 yield Dataset(f"Test {number}" if len(self.tests) > 1 else "Test", test, held_out=True)

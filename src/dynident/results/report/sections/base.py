@@ -37,4 +37,6 @@ def drawn(figure: str) -> Markup:
 def left_out(subject: Subject) -> str:
     """Return the sentence that says which data sets have no figures; empty where all have."""
     count = len(subject.datasets)
-    return f"Figures show the first {MOST_DRAWN} of {count} data sets; the tables have all." if count > MOST_DRAWN else ""
+    return (
+        f"Figures show the first {MOST_DRAWN} of {count} data sets; the tables have all." if count > MOST_DRAWN else ""
+    )

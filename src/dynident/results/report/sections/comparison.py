@@ -18,6 +18,6 @@ class ComparisonSection(Section):
     template: ClassVar = "comparison.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
-        if subject.comparison is None or not subject.comparison.rows:
+        if not subject.comparison.rows:
             return {}
         return {"table": comparison_table(subject.comparison.rows)}

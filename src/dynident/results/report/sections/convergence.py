@@ -16,24 +16,22 @@ from dynident.results.text import Column, Table, format_number, format_percent, 
 
 @dataclass(frozen=True)
 class Convergence(Section):
-    """The objective per iteration, from the estimate's ``extras`` (``trace``, ``optimum``) and the comparison's traces."""
+    """The objective per iteration: the estimate's ``extras`` (``trace``, ``optimum``) and the comparison's traces."""
 
     title: ClassVar = "Convergence"
     template: ClassVar = "convergence.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
         extras, comparison = subject.estimate.extras, subject.comparison
-        traces = {name: trace for name, trace in (comparison.traces if comparison else {}).items() if len(trace)}
-        own = extras.get("trace")
-        if _is_trace(own):
-            traces.setdefault(subject.estimate.estimator, own)
+        traces = {name: trace for name, trace in comparison.traces.items() if _is_trace(trace)}
+        if _is_trace(extras.get("trace")):
+            traces.setdefault(subject.estimate.estimator, extras["trace"])
         if not traces:
             return {}
-        optimum = comparison.optimum if comparison and comparison.optimum is not None else extras.get("optimum")
+        optimum = comparison.optimum if comparison.optimum is not None else extras.get("optimum")
         known = float(optimum) if isinstance(optimum, int | float | np.number) else None
-        objective = comparison.objective if comparison else "objective"
         return {
-            "chart": drawn(convergence_chart(traces, known, objective)),
+            "chart": drawn(convergence_chart(traces, known, comparison.objective)),
             "table": _ends(traces, known),
             "optimum": "" if known is None else format_number(known, 6),
         }

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.results.report.sections.base import Section
 from dynident.results.report.subject import Dataset, Subject
-from dynident.results.text import Column, Table, format_number, format_percent, label, plain_value
+from dynident.results.text import MISSING, Column, Table, format_number, label, plain_value, statement
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ class Data(Section):
             "logs": _logs(subject),
             "filters": {"": next(iter(filters.values()))} if same else filters,
             "sources": _sources(subject),
+            "units": statement(asdict(subject.estimate.columns.units)),
         }
 
 
@@ -54,7 +55,6 @@ def _logs(subject: Subject) -> Table:
         Column("samples", numeric=True),
         Column("duration", "s", numeric=True),
         Column("rate", "Hz", numeric=True),
-        Column("rows in motion", "%", numeric=True),
     )
     return Table(columns, tuple(row for dataset in subject.datasets for row in _log_rows(dataset)))
 
@@ -62,14 +62,13 @@ def _logs(subject: Subject) -> Table:
 def _log_rows(dataset: Dataset) -> list[tuple[str, ...]]:
     validation = dataset.validation
     rows = []
-    stops = [*validation.starts[1:], validation.samples]
-    for name, start, stop in zip(validation.logs, validation.starts, stops, strict=True):
-        time = validation.time[start:stop]
+    for name, part in zip(validation.logs, dataset.rows, strict=True):
+        time = validation.time[part]
         duration = float(time[-1] - time[0]) if len(time) > 1 else 0.0
-        rate = 1.0 / float(np.median(np.diff(time))) if duration > 0 else float("nan")
-        moving = float(np.mean(np.abs(validation.dq[start:stop]) > validation.standstill)) if stop > start else 0.0
-        figures = (str(stop - start), format_number(duration), format_number(rate), format_percent(moving, sign=False))
-        rows.append((dataset.name, label(name), *figures))
+        rate = 1.0 / float(np.median(np.diff(time))) if duration > 0 and not dataset.thinned else float("nan")
+        alone = str(validation.samples) if len(validation.logs) == 1 else MISSING
+        samples = alone if dataset.thinned else str(len(time))
+        rows.append((dataset.name, label(name), samples, format_number(duration), format_number(rate)))
     return rows
 
 

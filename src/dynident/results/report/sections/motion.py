@@ -30,7 +30,9 @@ class MotionSection(Section):
                 groups.append((f"Reference: {label(name)}", _figures(robot, log.time, log.q, log.dq, (0,))))
         for dataset in subject.datasets[:MOST_DRAWN]:
             v = dataset.validation
-            groups.append((f"{dataset.name}, as recorded: {dataset.logs}", _figures(robot, v.time, v.q, v.dq, v.starts)))
+            groups.append(
+                (f"{dataset.name}, as recorded: {dataset.logs}", _figures(robot, v.time, v.q, v.dq, v.starts))
+            )
         return {"groups": groups, "left_out": left_out(subject)} if groups else {}
 
 

@@ -32,12 +32,15 @@ class Provenance(Section):
             ("Estimator", [("method", label(estimate.estimator)), *_entries(estimate.options)]),
             ("What the method reports", list(_entries(estimate.extras))),
             ("Preparation", list(_entries(estimate.preprocessing.statement()))),
-            ("Fit", [("samples", str(estimate.samples)), ("condition number", format_number(estimate.condition_number))]),
+            (
+                "Fit",
+                [("samples", str(estimate.samples)), ("condition number", format_number(estimate.condition_number))],
+            ),
             ("Origin", list(_entries(estimate.provenance))),
         ]
         command = subject.command or estimate.provenance.get("command") or ""
         shown = command if isinstance(command, str) else " ".join(str(part) for part in command)
-        return {"groups": [group for group in groups if group[1]], "command": shown}
+        return {"groups": [group for group in groups if group[1]], "command": shown.splitlines()}
 
 
 def _entries(facts: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:

@@ -52,12 +52,23 @@ def _table(subject: Subject) -> Table:
             top = int(np.argmax(np.abs(residual)))
             centred = residual - residual.mean()
             power = float(centred @ centred)
-            memory = float(centred[1:] @ centred[:-1]) / power if power > 0 else float("nan")
+            known = power > 0 and not dataset.thinned
+            memory = float(centred[1:] @ centred[:-1]) / power if known else float("nan")
             factor = MISSING if dataset.held_out else format_number(subject.estimate.correlation_factors[i], 3)
-            sizes = (residual.mean(), residual.std(), residual[top], validation.time[top], memory)
-            numbers = [format_number(float(value), 3) for value in sizes]
+            sizes = _alike(residual.mean(), residual.std(), residual[top])
+            when = f"{float(validation.time[top]):.2f}"
+            numbers = (*sizes, when, MISSING if np.isnan(memory) else f"{memory:.2f}")
             rows.append((dataset.name, label(fit.name), pretty_unit(fit.unit), *numbers, factor))
     return Table(columns, tuple(rows))
+
+
+def _alike(mean: float, deviation: float, largest: float) -> tuple[str, str, str]:
+    """Return three figures of a residual, all with the decimals that give the deviation three digits."""
+    shown = format_number(deviation, 3)
+    if "e" in shown:
+        return format_number(mean, 3), shown, format_number(largest, 3)
+    decimals = len(shown.partition(".")[2])
+    return f"{mean:.{decimals}f}", shown, f"{largest:.{decimals}f}"
 
 
 def _over_speed(dataset: Dataset, robot: Robot) -> list[Markup]:
@@ -75,12 +86,18 @@ def _speed_unit(unit: str) -> str:
 def _spectra(dataset: Dataset, robot: Robot) -> list[Markup]:
     """Return a figure for the turning joints and one for the sliding ones."""
     v = dataset.validation
+    if dataset.thinned:  # what is left out would come back as other frequencies
+        return []
     frequency, density = thinned(*spectrum(v.residual, v.time, v.starts))
     if not len(frequency) or not np.all(density.max(axis=0) > 0):
         return []
     charts = []
     for unit in dict.fromkeys(robot.units):
-        lines = [(name, frequency, density[:, i]) for i, (name, u) in enumerate(zip(robot.joint_names, robot.units, strict=True)) if u == unit]
+        lines = [
+            (name, frequency, density[:, i])
+            for i, (name, u) in enumerate(zip(robot.joint_names, robot.units, strict=True))
+            if u == unit
+        ]
         heading = f"density [{pretty_unit(unit)}/√Hz]"
         charts.append(drawn(line_chart("Spectrum", lines, "frequency [Hz]", heading, log=(True, True), height=170.0)))
     return charts

@@ -28,7 +28,8 @@ class RobotSection(Section):
         gravity = " ".join(format_given(float(value)) for value in robot.gravity)
         facts = [
             ("Name", label(robot.name)),
-            ("Moves", f"{robot.dof} joints, {len(robot.links)} links on the base {label(robot.base)}"),
+            ("Joints and links", f"{robot.dof} joints that move on their own, {len(robot.links)} links"),
+            ("Base", label(robot.base)),
             ("Gravity in the base frame", f"{gravity} m/s²"),
             ("Friction model", friction),
             ("Tool frame", label(robot.tool) if robot.tool else "frame of the last link"),

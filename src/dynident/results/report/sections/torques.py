@@ -29,7 +29,8 @@ def _caption(dataset: Dataset) -> str:
     validation = dataset.validation
     several = "; a gap stands between two logs" if len(validation.logs) > 1 else ""
     error = format_percent(validation.total_relative_error)
-    return f"{dataset.logs}{several}. Total relative error {error}. Filter: {statement(validation.filter)}."
+    said = f"{dataset.logs}{several}. Total relative error {error}. Filter: {statement(validation.filter)}."
+    return f"{said} {dataset.remark}".rstrip()
 
 
 def _figures(dataset: Dataset) -> list[str]:

@@ -69,16 +69,17 @@ def _about_prediction(subject: Subject) -> list[str]:
     train = subject.estimate.train.total_relative_error
     if not subject.held_out:
         return [
-            f"The model reproduces the torques it was fitted to with an error of {format_percent(train)} of their size. "
-            "No log was held out, and the error on the data of the fit flatters a model: record a second, different "
-            "motion and validate with it."
+            f"The model misses {format_percent(train)} of the torques it was fitted to. No log was held out, and the "
+            "error on the data of the fit flatters a model: record a second, different motion and validate with it."
         ]
     worst = _worst(subject)
-    said = [f"On motions it has not seen, the model misses {format_percent(worst)} of the measured torque: {grade(worst)}."]
+    said = [
+        f"On motions it has not seen, the model misses {format_percent(worst)} of the measured torque: {grade(worst)}."
+    ]
     if np.isfinite(worst) and worst > GAP * train > 0:
         said.append(
-            f"That is {worst / train:.1f} times the error on the data of the fit: the tests move in ways the fit did not "
-            "see enough of, or the fit followed its own noise."
+            f"That is {worst / train:.1f} times the error on the data of the fit: the tests move in ways the fit did "
+            "not see enough of, or the fit followed its own noise."
         )
     return said
 

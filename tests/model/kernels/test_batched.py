@@ -1,0 +1,268 @@
+"""Both kernels against Pinocchio, MuJoCo and the laws of mechanics."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from random_arms import Arm, mujoco_model, pinocchio_model, random_arm
+
+from dynident.arrays import Array
+from dynident.errors import BadOption, SolverFailed
+from dynident.model.kernels import batched
+from dynident.model.kernels.compiled import lanes
+from dynident.model.kernels.generated import chain_kernel
+
+#: Pinocchio's order of the ten (m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz) by ours.
+PINOCCHIO = [4, 5, 7, 6, 8, 9, 1, 2, 3, 0]
+
+pytestmark = pytest.mark.usefixtures("kernel")
+
+
+def error(found: Array, expected: Array) -> float:
+    """Return the largest difference relative to the largest entry."""
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+def test_regressor_agrees_with_pinocchio(arm: Arm) -> None:
+    model = pinocchio_model(arm)
+    import pinocchio as pin
+
+    data, motion = model.createData(), arm.states(5)
+    found = batched.torque_regressor(arm.chain, *motion)
+    for row, state in zip(found, zip(*motion, strict=True), strict=True):
+        theirs = pin.computeJointTorqueRegressor(model, data, *state).reshape(arm.chain.joints, -1, 10)
+        assert error(row, theirs[:, :, PINOCCHIO].reshape(row.shape)) < 1e-12
+
+
+def test_dynamics_agree_with_pinocchio(arm: Arm) -> None:
+    model = pinocchio_model(arm)
+    import pinocchio as pin
+
+    data, (q, dq, ddq) = model.createData(), arm.states(5)
+    tau = batched.inverse_dynamics(arm.chain, arm.theta, q, dq, ddq)
+    mass = batched.mass_matrix(arm.chain, arm.theta, q)
+    back = batched.forward_dynamics(arm.chain, arm.theta, q, dq, tau)
+    turns, places = batched.link_poses(arm.chain, q)
+    for s in range(len(q)):
+        assert error(tau[s], pin.rnea(model, data, q[s], dq[s], ddq[s])) < 1e-12
+        upper = np.triu(pin.crba(model, data, q[s]))
+        assert error(mass[s], upper + np.triu(upper, 1).T) < 1e-12
+        assert error(back[s], pin.aba(model, data, q[s], dq[s], tau[s])) < 1e-10
+        pin.forwardKinematics(model, data, q[s])
+        for i in range(arm.chain.links):
+            assert np.abs(turns[s, i] - data.oMi[i + 1].rotation).max() < 1e-13
+            assert np.abs(places[s, i] - data.oMi[i + 1].translation).max() < 1e-12
+
+
+def test_dynamics_agree_with_mujoco(arm: Arm) -> None:
+    model = mujoco_model(arm)
+    data, (q, dq, ddq) = mujoco.MjData(model), arm.states(5)
+    tau = batched.inverse_dynamics(arm.chain, arm.theta, q, dq, ddq)
+    mass = batched.mass_matrix(arm.chain, arm.theta, q)
+    turns, places = batched.link_poses(arm.chain, q)
+    order = [model.joint(f"j{i}").dofadr[0] for i in range(arm.chain.links)]
+    full = np.zeros((model.nv, model.nv))
+    for s in range(len(q)):
+        data.qpos[order], data.qvel[order], data.qacc[order] = q[s], dq[s], ddq[s]
+        mujoco.mj_inverse(model, data)
+        mujoco.mj_fullM(model, data, full)
+        assert error(tau[s], data.qfrc_inverse[order]) < 1e-10
+        assert error(mass[s], full[np.ix_(order, order)]) < 1e-10
+        for i in range(arm.chain.links):
+            assert np.abs(turns[s, i].ravel() - data.body(f"l{i}").xmat).max() < 1e-10
+            assert np.abs(places[s, i] - data.body(f"l{i}").xpos).max() < 1e-10
+
+
+def test_torque_is_linear_in_any_parameters(arm: Arm) -> None:
+    """tau = Y theta, for parameters that no body has too."""
+    theta = np.random.default_rng(3).normal(size=10 * arm.chain.links)
+    motion = arm.states(9)
+    rows = batched.torque_regressor(arm.chain, *motion)
+    assert error(rows @ theta, batched.inverse_dynamics(arm.chain, theta, *motion)) < 1e-12
+
+
+def test_forward_dynamics_inverts_inverse_dynamics_of_any_parameters(arm: Arm) -> None:
+    """An indefinite mass matrix is solved too."""
+    theta = np.random.default_rng(4).normal(size=10 * arm.chain.links)
+    q, dq, ddq = arm.states(9)
+    armature = np.diag(np.linspace(-0.3, 0.5, arm.chain.joints))
+    tau = batched.inverse_dynamics(arm.chain, theta, q, dq, ddq) + ddq @ armature
+    assert error(batched.forward_dynamics(arm.chain, theta, q, dq, tau, armature), ddq) < 1e-9
+
+
+def test_mass_matrix_is_the_response_to_unit_accelerations(tree: Arm) -> None:
+    q, dq, _ = tree.states(1)
+    mass = batched.mass_matrix(tree.chain, tree.theta, q)[0]
+    for k in range(tree.chain.joints):
+        unit = np.zeros_like(q)
+        unit[0, k] = 1.0
+        step = batched.inverse_dynamics(tree.chain, tree.theta, q, dq, unit)
+        column = step - batched.inverse_dynamics(tree.chain, tree.theta, q, dq, 0 * unit)
+        assert np.abs(column[0] - mass[:, k]).max() < 1e-11 * np.abs(mass).max()
+    assert np.array_equal(mass, mass.T) or np.abs(mass - mass.T).max() < 1e-13
+
+
+def test_power_is_the_rate_of_the_energy(six: Arm) -> None:
+    """tau' dq = d/dt (dq' M dq / 2 - sum of m g' c), by central differences along a motion."""
+    q, dq, ddq = six.states(4)
+    step = 1e-5
+
+    def energy(time: float) -> Array:
+        now, speed = q + dq * time + ddq * time**2 / 2, dq + ddq * time
+        mass = batched.mass_matrix(six.chain, six.theta, now)
+        turns, places = batched.link_poses(six.chain, now)
+        height = np.zeros(len(q))
+        for i, body in enumerate(six.bodies):
+            moment = body.mass * places[:, i] + turns[:, i] @ body.first_moment
+            height += moment @ six.chain.gravity
+        return np.einsum("si,sij,sj->s", speed, mass, speed) / 2 - height
+
+    power = np.einsum("si,si->s", batched.inverse_dynamics(six.chain, six.theta, q, dq, ddq), dq)
+    rate = (energy(step) - energy(-step)) / (2 * step)
+    assert error(rate, power) < 1e-7
+
+
+def test_mimic_joints_carry_the_torques_of_all_their_links() -> None:
+    """tau_j = sum of multiplier times link torque; the matrices follow by M = S' M S."""
+    free = random_arm(5, True, 0.3)
+    joint, factor = np.array([0, 1, 1, 2, 0]), np.array([1.0, 1.0, -0.7, 1.0, 0.5])
+    offset = np.array([0.0, 0.0, 0.3, 0.0, 0.1])
+    chain = replace(free.chain, joint=joint, multiplier=factor, offset=offset, joints=3)
+    follow = np.zeros((5, 3))
+    follow[np.arange(5), joint] = factor
+    q, dq, ddq = Arm(chain, free.bodies).states(6)
+    links = (q @ follow.T + offset, dq @ follow.T, ddq @ follow.T)
+    tau = batched.inverse_dynamics(chain, free.theta, q, dq, ddq)
+    assert error(tau, batched.inverse_dynamics(free.chain, free.theta, *links) @ follow) < 1e-12
+    mass = batched.mass_matrix(chain, free.theta, q)
+    assert error(mass, follow.T @ batched.mass_matrix(free.chain, free.theta, links[0]) @ follow) < 1e-12
+    rows = batched.torque_regressor(chain, q, dq, ddq)
+    assert error(rows, np.einsum("lj,slp->sjp", follow, batched.torque_regressor(free.chain, *links))) < 1e-12
+    assert error(batched.forward_dynamics(chain, free.theta, q, dq, tau), ddq) < 1e-9
+    for ours, theirs in zip(batched.link_poses(chain, q), batched.link_poses(free.chain, links[0]), strict=True):
+        assert np.abs(ours - theirs).max() < 1e-12
+
+
+def test_every_number_of_samples_gives_the_same_rows(six: Arm) -> None:
+    motion = six.states(3 * lanes() + 1)
+    full = batched.torque_regressor(six.chain, *motion)
+    for count in range(len(full) + 1):
+        part = batched.torque_regressor(six.chain, *(values[:count] for values in motion))
+        assert part.shape == (count, 6, 60)
+        assert np.array_equal(part, full[:count])
+
+
+def test_threads_change_nothing(six: Arm) -> None:
+    motion = six.states(2500)
+    for call in (batched.torque_regressor, lambda *a, **k: batched.inverse_dynamics(a[0], six.theta, *a[1:], **k)):
+        assert np.array_equal(call(six.chain, *motion, threads=3), call(six.chain, *motion))
+    with pytest.raises(ValueError, match=re.escape("threads is 0, expected 1 or more")):
+        batched.torque_regressor(six.chain, *motion, threads=0)
+
+
+def test_a_bad_sample_spoils_no_other(six: Arm) -> None:
+    motion = six.states(20)
+    good = batched.inverse_dynamics(six.chain, six.theta, *motion)
+    motion[0][7, 2] = np.nan
+    bad = batched.inverse_dynamics(six.chain, six.theta, *motion)
+    assert np.isnan(bad[7, :3]).all()
+    assert np.array_equal(np.delete(bad, 7, 0), np.delete(good, 7, 0))
+
+
+def test_any_memory_layout_is_taken(six: Arm) -> None:
+    q, dq, ddq = six.states(12)
+    expected = batched.torque_regressor(six.chain, q, dq, ddq)
+    frozen = q.copy()
+    frozen.setflags(write=False)
+    strange = (frozen, np.asfortranarray(dq), np.repeat(ddq, 2, axis=0)[::2])
+    assert np.array_equal(batched.torque_regressor(six.chain, *strange), expected)
+    assert np.array_equal(batched.torque_regressor(six.chain, q.tolist(), dq, ddq), expected)
+
+
+@pytest.mark.parametrize(
+    ("shapes", "message"),
+    [
+        (((4, 5), (4, 6), (4, 6)), "q has shape (4, 5), expected (N, 6)"),
+        (((4, 6), (3, 6), (4, 6)), "dq has shape (3, 6), expected (4, 6)"),
+        (((4, 6), (4, 6), (6,)), "ddq has shape (6,), expected (4, 6)"),
+    ],
+)
+def test_wrong_shapes_are_named(six: Arm, shapes: tuple[tuple[int, ...], ...], message: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(message)):
+        batched.torque_regressor(six.chain, *(np.zeros(shape) for shape in shapes))
+
+
+def test_wrong_parameters_are_named(six: Arm) -> None:
+    q = np.zeros((2, 6))
+    with pytest.raises(ValueError, match=re.escape("theta has shape (59,), expected (60,)")):
+        batched.mass_matrix(six.chain, np.zeros(59), q)
+    with pytest.raises(ValueError, match=re.escape("armature has shape (6,), expected (6, 6)")):
+        batched.forward_dynamics(six.chain, six.theta, q, q, q, armature=np.zeros(6))
+
+
+def test_a_singular_mass_matrix_is_an_error_that_names_the_sample(six: Arm) -> None:
+    theta = six.theta.copy()
+    theta[50:] = 0.0  # a last link that weighs nothing
+    q, dq, ddq = six.states(3)
+    with pytest.raises(SolverFailed) as caught:
+        batched.forward_dynamics(six.chain, theta, q, dq, ddq)
+    assert str(caught.value) == (
+        "forward dynamics found no solution: the mass matrix of sample 0 is singular or not finite, "
+        f"q = {np.round(q[0], 6).tolist()}; check the inertial parameters: a joint moves no inertia there "
+        "(a known rotor inertia would help)"
+    )
+    armature = np.diag([0.0, 0.0, 0.0, 0.0, 0.0, 0.1])
+    tau = batched.inverse_dynamics(six.chain, theta, q, dq, ddq) + ddq @ armature
+    assert error(batched.forward_dynamics(six.chain, theta, q, dq, tau, armature), ddq) < 1e-9
+
+
+def test_units_of_very_different_size_are_no_singularity(tree: Arm) -> None:
+    """A rotor that weighs 1e-9 of the rest is small, not singular."""
+    scale = 10.0 ** np.linspace(-9, 3, tree.chain.links)
+    theta = tree.theta * np.repeat(scale[::-1], 10)
+    q, dq, ddq = tree.states(3)
+    tau = batched.inverse_dynamics(tree.chain, theta, q, dq, ddq)
+    back = batched.forward_dynamics(tree.chain, theta, q, dq, tau)
+    again = batched.inverse_dynamics(tree.chain, theta, q, dq, back)
+    assert error(again, tau) < 1e-9
+
+
+def test_generic_and_generated_agree(arm: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = arm.states(50)
+    results = {}
+    for choice in ("generic", "generated"):
+        monkeypatch.setenv("DYNIDENT_KERNEL", choice)
+        results[choice] = (
+            batched.torque_regressor(arm.chain, *motion),
+            batched.inverse_dynamics(arm.chain, arm.theta, *motion),
+            batched.mass_matrix(arm.chain, arm.theta, motion[0]),
+            *batched.link_poses(arm.chain, motion[0]),
+        )
+    for one, other in zip(results["generic"], results["generated"], strict=True):
+        assert error(one, other) < 1e-13
+
+
+def test_the_choice_of_kernel(six: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
+    large = random_arm(12, False, 0.0).chain
+    monkeypatch.setenv("DYNIDENT_KERNEL", "generic")
+    assert chain_kernel(six.chain, "torque") is None
+    monkeypatch.delenv("DYNIDENT_KERNEL")
+    assert chain_kernel(six.chain, "torque") is chain_kernel(replace(six.chain), "torque") is not None
+    assert chain_kernel(large, "regressor") is None
+    assert chain_kernel(random_arm(61, False, 0.0).chain, "regressor") is None
+    monkeypatch.setenv("DYNIDENT_KERNEL", "fast")
+    with pytest.raises(BadOption) as caught:
+        batched.link_poses(six.chain, np.zeros((1, 6)))
+    assert str(caught.value) == ("DYNIDENT_KERNEL = 'fast' is not possible; choose one of: auto, generic, generated")
+
+
+def test_importing_loads_no_compiler() -> None:
+    code = "import sys, dynident.model.kernels.batched; print({'numba', 'llvmlite'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "set()\n"

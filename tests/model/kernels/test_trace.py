@@ -1,0 +1,117 @@
+"""The tracer: what a traced formula computes is what the formula computes, with as few operations as it can see."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dynident.model.kernels.trace import Number, Scalar, Trace, cosine, gradient, is_zero, sine
+
+numbers = st.one_of(st.sampled_from([0.0, 1.0, -1.0, 0.5]), st.floats(-3, 3))
+leaves = st.one_of(numbers, st.sampled_from(["x", "y", "z"]))
+trees = st.recursive(
+    leaves,
+    lambda inner: st.one_of(
+        st.tuples(st.sampled_from(["+", "-", "*"]), inner, inner),
+        st.tuples(st.sampled_from(["neg", "sin", "cos"]), inner),
+    ),
+    max_leaves=12,
+)
+
+
+def build(tree: Any, values: dict[str, Any]) -> Any:
+    """Return the value of a random formula over floats or traced scalars."""
+    if not isinstance(tree, tuple):
+        return values.get(tree, tree)
+    operands = [build(part, values) for part in tree[1:]]
+    match tree[0]:
+        case "+":
+            return operands[0] + operands[1]
+        case "-":
+            return operands[0] - operands[1]
+        case "*":
+            return operands[0] * operands[1]
+        case "neg":
+            return -operands[0]
+        case name:
+            return {"sin": sine, "cos": cosine}[name](operands[0])
+
+
+def inputs(trace: Trace) -> dict[str, Scalar]:
+    return {name: trace.input("v", k) for k, name in enumerate("xyz")}
+
+
+def run(trace: Trace, value: Number, point: list[float]) -> float:
+    found = trace.program({0: value}).evaluate({"v": np.array(point)})
+    return float(found.get(0, np.float64(0.0)))
+
+
+@given(trees, st.lists(st.floats(-3, 3), min_size=3, max_size=3))
+def test_a_program_computes_its_formula(tree: Any, point: list[float]) -> None:
+    trace = Trace()
+    expected = build(tree, dict(zip("xyz", point, strict=True)))
+    found = run(trace, build(tree, inputs(trace)), point)
+    assert math.isclose(found, expected, rel_tol=1e-9, abs_tol=1e-9)
+
+
+@given(trees, st.lists(st.floats(-1, 1), min_size=3, max_size=3))
+@settings(max_examples=50)
+def test_the_gradient_is_the_slope_of_the_formula(tree: Any, point: list[float]) -> None:
+    trace, step = Trace(), 1e-6
+    known = inputs(trace)
+    value = build(tree, known)
+    slopes = gradient(trace, {0: value}, {0: trace.constant(1.0)}, known.values())
+    size = 1.0 + abs(run(trace, value, point))
+    for k, slope in enumerate(slopes):
+        ends = [run(trace, value, [x + sign * step * (i == k) for i, x in enumerate(point)]) for sign in (1, -1)]
+        assert abs(run(trace, slope, point) - (ends[0] - ends[1]) / (2 * step)) < 1e-3 * size
+
+
+def test_zeros_ones_and_signs_vanish() -> None:
+    trace = Trace()
+    x, y = trace.input("v", 0), trace.input("v", 1)
+    assert is_zero(0.0 * x)
+    assert is_zero(x - x)
+    assert ((1.0 * x).number, (x + 0.0).number, (-(-x)).number) == (x.number,) * 3
+    assert (x + -y).number == (x - y).number == (-(y - x)).number
+    assert ((-x) * (-y)).number == (x * y).number
+    assert trace.program({0: -2.0 * x, 1: 2.0 * x}).operations == 2  # one product, one sign
+
+
+def test_equal_operations_are_one_node() -> None:
+    trace = Trace()
+    x, y = trace.input("v", 0), trace.input("v", 1)
+    assert (x * y).number == (y * x).number
+    assert (x + y).number == (y + x).number
+    program = trace.program({0: x * y + 1.0, 1: (y * x) * (x * y)})
+    assert program.operations == 3
+
+
+def test_a_program_keeps_only_what_its_outputs_need() -> None:
+    trace = Trace()
+    x = trace.input("v", 0)
+    sine(x * x)
+    program = trace.program({4: x + 2.0, 5: 0.0, 7: 3.0})
+    assert program.operations == 1
+    assert program.arrays == ("v",)
+    assert sorted(program.outputs) == [4, 7]
+    found = program.evaluate({"v": np.array([[1.0, 2.0]])})
+    assert found[4].tolist() == [3.0, 4.0]
+    assert float(found[7]) == 3.0
+
+
+def test_a_gradient_takes_the_weights_of_all_outputs() -> None:
+    trace = Trace()
+    x, y = trace.input("v", 0), trace.input("v", 1)
+    outputs: dict[int, Number] = {0: x * x, 1: x * y, 2: x * x, 3: 5.0}
+    weights = {slot: trace.input("w", slot) for slot in outputs}
+    slopes = gradient(trace, outputs, weights, [x, y])
+    values = {"v": np.array([2.0, 3.0]), "w": np.array([1.0, 10.0, 100.0, 1000.0])}
+    found = trace.program(dict(enumerate(slopes))).evaluate(values)
+    assert float(found[0]) == pytest.approx(2 * 2 * 101 + 3 * 10)
+    assert float(found[1]) == pytest.approx(2 * 10)
