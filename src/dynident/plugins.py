@@ -59,8 +59,11 @@ class Family(Generic[Part]):
         Raises:
             UnknownChoice: No such part.
             BadOption: The part has no such option.
+            TypeError: Options beside a part that is made already.
         """
         if not isinstance(choice, str):
+            if options:
+                raise TypeError(f"{choice!r} has its options already; {', '.join(options)} would be lost")
             return choice
         part = self.get(choice)
         known = [option.name for option in self.options(choice)]

@@ -264,6 +264,11 @@ def test_every_fault_names_line_and_column(tmp_path, lines, message):
         (b"# a\n# b\n", ": only comments; give a header row and rows of numbers"),
         (b"t,q1\n0,\0\n", ":2: a binary file, not text; give a text file, or name its format"),
         (b"t,q1\n0,1\n1,\xb0\n", ":3: the byte 0xb0 is not UTF-8 text; save it as CSV UTF-8"),
+        (b"t,q1\n0,1\n1,\xc2", ":3: the byte 0xc2 is not UTF-8 text; save it as CSV UTF-8"),
+        (
+            b"t,q\x1b[31m\n" + b"0,1\n" * 12,
+            ":1: no column 'q1'; the header has t, q\\x1b[31m; map it with columns: in the case file",
+        ),
         ("t,q1\n0,1\n".encode("utf-16"), ":1: UTF-16 text, not UTF-8; save it as CSV UTF-8"),
         (b"t" + b"," * 5000 + b"\n", ":1: 5001 columns; at most 4096 are read"),
         (b"t" * (1 << 20) + b"\n", ":1: a line of more than 1048576 characters; is it a table?"),
@@ -421,6 +426,24 @@ def test_the_fast_and_the_careful_reader_agree(tmp_path_factory, cell):
             return str(error).replace(name, "")
 
     assert outcome("fast.csv", "n", "0") == outcome("slow.csv", "n", "x")
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 400), st.binary(max_size=6)), min_size=1, max_size=4))
+def test_a_damaged_file_is_a_log_or_an_error_on_one_line(tmp_path_factory, damage):
+    content = bytearray("\n".join(table()).encode())
+    for place, data in damage:
+        content[place : place + len(data)] = data
+    path = tmp_path_factory.mktemp("damaged") / "run.csv"
+    path.write_bytes(content)
+    try:
+        log = read_log(path)
+    except DynidentError as error:
+        assert str(error).startswith(str(path))
+        assert len(str(error).splitlines()) == 1
+    else:
+        assert np.all(np.isfinite(np.hstack([log.time[:, None], log.q, log.torque])))
+        assert np.all(np.diff(log.time) > 0)
 
 
 def test_a_log_with_a_value_that_is_not_finite_is_not_written(tmp_path):

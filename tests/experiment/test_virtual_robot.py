@@ -19,7 +19,7 @@ from dynident.model.friction import Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
-from dynident.model.robot import Drive, Joint, JointLimits, Link, Mimic, Robot, rotation_about
+from dynident.model.robot import Drive, Joint, JointLimits, Link, Mimic, Robot
 from dynident.robots.er16_article import BETA_1, LOCKED, PERIOD
 
 FOUR = ("coulomb", "viscous", "offset", "rotor_inertia")

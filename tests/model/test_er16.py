@@ -9,6 +9,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from dynident.arrays import Array
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions import read_robot
@@ -16,6 +17,7 @@ from dynident.model.descriptions.dh import read_dh
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
@@ -42,6 +44,12 @@ def target(script):
 @pytest.fixture(scope="module")
 def shipped() -> Robot:
     return read_robot("er16")
+
+
+def theta_of(robot_or_model: Robot | DynamicModel) -> Array:
+    theta = robot_or_model.nominal if isinstance(robot_or_model, Robot) else robot_or_model.nominal()
+    assert theta is not None
+    return theta
 
 
 def rows_of(target, motion, width=0.0):
@@ -114,7 +122,7 @@ def test_the_closest_consistent_robot_differs_by_35_to_41_percent(script, target
     np.testing.assert_allclose(target.shares(beta), [0.360, 0.352, 0.406], atol=0.002)
     np.testing.assert_allclose(target.correlations(beta), [0.936, 0.938, 0.926], atol=0.0015)
     assert misfit == pytest.approx(np.linalg.norm(target.shares(beta)), rel=1e-6)
-    assert np.all(np.isin(np.round(x[[19]]), [200.0]))  # why the robot that ships takes one more step
+    assert x[19] == pytest.approx(200.0, abs=0.01)  # a mass at its bound: why the shipped robot takes one more step
 
 
 # The robot that ships
@@ -123,7 +131,7 @@ def test_the_closest_consistent_robot_differs_by_35_to_41_percent(script, target
 def test_the_shipped_robot_is_what_the_script_derives(script, target, shipped):
     derived = script.derive(target)
     again = read_dh("derived", script.as_yaml(derived).encode())
-    np.testing.assert_allclose(shipped.nominal, again.nominal, rtol=1e-3, atol=5e-3)
+    np.testing.assert_allclose(theta_of(shipped), theta_of(again), rtol=1e-3, atol=5e-3)
     for one, other in zip(shipped.joints, again.joints, strict=True):
         assert (one.limits, one.drive) == (other.limits, other.drive)
         assert one.friction == pytest.approx(other.friction, rel=1e-3)
@@ -137,27 +145,27 @@ def test_the_shipped_robot_stands_off_every_boundary(shipped):
     masses = [link.inertia.mass for link in shipped.links]
     assert min(masses[:3]) > 2.0 and max(masses[:3]) < 190.0  # bounds 1 and 200 kg
     q = np.random.default_rng(0).uniform(-np.pi, np.pi, (500, 6))
-    assert np.linalg.eigvalsh(batched.mass_matrix(shipped.chain, shipped.nominal, q)).min() > 1e-3
+    assert np.linalg.eigvalsh(batched.mass_matrix(shipped.chain, theta_of(shipped), q)).min() > 1e-3
 
 
 def test_the_shipped_robot_comes_as_close_to_table_2_as_it_says(script, target, shipped):
     model = DynamicModel(shipped.locked(article.LOCKED), target.model.friction)
-    beta = base_parameters(model).from_standard(model.nominal())
+    beta = base_parameters(model).from_standard(theta_of(model))
     shares = target.shares(beta)
     np.testing.assert_allclose(shares, [0.372, 0.364, 0.465], atol=0.002)
     np.testing.assert_allclose(target.correlations(beta), [0.928, 0.934, 0.903], atol=0.002)
     _, smallest = script.closest(target)
     assert np.linalg.norm(shares) == pytest.approx((1 + script.SLACK) * smallest, rel=1e-4)
-    np.testing.assert_allclose(model.torque(target.motion, model.nominal()), target.predict(beta), atol=1e-9)
+    np.testing.assert_allclose(model.torque(target.motion, theta_of(model)), target.predict(beta), atol=1e-9)
 
 
 def test_locking_the_wrist_is_holding_it_still(target, shipped):
     """Inverse dynamics of all six axes with the wrist at rest, against the three-axis robot with merged links."""
     motion = target.model.random_motion(200, seed=5)
-    pad = [np.pad(values, ((0, 0), (0, 3))) for values in (motion.q, motion.dq, motion.ddq)]
-    six = batched.inverse_dynamics(shipped.chain, shipped.nominal, *pad)
+    q, dq, ddq = (np.pad(values, ((0, 0), (0, 3))) for values in (motion.q, motion.dq, motion.ddq))
+    six = batched.inverse_dynamics(shipped.chain, theta_of(shipped), q, dq, ddq)
     locked = shipped.locked(article.LOCKED)
-    three = batched.inverse_dynamics(locked.chain, locked.nominal, motion.q, motion.dq, motion.ddq)
+    three = batched.inverse_dynamics(locked.chain, theta_of(locked), motion.q, motion.dq, motion.ddq)
     np.testing.assert_allclose(six[:, :3], three, atol=1e-9 * np.abs(three).max())
 
 
@@ -168,7 +176,8 @@ def test_the_shipped_kinematics_are_table_1(target, shipped):
         pose = np.eye(4)
         for i, (alpha, a, d, theta) in enumerate(article.TABLE_1):
             ca, sa, ct, st = np.cos(alpha), np.sin(alpha), np.cos(theta + angles[i]), np.sin(theta + angles[i])
-            pose = pose @ np.array([[ct, -st, 0, a], [st * ca, ct * ca, -sa, -d * sa], [st * sa, ct * sa, ca, d * ca], [0, 0, 0, 1]])  # fmt: skip  # noqa: E501
+            rows = [ct, -st, 0, a], [st * ca, ct * ca, -sa, -d * sa], [st * sa, ct * sa, ca, d * ca], [0, 0, 0, 1]
+            pose = pose @ np.array(rows)
             np.testing.assert_allclose(rotations[sample, i], pose[:3, :3], atol=1e-12)
             np.testing.assert_allclose(translations[sample, i], pose[:3, 3], atol=1e-12)
     assert shipped.tool == "" and shipped.frames == {}
@@ -178,8 +187,8 @@ def test_the_shipped_kinematics_are_table_1(target, shipped):
 def test_the_limits_hold_both_trajectories(shipped, table):
     time = np.arange(0, article.PERIOD, 0.01)
     motion = Motion(*FourierSeries.from_table(list(table), article.PERIOD).evaluate(time))
-    model = DynamicModel(shipped.locked(article.LOCKED), ("coulomb", "viscous"))
-    torque = model.torque(motion, model.nominal())
+    model = DynamicModel(shipped.locked(article.LOCKED), (Coulomb(), Viscous()))
+    torque = model.torque(motion, theta_of(model))
     for i, joint in enumerate(shipped.joints[:3]):
         limits = joint.limits
         assert limits.lower < motion.q[:, i].min() and motion.q[:, i].max() < limits.upper

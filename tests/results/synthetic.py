@@ -33,14 +33,14 @@ HOSTILE = (
 def arm(names: Sequence[str] = ("joint1", "joint2", "joint3"), name: str = "arm", sliding: bool = False) -> Robot:
     """Return an arm whose joints turn about z, y, x, y, x, y, ...; the last one slides if asked."""
     axes = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0], [0, 1, 0], [1, 0, 0]], float)
-    reach = np.array([[0, 0, 0.3], [0.05, 0.1, 0.1], [0.35, 0, 0.05], [0.3, 0, 0], [0.1, 0, 0], [0.1, 0, 0], [0.1, 0, 0]])
+    reach = np.array(
+        [[0, 0, 0.3], [0.05, 0.1, 0.1], [0.35, 0, 0.05], [0.3, 0, 0], [0.1, 0, 0], [0.1, 0, 0], [0.1, 0, 0]]
+    )
     joints, links = [], []
     for k, joint in enumerate(names):
         kind = "prismatic" if sliding and k == len(names) - 1 else "revolute"
         limits = JointLimits(-np.pi, np.pi, 3.0, effort=200.0)
-        joints.append(
-            Joint(joint, kind, k - 1, np.eye(3), reach[k % 7], axes[k % 7], limits, Drive(100.0, 1e-5, 12.5))
-        )
+        joints.append(Joint(joint, kind, k - 1, np.eye(3), reach[k % 7], axes[k % 7], limits, Drive(100.0, 1e-5, 12.5)))
         body = Inertia.from_centre_of_mass(6.0 - 0.6 * k, [0.12, 0.01, 0.03], np.diag([0.04, 0.06, 0.05]))
         links.append(Link(f"link of {joint}", body))
     tool = Frame(len(links) - 1, np.eye(3), [0.12, 0.0, 0.05])

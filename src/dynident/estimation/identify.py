@@ -98,7 +98,7 @@ def estimate_of(
         model=model,
         base=base,
         beta=solution.beta,
-        covariance=_covariance(problem, solution.beta, factors),
+        covariance=_covariance(problem, solution.weights, deviations, factors),
         theta=solution.theta,
         joint_deviations=deviations,
         correlation_factors=factors,
@@ -181,11 +181,10 @@ def _integrated(residual: Array, longest: float) -> float:
     return max(1.0, float(2 * pairs[: negative[0] if len(negative) else len(pairs)].sum() - 1))
 
 
-def _covariance(problem: Problem, beta: Array, factors: Array) -> Array:
-    """Return the sandwich A^-1 B A^-1: A weighs the joints by their variance, B also by their correlation factor."""
-    weights = 1.0 / problem.joint_deviations(beta)
+def _covariance(problem: Problem, weights: Array, deviations: Array, factors: Array) -> Array:
+    """Return the sandwich A^-1 B A^-1: A has the weights of the fit, B also what the residuals of a joint are worth."""
     inverse = least_squares(problem.reduced(weights)).unscaled_covariance
-    spread = problem.reduced(weights * np.sqrt(factors)).r @ inverse
+    spread = problem.reduced(weights**2 * deviations * np.sqrt(factors)).r @ inverse
     return spread.T @ spread
 
 

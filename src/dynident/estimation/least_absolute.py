@@ -38,8 +38,8 @@ class LeastAbsolute:
         beta: Minimiser, inside the box, shape (b,).
         objective: F at ``beta``.
         lower_bound: No beta in the box has a smaller objective; from ``dual`` alone.
-        gap: (objective - lower_bound) / objective; where the objective is below a millionth of that of beta = 0 (a
-            perfect fit), relative to that millionth.
+        gap: (objective - lower_bound) / objective; where the objective is below a millionth of that of beta = 0 or a
+            1e-12th of what the corners of the box reach (a perfect fit), relative to that.
         dual: y with |y_i| <= w_i that proves the bound, shape (r,).
     """
 
@@ -72,8 +72,7 @@ def least_absolute(
         objective = float(fit.weights @ np.abs(fit.residual(beta)))
         bound = dual_bound(fit.columns.T, fit.target, fit.weights, fit.lower, fit.upper, dual)
     bound = min(max(bound, 0.0), objective)  # F >= 0, and rounding may put the bound of a perfect optimum above it
-    scale = max(objective, 1e-6 * float(fit.weights @ np.abs(fit.target)), np.finfo(float).tiny)
-    gap = (objective - bound) / scale
+    gap = (objective - bound) / max(objective, _perfect(fit))
     if not gap <= GAP:
         raise SolverFailed(
             "the least absolute residual fit",
@@ -138,6 +137,13 @@ def _checked(
         j = int(np.argmax(low - high))
         raise ValueError(f"bound {j}: the lower one, {low[j]:g}, is above the upper one, {high[j]:g}")
     return _Fit(np.ascontiguousarray(given.T), tau, w, low, high, np.zeros(count))
+
+
+def _perfect(fit: _Fit) -> float:
+    """Return the objective below which a fit is perfect, since rounding is not far; above zero."""
+    corners = np.maximum(np.abs(fit.lower), np.abs(fit.upper)) @ np.linalg.norm(fit.columns, axis=1)
+    reach = float(corners * np.linalg.norm(fit.weights))
+    return max(1e-6 * float(fit.weights @ np.abs(fit.target)), 1e-12 * reach, 1e-200)
 
 
 def _solve(fit: _Fit) -> tuple[Array, Array]:
@@ -207,9 +213,9 @@ class _InteriorPoint:
         self.beta = np.clip(self._least_squares(fit.target), low + room, high - room)
         self.dl, self.du = self.beta - low, high - self.beta
         residual = fit.target - self._times(self.beta)
-        size, nothing = (float(fit.weights @ np.abs(v)) for v in (residual, fit.target))
-        self._scale = max(size, 1e-6 * nothing, np.finfo(float).tiny)
-        self._floor = 1e-6 * nothing / self._scale
+        floor = _perfect(fit)
+        self._scale = max(float(fit.weights @ np.abs(residual)), floor)
+        self._floor = floor / self._scale
         self._w = w = fit.weights / self._scale
         # Central on the rows: p sp = n sn = mu with p - n = r has y = r w^2 / (mu + sqrt(mu^2 + r^2 w^2)).
         mu = 0.5 / len(w)

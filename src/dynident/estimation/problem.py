@@ -161,7 +161,7 @@ class Observer:
         A filter looks ``reach`` samples to either side, so segments overlap by that much.
         """
         log, keep = prepared.log, prepared.keep
-        motion, torque = motion_of(log), target_torque(self.model, log)
+        motion, torque = motion_of(log), target_torque(self.model, prepared)
         reach = prepared.how.filter.reach(log.rate)
         if not reach:  # nothing to filter: only the kept rows are ever computed
             motion, torque = Motion(motion.q[keep], motion.dq[keep], motion.ddq[keep]), torque[keep]
@@ -211,15 +211,18 @@ def motion_of(log: Log) -> Motion:
     return Motion(log.q, log.dq, log.ddq, temperature=log.temperature)
 
 
-def target_torque(model: DynamicModel, log: Log) -> Array:
-    """Return the measured torque less that of the known rotor inertias, shape (N, n).
+def target_torque(model: DynamicModel, prepared: Prepared) -> Array:
+    """Return the measured torque less that of the known rotor inertias, filtered alike, shape (N, n), all rows.
 
     Raises:
         LogMismatch: The log has no torques.
     """
+    log = prepared.log
     if log.torque is None:
         raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
-    return log.torque - model.known_torque(motion_of(log))
+    if not np.any(model.robot.reflected_inertia):
+        return log.torque
+    return log.torque - prepared.smooth(model.known_torque(motion_of(log)).T).T
 
 
 def make_problem(model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared]) -> Problem:
@@ -231,10 +234,11 @@ def make_problem(model: DynamicModel, base: BaseParameters, logs: Sequence[Prepa
         logs: Preprocessed logs, joints in the order of the robot.
 
     Raises:
-        LogMismatch: A joint never moved.
+        LogMismatch: A joint never moved, or its torque never changed.
         PoorExcitation: The rows do not determine all base parameters.
     """
     _check_motion(model, logs)
+    _check_torque(model, logs)
     masks = tuple(counting_rows(model, log) for log in logs)
     observer = Observer(model, base)
     parts = [observer.triangles(log, mask) for log, mask in zip(logs, masks, strict=True)]
@@ -266,6 +270,20 @@ def _check_motion(model: DynamicModel, logs: Sequence[Prepared]) -> None:
             f"{names} never moved (range {ranges} rad or m)",
             "lock it in the case file (locked: {" + still[0] + ": 0}) or record a motion of all joints",
         )
+
+
+def _check_torque(model: DynamicModel, logs: Sequence[Prepared]) -> None:
+    """Name the joints whose torque is one and the same number: no sensor says that of a joint that moves."""
+    torques = [log.log.torque if log.log.raw_torque is None else log.log.raw_torque for log in logs]
+    known = [torque for torque in torques if torque is not None]
+    if not known:
+        return
+    low, high = (pick([pick(torque, axis=0) for torque in known], axis=0) for pick in (np.min, np.max))
+    for name, unit, least, most in zip(model.robot.joint_names, model.robot.units, low, high, strict=True):
+        if most - least <= 1e-12 * abs(most):
+            evidence = f"{name} moves but its torque is {most:.4g} {unit} throughout"
+            step = "map the right column, or leave the joint out (locked:)"
+            raise LogMismatch(", ".join(log.log.name for log in logs), evidence, step)
 
 
 def _check_rank(problem: Problem, tolerance: float = 1e-9) -> None:

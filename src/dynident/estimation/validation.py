@@ -167,7 +167,7 @@ def _fit(name: str, unit: str, measured: Array, raw: Array, predicted: Array) ->
     if not len(measured):
         return Fit(name, unit, 0, *[float("nan")] * 6)
     error = measured - predicted
-    spread = float(np.std(measured))
+    spread = float(np.linalg.norm(_centred(measured)) / np.sqrt(len(measured)))
     return Fit(
         name=name,
         unit=unit,
@@ -183,5 +183,10 @@ def _fit(name: str, unit: str, measured: Array, raw: Array, predicted: Array) ->
 
 def correlation(measured: Array, predicted: Array) -> float:
     """Return the normalised cross-covariance (18) of two signals, shape (N,); NaN where one never changes."""
-    a, b = measured - np.mean(measured), predicted - np.mean(predicted)
+    a, b = _centred(measured), _centred(predicted)
     return _ratio(a @ b, np.linalg.norm(a) * np.linalg.norm(b))
+
+
+def _centred(signal: Array) -> Array:
+    """Return a signal less its mean; exactly zero where it never changes, whatever the mean is rounded to."""
+    return signal - np.mean(signal) if np.ptp(signal) > 0 else np.zeros_like(signal)

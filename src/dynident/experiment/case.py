@@ -230,8 +230,11 @@ def _robot(top: Section, robot: Robot) -> Robot:
     robot = _guard(top.place("coupling"), lambda: robot.with_drives(drives, coupling))
     if not top.has("locked"):
         return robot
-    section = top.section("locked", names)
-    positions = {name: section.number(name) for name in names if section.has(name)}
+    if top.value("locked") == "rest":
+        positions = dict.fromkeys((name for name in names if name not in _texts(top, "joints")), 0.0)
+    else:
+        section = top.section("locked", names)
+        positions = {name: section.number(name) for name in names if section.has(name)}
     return _guard(top.place("locked"), lambda: robot.locked(positions))
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.errors import BadOption
 from dynident.model.friction import FRICTION, Friction, Motion
 from dynident.model.kernels import batched
 from dynident.model.parameters import Parameter, inertial_parameters
@@ -24,6 +25,10 @@ class DynamicModel:
     Attributes:
         robot: The robot.
         friction: Its friction parts; a name or a part each.
+
+    Raises:
+        UnknownChoice: No such friction part.
+        BadOption: Two parts with the same coefficient.
     """
 
     robot: Robot
@@ -33,7 +38,9 @@ class DynamicModel:
         object.__setattr__(self, "friction", tuple(FRICTION.make(part) for part in self.friction))
         symbols = [c.symbol for part in self.friction for c in part.coefficients]
         if len(set(symbols)) != len(symbols):
-            raise ValueError(f"two friction parts share a coefficient: {symbols}")
+            twice = next(symbol for symbol in symbols if symbols.count(symbol) > 1)
+            names = [FRICTION.name_of(part) for part in self.friction]
+            raise BadOption("friction", names, f"the coefficient {twice} is there twice; keep one of its parts")
 
     @property
     def inertial_count(self) -> int:
@@ -75,9 +82,8 @@ class DynamicModel:
         """Return Y theta and the known rotor torque, shape (N, n), in N m or N."""
         inertial, friction = np.split(np.asarray(theta, dtype=float), [self.inertial_count])
         rigid = batched.inverse_dynamics(self.robot.chain, inertial, motion.q, motion.dq, motion.ddq)
-        at_drives = np.einsum(
-            "sjk,jk->sj", self.friction_values(motion), friction.reshape(-1, self.coefficients_per_joint)
-        )
+        coefficients = friction.reshape(self.robot.dof, self.coefficients_per_joint)
+        at_drives = np.einsum("sjk,jk->sj", self.friction_values(motion), coefficients)
         return rigid + at_drives @ np.asarray(self.robot.coupling) + self.known_torque(motion)
 
     def known_torque(self, motion: Motion) -> Array:

@@ -21,8 +21,14 @@ def tree() -> Arm:
     return random_arm(*SHAPES["tree"])
 
 
+@pytest.fixture(autouse=True)
+def automatic(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Choose the kernel as users do, whatever the other tests choose."""
+    monkeypatch.delenv("DYNIDENT_KERNEL", raising=False)
+
+
 @pytest.fixture(params=["generic", "generated"])
-def kernel(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+def kernel(automatic: None, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Run the test with each of the two kernels."""
     monkeypatch.setenv("DYNIDENT_KERNEL", request.param)
     return request.param

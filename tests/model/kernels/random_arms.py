@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -67,9 +67,9 @@ def random_arm(links: int, branches: bool, prismatic: float, seed: int = 0) -> A
     return Arm(chain, tuple(bodies))
 
 
-def pinocchio_model(arm: Arm):
-    """Return the arm as a Pinocchio model; skips where Pinocchio is not installed."""
-    pin = pytest.importorskip("pinocchio")
+def pinocchio_model(arm: Arm) -> tuple[Any, Any]:
+    """Return Pinocchio and the arm as its model; skips where Pinocchio is not installed."""
+    pin: Any = pytest.importorskip("pinocchio")
     chain, model = arm.chain, pin.Model()
     for i in range(chain.links):
         kind = pin.JointModelPrismaticUnaligned if chain.kind[i] == PRISMATIC else pin.JointModelRevoluteUnaligned
@@ -79,11 +79,12 @@ def pinocchio_model(arm: Arm):
         inertia = pin.Inertia(body.mass, body.centre_of_mass, body.about_centre)
         model.appendBodyToJoint(number, inertia, pin.SE3.Identity())
     model.gravity.linear = chain.gravity
-    return model
+    return pin, model
 
 
-def mujoco_model(arm: Arm) -> mujoco.MjModel:
-    """Return the arm as a MuJoCo model, written as XML."""
+def mujoco_model(arm: Arm) -> tuple[Any, Any]:
+    """Return MuJoCo and the arm as its model, written as XML; skips where MuJoCo is not installed."""
+    mujoco: Any = pytest.importorskip("mujoco")
     chain = arm.chain
 
     def row(values: Array) -> str:
@@ -95,7 +96,7 @@ def mujoco_model(arm: Arm) -> mujoco.MjModel:
         kind = "slide" if chain.kind[i] == PRISMATIC else "hinge"
         own, inertia = arm.bodies[i], arm.bodies[i].about_centre
         six = row(inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
-        children = "".join(body(k) for k in np.flatnonzero(chain.parent == i))
+        children = "".join(body(int(k)) for k in np.flatnonzero(chain.parent == i))
         return (
             f'<body name="l{i}" pos="{row(chain.translation[i])}" quat="{row(quaternion)}">'
             f'<joint name="j{i}" type="{kind}" axis="{row(chain.axis[i])}"/>'
@@ -103,7 +104,7 @@ def mujoco_model(arm: Arm) -> mujoco.MjModel:
         )
 
     roots = "".join(body(int(i)) for i in np.flatnonzero(chain.parent < 0))
-    return mujoco.MjModel.from_xml_string(
+    return mujoco, mujoco.MjModel.from_xml_string(
         f'<mujoco><compiler angle="radian" autolimits="false"/><option gravity="{row(chain.gravity)}">'
         f'<flag contact="disable"/></option><worldbody>{roots}</worldbody></mujoco>'
     )

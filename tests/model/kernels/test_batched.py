@@ -7,7 +7,6 @@ import subprocess
 import sys
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
 from random_arms import Arm, mujoco_model, pinocchio_model, random_arm
@@ -30,9 +29,7 @@ def error(found: Array, expected: Array) -> float:
 
 
 def test_regressor_agrees_with_pinocchio(arm: Arm) -> None:
-    model = pinocchio_model(arm)
-    import pinocchio as pin
-
+    pin, model = pinocchio_model(arm)
     data, motion = model.createData(), arm.states(5)
     found = batched.torque_regressor(arm.chain, *motion)
     for row, state in zip(found, zip(*motion, strict=True), strict=True):
@@ -41,9 +38,7 @@ def test_regressor_agrees_with_pinocchio(arm: Arm) -> None:
 
 
 def test_dynamics_agree_with_pinocchio(arm: Arm) -> None:
-    model = pinocchio_model(arm)
-    import pinocchio as pin
-
+    pin, model = pinocchio_model(arm)
     data, (q, dq, ddq) = model.createData(), arm.states(5)
     tau = batched.inverse_dynamics(arm.chain, arm.theta, q, dq, ddq)
     mass = batched.mass_matrix(arm.chain, arm.theta, q)
@@ -61,7 +56,7 @@ def test_dynamics_agree_with_pinocchio(arm: Arm) -> None:
 
 
 def test_dynamics_agree_with_mujoco(arm: Arm) -> None:
-    model = mujoco_model(arm)
+    mujoco, model = mujoco_model(arm)
     data, (q, dq, ddq) = mujoco.MjData(model), arm.states(5)
     tau = batched.inverse_dynamics(arm.chain, arm.theta, q, dq, ddq)
     mass = batched.mass_matrix(arm.chain, arm.theta, q)
@@ -153,17 +148,20 @@ def test_every_number_of_samples_gives_the_same_rows(six: Arm) -> None:
     motion = six.states(3 * lanes() + 1)
     full = batched.torque_regressor(six.chain, *motion)
     for count in range(len(full) + 1):
-        part = batched.torque_regressor(six.chain, *(values[:count] for values in motion))
+        q, dq, ddq = (values[:count] for values in motion)
+        part = batched.torque_regressor(six.chain, q, dq, ddq)
         assert part.shape == (count, 6, 60)
         assert np.array_equal(part, full[:count])
 
 
 def test_threads_change_nothing(six: Arm) -> None:
     motion = six.states(2500)
-    for call in (batched.torque_regressor, lambda *a, **k: batched.inverse_dynamics(a[0], six.theta, *a[1:], **k)):
-        assert np.array_equal(call(six.chain, *motion, threads=3), call(six.chain, *motion))
+    rows, tau = batched.torque_regressor(six.chain, *motion), batched.inverse_dynamics(six.chain, six.theta, *motion)
+    q, dq, ddq = motion
+    assert np.array_equal(batched.torque_regressor(six.chain, q, dq, ddq, threads=3), rows)
+    assert np.array_equal(batched.inverse_dynamics(six.chain, six.theta, q, dq, ddq, threads=3), tau)
     with pytest.raises(ValueError, match=re.escape("threads is 0, expected 1 or more")):
-        batched.torque_regressor(six.chain, *motion, threads=0)
+        batched.torque_regressor(six.chain, q, dq, ddq, threads=0)
 
 
 def test_a_bad_sample_spoils_no_other(six: Arm) -> None:
@@ -195,7 +193,8 @@ def test_any_memory_layout_is_taken(six: Arm) -> None:
 )
 def test_wrong_shapes_are_named(six: Arm, shapes: tuple[tuple[int, ...], ...], message: str) -> None:
     with pytest.raises(ValueError, match=re.escape(message)):
-        batched.torque_regressor(six.chain, *(np.zeros(shape) for shape in shapes))
+        q, dq, ddq = (np.zeros(shape) for shape in shapes)
+        batched.torque_regressor(six.chain, q, dq, ddq)
 
 
 def test_wrong_parameters_are_named(six: Arm) -> None:

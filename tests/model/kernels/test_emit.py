@@ -1,4 +1,4 @@
-"""Generated machine code: each layout of arrays, sine and cosine to the last bits, and the C text of the same program."""
+"""Generated machine code: each layout of arrays, sine and cosine to the last bits, and the C text of a program."""
 
 from __future__ import annotations
 

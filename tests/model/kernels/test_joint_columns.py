@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from random_arms import Arm, random_arm
 
+from dynident.arrays import Array
 from dynident.model.kernels import batched
 from dynident.model.kernels.batched import JointColumns
 from dynident.model.robot import Chain
@@ -32,7 +33,7 @@ def anthropomorphic(joints: int = 3) -> Chain:
     )
 
 
-def dense(kernel: JointColumns, blocks: tuple[np.ndarray, ...]) -> np.ndarray:
+def dense(kernel: JointColumns, blocks: tuple[Array, ...]) -> Array:
     """Return the blocks as rows of the chosen columns, (N, n, b)."""
     full = np.zeros((blocks[0].shape[1], kernel.chain.joints, len(kernel.wanted)))
     for joint, (found, block) in enumerate(zip(kernel.columns, blocks, strict=True)):
@@ -41,7 +42,8 @@ def dense(kernel: JointColumns, blocks: tuple[np.ndarray, ...]) -> np.ndarray:
 
 
 def test_blocks_are_the_columns_of_the_regressor(arm: Arm, kernel: str) -> None:
-    wanted = np.random.default_rng(5).permutation(10 * arm.chain.links)[: 7 * arm.chain.links]
+    some = np.random.default_rng(5).permutation(10 * arm.chain.links - 1)[: 7 * arm.chain.links]
+    wanted = [10 * arm.chain.links - 1, *some]
     chosen, motion = JointColumns(arm.chain, wanted), arm.states(11)
     expected = batched.torque_regressor(arm.chain, *motion)[:, :, wanted]
     found = dense(chosen, chosen.evaluate(*motion))
@@ -70,7 +72,6 @@ def test_only_entries_that_are_always_zero_are_left_out() -> None:
     moves = [np.flatnonzero(np.abs(rows[:, joint]).max(axis=0) > 1e-12) for joint in range(3)]
     assert [found.tolist() for found in chosen.columns] == [found.tolist() for found in moves]
     assert chosen.columns[0][0] == 5  # of the first link only Izz about the upright axis
-    assert [len(found) for found in chosen.columns] == [19, 18, 10]
 
 
 def test_rounded_right_angles_are_right_angles() -> None:
@@ -85,12 +86,10 @@ def test_rounded_right_angles_are_right_angles() -> None:
     expected = JointColumns(exact, range(30))
     assert [found.tolist() for found in chosen.columns] == [found.tolist() for found in expected.columns]
     found = dense(chosen, chosen.evaluate(*motion))
-    links = anthropomorphic().links
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("DYNIDENT_KERNEL", "generic")
         unsnapped = batched.torque_regressor(rough, *motion)
     assert 0 < np.abs(found - unsnapped).max() < 1e-10 * np.abs(unsnapped).max()
-    assert unsnapped.shape == (200, links, 10 * links)
 
 
 def test_buffers_of_the_caller_are_filled(tree: Arm, kernel: str) -> None:
@@ -109,7 +108,8 @@ def test_every_chunk_gives_the_same_rows(six: Arm, kernel: str) -> None:
     chosen, motion = JointColumns(six.chain, range(60)), six.states(21)
     whole = chosen.evaluate(*motion)
     for count in range(22):
-        part = chosen.evaluate(*(values[:count] for values in motion))
+        q, dq, ddq = (values[:count] for values in motion)
+        part = chosen.evaluate(q, dq, ddq)
         assert all(np.array_equal(a, b[:, :count]) for a, b in zip(part, whole, strict=True))
 
 
@@ -125,8 +125,9 @@ def test_the_pullback_is_the_derivative(arm: Arm) -> None:
     random = np.random.default_rng(8)
     weights = tuple(random.normal(size=(len(found), 9)) for found in chosen.columns)
 
-    def total(*state: np.ndarray) -> np.ndarray:
-        return sum((w * block).sum(axis=0) for w, block in zip(weights, chosen.evaluate(*state), strict=True))
+    def total(q: Array, dq: Array, ddq: Array) -> Array:
+        blocks = chosen.evaluate(q, dq, ddq)
+        return np.sum([(w * block).sum(axis=0) for w, block in zip(weights, blocks, strict=True)], axis=0)
 
     slopes = chosen.pullback(*motion, weights)
     for k, joint in np.ndindex(3, arm.chain.joints):

@@ -51,6 +51,11 @@ def run(trace: Trace, value: Number, point: list[float]) -> float:
     return float(found.get(0, np.float64(0.0)))
 
 
+def number(value: Number) -> int:
+    assert isinstance(value, Scalar)
+    return value.number
+
+
 @given(trees, st.lists(st.floats(-3, 3), min_size=3, max_size=3))
 def test_a_program_computes_its_formula(tree: Any, point: list[float]) -> None:
     trace = Trace()
@@ -77,17 +82,18 @@ def test_zeros_ones_and_signs_vanish() -> None:
     x, y = trace.input("v", 0), trace.input("v", 1)
     assert is_zero(0.0 * x)
     assert is_zero(x - x)
-    assert ((1.0 * x).number, (x + 0.0).number, (-(-x)).number) == (x.number,) * 3
-    assert (x + -y).number == (x - y).number == (-(y - x)).number
-    assert ((-x) * (-y)).number == (x * y).number
+    for same in (1.0 * x, x + 0.0, 0.0 + x, x - 0.0, -1.0 * -x):
+        assert number(same) == x.number
+    assert number(x + -y) == number(x - y) == number(-1.0 * (y - x))
+    assert number((-x) * (-y)) == number(x * y)
     assert trace.program({0: -2.0 * x, 1: 2.0 * x}).operations == 2  # one product, one sign
 
 
 def test_equal_operations_are_one_node() -> None:
     trace = Trace()
     x, y = trace.input("v", 0), trace.input("v", 1)
-    assert (x * y).number == (y * x).number
-    assert (x + y).number == (y + x).number
+    assert number(x * y) == number(y * x)
+    assert number(x + y) == number(y + x)
     program = trace.program({0: x * y + 1.0, 1: (y * x) * (x * y)})
     assert program.operations == 3
 
@@ -115,3 +121,14 @@ def test_a_gradient_takes_the_weights_of_all_outputs() -> None:
     found = trace.program(dict(enumerate(slopes))).evaluate(values)
     assert float(found[0]) == pytest.approx(2 * 2 * 101 + 3 * 10)
     assert float(found[1]) == pytest.approx(2 * 10)
+
+
+def test_outputs_that_are_rounding_alone_are_found() -> None:
+    trace = Trace()
+    x, y = trace.input("v", 0), trace.input("v", 1)
+    c, s = cosine(x), sine(x)
+    program = trace.program(
+        {0: (c + y) * s - c * s - y * s, 1: c * c + s * s - 1.0, 2: 1e-9 * x * y, 3: c + 1e-12 * y - c, 4: x - y}
+    )
+    states = {"v": np.random.default_rng(0).normal(size=(2, 12))}
+    assert program.rounding_only(states) == {0, 1}

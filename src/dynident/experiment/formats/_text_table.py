@@ -18,6 +18,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import FileError, LogFormatError
+from dynident.experiment.formats.base import shown
 from dynident.files import unreadable
 
 #: Larger files are refused; a log of that size belongs in several files.
@@ -72,7 +73,7 @@ class TextTable:
             row = int(np.argmax(bad.any(axis=1)))
             column = int(np.argmax(bad[row]))
             many = f" ({bad.sum()} such cells in {bad.any(axis=1).sum()} rows)" if bad.sum() > 1 else ""
-            evidence = f"column '{names[column]}' holds {values[row, column]:g}{many}"
+            evidence = f"column '{shown(names[column])}' holds {values[row, column]:g}{many}"
             raise LogFormatError(self.path, self.line_of(row), evidence, "mend the recording or leave these rows out")
         return values
 
@@ -141,9 +142,8 @@ class TextTable:
         if _NUMBER.fullmatch(plain) and not (self.decimal == "," and "." in cell):
             return float(plain)
         if not cell:
-            raise LogFormatError(self.path, line, f"column '{name}' is empty", "fill it or leave the row out")
-        shown = cell if len(cell) <= 40 else f"{cell[:37]}..."
-        evidence = f"column '{name}' holds '{shown}', which is not a number"
+            raise LogFormatError(self.path, line, f"column '{shown(name)}' is empty", "fill it or leave the row out")
+        evidence = f"column '{shown(name)}' holds '{shown(cell)}', which is not a number"
         if self.decimal == "." and _DECIMAL_COMMA.fullmatch(cell):
             raise LogFormatError(self.path, line, evidence, 'if the commas are decimal signs, declare decimal: ","')
         step = 'with decimal: "," points are refused' if "." in cell and self.decimal == "," else "mend the cell"
@@ -177,7 +177,12 @@ def cells_of(text: str, delimiter: str | None) -> list[str]:
     """Return the cells of one line, quotes taken off."""
     if delimiter is None:
         return text.split()
-    return next(csv.reader([text], delimiter=delimiter)) if '"' in text else text.split(delimiter)
+    if '"' not in text:
+        return text.split(delimiter)
+    try:
+        return next(csv.reader([text], delimiter=delimiter))
+    except csv.Error:  # a cell of more than 131072 characters
+        return text.split(delimiter)
 
 
 def _check_place(path: str | Path) -> None:
@@ -194,19 +199,21 @@ def _check_place(path: str | Path) -> None:
 def _check_bytes(path: str | Path) -> str:
     """Return the hash of a file that holds UTF-8 text."""
     digest, decoder, line = hashlib.sha256(), codecs.getincrementaldecoder("utf-8")(), 1
+    chunk = b"start"
     with open(path, "rb") as stream:
         start = stream.read(4)
         if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
             raise LogFormatError(path, 1, "UTF-16 text, not UTF-8", "save it as CSV UTF-8")
         stream.seek(0)
-        while chunk := stream.read(_CHUNK):
+        while chunk:  # the empty last one tells the decoder that nothing follows
+            chunk = stream.read(_CHUNK)
             digest.update(chunk)
             at = chunk.find(b"\0")
             if at >= 0:
                 where = line + chunk.count(b"\n", 0, at)
                 raise LogFormatError(path, where, "a binary file, not text", "give a text file, or name its format")
             try:
-                decoder.decode(chunk)
+                decoder.decode(chunk, final=not chunk)
             except UnicodeDecodeError as error:
                 before = len(error.object) - len(chunk)  # bytes kept from the chunk before
                 where = line + chunk.count(b"\n", 0, max(0, error.start - before))
@@ -240,11 +247,11 @@ def _check_header(path: str | Path, line: int, header: tuple[str, ...], comment:
     if all(_NUMBER.fullmatch(name.replace(",", ".")) for name in header if name):
         step = "add a header row such as t,q1,q2,tau1,tau2"
         if comment:
-            step = f"if the comment '{comment[:60]}' is the header, remove its '#'"
+            step = f"if the comment '{shown(comment)}' is the header, remove its '#'"
         raise LogFormatError(path, line, "numbers where the names of the columns should stand", step)
     for name in header:
         if name and header.count(name) > 1:
-            evidence = f"{header.count(name)} columns are called '{name}'"
+            evidence = f"{header.count(name)} columns are called '{shown(name)}'"
             raise LogFormatError(path, line, evidence, "give each column a name of its own")
 
 

@@ -316,9 +316,15 @@ def missing_column(
 ) -> LogFormatError:
     """Return the error to raise for a column that is not in the header; ``used`` are other columns of the map."""
     free = [other for other in header if other not in used]
-    listed = ", ".join(header[:40]) + (f", ... ({len(header)} columns)" if len(header) > 40 else "")
-    step = f"the header has {listed}; map it with columns: in the case file{nearest(name, free)}"
-    return LogFormatError(path, line, f"no column '{name}'", step)
+    listed = ", ".join(map(shown, header[:40])) + (f", ... ({len(header)} columns)" if len(header) > 40 else "")
+    step = f"the header has {listed}; map it with columns: in the case file{nearest(name, map(shown, free))}"
+    return LogFormatError(path, line, f"no column '{shown(name)}'", step)
+
+
+def shown(text: str) -> str:
+    """Return text of a file as a message shows it: on one line, signs that cannot be printed escaped, 60 at most."""
+    plain = "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text[:60])
+    return plain if len(text) <= 60 else f"{plain}..."
 
 
 def _numbers(word: str, header: Sequence[str]) -> list[int]:

@@ -77,8 +77,8 @@ class Prepared:
     @cached_property
     def kept(self) -> Log:
         """The log of the rows that are used."""
-        every = self.keep[1] - self.keep[0] if len(self.keep) > 1 else 1
-        return self.log.rows(self.keep, f"{len(self.keep)} of {self.log.samples} rows kept, every {every}th")
+        every = int(self.keep[1] - self.keep[0]) if len(self.keep) > 1 else 1
+        return self.log.rows(self.keep, f"{len(self.keep)} of {self.log.samples} rows kept, one in {every}")
 
     def smooth(self, signals: Array) -> Array:
         """Return signals over all rows, shape (k, rows), filtered as the torque was."""
@@ -89,8 +89,9 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
     """Return the log with q, dq, ddq and torque ready for the regressor; time is made uniform first.
 
     Raises:
-        LogMismatch: Too few samples for the filter, the trim or the rate.
+        LogMismatch: Too few samples for the filter, the trim or the rate, or a value that is no finite number.
     """
+    _check_finite(log)
     filtered = how.filter.apply(resample(log))
     start, end = filtered.time[0] + how.trim_s, filtered.time[-1] - how.trim_s
     slack = 1e-6 / filtered.rate
@@ -100,6 +101,16 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
     if len(keep) < 2:
         raise LogMismatch(log.name, f"{len(keep)} samples are left of {log.samples}", "trim less, or give more")
     return Prepared(filtered, keep, how)
+
+
+def _check_finite(log: Log) -> None:
+    for name, values in {"time": log.time[:, None], **log.signals()}.items():
+        bad = ~np.isfinite(values)
+        if np.any(bad):
+            row, column = np.argwhere(bad)[0]
+            of = "" if name == "time" else f" of {log.joints[column]}"
+            evidence = f"{name}{of} is {values[row, column]:g} at sample {row + 1}"
+            raise LogMismatch(log.name, evidence, "mend the recording or leave these rows out")
 
 
 def at_rest(dq: Array, velocity: float, rate: float, shortest: float = SHORTEST_REST) -> BoolArray:

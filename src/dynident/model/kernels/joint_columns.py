@@ -14,7 +14,7 @@ from dynident.model.kernels.emit import Access, Buffer, Layout
 from dynident.model.kernels.generated import by_sample, chain_key, is_small
 from dynident.model.kernels.inputs import column_indices, kernel_choice, samples
 from dynident.model.kernels.recursion import TracedChain
-from dynident.model.kernels.trace import Program, Scalar, gradient, is_zero
+from dynident.model.kernels.trace import Program, Scalar, gradient
 from dynident.model.robot import Chain
 
 _MOTION = ("q", "dq", "ddq")
@@ -47,9 +47,10 @@ class JointColumns:
         width = 10 * chain.links
         traced = TracedChain(chain)
         values = traced.regressor(self.wanted)
-        self._program = traced.trace.program(values)
+        draft = traced.trace.program(values)
+        used = draft.outputs.keys() - draft.rounding_only(_random_motion(chain.joints))
+        self._program = traced.trace.program({slot: values[slot] for slot in sorted(used)})
         self._is_small = is_small(self._program)
-        used = {slot for slot, value in values.items() if not is_zero(value)}
         found = [[k for k, c in enumerate(self.wanted) if j * width + c in used] for j in range(chain.joints)]
         self.columns: tuple[IntArray, ...] = tuple(np.array(row, dtype=np.int64) for row in found)
         self._places = {
@@ -138,7 +139,7 @@ class JointColumns:
         joints = range(self.chain.joints)
         traced = TracedChain(self.chain)
         trace = traced.trace
-        values = traced.regressor(self.wanted)
+        values = {slot: v for slot, v in traced.regressor(self.wanted).items() if slot in self._places}
         weights = {slot: trace.input(f"weight{joint}", row) for slot, (joint, row) in self._places.items()}
         inputs: list[Scalar] = [trace.input(name, joint) for name in _MOTION for joint in joints]
         slopes = gradient(trace, values, weights, inputs)
@@ -191,3 +192,9 @@ class JointColumns:
                     f"{name}[{joint}] must be a C-contiguous float64 array{', writeable' * (name == 'out')}"
                 )
         return tuple(arrays)
+
+
+def _random_motion(joints: int) -> dict[str, Array]:
+    """Return a few states at which an entry of the regressor that can move does; the same ones each time."""
+    random = np.random.default_rng(20)
+    return {name: random.uniform(-3.0, 3.0, (joints, 12)) for name in _MOTION}

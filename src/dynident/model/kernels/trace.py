@@ -171,13 +171,27 @@ def cosine(angle: Number) -> Number:
     return angle.trace.node("cos", angle.number) if isinstance(angle, Scalar) else float(np.cos(angle))
 
 
-_RULES: dict[str, Callable[..., Array]] = {
+Rules: TypeAlias = Mapping[str, Callable[..., Array]]
+
+_VALUES: Rules = {
+    "input": np.asarray,
     "add": np.add,
     "sub": np.subtract,
     "mul": np.multiply,
     "neg": np.negative,
     "sin": np.sin,
     "cos": np.cos,
+}
+
+#: How large the terms are that make up a value.
+_SIZES: Rules = {
+    "input": np.abs,
+    "add": np.add,
+    "sub": np.add,
+    "mul": np.multiply,
+    "neg": np.abs,
+    "sin": np.ones_like,
+    "cos": np.ones_like,
 }
 
 
@@ -209,15 +223,27 @@ class Program:
         Args:
             inputs: The arrays by name; an entry is taken along the first axis, the rest are samples.
         """
-        values: list[Array] = []
+        return self._run(inputs, _VALUES)
+
+    def rounding_only(self, inputs: Mapping[str, Array]) -> set[int]:
+        """Return the slots that are zero but for rounding at all given samples.
+
+        An output such as sin q cos q - cos q sin q is not seen to be zero by the trace. It counts as zero where it is
+        never above 1e-15 of the terms that make it up.
+        """
+        values, sizes = self._run(inputs, _VALUES), self._run(inputs, _SIZES)
+        return {slot for slot, value in values.items() if np.all(np.abs(value) <= 1e-15 * sizes[slot])}
+
+    def _run(self, inputs: Mapping[str, Array], rules: Rules) -> dict[int, Array]:
+        found: list[Array] = []
         for node in self.nodes:
             if node.source is not None:
-                values.append(np.asarray(inputs[node.source.array][node.source.entry]))
+                found.append(rules["input"](inputs[node.source.array][node.source.entry]))
             elif node.operation == "const":
-                values.append(np.float64(node.value) * np.ones(()))
+                found.append(rules["input"](np.float64(node.value)))
             else:
-                values.append(_RULES[node.operation](*(values[k] for k in node.operands)))
-        return {slot: values[k] for slot, k in self.outputs.items()}
+                found.append(rules[node.operation](*(found[k] for k in node.operands)))
+        return {slot: found[k] for slot, k in self.outputs.items()}
 
 
 def gradient(

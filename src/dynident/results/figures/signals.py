@@ -86,7 +86,8 @@ def torque_chart(
     shown = run_time(time, starts)
     kind = f"{'torque' if unit == 'N m' else 'force'} [{pretty_unit(unit)}]"
     residual = measured - predicted
-    rms = float(np.sqrt(np.nanmean(residual**2))) if len(residual) else float("nan")
+    known = residual[np.isfinite(residual)]
+    rms = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
     plots = [
         Plot(kind, (Line("measured", shown, measured, 1, 1.6), Line("predicted", shown, predicted, 2, 1.1)), 150.0),
         Plot(f"measured - predicted [{pretty_unit(unit)}]", (Line("", shown, residual, 3, 1.0),), 66.0),

@@ -12,7 +12,7 @@ import html
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.results.text import clean, display_width
+from dynident.results.text import clean, display_width, label
 
 #: Height of letters and the width of an average one, in units of the drawing.
 SIZE = 13.0
@@ -133,6 +133,7 @@ def kept_rows(x: Array, y: Array, bucket: float = 0.5) -> IntArray:
 
 def drawing(width: float, height: float, body: str, title: str, description: str) -> str:
     """Return a whole figure with its title and the description that stands for it where it cannot be seen."""
+    title = label(title)
     mark = hashlib.sha256(f"{title}\0{description}\0{body}".encode()).hexdigest()[:10]
     head = element("title", escape(title), id=f"t{mark}") + element("desc", escape(description), id=f"d{mark}")
     return element(
