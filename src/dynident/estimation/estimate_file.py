@@ -85,15 +85,15 @@ def write_estimate(estimate: Estimate, path: str | Path) -> None:
             "standstill": train.standstill,
             "logs": list(train.logs),
             "samples": train.samples,
-            "joints": [asdict(fit) for fit in train.joints],
-            "moving": [asdict(fit) for fit in train.moving],
-            "total_relative_error": train.total_relative_error,
+            "joints": [plain(asdict(fit)) for fit in train.joints],
+            "moving": [plain(asdict(fit)) for fit in train.moving],
+            "total_relative_error": finite(train.total_relative_error),
             "starts": np.searchsorted(rows, train.starts).tolist(),
             "signals": {name: _rounded(np.asarray(getattr(train, name))[rows]) for name in _SIGNALS},
         },
         "provenance": plain(estimate.provenance),
     }
-    write_atomically(path, json.dumps(data) + "\n")
+    write_atomically(path, json.dumps(data, allow_nan=False) + "\n")
 
 
 def read_estimate(path: str | Path) -> Estimate:
@@ -157,9 +157,9 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
             facts["physically_consistent"], tuple(facts["inconsistencies"]), facts["smallest_inertia_eigenvalue"]
         ),
         train=Validation(
-            joints=tuple(Fit(**fit) for fit in train["joints"]),
-            moving=tuple(Fit(**fit) for fit in train["moving"]),
-            total_relative_error=train["total_relative_error"],
+            joints=tuple(Fit(**_with_nan(fit)) for fit in train["joints"]),
+            moving=tuple(Fit(**_with_nan(fit)) for fit in train["moving"]),
+            total_relative_error=_with_nan(train)["total_relative_error"],
             samples=train["samples"],
             standstill=train["standstill"],
             filter=train["filter"],
@@ -192,6 +192,11 @@ def _rounded(values: Array) -> Any:
 
 def _options(part: Any) -> dict[str, Any]:
     return {f.name: getattr(part, f.name) for f in fields(part)}
+
+
+def _with_nan(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Return figures with NaN where the file has null."""
+    return {name: float("nan") if value is None else value for name, value in figures.items()}
 
 
 def finite(value: float) -> float | None:

@@ -141,7 +141,8 @@ class Observer:
 
     def triangles(self, prepared: Prepared, mask: BoolArray) -> tuple[Triangle, ...]:
         """Return the triangle of each joint over the kept rows in ``mask`` (N, n); no row is kept."""
-        factors = [np.zeros((len(columns) + 1, len(columns) + 1), order="F") for columns in self.columns]
+        sizes = [len(columns) + 1 for columns in self.columns]
+        factors: list[Array] = [np.zeros((size, size), order="F") for size in sizes]
         everything = bool(mask.all())
         with threadpool_limits(1, user_api="blas"):
             for part, blocks in self._segments(prepared):

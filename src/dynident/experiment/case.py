@@ -18,6 +18,7 @@ from dynident.experiment.formats import FORMATS, ColumnMap, Units, read_log
 from dynident.experiment.log import Log, torque_from_current
 from dynident.experiment.preprocessing import FILTERS, Preprocessing
 from dynident.experiment.preprocessing.base import Filter
+from dynident.files import unreadable
 from dynident.model.descriptions import read_robot
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
@@ -180,7 +181,10 @@ def read_case(path: str | Path) -> Case:
     file = Path(path)
     if file.suffix.lower() not in (".yaml", ".yml") or not file.is_file():
         return case_of_robot(str(path))
-    data = file.read_bytes()
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from error
     value, lines = load_yaml(path, data)
     if isinstance(value, dict) and "case" not in value and "convention" in value:
         return case_of_robot(str(path))  # a DH table

@@ -59,6 +59,8 @@ class Log:
     source: Source = field(default_factory=Source)
 
     def __post_init__(self) -> None:
+        if len(set(self.joints)) != len(self.joints):
+            raise ValueError(f"two joints of the log share a name: {list(self.joints)}")
         object.__setattr__(self, "time", frozen(self.time, (None,), "time"))
         shape = (len(self.time), len(self.joints))
         for name in _SIGNALS:

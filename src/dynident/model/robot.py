@@ -67,6 +67,8 @@ class Drive:
             raise ValueError(f"the gear ratio is {self.gear_ratio:g}")
         if not 0 <= self.rotor_inertia < np.inf:
             raise ValueError(f"the rotor inertia is {self.rotor_inertia:g}")
+        if self.gain is not None and not (np.isfinite(self.gain) and self.gain != 0):
+            raise ValueError(f"the gain is {self.gain:g}")
 
     @property
     def reflected_inertia(self) -> float:
