@@ -43,7 +43,7 @@ def arm(names: Sequence[str] = ("joint1", "joint2", "joint3"), name: str = "arm"
         joints.append(Joint(joint, kind, k - 1, np.eye(3), reach[k % 7], axes[k % 7], limits, Drive(100.0, 1e-5, 12.5)))
         body = Inertia.from_centre_of_mass(6.0 - 0.6 * k, [0.12, 0.01, 0.03], np.diag([0.04, 0.06, 0.05]))
         links.append(Link(f"link of {joint}", body))
-    tool = Frame(len(links) - 1, np.eye(3), [0.12, 0.0, 0.05])
+    tool = Frame(len(links) - 1, np.eye(3), np.array([0.12, 0.0, 0.05]))
     return Robot(name, tuple(links), tuple(joints), frames={"tool": tool}, tool="tool", note="made for tests")
 
 
@@ -100,7 +100,9 @@ def subject_of(
     stacked = rows.reshape(-1, base.count)
     covariance = noise**2 * np.linalg.pinv(stacked.T @ stacked)
     generator = np.random.default_rng(7)
-    beta = base.from_standard(theta) + generator.multivariate_normal(np.zeros(base.count), covariance, method="eigh")
+    values, directions = np.linalg.eigh(covariance)
+    spread = directions * np.sqrt(np.maximum(values, 0.0))
+    beta = base.from_standard(theta) + spread @ generator.normal(size=base.count)
     how = Preprocessing(FILTERS.make("five_point"), standstill=0.02)
     train = _compared(model, base.to_standard(beta), made, how)
     reasons = () if consistent else ("link1: the mass is -2 kg", "Fc[joint1] = -0.1 N m is negative")

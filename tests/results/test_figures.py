@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -114,6 +115,14 @@ def test_a_gap_stands_between_logs() -> None:
     assert widths[1] / widths[0] == pytest.approx(1.2, rel=0.01)
 
 
+def test_many_logs_share_a_step_and_have_two_ticks_each() -> None:
+    starts = tuple(range(0, 3000, 430))
+    root = parsed(torque_chart("j", "N m", np.tile(np.arange(430) / 10, 7)[:3000], SIGNAL, MODEL, starts))
+    below = [box.text for box in labels(root) if box.top > 300 and "[" not in box.text]
+    assert below.count("0") == 7
+    assert below.count("20") >= 5
+
+
 def test_the_time_of_a_clock_is_counted_from_the_start_of_each_log() -> None:
     clock = np.concatenate([1.7e9 + TIME[:100], 1.8e9 + TIME[:50]])
     assert run_time(clock, (0, 100))[[0, 99, 100, 149]] == pytest.approx([0.0, 0.99, 0.0, 0.49], abs=1e-6)
@@ -167,8 +176,9 @@ def test_bars_grow_with_the_logarithm() -> None:
 def test_the_spectrum_is_that_of_welch() -> None:
     signal = GENERATOR.normal(size=(5000, 2)) + np.sin(2 * np.pi * 7 * np.arange(5000) / 100)[:, None]
     frequency, density = spectrum(signal, np.arange(5000) / 100, (0,), longest=512)
+    window: Any = np.hanning(512)
     known, power = scipy.signal.welch(
-        signal, 100.0, window=np.hanning(512), nperseg=512, noverlap=256, detrend="constant", axis=0
+        signal, 100.0, window=window, nperseg=512, noverlap=256, detrend="constant", axis=0
     )
     assert frequency == pytest.approx(known[1:-1])
     assert density**2 == pytest.approx(power[1:-1])

@@ -134,17 +134,17 @@ def test_every_figure_is_well_formed_and_its_labels_do_not_touch(whole: str) -> 
 
 
 def test_the_page_says_what_matters(whole: str) -> None:
-    words = " ".join("".join(Page(whole).words).split())
+    words = " ".join(" ".join(Page(whole).words).split())
     for wanted in (
         "Identification of arm",
         "torque error on data the fit has not seen",
         "a possible robot stands behind the estimate",
-        "runs/train.csv, runs/second.csv; a gap stands between two logs",
+        "train.csv, second.csv; a gap stands between two logs",
         "sha256 " + "ab" * 32,
         "Filter: kind five_point, order 3, repeats 10",
         "dynident report arm.json \\ -o report.html",
         "Reference: excitation",
-        "Test, as recorded: runs/test.csv",
+        "Test, as recorded: test.csv",
         "numpy 2.4.6",
     ):
         assert wanted in words, wanted

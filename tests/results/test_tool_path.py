@@ -57,7 +57,7 @@ def test_tools_elsewhere() -> None:
 
 
 @pytest.mark.parametrize("scale", [1e-3, 0.1, 1.0, 37.0])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(12))
 def test_labels_of_the_view_do_not_touch(seed: int, scale: float) -> None:
     generator = np.random.default_rng(seed)
     walk = scale * (generator.normal(size=3) + 0.1 * np.cumsum(generator.normal(size=(200, 3)), axis=0))

@@ -12,6 +12,11 @@ drive gains) in chain order, in SI units; the filter is a zero-phase Butterworth
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dynident.estimation.estimate import Estimate
+    from dynident.estimation.validation import Validation
 
 SUMMARY = "from logs to a physically consistent dynamic model"
 
@@ -72,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _show(estimate, test) -> None:
+def _show(estimate: Estimate, test: Validation | None) -> None:
     from dynident.cli import console
     from dynident.results.text import fits_table, format_number, format_percent, parameters_table, statement
 
@@ -93,7 +98,7 @@ def _show(estimate, test) -> None:
     console.answer(consistency_line(estimate))
 
 
-def consistency_line(estimate) -> str:
+def consistency_line(estimate: Estimate) -> str:
     """Return in one line whether a possible robot stands behind the estimate."""
     from dynident.estimation.consistency import describe_reasons
 

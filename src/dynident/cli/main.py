@@ -10,6 +10,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import Any
 
 #: Commands in the order of the work; each is the module of the same name with ``SUMMARY``, ``configure`` and ``run``.
 COMMANDS = ("demo", "inspect", "init", "identify", "validate", "report", "list")
@@ -51,7 +52,7 @@ def build_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _module(name: str):
+def _module(name: str) -> Any:
     return importlib.import_module(f"dynident.cli.{_MODULES.get(name, name)}")
 
 

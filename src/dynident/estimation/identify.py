@@ -144,7 +144,7 @@ def validate_prepared(model: DynamicModel, base: BaseParameters, logs: Sequence[
         [counting_rows(model, log) for log in logs],
         model.robot.units,
         logs[0].how.standstill,
-        logs[0].how.statement(),
+        logs[0].statement(),
     )
 
 

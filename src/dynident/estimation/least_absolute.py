@@ -26,6 +26,7 @@ _TARGET = 1e-9  # relative gap that ends the interior point
 _STEPS = 80
 _PANEL = 2048  # rows of W' D W at a time: the panel stays in the cache
 _SAMPLE = 4000  # rows of the first fit; fewer than three times as many rows are solved in full
+_DOUBT = 0.25  # share of the rows whose sign that fit leaves in doubt
 _ROUNDS = 6
 _SEED = 1997
 
@@ -167,21 +168,14 @@ def _solve(fit: _Fit) -> tuple[Array, Array]:
 def _cut(fit: _Fit) -> tuple[Array, Array] | None:
     """Solve with the rows whose sign is in doubt only; None where the signs do not settle."""
     rows = len(fit.target)
-    sample = np.zeros(rows, bool)
-    sample[np.random.default_rng(_SEED).choice(rows, _SAMPLE, replace=False)] = True
-    share = _Fit(
-        np.ascontiguousarray(fit.columns[:, sample]),
-        fit.target[sample],
-        fit.weights[sample],
-        fit.lower,
-        fit.upper,
-        fit.pull * (_SAMPLE / rows),
-    )
-    beta, _ = _InteriorPoint(share).run()
-    residual = fit.residual(beta)
+    sample = np.random.default_rng(_SEED).choice(rows, _SAMPLE, replace=False)
+    columns = np.ascontiguousarray(fit.columns[:, sample])
+    pull = fit.pull * (_SAMPLE / rows)
+    share = _Fit(columns, fit.target[sample], fit.weights[sample], fit.lower, fit.upper, pull)
+    residual = fit.residual(_InteriorPoint(share).run()[0])
     signs = np.sign(residual)
-    size = np.abs(residual)
-    keep = size <= np.quantile(size, 0.25)
+    doubt = np.abs(residual) / _prediction_error(fit.columns, columns)
+    keep = doubt <= np.quantile(doubt, _DOUBT)
     for _ in range(_ROUNDS):
         part = fit.part(keep, signs)
         beta, inner = _InteriorPoint(part).run()
@@ -194,6 +188,18 @@ def _cut(fit: _Fit) -> tuple[Array, Array] | None:
         if np.mean(keep) > 0.6:
             break
     return None
+
+
+def _prediction_error(columns: Array, sample: Array) -> Array:
+    """Return how far a fit to the sample is off at each row, up to a common factor: the root of the row's leverage."""
+    norms = np.linalg.norm(sample, axis=1)
+    scale = 1.0 / np.where(norms > 0, norms, 1.0)[:, None]
+    gram = (sample * scale) @ (sample * scale).T + 1e-9 * np.eye(len(sample))
+    root = np.linalg.inv(np.linalg.cholesky(gram)) * scale.T
+    square = np.concatenate(
+        [np.sum((root @ columns[:, k : k + _PANEL]) ** 2, axis=0) for k in range(0, columns.shape[1], _PANEL)]
+    )
+    return np.sqrt(np.maximum(square, np.finfo(float).tiny))
 
 
 class _InteriorPoint:

@@ -185,19 +185,16 @@ class Observer:
     def _block(self, motion: Motion, part: slice, torque: Array | None = None) -> tuple[Array, ...]:
         """Return [W_i, tau_i]' of each joint over a slice of the samples, not filtered."""
         cut = Motion(motion.q[part], motion.dq[part], motion.ddq[part])
-        inertial = self._kernel.evaluate(cut.q, cut.dq, cut.ddq)
+        blocks = [np.zeros((len(columns) + 1, len(cut.q))) for columns in self.columns]
+        heads = [block[: len(found)] for block, found in zip(blocks, self._kernel.columns, strict=True)]
+        self._kernel.evaluate(cut.q, cut.dq, cut.ddq, out=heads)
         values = self.model.friction_values(cut)
         coupling = np.asarray(self.model.robot.coupling)
-        blocks = []
-        for i, own in enumerate(self._own):
-            count = len(inertial[i])
-            block = np.zeros((count + len(own) + 1, len(cut.q)))
-            block[:count] = inertial[i]
-            for row, k in enumerate(own, start=count):
+        for i, (block, own) in enumerate(zip(blocks, self._own, strict=True)):
+            for row, k in enumerate(own, start=len(heads[i])):
                 block[row] = coupling[self._drive[k], i] * values[:, self._drive[k], self._coefficient[k]]
             if torque is not None:
                 block[-1] = torque[part, i]
-            blocks.append(block)
         return tuple(blocks)
 
 

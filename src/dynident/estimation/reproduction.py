@@ -173,11 +173,11 @@ def virtual_er16(
     assert theta is not None  # the robot ships with all inertias
     truth = base.from_standard(theta)
     box = 2.0 * np.maximum(by_name(base, TABLE_3), np.abs(truth))
+    spread = TORQUE_NOISE * np.std(model.torque(_motion(trajectories()[0]), theta), axis=0)
+    noise = Noise(position=POSITION_NOISE, torque=spread)
     logs = []
     for i, trajectory in enumerate(trajectories(), start=1):
         progress(f"(b) virtual ER-16 on beta_{i}")
-        quiet = model.torque(_motion(trajectory), theta)
-        noise = Noise(position=POSITION_NOISE, torque=TORQUE_NOISE * np.std(quiet, axis=0))
         logs.append(simulate(model, theta, trajectory, duration=PERIOD, noise=noise, seed=seed + i).log)
     limit = ArtificialBeeColony().colony // 2 * base.count
     methods: list[tuple[str, Estimator]] = [
@@ -191,8 +191,8 @@ def virtual_er16(
     how = Preprocessing(FourierFit(period_s=PERIOD, harmonics=5), rest="keep")
     rows = _compare(model, logs, how, methods, truth, "(b) ", progress)
     facts = (
-        f"truth: the shipped, physically consistent ER-16; torque noise {100 * TORQUE_NOISE:g} %, encoder noise "
-        f"{POSITION_NOISE:g} rad, closed loop at 1 kHz",
+        f"truth: the shipped, physically consistent ER-16; noise of {100 * TORQUE_NOISE:g} % of each joint's "
+        f"torque over beta_1 ({', '.join(f'{s:.3g}' for s in spread)} N m) and {POSITION_NOISE:g} rad, closed loop at 1 kHz",
         "preprocessing: Fourier fit of 5 harmonics over the period, five-point smoothing of the torque, 10 times",
         "box: twice the larger of Table 3 and the truth, +-: "
         + ", ".join(f"{base.parameters[k].name} {half:.4g}" for k, half in zip(base.independent, box, strict=True)),

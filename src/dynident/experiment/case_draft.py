@@ -148,7 +148,8 @@ def _text(
     robot: Robot, description: str, path: str, log: Log, found: Found, folder: Path, remarks: Sequence[str]
 ) -> str:
     steps = np.diff(log.time)
-    still = [n for n, low, high in zip(robot.joint_names, log.q.min(0), log.q.max(0), strict=True) if high - low < 1e-3]
+    moved = np.ptp(log.q, axis=0) >= 1e-3
+    still = {n: q for n, q, m in zip(robot.joint_names, np.median(log.q, axis=0), moved, strict=True) if not m}
     where = description if description in shipped_robots() else _relative(description, folder)
     gravity = ", ".join(f"{g:g}" for g in robot.gravity)
     lines = [
@@ -159,7 +160,9 @@ def _text(
         f"case: {FORMAT}",
         f"robot: {_quoted(where)}",
         f"# gravity: [{gravity}]   # in the base frame, m/s^2; turn it for a tilted mounting",
-        f"locked: {{{', '.join(f'{_quoted(name)}: 0' for name in still)}}}" if still else "# locked: {joint6: 0}",
+        f"locked: {{{', '.join(f'{_quoted(name)}: {q:.6g}' for name, q in still.items())}}}   # where they stand"
+        if still
+        else "# locked: {joint6: 0}",
         f"joints: {_list(robot.joint_names)}   # in the order of the columns",
         *_drives(robot, found),
         "friction:",

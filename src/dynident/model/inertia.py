@@ -160,8 +160,10 @@ class Inertia:
         Args:
             margin: How far inside: the smallest eigenvalue of P must exceed ``margin`` times its trace.
         """
+        if not np.all(np.isfinite(self.vector)):
+            return False
         eigenvalues = np.linalg.eigvalsh(self.pseudo)
-        return bool(np.all(np.isfinite(eigenvalues)) and eigenvalues[0] > margin * max(np.sum(eigenvalues), 0.0))
+        return bool(eigenvalues[0] > margin * max(np.sum(eigenvalues), 0.0))
 
     def defect(self) -> str:
         """Return why no body can have this inertia, in words; empty where one can."""

@@ -82,9 +82,9 @@ def format_value(value: float, deviation: float) -> tuple[str, str]:
     if place < size - 9:
         return format_number(value, 10), f"{deviation:.1e}"
     if -4 <= size < 6:
-        return _fixed(value, place), _fixed(deviation, place)
+        return format_to(value, place), format_to(deviation, place)
     power = f"e{size:+03d}"
-    return tuple(_fixed(part / 10.0**size, place - size) + power for part in (value, deviation))  # type: ignore[return-value]
+    return tuple(format_to(part / 10.0**size, place - size) + power for part in (value, deviation))  # type: ignore[return-value]
 
 
 def format_number(value: float, digits: int = 4) -> str:
@@ -131,7 +131,8 @@ def _exponent(size: float) -> int:
     return int(f"{size:.15e}".split("e")[1])
 
 
-def _fixed(value: float, place: int) -> str:
+def format_to(value: float, place: int) -> str:
+    """Return a finite number rounded to a place: -2 is hundredths, 1 is tens; zero has no sign."""
     text = f"{round(value, -place):.{max(0, -place)}f}"
     return text.lstrip("-") if float(text) == 0 else text
 
@@ -222,14 +223,20 @@ def _cell(text: str, width: int, column: Column) -> str:
     return blank + text if column.numeric else text + blank
 
 
-def parameters_table(estimate: Estimate) -> Table:
-    """Return the base parameters: value with its deviation, unit, relative deviation and what it is made of."""
+def parameters_table(estimate: Estimate, width: int | None = None) -> Table:
+    """Return the base parameters: value with its deviation, unit, relative deviation and what it is made of.
+
+    Args:
+        estimate: The estimate.
+        width: Columns of a terminal that a name may take; longer ones are shortened. None shows all.
+    """
     base = estimate.base
     rows = []
     known = zip(base.names, estimate.beta, base.units, estimate.deviations, estimate.relative_deviations, strict=True)
     for number, (name, value, unit, deviation, relative) in enumerate(known, start=1):
         shown, spread = format_value(value, deviation)
-        rows.append((str(number), label(name), shown, spread, pretty_unit(unit), format_percent(relative, sign=False)))
+        called = label(name) if width is None else shorten(label(name), width)
+        rows.append((str(number), called, shown, spread, pretty_unit(unit), format_percent(relative, sign=False)))
     columns = (
         Column("#", numeric=True),
         Column("parameter"),

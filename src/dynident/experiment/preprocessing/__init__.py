@@ -74,11 +74,19 @@ class Prepared:
     keep: IntArray
     how: Preprocessing
 
+    @property
+    def every(self) -> int:
+        """One row in how many is used."""
+        return int(self.keep[1] - self.keep[0]) if len(self.keep) > 1 else 1
+
     @cached_property
     def kept(self) -> Log:
         """The log of the rows that are used."""
-        every = int(self.keep[1] - self.keep[0]) if len(self.keep) > 1 else 1
-        return self.log.rows(self.keep, f"{len(self.keep)} of {self.log.samples} rows kept, one in {every}")
+        return self.log.rows(self.keep, f"{len(self.keep)} of {self.log.samples} rows kept, one in {self.every}")
+
+    def statement(self) -> dict[str, object]:
+        """Return what must stand beside every figure; ``rate_hz`` is the rate of the rows that are used."""
+        return {**self.how.statement(), "rate_hz": round(self.log.rate / self.every, 6)}
 
     def smooth(self, signals: Array) -> Array:
         """Return signals over all rows, shape (k, rows), filtered as the torque was."""

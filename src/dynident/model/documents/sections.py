@@ -218,7 +218,7 @@ def read_coupling(section: Section, count: int) -> Array:
     place = section.place("coupling")
     if np.abs(matrix).max() > _LARGEST_RATIO:
         raise place.error(f"an entry is {np.abs(matrix).max():.4g}", f"write ratios of up to {_LARGEST_RATIO:g}")
-    if abs(np.linalg.det(matrix)) < 1e-12:
+    if np.linalg.matrix_rank(matrix) < len(matrix):
         raise place.error("the coupling matrix is singular", "write motor speed = coupling @ joint speed")
     return matrix
 

@@ -4,10 +4,11 @@ Shapes: N samples, n joints, l links; q in rad or m, dq and ddq its derivatives,
 link frames. Every call accepts N = 0 and ``threads``, which shares the samples among Python threads (the kernels hold
 no interpreter lock).
 
-Each call runs a kernel that is generated for the robot on its first use (some hundredths of a second, kept for the
+Each call runs a kernel that is generated for the robot on its first use (about a tenth of a second, kept for the
 process), or, for robots too large for that, the generic kernel that numba compiles once per installation. They agree to
 1e-10 of the largest entry. The environment variable DYNIDENT_KERNEL forces one of them: ``generic``, ``generated``;
-``auto`` is the default. Nothing is compiled, and no compiler is imported, before the first call.
+``auto`` is the default. Nothing is compiled, and no compiler is imported, before the first call. NaN in a sample stays
+in that sample; so do joint angles beyond 2^31 rad, whose sine the generated kernels give as NaN.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Programs made into machine code, in memory, when they are first wanted.
 
-A robot with six joints takes some hundredths of a second, less than to load compiled code from a disk: nothing is
-stored, so there is no cache to age, to protect or to share between processes.
+A robot with six joints takes about a tenth of a second, less than to load compiled code from a disk: nothing is stored,
+so there is no cache to age, to protect or to share between processes.
 """
 
 from __future__ import annotations

@@ -93,8 +93,8 @@ class JointColumns:
     ) -> tuple[Array, Array, Array]:
         """Return the derivatives by q, dq and ddq of the weighted sum of all entries, each (N, n).
 
-        Exact, by reverse accumulation, at about two and a half times the cost of :meth:`evaluate`: the gradient of any
-        criterion of the columns follows from its derivative by the entries. Always generated, whatever the size.
+        Exact, by reverse accumulation, at less than twice the cost of :meth:`evaluate`: the gradient of any criterion
+        of the columns follows from its derivative by the entries. Always generated, whatever the size.
 
         Args:
             q: Positions, shape (N, n).

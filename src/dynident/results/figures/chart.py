@@ -10,13 +10,14 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.results.figures import svg
-from dynident.results.figures.scales import Linear, Log, Scale, finite_range, upright, upright_log
+from dynident.results.figures.scales import Linear, Log, Scale, finite_range, round_step, upright, upright_log
 from dynident.results.text import shorten
 
 #: Width of a figure: two stand side by side on a page, one fills a telephone.
 WIDTH = 480.0
 
 _ROW = 19.0  # height of a line of text
+_APART = 64.0  # least way between two ticks across
 
 
 @dataclass(frozen=True)
@@ -155,10 +156,12 @@ class Across:
         ends = [finite_range(marks[0].x[part]) for part in rows]
         gap = min(10.0, 0.2 * (right - left) / len(rows))
         length = (right - left - gap * (len(rows) - 1)) / sum(high - low for low, high in ends)
+        middle = float(np.median([high - low for low, high in ends]))
+        step = min(round_step(_APART / length), round_step(middle / 2.5))  # two ticks in most stretches
         found: list[tuple[slice, Scale]] = []
         place = left
         for part, (low, high) in zip(rows, ends, strict=True):
-            found.append((part, Linear(low, high, place, place + (high - low) * length)))
+            found.append((part, Linear(low, high, place, place + (high - low) * length, step)))
             place += (high - low) * length + gap
         return found
 
@@ -242,21 +245,19 @@ def _levels(plot: Plot, scale: Scale, left: float, right: float) -> str:
 
 
 def _ticks(pieces: Sequence[tuple[slice, Scale]], bottom: float) -> str:
-    """Draw the horizontal axis; one spacing for all stretches, labels that would touch are left out."""
-    body = []
-    free = -np.inf
+    """Draw the horizontal axis; labels that would touch are left out, the first of a stretch last."""
+    body: list[str] = []
+    found: list[tuple[int, float, str]] = []
     for _, scale in pieces:
         start, end = _ends(scale)
         body.append(svg.rule(start, bottom, end, bottom, strong=True))
-        for tick in scale.ticks(64.0):
-            x = float(scale.at(np.array(tick.value)))
-            half = svg.breadth(tick.text) / 2
-            body.append(svg.rule(x, bottom, x, bottom + 4, strong=True))
-            if x - half > free + 6:
-                body.append(svg.words(tick.text, x, bottom + 4 + SPACE, anchor="middle"))
-                free = x + half
+        ticks = scale.ticks(_APART)
+        found += [(k, float(scale.at(np.array(tick.value))), tick.text) for k, tick in enumerate(ticks)]
+    taken: list[tuple[float, float]] = []
+    for _, x, text in sorted(found, key=lambda entry: entry[0]):
+        body.append(svg.rule(x, bottom, x, bottom + 4, strong=True))
+        half = svg.breadth(text) / 2 + 3
+        if all(x + half < left or x - half > right for left, right in taken):
+            taken.append((x - half, x + half))
+            body.append(svg.words(text, x, bottom + _ROW - 2, anchor="middle"))
     return "".join(body)
-
-
-#: From the end of a tick to the base line of its label.
-SPACE = 13.0

@@ -111,9 +111,9 @@ class _View:
         up = np.array([-cosine * np.sin(ELEVATION), -sine * np.sin(ELEVATION), np.cos(ELEVATION)])
         flat = points @ np.array([right, -up]).T
         low, span = flat.min(axis=0), np.ptp(flat, axis=0)
-        room = np.array([width - 110.0, most])
+        room = np.array([width - 124.0, most])
         scale = float(np.min(room / span))
-        shift = np.array([48.0 + (room[0] - scale * span[0]) / 2, 48.0]) - scale * low
+        shift = np.array([62.0 + (room[0] - scale * span[0]) / 2, 48.0]) - scale * low
         return cls(scale * np.array([right, -up]), shift, scale * float(span[1]) + 100.0)
 
     def at(self, points: Array) -> Array:
@@ -144,8 +144,9 @@ def _box(view: _View, low: Array, high: Array, step: float) -> str:
     body += _labels(view, [([high[0], t.value, low[2]], t.text) for t in ticks[1][1:]], "start", (9.0, 11.0))
     body += _labels(view, [([low[0], low[1], t.value], t.text) for t in ticks[2][1:]], "end", (-9.0, 4.5))
     middle = (low + high) / 2
+    wide = max(svg.breadth(t.text) for t in ticks[1])
     body += _labels(view, [([middle[0], low[1], low[2]], "x [m]")], "middle", (-22.0, 40.0))
-    body += _labels(view, [([high[0], middle[1], low[2]], "y [m]")], "start", (34.0, 26.0))
+    body += _labels(view, [([high[0], middle[1], low[2]], "y [m]")], "start", (14.0 + wide, 24.0))
     body += _labels(view, [([low[0], low[1], high[2]], "z [m]")], "end", (-4.0, -14.0))
     return "".join(body)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +15,8 @@ from dynident.results.text import label
 
 #: Figures of so many data sets are drawn; the tables have all of them.
 MOST_DRAWN = 4
+
+_MOST_NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -49,8 +52,12 @@ class Dataset:
 
     @property
     def logs(self) -> str:
-        """Names of its logs."""
-        return ", ".join(label(name) for name in self.validation.logs)
+        """Names of its logs in short: files without their folder where that tells them apart, the first of many."""
+        names = self.validation.logs
+        files = [re.split(r"[/\\]", name.rstrip("/\\"))[-1] for name in names]
+        shown = [label(name) for name in (files if len(set(files)) == len(set(names)) else names)]
+        more = f" and {len(shown) - _MOST_NAMED} more" if len(shown) > _MOST_NAMED else ""
+        return ", ".join(shown[:_MOST_NAMED]) + more
 
     @property
     def rows(self) -> tuple[slice, ...]:

@@ -20,6 +20,7 @@ from dynident.results.text import Column, format_number, label, line_up, pretty_
 SIGNS = {IDENTIFIABLE: "●", COMBINED: "◐", NOT_IDENTIFIABLE: "○"}
 
 _RANK = list(SIGNS)
+_ROUNDING = 1e-9
 _CENTRE = ((6, 9), (7, 9), (8, 9))  # of TEN, what the centre of mass is made of
 _INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
@@ -79,7 +80,8 @@ def _bodies(names: Sequence[str], theta: Array, verdicts: Sequence[Sequence[str]
     for row, verdict in zip(theta, verdicts, strict=True):
         inertia = Inertia.from_vector(row)
         about = inertia.about_centre
-        values.append([inertia.mass, *inertia.centre_of_mass, *(about[i, j] for i, j in _INERTIA)])
+        products = [about[i, j] for i, j in _INERTIA]
+        values.append([inertia.mass, *_rounded(inertia.centre_of_mass), *_rounded(np.array(products))])
         whole = _worst(verdict)
         centre = [_worst([verdict[k] for k in parts]) for parts in _CENTRE]
         worst.append([verdict[9], *centre, *[whole] * len(_INERTIA)])
@@ -90,7 +92,13 @@ def _bodies(names: Sequence[str], theta: Array, verdicts: Sequence[Sequence[str]
 
 def _ten(names: Sequence[str], theta: Array, verdicts: Sequence[Sequence[str]]) -> JudgedTable:
     columns = tuple(Column(symbol, pretty_unit(unit)) for symbol, unit in zip(TEN, TEN_UNITS, strict=True))
-    return JudgedTable(columns, _judged(names, theta, verdicts, [""] * len(names)))
+    whole = [np.concatenate([_rounded(row[:6]), _rounded(row[6:9]), row[9:]]) for row in theta]
+    return JudgedTable(columns, _judged(names, np.array(whole), verdicts, [""] * len(names)))
+
+
+def _rounded(values: Array) -> Array:
+    """Return values of one kind and link with zeros for what is only rounding beside the largest."""
+    return np.where(np.abs(values) < _ROUNDING * np.max(np.abs(values)), 0.0, values)
 
 
 def _worst(verdicts: Sequence[str]) -> str:

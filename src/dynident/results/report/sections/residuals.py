@@ -13,7 +13,10 @@ from dynident.results.figures import line_chart, residual_chart
 from dynident.results.figures.residuals import spectrum, thinned
 from dynident.results.report.sections.base import Section, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
-from dynident.results.text import MISSING, Column, Table, format_number, label, pretty_unit
+from dynident.results.text import MISSING, Column, Table, format_number, format_to, label, pretty_unit
+
+#: Share of the largest density below which a spectrum is not drawn: what a filter leaves of nothing.
+_FAINT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -67,8 +70,8 @@ def _alike(mean: float, deviation: float, largest: float) -> tuple[str, str, str
     shown = format_number(deviation, 3)
     if "e" in shown:
         return format_number(mean, 3), shown, format_number(largest, 3)
-    decimals = len(shown.partition(".")[2])
-    return f"{mean:.{decimals}f}", shown, f"{largest:.{decimals}f}"
+    place = -len(shown.partition(".")[2])
+    return format_to(mean, place), shown, format_to(largest, place)
 
 
 def _over_speed(dataset: Dataset, robot: Robot) -> list[Markup]:
@@ -91,6 +94,7 @@ def _spectra(dataset: Dataset, robot: Robot) -> list[Markup]:
     frequency, density = thinned(*spectrum(v.residual, v.time, v.starts))
     if not len(frequency) or not np.all(density.max(axis=0) > 0):
         return []
+    density = np.where(density < _FAINT * density.max(), np.nan, density)
     charts = []
     for unit in dict.fromkeys(robot.units):
         lines = [

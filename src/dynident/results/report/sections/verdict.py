@@ -78,8 +78,8 @@ def _about_prediction(subject: Subject) -> list[str]:
     ]
     if np.isfinite(worst) and worst > GAP * train > 0:
         said.append(
-            f"That is {worst / train:.1f} times the error on the data of the fit: the tests move in ways the fit did "
-            "not see enough of, or the fit followed its own noise."
+            f"That is {worst / train:.1f} times the error on the data of the fit: see in the residuals whether the "
+            "tests move in ways the fit did not see enough of, or only have smaller torques or more noise."
         )
     return said
 
@@ -110,7 +110,7 @@ def _knowledge(estimate: Estimate) -> Answer:
     known = int(np.sum(relative <= WELL_KNOWN))
     share = known / max(len(relative), 1)
     worst = int(np.argmax(relative)) if len(relative) else -1
-    detail = "" if worst < 0 else f"least known: {_short(estimate, worst)}, ± {format_percent(relative[worst])}"
+    detail = "" if worst < 0 else f"least known: {_short(estimate, worst)}, to {format_percent(relative[worst])}"
     meaning = f"base parameters known to {format_percent(WELL_KNOWN)} or better"
     return Answer(f"{known} of {len(relative)}", meaning, detail, "good" if share >= 0.8 else "fair")
 

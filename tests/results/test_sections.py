@@ -1,0 +1,342 @@
+"""What each section of the report says about its subject."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from synthetic import arm, predicted, recorded, subject_of
+
+from dynident.arrays import Array
+from dynident.errors import LogMismatch
+from dynident.estimation.estimate import Consistency, Estimate
+from dynident.estimation.validation import Validation
+from dynident.experiment.log import Source
+from dynident.model.base_parameters import base_parameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
+from dynident.model.inertia import TEN, Inertia
+from dynident.model.robot import Link, Mimic
+from dynident.results.report.judgement import grade, tone
+from dynident.results.report.sections import SECTIONS, friction
+from dynident.results.report.subject import Comparison, Subject
+
+
+@pytest.fixture(scope="module")
+def case() -> tuple[Estimate, Validation]:
+    return subject_of(samples=600)
+
+
+@pytest.fixture(scope="module")
+def subject(case: tuple[Estimate, Validation]) -> Subject:
+    return Subject(case[0], (case[1],))
+
+
+def context(name: str, subject: Subject) -> dict[str, Any]:
+    """Return the context of one section."""
+    return SECTIONS.make(name).context(subject)
+
+
+def with_errors(case: tuple[Estimate, Validation], train: float, tests: Sequence[float]) -> Subject:
+    """Return a subject with given total relative errors."""
+    estimate, test = case
+    fitted = replace(estimate, train=replace(estimate.train, total_relative_error=train))
+    return Subject(fitted, tuple(replace(test, total_relative_error=error) for error in tests))
+
+
+def known_to(subject: Subject, relative: Sequence[float]) -> Subject:
+    """Return the subject with given relative deviations of its first base parameters, the others known exactly."""
+    estimate = subject.estimate
+    deviations = np.zeros(estimate.base.count)
+    deviations[: len(relative)] = np.asarray(relative) * np.abs(estimate.beta[: len(relative)])
+    return replace(subject, estimate=replace(estimate, covariance=np.diag(deviations**2)))
+
+
+@pytest.mark.parametrize(
+    ("error", "word", "colour"),
+    [(0.01, "very good", "good"), (0.1, "good", "good"), (0.2, "usable", "fair"), (0.3, "poor", "bad")],
+)
+def test_words_for_errors(error: float, word: str, colour: str) -> None:
+    assert (grade(error), tone(error)) == (word, colour)
+    assert (grade(float("nan")), tone(float("nan"))) == ("not known", "bad")
+
+
+def test_the_verdict_on_a_good_model(case: tuple[Estimate, Validation]) -> None:
+    found = context("verdict", known_to(with_errors(case, 0.03, [0.04, 0.042]), []))
+    prediction, consistency, knowledge = found["answers"]
+    assert (prediction.value, prediction.tone) == ("4.2 %", "good")
+    assert prediction.meaning == "torque error on data the fit has not seen, largest of 2 tests"
+    assert prediction.detail == "on the data of the fit: 3.0 %"
+    assert (consistency.value, consistency.tone) == ("Yes", "good")
+    assert (knowledge.value, knowledge.tone) == ("24 of 24", "good")
+    assert found["sentences"] == [
+        "On motions it has not seen, the model misses 4.2 % of the measured torque: very good.",
+        "A robot with these parameters can exist: the model is safe to simulate and to invert.",
+        "Every base parameter can be told from zero.",
+    ]
+
+
+def test_the_verdict_on_a_bad_model(case: tuple[Estimate, Validation]) -> None:
+    subject = known_to(with_errors(case, 0.1, [0.31]), [0.05, 0.2, 0.6, float("nan"), 3.0, 0.7])
+    reasons = tuple(f"link{k}: the mass is -{k} kg" for k in range(1, 6))
+    subject = replace(subject, estimate=replace(subject.estimate, consistency=Consistency(False, reasons, -1.0)))
+    found = context("verdict", subject)
+    assert [answer.tone for answer in found["answers"]] == ["bad", "bad", "fair"]
+    assert found["answers"][1].detail == "5 conditions broken"
+    assert found["answers"][2].value == "19 of 24"
+    assert found["sentences"] == [
+        "On motions it has not seen, the model misses 31 % of the measured torque: poor.",
+        "That is 3.1 times the error on the data of the fit: see in the residuals whether the tests move in ways the "
+        "fit did not see enough of, or only have smaller torques or more noise.",
+        "No robot can have these parameters (link1: the mass is -1 kg; link2: the mass is -2 kg; link3: the mass is "
+        "-3 kg and 2 more): use the model to predict torques near the recorded motions, not to simulate, or identify "
+        "with an estimator that keeps to possible robots.",
+        "4 of 24 base parameters cannot be told from zero at 95 %: Iyy[link of joint2] + …, Iyz[link of joint2], "
+        "Izz[link of joint2] + … and 1 more. They hardly move the recorded torques, so they hardly matter for motions "
+        "like these; do not rely on their values.",
+    ]
+
+
+def test_the_verdict_without_a_test_says_so(case: tuple[Estimate, Validation]) -> None:
+    found = context("verdict", with_errors(case, 0.03, []))
+    answer = found["answers"][0]
+    assert (answer.value, answer.detail, answer.tone) == ("3.0 %", "no log was held out", "fair")
+    assert found["sentences"][0].startswith("The model misses 3.0 % of the torques it was fitted to. No log was held")
+
+
+def test_the_verdict_on_a_test_without_torque(case: tuple[Estimate, Validation]) -> None:
+    found = context("verdict", with_errors(case, 0.03, [float("nan")]))
+    assert found["answers"][0].value == "–"
+    assert found["sentences"][0].endswith("misses – of the measured torque: not known.")
+
+
+def test_the_robot_and_what_is_wrong_with_its_description(subject: Subject) -> None:
+    robot = arm(["a", "b", "c", "d"], sliding=True)
+    flat = Inertia.from_centre_of_mass(2.0, [0, 0, 0], np.diag([0.1, 0.1, 0.3]))
+    links = (Link("bare"), Link("flat", flat, ("camera", "")), *robot.links[2:])
+    joints = (*robot.joints[:2], replace(robot.joints[2], mimic=Mimic("b")), robot.joints[3])
+    strange = replace(robot, links=links, joints=joints, coupling=np.array([[1.0, 0.5, 0], [0, 1, 0], [0, 0, 1]]))
+    model = DynamicModel(strange, subject.estimate.model.friction)
+    only_the_model = SimpleNamespace(estimate=SimpleNamespace(model=model))
+    found = context("robot", cast(Subject, only_the_model))
+    assert ("Joints and links", "3 joints that move on their own, 4 links") in found["facts"]
+    assert ("Friction model", "coulomb (width 0.02), viscous, offset") in found["facts"]
+    assert found["joints"].rows[2][1] == "revolute, follows b"
+    assert found["joints"].rows[3] == ("d", "prismatic", "-3.14159", "3.14159", "m", "3", "–", "200", "N")
+    assert found["drives"].note == "Motor speed = [[1 0.5 0] [0 1 0] [0 0 1]] times joint speed."
+    assert found["links"].rows[0] == ("bare", "–", "–", "–", "–", "not stated")
+    assert found["links"].rows[1][0] == "flat (with camera, (no name))"
+    assert found["links"].rows[1][-1] == (
+        "no: the principal moments 0.1, 0.1, 0.3 kg m^2 break the triangle inequality"
+    )
+
+
+def test_logs_filters_and_files(case: tuple[Estimate, Validation]) -> None:
+    estimate, test = subject_of(samples=600, logs=("a.csv", "b.csv"))
+    other = replace(test, filter={"kind": "butterworth", "cutoff_hz": 5.0, "rate_hz": None})
+    found = context("data", Subject(estimate, (test, other), sources=(Source("t.csv", "", 0, ("first half",)),)))
+    assert found["logs"].rows == (
+        ("Training", "a.csv", "600", "5.990", "100.0"),
+        ("Training", "b.csv", "600", "5.990", "100.0"),
+        ("Test 1", "runs/test.csv", "600", "5.990", "100.0"),
+        ("Test 2", "runs/test.csv", "600", "5.990", "100.0"),
+    )
+    assert list(found["filters"]) == ["Training", "Test 1", "Test 2"]
+    assert found["filters"]["Test 2"] == [("kind", "butterworth"), ("cutoff_hz", "5")]
+    files = [(file.use, file.path, file.rows, file.sha256[-2:], file.steps) for file in found["sources"]]
+    smoothing = ("five-point cubic smoothing, 10 times",)
+    assert files == [
+        ("Training", "a.csv", "600", "00", smoothing),
+        ("Training", "b.csv", "600", "01", smoothing),
+        ("Test", "t.csv", "–", "–", ("first half",)),
+    ]
+    assert list(context("data", Subject(estimate, (test,)))["filters"]) == [""]
+    simulated = replace(estimate, provenance={"logs": [vars(Source())]})
+    assert context("data", Subject(simulated))["sources"][0].path == "simulated"
+
+
+def test_names_of_logs_in_short(case: tuple[Estimate, Validation]) -> None:
+    estimate, test = case
+
+    def called(*names: str) -> str:
+        starts = tuple(range(len(names)))
+        return Subject(estimate, (replace(test, logs=names, starts=starts),)).held_out[0].logs
+
+    assert called("/data/a.csv", "C:\\data\\b.csv", "c.csv") == "a.csv, b.csv, c.csv"
+    assert called("one/a.csv", "two/a.csv") == "one/a.csv, two/a.csv"
+    assert called("a/1", "a/2", "a/3", "a/4", "a/5") == "1, 2, 3 and 2 more"
+    assert called("", "simulated log") == "(no name), simulated log"
+
+
+def test_thinned_signals_are_told_apart(case: tuple[Estimate, Validation]) -> None:
+    estimate, test = case
+    some = {
+        name: getattr(estimate.train, name)[::3] for name in ("time", "q", "dq", "measured", "unfiltered", "predicted")
+    }
+    subject = Subject(replace(estimate, train=replace(estimate.train, **some)), (test,))
+    training, held_out = subject.datasets
+    assert (training.thinned, held_out.thinned) == (True, False)
+    assert training.remark == "Drawn from 200 of 600 rows, as the estimate file keeps them."
+    assert held_out.remark == ""
+    assert context("data", subject)["logs"].rows[0] == ("Training", "runs/train.csv", "600", "5.970", "–")
+    assert context("torques", subject)["groups"][0][1].endswith(training.remark)
+    residuals = context("residuals", subject)
+    assert [row[7] for row in residuals["table"].rows[:3]] == ["–"] * 3
+    assert [len(figures) for _, figures in residuals["groups"]] == [3, 4]  # no spectrum of thinned rows
+
+
+def test_base_parameters_are_shown_from_the_least_known(subject: Subject) -> None:
+    found = SECTIONS.make("parameters", most=5).context(known_to(subject, [0.3, 0.1, float("nan"), 0.7]))
+    assert (found["count"], found["standard"], found["inertial"], found["shown"]) == (24, 39, 15, 5)
+    names = [subject.estimate.base.names[k] for k in (2, 3, 0, 1)]
+    places = [found["chart"].index(name[:8]) for name in names]
+    assert places == sorted(places)
+
+
+def test_bodies_have_the_values_of_their_inertia_and_the_worst_verdict(subject: Subject) -> None:
+    estimate = subject.estimate
+    assert estimate.theta is not None
+    found = context("bodies", subject)
+    for i, (name, cells, remark) in enumerate(found["bodies"].rows):
+        inertia = Inertia.from_vector(np.asarray(estimate.theta)[10 * i : 10 * i + 10])
+        about = inertia.about_centre
+        expected = [inertia.mass, *inertia.centre_of_mass, *np.diag(about), about[0, 1], about[0, 2], about[1, 2]]
+        assert [float(cell.text) for cell in cells] == pytest.approx(expected, rel=1e-3, abs=1e-12)
+        assert (name, remark) == (f"link of joint{i + 1}", "yes")
+    ten = found["ten"].rows
+    assert [column.heading for column in found["ten"].columns] == list(TEN)
+    for i, (_, cells, _) in enumerate(ten):
+        assert tuple(cell.verdict for cell in cells) == estimate.base.verdicts[10 * i : 10 * i + 10]
+    assert [cell.sign for cell in ten[0][1]].count("○") == 9  # a first link that turns about z shows Izz only
+    assert {cell.verdict for cell in found["bodies"].rows[0][1]} == {"not identifiable"}
+
+
+def test_an_impossible_link_is_called_so(subject: Subject) -> None:
+    theta = np.array(subject.estimate.theta)
+    theta[9] = -2.0
+    found = context("bodies", replace(subject, estimate=replace(subject.estimate, theta=theta)))
+    assert found["bodies"].rows[0][2] == "no: the mass is -2 kg"
+
+
+def test_both_tables_of_a_validation(subject: Subject) -> None:
+    found = context("validation", subject)["found"]
+    assert [entry.dataset.name for entry in found] == ["Training", "Test"]
+    assert [row[1] for row in found[0].all_rows.rows] == ["600"] * 3
+    assert [row[1] for row in found[0].moving.rows] == [str(fit.rows) for fit in subject.estimate.train.moving]
+    assert found[0].all_rows.note.startswith("kind five_point, order 3, repeats 10")
+
+
+def test_figures_of_residuals(subject: Subject) -> None:
+    rows = context("residuals", subject)["table"].rows
+    residual = subject.tests[0].residual[:, 1]
+    data, joint, unit, mean, deviation, largest, at, memory, factor = rows[4]
+    assert (data, joint, unit, factor) == ("Test", "joint2", "N·m", "–")
+    assert float(mean) == pytest.approx(residual.mean(), abs=6e-4)
+    assert float(deviation) == pytest.approx(residual.std(), abs=6e-4)
+    assert float(largest) == pytest.approx(residual[np.argmax(np.abs(residual))], abs=6e-4)
+    assert float(at) == pytest.approx(subject.tests[0].time[np.argmax(np.abs(residual))], abs=0.006)
+    assert float(memory) == pytest.approx(np.corrcoef(residual[1:], residual[:-1])[0, 1], abs=0.01)
+    assert rows[0][-1] == "1.70"
+
+
+def test_a_perfect_fit_has_figures_too(case: tuple[Estimate, Validation]) -> None:
+    estimate, test = case
+    subject = Subject(estimate, (replace(test, predicted=test.measured),))
+    found = context("residuals", subject)
+    assert found["table"].rows[3][3:] == ("0", "0", "0", "0.00", "–", "–")
+    assert len(found["groups"][1][1]) == 3  # no spectrum of nothing
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_friction_is_the_torque_that_friction_adds_to_the_model(coupled: bool) -> None:
+    robot = arm(sliding=True)
+    if coupled:
+        robot = replace(robot, coupling=np.array([[1.0, 0, 0], [0.3, 1, 0], [0, -0.5, 2]]))
+    model = DynamicModel(robot, ("coulomb", "viscous", "offset", "rotor_inertia"))  # type: ignore[arg-type]
+    generator = np.random.default_rng(2)
+    theta = generator.normal(size=len(model.parameters))
+    q, dq = generator.normal(size=(2, 50, 3))
+    still = Motion(q, dq, np.zeros_like(dq))
+    without = theta.copy()
+    without[model.inertial_count :] = 0.0
+    at_joints = model.torque(still, theta) - model.torque(still, without)
+    at_drives = friction.friction_torque(model, theta, q, dq)
+    assert at_drives @ np.asarray(robot.coupling) == pytest.approx(at_joints)
+
+
+def test_friction_coefficients_and_their_deviations(subject: Subject) -> None:
+    estimate = subject.estimate
+    rows = context("friction", subject)["table"].rows
+    assert [row[:2] for row in rows[:4]] == [("joint1", "Fc"), ("joint1", "Fv"), ("joint1", "F0"), ("joint2", "Fc")]
+    names = list(estimate.base.names)
+    assert float(rows[0][3]) == pytest.approx(estimate.deviations[names.index("Fc[joint1]")], rel=0.06)
+    bare = replace(subject, estimate=replace(estimate, theta=None))
+    for row in context("friction", bare)["table"].rows:
+        place = names.index(f"{row[1]}[{row[0]}]")
+        assert float(row[2]) == pytest.approx(estimate.beta[place], abs=0.51 * estimate.deviations[place])
+
+
+def test_friction_that_needs_more_than_speeds_has_no_curve(subject: Subject, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> Array:
+        raise LogMismatch("run.csv", "no temperatures", "record them")
+
+    monkeypatch.setattr(friction, "friction_torque", refuse)
+    found = context("friction", subject)
+    assert found["refused"] == "No curves: run.csv: no temperatures; record them."
+    assert found["figures"] == []
+    assert found["table"].rows
+
+
+def test_more_data_sets_than_are_drawn(case: tuple[Estimate, Validation]) -> None:
+    estimate, test = case
+    subject = Subject(estimate, (test,) * 6)
+    assert len(context("validation", subject)["found"]) == 7
+    for name in ("torques", "residuals", "motion"):
+        found = context(name, subject)
+        assert len(found["groups"]) == 4
+        assert found["left_out"] == "Figures show the first 4 of 7 data sets; the tables have all."
+
+
+def test_convergence_of_searches(subject: Subject) -> None:
+    traces = {"other": [30.0, 3.0], "broken": [], "strange": [1.0, float("nan")]}
+    found = context("convergence", replace(subject, comparison=Comparison(traces=traces)))
+    assert found["optimum"] == "1.90000"
+    assert [row[:2] for row in found["table"].rows] == [("other", "2"), ("abc", "50")]
+    assert found["table"].rows[0][2:] == ("30.0000", "3.00000", "58")
+    alone = replace(subject.estimate, extras={"trace": "no list"})
+    assert context("convergence", replace(subject, estimate=alone)) == {}
+
+
+def test_provenance_in_words(subject: Subject) -> None:
+    estimate = replace(
+        subject.estimate,
+        extras={"box": {"lower": list(range(20)), "source": "Table 3"}, "gap": None, "trace": [1.0], "polished": True},
+        provenance={"versions": {"numpy": "2.4.6"}, "case": "a.yaml", "command": ["dynident", "identify"], "logs": []},
+    )
+    found = context("provenance", replace(subject, estimate=estimate))
+    groups = dict(found["groups"])
+    assert groups["Estimator"] == [("method", "abc"), ("colony", "30"), ("limit", "15"), ("seed", "0")]
+    assert groups["What the method reports"] == [
+        ("box lower", "20 values"),
+        ("box source", "Table 3"),
+        ("gap", "–"),
+        ("polished", "yes"),
+    ]
+    assert groups["Origin"] == [("versions numpy", "2.4.6"), ("case", "a.yaml")]
+    assert found["command"] == ["dynident identify"]
+
+
+def test_a_sliding_robot_has_its_own_units() -> None:
+    estimate, test = subject_of(arm(sliding=True), samples=400)
+    subject = Subject(estimate, (test,))
+    assert [row[2] for row in context("validation", subject)["found"][0].all_rows.rows] == ["N·m", "N·m", "N"]
+    _, figures = context("residuals", subject)["groups"][0]
+    assert len(figures) == 5  # three joints, a spectrum in N m and one in N
+    assert "speed [m/s]" in figures[2]
+    logs = [recorded(estimate.model, np.asarray(estimate.theta), 200, 50.0, 4, "more.csv", 0.1)]
+    assert predicted(estimate, logs).samples == 200
+    assert base_parameters(estimate.model).count == estimate.base.count

@@ -1,0 +1,144 @@
+"""House rules that a program can check: docstrings, sizes, types, no printing outside the command line."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import pkgutil
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+import dynident
+from dynident.estimation.estimators import ESTIMATORS
+from dynident.experiment.formats import FORMATS
+from dynident.experiment.preprocessing import FILTERS
+from dynident.experiment.trajectories import TRAJECTORIES
+from dynident.model.descriptions.base import DESCRIPTIONS
+from dynident.model.friction import FRICTION
+from dynident.plugins import Family
+
+ROOT = Path(inspect.getfile(dynident)).parent
+FILES = sorted(ROOT.rglob("*.py"))
+FAMILIES: tuple[Family[Any], ...] = (ESTIMATORS, FORMATS, FILTERS, TRAJECTORIES, DESCRIPTIONS, FRICTION)
+
+LONGEST_FILE, LONGEST_FUNCTION = 400, 60
+
+
+def modules() -> list[str]:
+    return ["dynident", *(item.name for item in pkgutil.walk_packages(dynident.__path__, "dynident."))]
+
+
+def own(module: ModuleType) -> Iterator[tuple[str, Any]]:
+    """Yield the public classes and functions that a module defines, and the public members of the classes."""
+    for name, value in vars(module).items():
+        if name.startswith("_") or getattr(value, "__module__", None) != module.__name__:
+            continue
+        if inspect.isclass(value):
+            yield name, value
+            for member, item in vars(value).items():
+                plain = item.__func__ if isinstance(item, classmethod | staticmethod) else item
+                if not member.startswith("_") and (inspect.isfunction(plain) or hasattr(plain, "__doc__")):
+                    is_code = inspect.isfunction(plain) or isinstance(plain, property) or hasattr(plain, "func")
+                    if is_code:
+                        yield f"{name}.{member}", getattr(value, member)
+        elif inspect.isfunction(value) or hasattr(value, "py_func"):
+            yield name, value
+
+
+@pytest.mark.parametrize("name", modules())
+def test_every_public_name_has_a_docstring(name: str) -> None:
+    module = importlib.import_module(name)
+    found = [("the module", module), *own(module)]
+    assert not [what for what, value in found if not (inspect.getdoc(value) or "").strip()]
+
+
+@pytest.mark.parametrize("name", modules())
+def test_dataclasses_are_frozen_and_leave_no_field_out(name: str) -> None:
+    module = importlib.import_module(name)
+    for what, value in own(module):
+        if inspect.isclass(value) and is_dataclass(value):
+            assert getattr(value, "__dataclass_params__").frozen, what  # noqa: B009
+            _, block, text = (inspect.getdoc(value) or "").partition("Attributes:\n")
+            stated = vars(value).get("__annotations__", {})  # inherited fields are described where they come from
+            shown = [f.name for f in fields(value) if f.name in stated and not f.name.startswith("_")]
+            assert not (block and [name for name in shown if f"    {name}: " not in text]), what
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.noun)
+def test_every_option_of_a_part_is_described(family: Family[Any]) -> None:
+    for name in family.names():
+        assert family.summary(name).endswith("."), name
+        assert not [option.name for option in family.options(name) if not option.help.endswith(".")], name
+
+
+def trees() -> Iterator[tuple[str, ast.Module]]:
+    for file in FILES:
+        yield file.relative_to(ROOT).as_posix(), ast.parse(file.read_text(encoding="utf-8"))
+
+
+def functions(tree: ast.Module) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield node
+
+
+def test_files_are_short() -> None:
+    lengths = {file.name: len(file.read_text(encoding="utf-8").splitlines()) for file in FILES}
+    assert not {name: lines for name, lines in lengths.items() if lines > LONGEST_FILE}
+
+
+def test_functions_are_short() -> None:
+    lengths = {
+        f"{path}:{node.name}": (node.end_lineno or node.lineno) - node.lineno + 1
+        for path, tree in trees()
+        for node in functions(tree)
+    }
+    assert not {name: lines for name, lines in lengths.items() if lines > LONGEST_FUNCTION}
+
+
+def test_everything_is_typed() -> None:
+    bare = []
+    for path, tree in trees():
+        inner = {id(item) for node in functions(tree) for item in ast.walk(node) if item is not node}
+        for node in functions(tree):
+            arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+            named = [a for a in arguments if a.arg not in ("self", "cls")]
+            if id(node) not in inner and (node.returns is None or any(a.annotation is None for a in named)):
+                bare += [f"{path}:{node.lineno} {node.name}"] if node.name != "__getattr__" else []
+    assert not bare
+
+
+def test_only_the_command_line_prints_or_exits() -> None:
+    loud = []
+    for path, tree in trees():
+        for node in ast.walk(tree):
+            called = ast.unparse(node.func) if isinstance(node, ast.Call) else ""
+            raised = ast.unparse(node.exc or node) if isinstance(node, ast.Raise) else ""
+            if called in ("print", "input", "breakpoint", "exit", "quit", "sys.exit", "os._exit", "sys.stdout.write"):
+                loud.append(f"{path}:{node.lineno} {called}")  # type: ignore[attr-defined]
+            if raised.startswith("SystemExit"):
+                loud.append(f"{path}: {raised}")
+    assert not [where for where in loud if not where.startswith("cli/")]
+
+
+def test_no_plotting_library_is_imported_with_a_module() -> None:
+    for path, tree in trees():
+        names = [ast.unparse(node) for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+        assert not [line for line in names if "matplotlib" in line or "plotly" in line], path
+
+
+def test_no_room_is_named_after_nothing() -> None:
+    words = {"utils", "util", "tools", "helpers", "helper", "common", "misc"}
+    assert not [path for path in ROOT.rglob("*") if path.stem in words]
+
+
+def test_imports_are_absolute() -> None:
+    for path, tree in trees():
+        levels = [node.level for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+        assert not any(levels), path

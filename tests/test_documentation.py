@@ -1,0 +1,366 @@
+"""README and docs are true: their blocks run, and their tables of keys and parts are complete.
+
+Blocks that are marked in the line of the three backticks are run in a folder with a robot and two logs, page by page:
+``python run`` in one namespace per page, ``console run`` with its output compared (``...`` is anything), ``yaml case``
+read as a case, ``yaml robot`` as a robot, ``yaml refused`` compared with the message in the block after it.
+``python tests/test_documentation.py`` writes the generated tables of docs/case-file.md anew.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import itertools
+import json
+import re
+import shlex
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import dynident
+from dynident.cli.main import main
+from dynident.errors import DescriptionError, DynidentError
+from dynident.estimation.estimate_file import summary
+from dynident.estimation.estimators import ESTIMATORS
+from dynident.estimation.identify import estimate_of, pose, validate
+from dynident.experiment.formats.base import UNITS
+from dynident.experiment.preprocessing import FILTERS
+from dynident.model.friction import FRICTION, Motion
+from dynident.model.inertia import Inertia
+from dynident.plugins import Family
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+GENERATED: dict[str, Family[Any]] = {"friction": FRICTION, "filters": FILTERS, "estimators": ESTIMATORS}
+
+URDF = """<robot name="arm2">
+  <link name="stand"/>
+  <link name="upper"><inertial><origin xyz="0.18 0 0.02"/><mass value="7"/>
+    <inertia ixx="0.03" ixy="0" ixz="0" iyy="0.12" iyz="0" izz="0.12"/></inertial></link>
+  <link name="fore"><inertial><origin xyz="0.12 0 0"/><mass value="3"/>
+    <inertia ixx="0.008" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="stand"/><child link="upper"/><origin xyz="0 0 0.3"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="3" effort="200"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.4 0 0.05"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="4" effort="100"/></joint>
+</robot>
+"""
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page: language, marks after it, text, and the line where it begins."""
+
+    page: Path
+    line: int
+    language: str
+    marks: tuple[str, ...]
+    text: str
+
+    @property
+    def place(self) -> str:
+        return f"{self.page.name}:{self.line}"
+
+
+def blocks_of(page: Path) -> list[Block]:
+    text = page.read_text(encoding="utf-8")
+    found = []
+    for match in re.finditer(r"^```([^\n`]*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL):
+        language, *marks = match[1].split() or [""]
+        found.append(Block(page, text[: match.start()].count("\n") + 1, language, tuple(marks), match[2]))
+    return found
+
+
+def rows_after(page: str, mark: str) -> list[list[str]]:
+    """Return the cells of the table that follows ``<!-- mark -->`` on a page of docs, without its head."""
+    _, found, rest = (ROOT / "docs" / page).read_text(encoding="utf-8").partition(f"<!-- {mark} -->")
+    assert found, f"{page} has no <!-- {mark} -->"
+    lines = itertools.takewhile(lambda line: line.startswith("|"), rest.strip().splitlines())
+    return [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[1:-1]] for line in lines][2:]
+
+
+def names_in(rows: list[list[str]]) -> list[str]:
+    """Return the first cells of table rows, without their backticks."""
+    return [row[0].strip("`") for row in rows]
+
+
+@pytest.fixture(scope="module")
+def material(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a robot, two logs of its true model with noise, and a log without torques."""
+    folder = tmp_path_factory.mktemp("material")
+    (folder / "robot.urdf").write_text(URDF)
+    robot = dynident.read_robot(folder / "robot.urdf")
+    model = dynident.DynamicModel(robot, ("coulomb", "viscous", "offset"))  # type: ignore[arg-type]
+    upper = Inertia.from_centre_of_mass(8.0, [0.2, 0.01, 0.0], np.diag([0.03, 0.15, 0.15]))
+    fore = Inertia.from_centre_of_mass(3.5, [0.15, 0.0, 0.02], np.diag([0.01, 0.04, 0.04]))
+    theta = np.r_[upper.vector, fore.vector, [4.0, 3.0, 0.5], [2.0, 1.5, -0.4]]
+    for seed, name in enumerate(("run.csv", "other-run.csv")):
+        generator = np.random.default_rng(seed)
+        series = [generator.uniform(-0.4, 0.4, shape) for shape in (2, (2, 4), (2, 4))]
+        time = np.arange(0, 16, 0.005)
+        q, dq, ddq = dynident.FourierSeries(*series, period=8.0).evaluate(time)
+        torque = model.torque(Motion(q, dq, ddq), theta) + generator.normal(0, 0.5, q.shape)
+        noise = generator.normal(0, 2e-5, q.shape)
+        dynident.write_log(dynident.Log(robot.joint_names, time, q + noise, torque=torque), folder / name)
+    lines = [line.rsplit(",", 2)[0] for line in (folder / "run.csv").read_text().splitlines()[:100]]
+    (folder / "no-torque.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.fixture
+def workshop(material: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a fresh copy of the material, the working directory of the test."""
+    shutil.copytree(material, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+# --- pages run -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_the_marked_blocks_of_a_page_run(page: Path, workshop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every block that is marked runs, in order, and shows what the page shows."""
+    blocks = blocks_of(page)
+    namespace: dict[str, Any] = {"__name__": "page"}
+    for block, after in itertools.pairwise([*blocks, Block(page, 0, "", (), "")]):
+        if block.language == "python" and "run" in block.marks:
+            _run_python(block, namespace)
+        elif block.language == "console" and "run" in block.marks:
+            _run_console(block)
+        elif block.language == "python" and block.marks:
+            _install_part(block, workshop, monkeypatch)
+        elif block.language == "yaml":
+            _read_yaml(block, after, workshop)
+
+
+def _run_python(block: Block, namespace: dict[str, Any]) -> None:
+    source = "\n" * block.line + block.text  # so that a traceback names the line of the page
+    with contextlib.redirect_stdout(io.StringIO()):
+        exec(compile(source, str(block.page), "exec", dont_inherit=True), namespace)
+
+
+def _run_console(block: Block) -> None:
+    for part in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
+        command, _, expected = part.partition("\n")
+        program, *arguments = shlex.split(command)
+        assert program == "dynident", f"{block.place}: {command}"
+        shown, said = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(said):
+            code = main(arguments)
+        output = shown.getvalue() + said.getvalue()
+        assert code == ("error:" in expected), f"{block.place}: {command}\n{output}"
+        assert _matches(expected, output), f"{block.place}: {command}\nexpected:\n{expected}\ngot:\n{output}"
+
+
+def _matches(expected: str, output: str) -> bool:
+    """Compare word by word: ``...`` is anything, ``word...`` a beginning, numbers may differ in their last digit."""
+    parts = [list(group) for wild, group in itertools.groupby(expected.split(), "...".__eq__) if not wild]
+    words = expected.split()
+    got, place = output.split(), 0
+    for number, part in enumerate(parts):
+        last = number == len(parts) - 1 and words[-1] != "..."
+        first = number == 0 and words[0] != "..."
+        starts = [place] if first else range(place, len(got))
+        starts = [len(got) - len(part)] if last and not first else starts
+        found = next((s for s in starts if s >= place and _same_words(part, got[s : s + len(part)])), None)
+        if found is None:
+            return False
+        place = found + len(part)
+    return place == len(got) or not words or words[-1] == "..."
+
+
+def _same_words(expected: Sequence[str], got: Sequence[str]) -> bool:
+    return len(expected) == len(got) and all(map(_same_word, expected, got))
+
+
+def _same_word(expected: str, got: str) -> bool:
+    if expected == got or (expected.endswith("...") and got.startswith(expected[:-3])):
+        return True
+    if not re.fullmatch(r"-?\d+\.\d+", expected) or not re.fullmatch(r"-?\d+(\.\d+)?", got):
+        return False
+    return abs(float(expected) - float(got)) <= 1.01 * 10.0 ** -len(expected.partition(".")[2])
+
+
+def _install_part(block: Block, workshop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Put the part that a page shows into its family, as if the file stood in the folder."""
+    name = block.marks[0].removeprefix("part=")
+    folder = workshop / "parts"
+    folder.mkdir()
+    (folder / f"{name}.py").write_text(block.text)
+    package = importlib.import_module(FRICTION.package)
+    monkeypatch.setattr(package, "__path__", [*package.__path__, str(folder)])
+    monkeypatch.setattr(package, name, None, raising=False)  # the import below leaves nothing behind
+    specification = spec_from_file_location(f"{FRICTION.package}.{name}", folder / f"{name}.py")
+    assert specification and specification.loader
+    module = module_from_spec(specification)
+    monkeypatch.setitem(importlib.import_module("sys").modules, module.__name__, module)
+    specification.loader.exec_module(module)
+
+
+def _read_yaml(block: Block, after: Block, workshop: Path) -> None:
+    file = workshop / "case.yaml"
+    if "case" in block.marks:
+        file.write_text(block.text)
+        case = dynident.read_case(file)
+        ESTIMATORS.make_from_text(case.estimator.name, case.estimator.options)
+        if "defaults" in block.marks:
+            plain = dynident.read_case(workshop / "robot.urdf")
+            for name in ("friction", "columns", "preprocessing", "decimal", "estimator", "train", "test", "split"):
+                assert getattr(case, name) == getattr(plain, name), f"{block.place}: {name}"
+    elif "robot" in block.marks:
+        (workshop / "table.yaml").write_text(block.text)
+        assert dynident.read_robot(workshop / "table.yaml").dof > 0
+    elif "refused" in block.marks:
+        file.write_text(block.text)
+        with pytest.raises(DynidentError) as caught:
+            dynident.read_case("case.yaml")
+        assert after.language == "text", f"{block.place}: a refused case is followed by its message"
+        assert _matches(after.text, str(caught.value)), f"{block.place}: {caught.value}"
+
+
+# --- the case file ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", [".", "drives.shoulder", "log", "log.columns", "log.units", "preprocessing"])
+def test_every_key_of_the_case_file_is_documented(path: str, workshop: Path) -> None:
+    """The keys in a table are those that the reader names when it meets one that it does not know."""
+    document: dict[str, Any] = {"case": "1", "robot": "robot.urdf"}
+    inner = document
+    for key in path.split(".") if path != "." else []:
+        inner = inner.setdefault(key, {})
+    inner["no such key"] = "1"
+    (workshop / "case.yaml").write_text(yaml.safe_dump(document))
+    with pytest.raises(DescriptionError) as caught:
+        dynident.read_case("case.yaml")
+    known = re.search(r"known keys: ([^;]*)", str(caught.value))
+    assert known and names_in(rows_after("case-file.md", f"keys: {path}")) == known[1].split(", ")
+
+
+def test_the_words_of_units_are_those_of_the_reader() -> None:
+    """Every unit word of every quantity, in order."""
+    for name, words, _ in rows_after("case-file.md", "keys: log.units"):
+        assert re.findall(r"`([^`]*)`", words) == list(UNITS[name.strip("`")])
+
+
+def generated_table(family: Family[Any]) -> str:
+    """Return the table of the parts of a family with their options, from their docstrings."""
+    lines = ["| part | option | type | default | what it is |", "|---|---|---|---|---|"]
+    for name in family.names():
+        rows = [("", "", "", family.summary(name))]
+        rows += [(f"`{o.name}`", f"`{o.kind}`", f"`{_written(o.default)}`", o.help) for o in family.options(name)]
+        for number, cells in enumerate(rows):
+            safe = [cell.replace("``", "`").replace("|", r"\|") for cell in cells]
+            lines.append("| " + " | ".join([f"`{name}`" if number == 0 else "", *safe]) + " |")
+    return "\n".join(lines).replace("|  |", "| |")
+
+
+def _written(value: object) -> str:
+    return "null" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def with_generated_tables(text: str) -> str:
+    """Return a page with the tables between its marks written anew."""
+    for name, family in GENERATED.items():
+        begin, end = f"<!-- generated: {name} -->\n", "<!-- generated: end -->"
+        head, _, rest = text.partition(begin)
+        _, _, tail = rest.partition(end)
+        text = f"{head}{begin}\n{generated_table(family)}\n\n{end}{tail}"
+    return text
+
+
+def test_the_generated_tables_are_those_of_the_parts() -> None:
+    """A part that is new, gone or changed shows on the page."""
+    text = (ROOT / "docs/case-file.md").read_text(encoding="utf-8")
+    assert text == with_generated_tables(text), "run: python tests/test_documentation.py"
+
+
+# --- the JSON --------------------------------------------------------------------------------------------------------
+
+
+def keys_of(value: Any, path: str = "") -> Iterator[str]:
+    """Yield the key path of everything in plain data; ``[]`` stands for each item of a list."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from keys_of(inner, f"{path}.{key}" if path else key)
+    elif isinstance(value, list):
+        inside = [key for item in value for key in keys_of(item, f"{path}[]")]
+        yield from inside or [f"{path}[]"]
+    else:
+        yield path
+
+
+def test_every_key_of_the_json_is_documented(workshop: Path) -> None:
+    """The documented keys are the produced ones, for every estimator."""
+    case = dynident.read_case("robot.urdf")
+    train, test = case.read("run.csv").split(0.6)
+    problem = pose(case.model, [train], case.preprocessing)
+    tables = {name: rows_after("json-output.md", f"json: {name}") for name in ("estimate", "figures", "extras")}
+    for name in ESTIMATORS.names():
+        estimate = estimate_of(problem, ESTIMATORS.make(name))
+        produced = summary(estimate, validate(estimate, [test]))
+        figures = set(names_in(tables["figures"]))
+        assert set(keys_of(produced["train"])) == set(keys_of(produced["test"])) == figures
+        mine = {row[0].strip("`") for row in tables["extras"] if row[1] == "all" or name in row[1].split(", ")}
+        assert set(keys_of(produced["extras"] | ({"settings": None} if name == "abc" else {}))) == mine
+        assert set(produced["options"]) == {option.name for option in ESTIMATORS.options(name)}
+        nested = {key: None for key in ("options", "filter", "extras", "train", "test")}
+        standard = {f"standard_parameters[].{key}" for key in ("name", "value", "unit", "verdict")}
+        if produced["standard_parameters"] is None:
+            produced["standard_parameters"] = [dict.fromkeys(("name", "value", "unit", "verdict"))]
+        assert standard <= set(names_in(tables["estimate"]))
+        produced["inconsistencies"] = []
+        assert sorted(set(keys_of(produced | nested))) == sorted(names_in(tables["estimate"]))
+
+
+def _no_such_number(word: str) -> None:
+    raise AssertionError(f"{word} is no JSON")
+
+
+def test_both_commands_print_one_object_with_the_documented_keys(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``identify --json`` and ``validate --json`` print JSON and nothing else, with the same keys."""
+    keys = names_in(rows_after("json-output.md", "json: estimate"))
+    documented = {key.split(".")[0].removesuffix("[]") for key in keys}
+    options = ["robot.urdf", "run.csv", "--split", "first:0.6", "-o", "estimate.json", "--json"]
+    for arguments in (["identify", *options], ["validate", "estimate.json", "other-run.csv", "--json"]):
+        assert main(arguments) == 0
+        shown = capsys.readouterr()
+        printed = json.loads(shown.out, parse_constant=_no_such_number)
+        assert set(printed) == documented
+        assert set(keys_of(printed["test"])) == set(names_in(rows_after("json-output.md", "json: figures")))
+        assert shown.err == ""
+
+
+def test_every_key_of_the_filter_statement_is_documented() -> None:
+    """The documented keys are the produced ones, for every filter."""
+    rows = rows_after("json-output.md", "json: filter")
+    for name in FILTERS.names():
+        stated = dynident.Preprocessing(FILTERS.make(name)).statement()
+        assert set(stated) == {row[0].strip("`") for row in rows if row[1] == "all" or name in row[1].split(", ")}
+
+
+# --- choices ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", GENERATED)
+def test_every_part_has_a_line_that_says_when_to_use_it(name: str) -> None:
+    """how-to-choose.md lists exactly the parts that are there."""
+    rows = rows_after("how-to-choose.md", f"parts: {name}")
+    assert sorted(names_in(rows)) == list(GENERATED[name].names())
+    assert all(all(row) for row in rows)
+
+
+if __name__ == "__main__":
+    PAGE = ROOT / "docs/case-file.md"
+    PAGE.write_text(with_generated_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,0 +1,104 @@
+"""README and docs state facts beside their blocks: families, orders, environment variables, links, the licence."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from dynident.estimation.estimators import ESTIMATORS
+from dynident.experiment.formats import FORMATS
+from dynident.experiment.preprocessing import FILTERS
+from dynident.experiment.trajectories import TRAJECTORIES
+from dynident.model.descriptions.base import DESCRIPTIONS
+from dynident.model.friction import FRICTION
+from dynident.model.inertia import TEN, Inertia
+from dynident.model.parameters import to_mujoco_fullinertia, to_pinocchio
+from dynident.plugins import Family
+from dynident.results.report.sections import SECTIONS
+from test_documentation import PAGES, ROOT, rows_after
+
+FAMILIES: dict[str, Family[Any]] = {
+    "FRICTION": FRICTION,
+    "ESTIMATORS": ESTIMATORS,
+    "FILTERS": FILTERS,
+    "FORMATS": FORMATS,
+    "TRAJECTORIES": TRAJECTORIES,
+    "DESCRIPTIONS": DESCRIPTIONS,
+    "SECTIONS": SECTIONS,
+}
+
+
+def test_the_families_are_where_the_page_says() -> None:
+    """adding-a-part.md names folder and base class of every family."""
+    rows = rows_after("adding-a-part.md", "families")
+    stated = {row[0].strip("`"): (row[1].strip("`"), row[2].strip("`")) for row in rows}
+    assert stated == {
+        name: (family.package.removeprefix("dynident.").replace(".", "/"), family.kind.__name__)
+        for name, family in FAMILIES.items()
+    }
+
+
+def test_orders_of_the_ten() -> None:
+    """The stated orders are those of the conversions, and Pinocchio's is the one that Pinocchio has."""
+    text = (ROOT / "docs/conventions.md").read_text(encoding="utf-8")
+    stated = dict(re.findall(r"^\| ([\w]+)[^|]*\| `([^`]*)` \|", text, re.MULTILINE))
+    symbols = np.array(TEN)
+    assert stated["dynident"].split() == list(TEN)
+    assert stated["Pinocchio"].split() == to_pinocchio(symbols).tolist()
+    assert stated["MuJoCo"].split() == to_mujoco_fullinertia(symbols).tolist()
+    link = Inertia.from_centre_of_mass(4.0, [0.1, 0.02, 0.3], [[5, 0.3, 0.2], [0.3, 6, 0.1], [0.2, 0.1, 2]])
+    pinocchio = pytest.importorskip("pinocchio")
+    theirs = pinocchio.Inertia(link.mass, link.centre_of_mass, link.about_centre)
+    np.testing.assert_allclose(to_pinocchio(link.vector), theirs.toDynamicParameters(), rtol=1e-12)
+
+
+def test_figures_of_real_robots_in_the_readme_are_those_of_their_page() -> None:
+    """No figure stands in the README that the page with the commands does not have."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = readme.partition("<!-- real-data table: begin")[2].partition("<!-- real-data table: end -->")[0]
+    page = (ROOT / "docs/real-data.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"[\d.]+ %", table)) <= set(re.findall(r"[\d.]+ %", page))
+
+
+def test_environment_variables() -> None:
+    """The README lists the variables that the package reads, and no other."""
+    sources = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "src").rglob("*.py"))
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"^\| `(DYNIDENT_\w+)`", text, re.MULTILINE)) == set(re.findall(r"DYNIDENT_[A-Z]+", sources))
+
+
+def _anchors(page: Path) -> set[str]:
+    """Return the anchors of a page's headings, as they are made from the text."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md", ROOT / "SECURITY.md"], ids=lambda page: page.stem)
+def test_links_lead_somewhere(page: Path) -> None:
+    """A relative link names a file that is there, and a heading in it."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if target.startswith("https://"):
+            continue
+        name, _, anchor = target.partition("#")
+        file = (page.parent / name).resolve() if name else page
+        assert file.exists(), f"{page.name}: {target}"
+        assert not anchor or anchor in _anchors(file), f"{page.name}: {target}"
+
+
+def test_licence_citation_and_changelog_agree_with_the_project() -> None:
+    """The licence is the text of Apache-2.0; version and licence are stated once and the same."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert (citation["version"], citation["license"]) == (project["version"], project["license"])
+    assert citation["authors"][0]["name"] == project["authors"][0]["name"]
+    licence = (ROOT / "LICENSE").read_bytes()
+    assert hashlib.sha256(licence).hexdigest() == "cfc7749b96f63bd31c3c42b5c471bf756814053e847c10f3eb003417bc523d30"
+    assert "## [Unreleased]" in (ROOT / "CHANGELOG.md").read_text()
