@@ -260,12 +260,14 @@ def generated_table(family: Family[Any]) -> str:
         rows += [(f"`{o.name}`", f"`{o.kind}`", f"`{_written(o.default)}`", o.help) for o in family.options(name)]
         for number, cells in enumerate(rows):
             safe = [cell.replace("``", "`").replace("|", r"\|") for cell in cells]
-            lines.append("| " + " | ".join([f"`{name}`" if number == 0 else "", *safe]) + " |")
-    return "\n".join(lines).replace("|  |", "| |")
+            lines.append("|" + "".join(f" {cell}".rstrip() + " |" for cell in [f"`{name}`" * (number == 0), *safe]))
+    return "\n".join(lines)
 
 
 def _written(value: object) -> str:
-    return "null" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def with_generated_tables(text: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
+from dynident.cli.main import main
 from dynident.estimation.estimators import ESTIMATORS
 from dynident.experiment.formats import FORMATS
 from dynident.experiment.preprocessing import FILTERS
@@ -65,6 +66,15 @@ def test_figures_of_real_robots_in_the_readme_are_those_of_their_page() -> None:
     table = readme.partition("<!-- real-data table: begin")[2].partition("<!-- real-data table: end -->")[0]
     page = (ROOT / "docs/real-data.md").read_text(encoding="utf-8")
     assert set(re.findall(r"[\d.]+ %", table)) <= set(re.findall(r"[\d.]+ %", page))
+
+
+def test_options_of_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    """Every option that the page of the case file names is one of ``identify``."""
+    text = (ROOT / "docs/case-file.md").read_text(encoding="utf-8").partition("## What the command line changes")[2]
+    with pytest.raises(SystemExit):
+        main(["identify", "--help"])
+    known = re.findall(r"--[a-z]+", capsys.readouterr().out)
+    assert set(re.findall(r"--[a-z]+", text.partition("\n## ")[0])) <= set(known)
 
 
 def test_environment_variables() -> None:

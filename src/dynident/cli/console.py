@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from dynident.results.text import Table
 
 
+#: Columns that the name of a base parameter takes in a table; --json and the report have the whole name.
+NAME_WIDTH = 60
+
+
 def answer(text: str = "") -> None:
     """Print an answer."""
     print(text)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from dynident.estimation.reproduction import Part
+    from dynident.results.report.subject import Comparison
 
 SUMMARY = "the article's ER-16 from end to end"
 
@@ -100,16 +101,24 @@ def _write(folder: Path, published: Part, virtual: Part) -> list[str]:
         folder / names[-1],
         chosen.estimate,
         (chosen.test,),
-        comparison=[row.row() for part in (published, virtual) for row in part.rows],
-        traces={
-            f"{label} {row.method}": row.estimate.extras["trace"]
-            for part, label in ((published, "(a)"), (virtual, "(b)"))
-            for row in part.rows
-            if "trace" in row.estimate.extras and "optimum" not in row.method
-        },
+        comparison=_comparison((("(a)", published), ("(b)", virtual))),
         command=repeat_command(),
     )
     return names
+
+
+def _comparison(parts: tuple[tuple[str, Part], ...]) -> Comparison:
+    """Return the tables of both parts as one, and the objective of the colonies per iteration (Figure 6)."""
+    from dynident.results.report.subject import Comparison
+
+    rows = tuple({"part": label, **row.row()} for label, part in parts for row in part.rows)
+    traces = {
+        f"{label} {row.method}": row.estimate.extras["trace"]
+        for label, part in parts
+        for row in part.rows
+        if "trace" in row.estimate.extras and not row.estimate.extras["polished"]
+    }
+    return Comparison(rows, traces, objective="F (9) [N m]")
 
 
 def _slug(method: str) -> str:

@@ -65,7 +65,8 @@ def run(options: argparse.Namespace) -> int:
             from dynident.results.report import write_report
 
             progress.step("writing the report")
-            write_report(options.report, estimate, () if test is None else (test,), command=jobs.repeat_command())
+            tests, sources = () if test is None else (test,), [log.source for log in data.test]
+            write_report(options.report, estimate, tests, command=jobs.repeat_command(), sources=sources)
     if options.output:
         write_estimate(estimate, options.output)
     if options.json:
@@ -88,7 +89,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
         f"condition number {format_number(estimate.condition_number, 3)} (weighted, unit columns)"
     )
     console.answer(f"estimator {estimate.estimator}; filter {statement(estimate.train.filter)}\n")
-    console.answer_table(parameters_table(estimate))
+    console.answer_table(parameters_table(estimate, width=console.NAME_WIDTH))
     for title, validation in (("fit on the training data", estimate.train), ("on test data not used in the fit", test)):
         if validation is not None:
             total = format_percent(validation.total_relative_error)

@@ -30,6 +30,7 @@ def run(options: argparse.Namespace) -> int:
     estimate = read_estimate(options.estimate)
     logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.test]
     tests = (validate(estimate, logs),) if logs else ()
-    write_report(options.output, estimate, tests, command=jobs.repeat_command())
+    sources = [log.source for log in logs]
+    write_report(options.output, estimate, tests, command=jobs.repeat_command(), sources=sources)
     console.remark(f"wrote {options.output}", options.quiet)
     return 0

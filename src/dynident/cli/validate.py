@@ -43,7 +43,8 @@ def run(options: argparse.Namespace) -> int:
             from dynident.results.report import write_report
 
             progress.step("writing the report")
-            write_report(options.report, estimate, (test,), command=jobs.repeat_command())
+            sources = [log.source for log in logs]
+            write_report(options.report, estimate, (test,), command=jobs.repeat_command(), sources=sources)
     if options.json:
         console.answer_json(summary(estimate, test))
         return 0

@@ -1,0 +1,228 @@
+"""Base parameters: counts of the literature, closed forms by hand, and the laws of the map K."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dynident.errors import SolverFailed
+from dynident.model.base_parameters import COMBINED, IDENTIFIABLE, NOT_IDENTIFIABLE, base_parameters
+from dynident.model.descriptions import read_robot
+from dynident.model.descriptions.dh import read_dh
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
+from dynident.model.robot import Joint, Link, Robot, rotation_about
+
+# Table 1 of the article: alpha, a, d and offset of each joint, modified DH.
+ER16 = (
+    ("pi", "0", "0", "0"),
+    ("pi/2", "0.16", "0", "-pi/2"),
+    ("0", "0.68", "0", "0"),
+    ("pi/2", "0.13", "-0.75", "0"),
+    ("-pi/2", "0", "0", "0"),
+    ("pi/2", "0", "0", "0"),
+)
+FIRST_THREE = ("joint4", "joint5", "joint6")
+ARMS = ("pendulum", "planar_2r", "planar_3r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")
+
+
+@pytest.fixture(scope="module")
+def er16() -> Robot:
+    lines = ["name: er16", "convention: modified", "joints:"]
+    for row in ER16:
+        values = ", ".join(f"{key}: {value}" for key, value in zip(("alpha", "a", "d", "offset"), row, strict=True))
+        lines.append(f"  - {{{values}}}")
+    return read_dh("er16.yaml", "\n".join(lines).encode())
+
+
+def model_of(robot: Robot, *friction: str) -> DynamicModel:
+    return DynamicModel(robot, tuple(FRICTION.make(name) for name in friction))
+
+
+def test_counts_of_the_er16(er16: Robot) -> None:
+    assert base_parameters(model_of(er16)).count == 36
+    assert base_parameters(model_of(er16.locked(dict.fromkeys(FIRST_THREE, 0.0)))).count == 15
+
+
+def test_columns_of_the_er16_are_those_of_table_2(er16: Robot) -> None:
+    base = base_parameters(model_of(er16.locked(dict.fromkeys(FIRST_THREE, 0.0)), "coulomb", "viscous"))
+    leads = [base.parameters[k].name for k in base.independent]
+    second, third = (
+        [f"{symbol}[link{i}]" for symbol in ("Ixx", "Ixy", "Ixz", "Iyz", "Izz", "mx", "my")] for i in (2, 3)
+    )
+    friction = [f"{symbol}[joint{i}]" for i in (1, 2, 3) for symbol in ("Fc", "Fv")]
+    assert leads == ["Izz[link1]", *second, *third, *friction]
+    assert base.names[0] == "Izz[link1] + Iyy[link2] + 0.0256 m[link2] + Iyy[link3] + 0.488 m[link3]"
+
+
+@pytest.mark.parametrize(("name", "count"), [("generic-7r", 43), ("generic-6r", 36), ("generic-scara", 8)])
+def test_counts_of_the_robots_that_ship(name: str, count: int) -> None:
+    model = model_of(read_robot(name), "coulomb", "viscous", "offset")
+    assert base_parameters(model, inertial_only=True).count == count
+    assert base_parameters(model).count == count + 3 * model.robot.dof
+
+
+def test_pendulum_by_hand(pendulum: Robot) -> None:
+    base = base_parameters(model_of(pendulum))
+    assert base.names == ("Izz[link1]", "mx[link1]", "my[link1]")
+    assert base.units == ("kg m^2", "kg m", "kg m")
+    verdicts = dict(zip((p.symbol for p in base.parameters), base.verdicts, strict=True))
+    assert {symbol for symbol, verdict in verdicts.items() if verdict == IDENTIFIABLE} == {"Izz", "mx", "my"}
+    assert set(verdicts.values()) == {IDENTIFIABLE, NOT_IDENTIFIABLE}
+
+
+def test_planar_two_link_arm_by_hand(planar_2r: Robot) -> None:
+    """Spong's three inertial parameters and the gravity ones: m2 goes into Izz1 (times l^2) and mx1 (times l)."""
+    base = base_parameters(model_of(planar_2r))
+    assert base.names == (
+        "Izz[link1] + 0.25 m[link2]",
+        "mx[link1] + 0.5 m[link2]",
+        "my[link1]",
+        "Izz[link2]",
+        "mx[link2]",
+        "my[link2]",
+    )
+    verdicts = dict(zip((p.name for p in base.parameters), base.verdicts, strict=True))
+    assert verdicts["m[link2]"] == verdicts["Izz[link1]"] == verdicts["mx[link1]"] == COMBINED
+    assert verdicts["my[link1]"] == verdicts["Izz[link2]"] == IDENTIFIABLE
+    assert verdicts["m[link1]"] == verdicts["Ixx[link2]"] == verdicts["mz[link2]"] == NOT_IDENTIFIABLE
+    assert planar_2r.nominal is not None
+    first, second = planar_2r.nominal[:10], planar_2r.nominal[10:]
+    expected = [first[5] + 0.25 * second[9], first[6] + 0.5 * second[9], first[7], second[5], second[6], second[7]]
+    np.testing.assert_allclose(base.from_standard(planar_2r.nominal), expected, atol=1e-12)
+
+
+def test_gravity_along_the_axes_hides_the_first_link_moments(planar_2r: Robot) -> None:
+    base = base_parameters(model_of(planar_2r.with_gravity([0, 0, -9.81])))
+    assert base.names == ("Izz[link1] + 0.25 m[link2]", "Izz[link2]", "mx[link2]", "my[link2]")
+
+
+def test_gantry_by_hand() -> None:
+    """Two slides across each other: the first carries both masses, and nothing else moves a force."""
+    x, y = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
+    joints = tuple(
+        Joint(f"joint{i + 1}", "prismatic", i - 1, np.eye(3), np.zeros(3), axis) for i, axis in enumerate((x, y))
+    )
+    base = base_parameters(model_of(Robot("gantry", (Link("bridge"), Link("head")), joints), "rotor_inertia"))
+    assert base.names == ("m[bridge] + m[head] + Ia[joint1]", "m[head] + Ia[joint2]") or base.names == (
+        "m[bridge] + Ia[joint1] - Ia[joint2]", "m[head] + Ia[joint2]",
+    )  # fmt: skip
+    assert base.units == ("kg", "kg")
+
+
+def test_scara_by_hand(scara: Robot) -> None:
+    """Vertical axes: first arm 1, second arm 3, the mass that slides, last link 3; gravity acts on that mass alone."""
+    base = base_parameters(model_of(scara))
+    assert base.count == 8
+    leads = {base.parameters[k].name for k in base.independent}
+    assert "m[link3]" in leads and sum(name.startswith("m[") for name in leads) == 1
+
+
+def test_rotor_inertia_of_a_first_joint_is_seen_with_its_link(planar_2r: Robot) -> None:
+    base = base_parameters(model_of(planar_2r, "rotor_inertia"))
+    assert base.names[0] == "Izz[link1] + 0.25 m[link2] + Ia[joint1]"
+    assert base.names[-1] == "Ia[joint2]"
+    assert base.count == 7 and base_parameters(model_of(planar_2r, "rotor_inertia"), inertial_only=True).count == 6
+
+
+def test_signs_and_coefficients_in_names() -> None:
+    turned = Joint("joint2", "revolute", 0, rotation_about(np.array([0, 0, 1.0]), np.pi), np.array([-0.3, 0, 0]),
+                   np.array([0, 0, 1.0]))  # fmt: skip
+    first = Joint("joint1", "revolute", -1, np.eye(3), np.zeros(3), np.array([0, 0, 1.0]))
+    robot = Robot("folded", (Link("a"), Link("b")), (first, turned), np.array([0, -9.81, 0]))
+    assert base_parameters(model_of(robot)).names[:2] == ("Izz[a] + 0.09 m[b]", "mx[a] - 0.3 m[b]")
+
+
+@pytest.mark.parametrize("arm", ARMS)
+def test_the_torque_knows_only_the_base_parameters(arm: str, request: pytest.FixtureRequest) -> None:
+    check_invariance(model_of(request.getfixturevalue(arm), "coulomb", "viscous", "offset", "rotor_inertia"), 0)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10_000), links=st.integers(1, 5))
+def test_the_torque_knows_only_the_base_parameters_of_any_tree(
+    random_tree: Callable[..., Robot], seed: int, links: int
+) -> None:
+    check_invariance(model_of(random_tree(seed, links), "viscous", "rotor_inertia"), seed)
+
+
+def check_invariance(model: DynamicModel, seed: int) -> None:
+    """Y theta = Y[:, independent] K theta on states that the choice has not seen; the count is the rank."""
+    base = base_parameters(model)
+    motion = model.random_motion(60, seed + 77)
+    regressor = model.regressor(motion).reshape(-1, len(model.parameters))
+    theta = np.random.default_rng(seed).normal(size=regressor.shape[1])
+    torque = regressor @ theta
+    size = float(np.abs(torque).max())
+    np.testing.assert_allclose(regressor[:, base.independent] @ base.from_standard(theta), torque, atol=1e-7 * size)
+    np.testing.assert_allclose(regressor @ base.to_standard(base.from_standard(theta)), torque, atol=1e-7 * size)
+    norms = np.linalg.norm(regressor, axis=0)
+    columns = regressor[:, norms > 1e-9 * norms.max()]
+    assert base.count == np.linalg.matrix_rank(columns / np.linalg.norm(columns, axis=0), tol=1e-8)
+    np.testing.assert_array_equal(base.matrix[:, base.independent], np.eye(base.count))
+    check_verdicts(base.matrix, base.verdicts, base.count)
+
+
+def check_verdicts(matrix: np.ndarray, verdicts: Sequence[str], count: int) -> None:
+    """A parameter is identifiable exactly when a torque determines it: its unit vector lies in the rows of K."""
+    for k, verdict in enumerate(verdicts):
+        unit = np.eye(matrix.shape[1])[k]
+        alone = np.linalg.matrix_rank(np.vstack([matrix, unit]), tol=1e-6) == count
+        seen = bool(np.any(matrix[:, k]))
+        assert verdict == (IDENTIFIABLE if alone else COMBINED if seen else NOT_IDENTIFIABLE)
+
+
+@pytest.mark.parametrize("arm", ("spatial_3r", "sliding_arm", "scara"))
+def test_the_choice_does_not_depend_on_the_random_states(arm: str, request: pytest.FixtureRequest) -> None:
+    model = model_of(request.getfixturevalue(arm), "viscous")
+    first = base_parameters(model)
+    for seed in range(1, 5):
+        other = base_parameters(model, seed=seed)
+        assert other.names == first.names
+        np.testing.assert_allclose(other.matrix, first.matrix, atol=1e-9)
+
+
+def test_lengths_and_masses_do_not_change_the_choice(spatial_3r: Robot, scaled: Callable[..., Robot]) -> None:
+    leads = [base_parameters(model_of(scaled(spatial_3r, 1.0, size))).independent for size in (0.01, 1.0, 100.0)]
+    np.testing.assert_array_equal(leads[0], leads[1])
+    np.testing.assert_array_equal(leads[2], leads[1])
+
+
+def test_two_arms_on_one_base_count_apart(planar_2r: Robot) -> None:
+    """A tree of two arms: the base parameters of each, side by side."""
+    links = (*planar_2r.links, Link("link3"), Link("link4"))
+    third, fourth = (
+        replace(joint, name=f"joint{i + 3}", parent=(-1, 2)[i]) for i, joint in enumerate(planar_2r.joints)
+    )
+    pair = Robot("pair", links, (*planar_2r.joints, third, fourth), planar_2r.gravity)
+    names = base_parameters(model_of(pair)).names
+    one = base_parameters(model_of(planar_2r)).names
+    renamed = tuple(name.replace("link1", "link3").replace("link2", "link4") for name in one)
+    assert names == (*one, *renamed)
+
+
+def test_inertial_parameters_alone_are_a_part_of_all(coupled_arm: Robot) -> None:
+    model = model_of(coupled_arm, "coulomb", "viscous", "offset")
+    whole, part = base_parameters(model), base_parameters(model, inertial_only=True)
+    assert whole.count == part.count + 9
+    np.testing.assert_array_equal(whole.independent[: part.count], part.independent)
+    np.testing.assert_allclose(whole.matrix[: part.count, : model.inertial_count], part.matrix, atol=1e-9)
+
+
+def test_a_rank_that_is_not_clear_is_refused(planar_2r: Robot) -> None:
+    tilt = rotation_about(np.array([1.0, 0, 0]), 3e-8)
+    first, second = planar_2r.joints
+    almost = replace(planar_2r, joints=(first, replace(second, rotation=tilt)))
+    with pytest.raises(SolverFailed, match="nearly, but not exactly, parallel or intersecting axes"):
+        base_parameters(model_of(almost))
+
+
+def test_map_is_read_only(pendulum: Robot) -> None:
+    base = base_parameters(model_of(pendulum))
+    with pytest.raises(ValueError, match="read-only"):
+        base.matrix[0, 0] = 2.0
