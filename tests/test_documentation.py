@@ -215,7 +215,7 @@ def _read_yaml(block: Block, after: Block, workshop: Path) -> None:
         ESTIMATORS.make_from_text(case.estimator.name, case.estimator.options)
         if "defaults" in block.marks:
             plain = dynident.read_case(workshop / "robot.urdf")
-            for name in ("friction", "columns", "preprocessing", "decimal", "estimator", "train", "test", "split"):
+            for name in ("friction", "columns", "preprocessing", "estimator", "train", "test", "split"):
                 assert getattr(case, name) == getattr(plain, name), f"{block.place}: {name}"
     elif "robot" in block.marks:
         (workshop / "table.yaml").write_text(block.text)

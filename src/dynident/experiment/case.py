@@ -108,7 +108,6 @@ class Case:
         robot: With locked joints, gravity, drives and coupling applied.
         friction: Friction parts.
         columns: How columns become signals.
-        decimal: Decimal mark of the log files.
         preprocessing: How logs become rows.
         estimator: Name and options.
         train: Logs to learn from, as written.
@@ -121,7 +120,6 @@ class Case:
     friction: tuple[Friction, ...]
     columns: ColumnMap
     preprocessing: Preprocessing
-    decimal: str = "."
     estimator: Choice = field(default_factory=lambda: Choice("consistent"))
     train: tuple[str, ...] = ()
     test: tuple[str, ...] = ()
@@ -139,17 +137,17 @@ class Case:
 
     def read(self, name: str | Path) -> Log:
         """Return a log with torques, from its currents where it has no torques."""
-        return read_with(self.find(str(name)), self.columns, self.robot, self.decimal)
+        return read_with(self.find(str(name)), self.columns, self.robot)
 
 
-def read_with(path: str | Path, columns: ColumnMap, robot: Robot, decimal: str = ".") -> Log:
+def read_with(path: str | Path, columns: ColumnMap, robot: Robot) -> Log:
     """Return a log with the joints of a robot and with torques, currents times drive gains where it has none.
 
     Raises:
         LogFormatError: The file is no sound log.
         LogMismatch: A joint is missing, or currents have no gain.
     """
-    form = None if decimal == "." else FORMATS.make("csv", decimal=decimal)
+    form = None if columns.decimal == "." else FORMATS.make("csv", decimal=columns.decimal)
     log = read_log(path, columns, form=form).ordered(robot.joint_names)
     if log.torque is not None or log.current is None:
         return log
@@ -199,7 +197,6 @@ def read_case(path: str | Path) -> Case:
         friction=tuple(_parts(top, "friction", FRICTION, DEFAULT_FRICTION)),
         columns=_columns(top, full),
         preprocessing=_preprocessing(top),
-        decimal=top.section("log", _LOG_KEYS).choice("decimal", (".", ","), ".") if top.has("log") else ".",
         estimator=_choice(top, "estimator", "consistent"),
         train=_texts(top, "train"),
         test=_texts(top, "test"),
@@ -270,7 +267,8 @@ def _columns(top: Section, robot: Robot) -> ColumnMap:
     if log.has("units"):
         units = log.section("units", _UNIT_KEYS)
         words = {key: _one_or_many(units, key) for key in _UNIT_KEYS if units.has(key)}
-    return _guard(log.place(), lambda: ColumnMap(joints=joints, units=Units(**words), **named))
+    decimal = log.choice("decimal", (".", ","), ".")
+    return _guard(log.place(), lambda: ColumnMap(joints=joints, units=Units(**words), decimal=decimal, **named))
 
 
 def _column_names(section: Section, key: str, joints: int) -> tuple[str, ...]:

@@ -146,6 +146,7 @@ class ColumnMap:
         raw_torque: Columns of the torques before any filter; not read unless named.
         temperature: Columns of the drives' temperatures in degrees Celsius; not read unless named.
         units: Units of the columns.
+        decimal: Decimal sign of text files, ``.`` or ``,``; it is never guessed.
 
     Raises:
         BadOption: Lists of different lengths, a column or a joint named twice, or units that do not fit each other.
@@ -161,6 +162,7 @@ class ColumnMap:
     raw_torque: tuple[str, ...] | None = ()
     temperature: tuple[str, ...] | None = ()
     units: Units = field(default_factory=Units)
+    decimal: str = "."
 
     def __post_init__(self) -> None:
         for name in ("joints", *NUMBERED):

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.model.friction.base import Coefficient, Friction, Motion
+from dynident.model.friction.base import Coefficient, Friction, Motion, no_slopes
 
 
 @dataclass(frozen=True)
@@ -31,3 +31,9 @@ class Coulomb(Friction):
     def columns(self, motion: Motion) -> Array:
         sign = np.sign(motion.dq) if self.width == 0 else np.tanh(motion.dq / self.width)
         return sign[..., None]
+
+    def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
+        if self.width == 0:
+            return no_slopes(motion), no_slopes(motion), no_slopes(motion)
+        slope = (1.0 - np.tanh(motion.dq / self.width) ** 2) / self.width
+        return no_slopes(motion), slope[..., None], no_slopes(motion)

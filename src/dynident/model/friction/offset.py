@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.friction.base import Coefficient, Friction, Motion
+from dynident.model.friction.base import Coefficient, Friction, Motion, no_slopes
 
 
 @dataclass(frozen=True)
@@ -19,3 +19,6 @@ class Offset(Friction):
 
     def columns(self, motion: Motion) -> Array:
         return np.ones((*motion.dq.shape, 1))
+
+    def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
+        return no_slopes(motion), no_slopes(motion), no_slopes(motion)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from dynident.arrays import Array
-from dynident.model.friction.base import Coefficient, Friction, Motion
+from dynident.model.friction.base import Coefficient, Friction, Motion, no_slopes
 
 
 @dataclass(frozen=True)
@@ -17,3 +19,6 @@ class Viscous(Friction):
 
     def columns(self, motion: Motion) -> Array:
         return motion.dq[..., None]
+
+    def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
+        return no_slopes(motion), np.ones((*motion.dq.shape, 1)), no_slopes(motion)

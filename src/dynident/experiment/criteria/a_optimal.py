@@ -1,0 +1,30 @@
+"""A-optimal design: the smallest mean variance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.experiment.criteria.base import Criterion, largest_and_smallest, singular_values
+
+
+@dataclass(frozen=True)
+class AOptimal(Criterion):
+    """Trace of the inverse of the noise-weighted information per sample in SI units, the smaller the better.
+
+    The sum of the variances of all base parameters times the number of samples; it depends on their units. The search
+    works on its logarithm.
+    """
+
+    weighted: ClassVar = True
+
+    def value(self, triangle: Array) -> float:
+        values = singular_values(triangle)
+        return float(np.sum(values**-2.0)) if values[-1] > 0 else np.inf
+
+    def objective(self, information: Array, sharpness: float) -> tuple[float, Array]:
+        _, (smallest, slope) = largest_and_smallest(information, 1.0)  # log of the sum of 1 / l is -smallest at p = 1
+        return -smallest, -slope

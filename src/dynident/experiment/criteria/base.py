@@ -1,0 +1,71 @@
+"""What a criterion is: a figure of the observation matrix, and a smooth objective with its exact gradient.
+
+Both see the observation matrix only through its information per sample M = W'W / N, shape (b, b), or a triangle R of
+it, M = R'R: the gradient by W follows as 2 W G / N from the gradient G by M.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.arrays import Array
+
+#: Eigenvalues below this share of the largest are rounding; they count as this much.
+_FLOOR = 1e-15
+
+
+class Criterion(ABC):
+    """A measure of excitation; a frozen dataclass whose fields are its options."""
+
+    #: Whether the rows of each joint are divided by the noise of its torque before anything is computed.
+    weighted: ClassVar[bool] = False
+
+    #: Whether a greater figure is a better motion.
+    larger_is_better: ClassVar[bool] = False
+
+    #: Sharpness of :meth:`objective` from one stage of the search to the next.
+    stages: ClassVar[tuple[float, ...]] = (1.0,)
+
+    @abstractmethod
+    def value(self, triangle: Array) -> float:
+        """Return the figure itself from a triangle R (b, b) with R'R = M; not finite where M is singular."""
+
+    @abstractmethod
+    def objective(self, information: Array, sharpness: float) -> tuple[float, Array]:
+        """Return what the search makes small, and its derivative by each entry of M.
+
+        Args:
+            information: M, symmetric, shape (b, b).
+            sharpness: The greater, the nearer the objective follows :meth:`value`, and the less smooth it is.
+
+        Returns:
+            The objective, and its gradient, symmetric, shape (b, b).
+        """
+
+
+def largest_and_smallest(information: Array, sharpness: float) -> tuple[tuple[float, Array], tuple[float, Array]]:
+    """Return log of the largest and of the smallest eigenvalue, each smoothed, with its gradient by M.
+
+    log largest = log(sum of l^p) / p and log smallest = -log(sum of l^-p) / p with p the sharpness: between the true
+    ones and log(b) / p outside them, and smooth where eigenvalues meet.
+    """
+    found, vectors = np.linalg.eigh(information)
+    values = np.maximum(found, _FLOOR * max(found[-1], np.finfo(float).tiny))
+    logs = np.log(values)
+    smoothed = []
+    for sign in (1.0, -1.0):
+        powers = sign * sharpness * logs
+        top = powers.max()
+        shares = np.exp(powers - top)
+        total = shares.sum()
+        slopes = shares / total / values
+        smoothed.append((sign * (top + float(np.log(total))) / sharpness, (vectors * slopes) @ vectors.T))
+    return smoothed[0], smoothed[1]
+
+
+def singular_values(triangle: Array) -> Array:
+    """Return the singular values of a triangle, largest first."""
+    return np.linalg.svd(triangle, compute_uv=False)

@@ -1,0 +1,28 @@
+"""E-optimal design: the worst direction as well known as possible."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dynident.arrays import Array
+from dynident.experiment.criteria.base import Criterion, largest_and_smallest, singular_values
+
+
+@dataclass(frozen=True)
+class EOptimal(Criterion):
+    """Smallest eigenvalue of the noise-weighted information per sample in SI units, the larger the better.
+
+    One over it is the greatest variance of any direction of parameters; it depends on their units.
+    """
+
+    weighted: ClassVar = True
+    larger_is_better: ClassVar = True
+    stages: ClassVar = (4.0, 16.0, 64.0)
+
+    def value(self, triangle: Array) -> float:
+        return float(singular_values(triangle)[-1] ** 2)
+
+    def objective(self, information: Array, sharpness: float) -> tuple[float, Array]:
+        _, (smallest, slope) = largest_and_smallest(information, sharpness)
+        return -smallest, -slope

@@ -1,0 +1,156 @@
+"""Triangles against the rows that they stand for: every quadratic question has the same answer on both."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dynident.arrays import Array
+from dynident.model.reduction import Reduced, Triangle, absorb, least_squares, reduce, triangle_of
+
+COLUMNS = np.arange(4)
+
+
+def rows_of(seed: int, count: int, columns: int = 5, scale: float = 1.0) -> Array:
+    return scale * np.random.default_rng(seed).normal(size=(count, columns))
+
+
+def triangle(rows: Array, columns: Array = COLUMNS) -> Triangle:
+    return Triangle(columns, triangle_of(rows), len(rows))
+
+
+@given(seed=st.integers(0, 10_000), count=st.integers(0, 30), columns=st.integers(1, 6))
+def test_a_triangle_has_the_gram_matrix_of_its_rows(seed: int, count: int, columns: int) -> None:
+    rows = rows_of(seed, count, columns)
+    factor = triangle_of(rows)
+    assert factor.shape == (min(count, columns), columns)
+    np.testing.assert_array_equal(factor, np.triu(factor))
+    np.testing.assert_allclose(factor.T @ factor, rows.T @ rows, atol=1e-12 * (1 + count))
+
+
+def test_singular_values_are_those_of_the_rows_and_not_of_the_gram_matrix() -> None:
+    rows = rows_of(0, 200) @ np.diag([1.0, 1e-3, 1e-6, 1e-9, 1e-11])
+    found = np.linalg.svd(triangle_of(rows), compute_uv=False)
+    np.testing.assert_allclose(found, np.linalg.svd(rows, compute_uv=False), rtol=1e-3)
+
+
+@settings(deadline=None)
+@given(seed=st.integers(0, 10_000), cuts=st.lists(st.integers(0, 60), max_size=5))
+def test_merged_parts_are_the_triangle_of_all_rows(seed: int, cuts: list[int]) -> None:
+    rows = rows_of(seed, 60)
+    edges = [0, *sorted(cuts), 60]
+    parts = [triangle(rows[a:b]) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    merged, whole = parts[0].merged(parts[1:]), triangle(rows)
+    assert merged.rows == whole.rows == 60
+    np.testing.assert_allclose(merged.factor.T @ merged.factor, whole.factor.T @ whole.factor, atol=1e-11)
+
+
+@given(seed=st.integers(0, 10_000), panels=st.lists(st.integers(0, 12), max_size=5))
+def test_absorbed_panels_are_the_triangle_of_all_rows(seed: int, panels: list[int]) -> None:
+    factor = np.zeros((5, 5), order="F")
+    everything = [np.zeros((0, 5))]
+    for k, count in enumerate(panels):
+        rows = rows_of(seed + k, count)
+        everything.append(rows)
+        factor = absorb(factor, np.asfortranarray(rows))
+    upper, whole = np.triu(factor), np.concatenate(everything)
+    np.testing.assert_allclose(upper.T @ upper, whole.T @ whole, atol=1e-11)
+
+
+def test_an_empty_triangle_adds_nothing() -> None:
+    rows = rows_of(1, 10)
+    merged = Triangle.empty(COLUMNS).merged([triangle(rows), Triangle.empty(COLUMNS)])
+    assert (Triangle.empty(COLUMNS).rows, merged.rows) == (0, 10)
+    np.testing.assert_allclose(merged.factor.T @ merged.factor, rows.T @ rows, atol=1e-12)
+
+
+@given(seed=st.integers(0, 10_000))
+def test_residuals_without_the_rows(seed: int) -> None:
+    rows, beta = rows_of(seed, 25), rows_of(seed + 1, 1, 6)[0]
+    columns = np.array([0, 2, 3, 5])  # columns 1 and 4 of beta are zero on this joint
+    reduced = triangle(rows, columns)
+    error = rows[:, :4] @ beta[columns] - rows[:, 4]
+    assert reduced.residual_square(beta) == pytest.approx(error @ error)
+    assert reduced.torque_square == pytest.approx(rows[:, 4] @ rows[:, 4])
+
+
+def test_a_factor_of_another_width_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"triangle has shape \(3, 3\), expected \(None, 5\)"):
+        Triangle(COLUMNS, np.eye(3), 3)
+
+
+def dense(blocks: list[tuple[Array, Array]], weights: Array, size: int) -> tuple[Array, Array]:
+    """Return the weighted rows of all joints, stacked."""
+    full = []
+    for (rows, columns), weight in zip(blocks, weights, strict=True):
+        wide = np.zeros((len(rows), size + 1))
+        wide[:, [*columns, size]] = rows
+        full.append(weight * wide)
+    stacked = np.concatenate(full)
+    return stacked[:, :size], stacked[:, size]
+
+
+@given(seed=st.integers(0, 10_000))
+def test_reduced_joints_are_the_stacked_weighted_rows(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    blocks = [(rows_of(seed + 1, 20), np.array([0, 1, 2, 4])), (rows_of(seed + 2, 9, 4), np.array([2, 3, 5]))]
+    weights = generator.uniform(0.1, 10, 2)
+    problem = reduce([triangle(rows, columns) for rows, columns in blocks], 6, weights)
+    matrix, torque = dense(blocks, weights, 6)
+    beta = generator.normal(size=6)
+    error = matrix @ beta - torque
+    assert problem.residual_square(beta) == pytest.approx(error @ error)
+    assert problem.rows == 29
+    np.testing.assert_allclose(problem.column_norms, np.linalg.norm(matrix, axis=0), atol=1e-12)
+    np.testing.assert_allclose(problem.r.T @ problem.r, matrix.T @ matrix, atol=1e-9)
+    best, rest, *_ = np.linalg.lstsq(matrix, torque)
+    assert problem.rest == pytest.approx(rest[0])
+    np.testing.assert_allclose(least_squares(problem).beta, best, rtol=1e-8, atol=1e-10)
+
+
+@given(seed=st.integers(0, 10_000), powers=st.lists(st.floats(-6, 6), min_size=4, max_size=4))
+def test_units_of_the_columns_do_not_matter(seed: int, powers: list[float]) -> None:
+    rows, units = rows_of(seed, 40), 10.0 ** np.array([*powers, 0.0])
+    plain = least_squares(reduce([triangle(rows)], 4, [1.0]))
+    scaled = least_squares(reduce([triangle(rows * units)], 4, [1.0]))
+    np.testing.assert_allclose(scaled.beta * units[:4], plain.beta, rtol=1e-7, atol=1e-9)
+    assert scaled.condition_number == pytest.approx(plain.condition_number, rel=1e-6)
+    spread = np.outer(units[:4], units[:4])
+    np.testing.assert_allclose(scaled.unscaled_covariance * spread, plain.unscaled_covariance, rtol=1e-6, atol=1e-12)
+
+
+def test_least_squares_in_full() -> None:
+    rows = rows_of(3, 50)
+    matrix, torque = rows[:, :4], rows[:, 4]
+    solution = least_squares(reduce([triangle(rows)], 4, [1.0]))
+    np.testing.assert_allclose(solution.beta, np.linalg.lstsq(matrix, torque)[0])
+    np.testing.assert_allclose(solution.unscaled_covariance, np.linalg.inv(matrix.T @ matrix))
+    singular = np.linalg.svd(matrix / np.linalg.norm(matrix, axis=0), compute_uv=False)
+    np.testing.assert_allclose(solution.singular_values, singular)
+    assert solution.condition_number == pytest.approx(singular[0] / singular[-1])
+
+
+def test_directions_that_the_rows_leave_open_stay_at_zero() -> None:
+    rows = rows_of(4, 30)
+    rows[:, 3] = rows[:, 0]  # two equal columns share what either could explain
+    solution = least_squares(reduce([triangle(rows)], 4, [1.0]))
+    assert solution.beta[0] == pytest.approx(solution.beta[3])
+    assert solution.condition_number > 1e10
+    best = np.linalg.lstsq(rows[:, :4], rows[:, 4])[0]
+    np.testing.assert_allclose(rows[:, :4] @ solution.beta, rows[:, :4] @ best, atol=1e-9)
+
+
+def test_a_column_of_zeros_gets_zero() -> None:
+    rows = rows_of(5, 30)
+    rows[:, 1] = 0.0
+    solution = least_squares(reduce([triangle(rows)], 4, [1.0]))
+    assert solution.beta[1] == 0.0 and solution.condition_number == np.inf
+    assert np.all(np.isfinite(solution.unscaled_covariance))
+
+
+def test_no_rows_at_all() -> None:
+    solution = least_squares(Reduced(np.zeros((2, 2)), np.zeros(2), 0.0, 0))
+    np.testing.assert_array_equal(solution.beta, np.zeros(2))
+    assert solution.condition_number == np.inf
