@@ -12,6 +12,8 @@ from dynident.experiment.case import Split
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"
 
+KINDS = ("train", "test")
+
 #: Case, what is trained and tested, and how the case file is changed for it.
 RUNS = (
     ("panda", "all data", {"split": None}),
@@ -26,9 +28,8 @@ RUNS = (
 
 def data_of(case, change):
     """Return training and test logs of a run."""
-    name = "kuka_lwr4_flobaroid/measurements_{}.csv"
-    files = {k: tuple(name.format(i) for i in change[k]) if k in change else getattr(case, k) for k in ("train", "test")}
-    train, test = ([case.read(file) for file in files[k]] for k in ("train", "test"))
+    runs = {key: tuple(f"kuka_lwr4_flobaroid/measurements_{i}.csv" for i in change.get(key, ())) for key in KINDS}
+    train, test = ([case.read(file) for file in runs[key] or getattr(case, key)] for key in KINDS)
     split: Split | None = change.get("split", case.split)
     if split is None:
         return train, test
@@ -37,7 +38,7 @@ def data_of(case, change):
 
 
 def main() -> None:
-    print("| case | data | estimator | train | test | RMSE against the unfiltered torque (test, per joint) | consistent |")
+    print("| case | data | estimator | train | test | RMSE against the unfiltered torque, per joint | consistent |")
     print("|---|---|---|---|---|---|---|")
     for name, data, change in RUNS:
         case = read_case(CASES / f"{name}.yaml")
