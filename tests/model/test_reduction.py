@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynident.arrays import Array
+from dynident.arrays import Array, IntArray
 from dynident.model.reduction import Reduced, Triangle, absorb, least_squares, reduce, triangle_of
 
 COLUMNS = np.arange(4)
@@ -17,7 +19,7 @@ def rows_of(seed: int, count: int, columns: int = 5, scale: float = 1.0) -> Arra
     return scale * np.random.default_rng(seed).normal(size=(count, columns))
 
 
-def triangle(rows: Array, columns: Array = COLUMNS) -> Triangle:
+def triangle(rows: Array, columns: IntArray = COLUMNS) -> Triangle:
     return Triangle(columns, triangle_of(rows), len(rows))
 
 
@@ -41,7 +43,7 @@ def test_singular_values_are_those_of_the_rows_and_not_of_the_gram_matrix() -> N
 def test_merged_parts_are_the_triangle_of_all_rows(seed: int, cuts: list[int]) -> None:
     rows = rows_of(seed, 60)
     edges = [0, *sorted(cuts), 60]
-    parts = [triangle(rows[a:b]) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    parts = [triangle(rows[a:b]) for a, b in itertools.pairwise(edges)]
     merged, whole = parts[0].merged(parts[1:]), triangle(rows)
     assert merged.rows == whole.rows == 60
     np.testing.assert_allclose(merged.factor.T @ merged.factor, whole.factor.T @ whole.factor, atol=1e-11)
@@ -49,12 +51,12 @@ def test_merged_parts_are_the_triangle_of_all_rows(seed: int, cuts: list[int]) -
 
 @given(seed=st.integers(0, 10_000), panels=st.lists(st.integers(0, 12), max_size=5))
 def test_absorbed_panels_are_the_triangle_of_all_rows(seed: int, panels: list[int]) -> None:
-    factor = np.zeros((5, 5), order="F")
-    everything = [np.zeros((0, 5))]
+    factor: Array = np.zeros((5, 5), order="F")
+    everything = [rows_of(seed, 0)]
     for k, count in enumerate(panels):
         rows = rows_of(seed + k, count)
         everything.append(rows)
-        factor = absorb(factor, np.asfortranarray(rows))
+        factor = absorb(factor, np.array(rows, order="F"))  # overwritten
     upper, whole = np.triu(factor), np.concatenate(everything)
     np.testing.assert_allclose(upper.T @ upper, whole.T @ whole, atol=1e-11)
 
@@ -81,7 +83,7 @@ def test_a_factor_of_another_width_is_refused() -> None:
         Triangle(COLUMNS, np.eye(3), 3)
 
 
-def dense(blocks: list[tuple[Array, Array]], weights: Array, size: int) -> tuple[Array, Array]:
+def dense(blocks: list[tuple[Array, IntArray]], weights: Array, size: int) -> tuple[Array, Array]:
     """Return the weighted rows of all joints, stacked."""
     full = []
     for (rows, columns), weight in zip(blocks, weights, strict=True):
@@ -146,7 +148,7 @@ def test_a_column_of_zeros_gets_zero() -> None:
     rows = rows_of(5, 30)
     rows[:, 1] = 0.0
     solution = least_squares(reduce([triangle(rows)], 4, [1.0]))
-    assert solution.beta[1] == 0.0 and solution.condition_number == np.inf
+    assert abs(solution.beta[1]) < 1e-12 and solution.condition_number > 1e12
     assert np.all(np.isfinite(solution.unscaled_covariance))
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, frozen
 from dynident.errors import DynidentError, EstimateFormatError
 from dynident.estimation.estimate import Consistency, Estimate
 from dynident.estimation.validation import Fit, Validation
@@ -114,6 +114,9 @@ def read_estimate(path: str | Path) -> Estimate:
     except json.JSONDecodeError as error:
         step = "give a file that 'dynident identify -o' has written"
         raise EstimateFormatError(path, f"line {error.lineno} is not JSON ({error.msg})", step) from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, brackets without end
+        step = "give a file that 'dynident identify -o' has written"
+        raise EstimateFormatError(path, f"no JSON that can be read ({error})", step) from error
     if not isinstance(data, dict) or data.get("kind") != KIND:
         raise EstimateFormatError(path, "no estimate", "give a file that 'dynident identify -o' has written")
     if data.get("format") != FORMAT:
@@ -132,9 +135,7 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
     model = DynamicModel(robot_from_dict(data["robot"], path), friction)
     base = base_parameters(model)
     facts, train = data["summary"], data["train"]
-    beta = np.array(data["beta"], dtype=float)
-    if beta.shape != (base.count,):
-        raise ValueError(f"{len(beta)} base parameters, the model has {base.count}")
+    joints, theta, rows = model.robot.dof, data["theta"], len(train["signals"]["time"])
     how = data["preprocessing"]
     ((kind, options),) = how["filter"].items()
     columns = {name: _tuples(value) for name, value in data["columns"].items()}
@@ -143,11 +144,11 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
     return Estimate(
         model=model,
         base=base,
-        beta=beta,
-        covariance=np.array(data["covariance"], dtype=float).reshape(base.count, base.count),
-        theta=None if data["theta"] is None else np.array(data["theta"], dtype=float),
-        joint_deviations=np.array(facts["joint_deviations"], dtype=float),
-        correlation_factors=np.array(facts["correlation_factors"], dtype=float),
+        beta=_array(data["beta"], (base.count,), "beta"),
+        covariance=_array(data["covariance"], (base.count, base.count), "covariance"),
+        theta=None if theta is None else _array(theta, (len(model.parameters),), "theta"),
+        joint_deviations=_array(facts["joint_deviations"], (joints,), "joint_deviations"),
+        correlation_factors=_array(facts["correlation_factors"], (joints,), "correlation_factors"),
         condition_number=float("inf") if facts["condition_number"] is None else facts["condition_number"],
         samples=facts["samples"],
         inertial_base_parameters=facts["inertial_base_parameters"],
@@ -165,7 +166,10 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
             filter=train["filter"],
             logs=tuple(train["logs"]),
             starts=tuple(train["starts"]),
-            **{name: np.array(train["signals"][name], dtype=float) for name in _SIGNALS},
+            **{
+                name: _array(train["signals"][name], (rows,) if name == "time" else (rows, joints), name)
+                for name in _SIGNALS
+            },
         ),
         preprocessing=Preprocessing(
             filter=FILTERS.make(kind, **options), **{k: v for k, v in how.items() if k != "filter"}
@@ -192,6 +196,13 @@ def _rounded(values: Array) -> Any:
 
 def _options(part: Any) -> dict[str, Any]:
     return {f.name: getattr(part, f.name) for f in fields(part)}
+
+
+def _array(values: Any, shape: tuple[int, ...], name: str) -> Array:
+    array = frozen(values, shape, name)
+    if not np.all(np.isfinite(array)):
+        raise ValueError(f"{name} holds a value that is not finite")
+    return array
 
 
 def _with_nan(figures: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, BoolArray
 from dynident.errors import LogMismatch
 from dynident.estimation.consistency import judge
 from dynident.estimation.estimate import Estimate
@@ -25,6 +25,9 @@ from dynident.experiment.preprocessing import Prepared, Preprocessing, preproces
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.reduction import least_squares
+
+#: Least share of independent rows that is taken to be left over for the residual.
+FEWEST_FREE = 0.1
 
 
 def identify(
@@ -93,7 +96,7 @@ def estimate_of(
     seconds = time.perf_counter() - started
     deviations = problem.joint_deviations(solution.beta)
     train = validate_prepared(model, base, problem.logs, solution.beta)
-    factors = correlation_factors(np.split(train.residual, train.starts[1:]))
+    factors = correlation_factors(np.split(train.residual, train.starts[1:]), problem.masks)
     return Estimate(
         model=model,
         base=base,
@@ -148,7 +151,9 @@ def validate_prepared(model: DynamicModel, base: BaseParameters, logs: Sequence[
     )
 
 
-def correlation_factors(residuals: Sequence[Array], longest: float = 0.25) -> Array:
+def correlation_factors(
+    residuals: Sequence[Array], masks: Sequence[BoolArray] | None = None, longest: float = 0.25
+) -> Array:
     """Return how much the rows of each joint hang together: the integrated autocorrelation of its residual, >= 1.
 
     The sum 1 + 2 sum rho_k is cut at the first negative pair (Geyer 1992); filtered or modelled badly, residuals are
@@ -156,20 +161,26 @@ def correlation_factors(residuals: Sequence[Array], longest: float = 0.25) -> Ar
 
     Args:
         residuals: Residuals of each log over the rows used, shape (N, n) each.
+        masks: Which of them count in the fit, shape (N, n) each; None: all. Those that do not are taken as zero.
         longest: Share of a log that the sum may reach over.
 
     Returns:
         Shape (n,).
     """
-    total, rows = np.zeros(len(residuals[0].T)), 0
-    for residual in residuals:
-        total += len(residual) * np.array([_integrated(column, longest) for column in residual.T])
-        rows += len(residual)
-    return total / max(rows, 1)
+    counting = [np.ones(r.shape, bool) for r in residuals] if masks is None else masks
+    total, rows = np.zeros(residuals[0].shape[1]), np.zeros(residuals[0].shape[1])
+    for residual, mask in zip(residuals, counting, strict=True):
+        count = mask.sum(axis=0)
+        pairs = zip(residual.T, mask.T, strict=True)
+        total += count * np.array([_integrated(column, keep, longest) for column, keep in pairs])
+        rows += count
+    return np.where(rows > 0, total / np.maximum(rows, 1), 1.0)
 
 
-def _integrated(residual: Array, longest: float) -> float:
-    centred = residual - residual.mean()
+def _integrated(residual: Array, keep: BoolArray, longest: float) -> float:
+    if np.count_nonzero(keep) < 2:
+        return 1.0
+    centred = np.where(keep, residual - residual[keep].mean(), 0.0)
     size = 2 ** int(np.ceil(np.log2(2 * len(centred))))
     spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
     covariance = np.fft.irfft(spectrum, size)[: max(2, int(longest * len(centred)))]
@@ -182,10 +193,15 @@ def _integrated(residual: Array, longest: float) -> float:
 
 
 def _covariance(problem: Problem, weights: Array, deviations: Array, factors: Array) -> Array:
-    """Return the sandwich A^-1 B A^-1: A has the weights of the fit, B also what the residuals of a joint are worth."""
+    """Return the sandwich A^-1 B A^-1: A has the weights of the fit, B also what the residuals of a joint are worth.
+
+    Residuals that hang together are worth fewer rows, and the parameters take their share of those.
+    """
     inverse = least_squares(problem.reduced(weights)).unscaled_covariance
     spread = problem.reduced(weights**2 * deviations * np.sqrt(factors)).r @ inverse
-    return spread.T @ spread
+    rows, independent = problem.counts.sum(), np.sum(problem.counts / factors)
+    taken = (1 - problem.base.count / rows) / max(1 - problem.base.count / independent, FEWEST_FREE)
+    return spread.T @ spread * max(taken, 1.0)
 
 
 def versions() -> dict[str, Any]:

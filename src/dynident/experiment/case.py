@@ -255,7 +255,7 @@ def _columns(top: Section, robot: Robot) -> ColumnMap:
         step = f"the robot has {', '.join(robot.joint_names)}"
         raise top.place("joints").error(f"no joint called '{unknown[0]}'", step)
     if not top.has("log"):
-        return ColumnMap(joints=joints)
+        return _guard(top.place("joints"), lambda: ColumnMap(joints=joints))
     log = top.section("log", _LOG_KEYS)
     named: dict[str, Any] = {}
     if log.has("columns"):

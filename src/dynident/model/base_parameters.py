@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dynident.arrays import Array, IntArray
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import SolverFailed
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.parameters import Parameter
@@ -33,11 +33,13 @@ class BaseParameters:
         parameters: The p standard parameters.
         independent: Positions in theta of the columns that are kept, ascending, shape (b,).
         matrix: K, shape (b, p); identity on the kept columns.
+        matters: Which entries of K are more than rounding, and stand in names and verdicts, shape (b, p).
     """
 
     parameters: tuple[Parameter, ...]
     independent: IntArray
     matrix: Array
+    matters: BoolArray
 
     @property
     def count(self) -> int:
@@ -57,7 +59,7 @@ class BaseParameters:
     @cached_property
     def verdicts(self) -> tuple[str, ...]:
         """For each standard parameter: identifiable, only in combination, or not identifiable."""
-        used = self.matrix != 0
+        used = self.matters
         alone = used & (used.sum(axis=1) == 1)[:, None]
         return tuple(
             IDENTIFIABLE if alone[:, k].any() else COMBINED if used[:, k].any() else NOT_IDENTIFIABLE
@@ -77,7 +79,7 @@ class BaseParameters:
     def _combination(self, row: int) -> str:
         lead = int(self.independent[row])
         text = self.parameters[lead].name
-        for k in np.flatnonzero(self.matrix[row]):
+        for k in np.flatnonzero(self.matters[row]):
             value = self.matrix[row, k]
             if k == lead:
                 continue
@@ -110,10 +112,10 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     matrix = np.zeros((rank, size))
     matrix[:, live] = _express(scaled[:, chosen], scaled[:, live]) / norms[chosen, None] * norms[live]
     largest = norms[chosen, None] * np.abs(matrix) / np.where(live, norms, np.inf)
-    matrix[largest < 1e-7] = 0.0
+    matrix[largest < 1e-13] = 0.0
     matrix[:, chosen] = np.eye(rank)
     matrix.setflags(write=False)
-    return BaseParameters(model.parameters[:size], chosen, matrix)
+    return BaseParameters(model.parameters[:size], chosen, matrix, (largest >= 1e-7) & (matrix != 0))
 
 
 def _rank(scaled: Array) -> int:

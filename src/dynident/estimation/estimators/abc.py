@@ -97,7 +97,9 @@ class ArtificialBeeColony(Estimator):
             "settings": {key: value for key, value in asdict(self).items() if key not in ("lower", "upper")},
             "polished": self.polish,
         }
-        return Solution(np.array(beta), 1.0 / problem.joint_deviations(beta), extras=extras)
+        # The squares are least squares with these weights; for (9) the joints' own deviations are the nearest stand-in.
+        weights = np.sqrt(delta) if self.norm == "l2" and self.polish else 1.0 / problem.joint_deviations(beta)
+        return Solution(np.array(beta), weights, extras=extras)
 
     def _weights(self, joints: int) -> Array:
         if self.delta is None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.errors import BadOption
-from dynident.estimation.consistency import MARGIN, consistent_fit, natural_scale
+from dynident.estimation.consistency import MARGIN, PULL, consistent_fit, natural_scale
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
@@ -21,18 +21,18 @@ class Consistent(Estimator):
     where they are possible, else at balls of the right size.
 
     Attributes:
-        pull: Share of the residual it costs to move a standard parameter by its whole natural size off the prior.
+        pull: How tightly the prior holds: its standard deviation is 1 / sqrt(pull) natural sizes of a parameter.
         margin: Smallest eigenvalue of each link's scaled pseudo-inertia: how far inside the possible it stays.
     """
 
-    pull: float = 1e-5
+    pull: float = PULL
     margin: float = MARGIN
 
     def __post_init__(self) -> None:
-        if not 0 < self.pull < 1:
-            raise BadOption("pull", self.pull, "give a share between 0 and 1, such as 1e-5")
+        if not 0 < self.pull < 1e6:
+            raise BadOption("pull", self.pull, "give a number above 0, such as 0.01")
         if not 0 < self.margin < 0.1:
-            raise BadOption("margin", self.margin, "give a share between 0 and 0.1, such as 1e-6")
+            raise BadOption("margin", self.margin, "give a share between 0 and 0.1, such as 1e-8")
 
     def solve(self, problem: Problem) -> Solution:
         weights = WLS().solve(problem).weights

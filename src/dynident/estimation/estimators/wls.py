@@ -27,6 +27,8 @@ class WLS(Estimator):
     def __post_init__(self) -> None:
         if self.iterations < 1:
             raise BadOption("iterations", self.iterations, "give 1 or more")
+        if not 0 <= self.tolerance < np.inf:
+            raise BadOption("tolerance", self.tolerance, "give a relative change, 0 or more")
 
     def solve(self, problem: Problem) -> Solution:
         beta = least_squares(problem.reduced()).beta

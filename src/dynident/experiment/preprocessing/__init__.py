@@ -21,6 +21,9 @@ UNIFORM = 1e-3
 #: A longer gap in time, in s, is not bridged (nor one shorter than ten steps refused).
 LONGEST_GAP = 0.5
 
+#: Beyond these a value is no measurement: rad or m, N m or N, A.
+LARGEST = {"q": 1e4, "torque": 1e7, "current": 1e6}
+
 #: A joint that is slow for less time than this, in s, is turning round, not resting.
 SHORTEST_REST = 0.1
 
@@ -68,16 +71,13 @@ class Prepared:
         log: On a uniform grid, with q, dq, ddq and torque filtered, all rows.
         keep: Rows that are used, ascending, shape (N,).
         how: The preprocessing.
+        every: One row in how many is used.
     """
 
     log: Log
     keep: IntArray
     how: Preprocessing
-
-    @property
-    def every(self) -> int:
-        """One row in how many is used."""
-        return int(self.keep[1] - self.keep[0]) if len(self.keep) > 1 else 1
+    every: int = 1
 
     @cached_property
     def kept(self) -> Log:
@@ -106,14 +106,34 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
     keep = np.flatnonzero((filtered.time >= start - slack) & (filtered.time <= end + slack))
     if how.rate_hz is not None:
         keep = keep[:: max(1, round(filtered.rate / how.rate_hz))]
+    every = int(keep[1] - keep[0]) if len(keep) > 1 else 1
+    near = _near_gaps(log, filtered.time[keep], how.filter)
+    if near.any():
+        keep = keep[~near]
+        filtered = filtered.with_step(f"{np.count_nonzero(near)} rows near gaps in time left out")
     if len(keep) < 2:
         raise LogMismatch(log.name, f"{len(keep)} samples are left of {log.samples}", "trim less, or give more")
-    return Prepared(filtered, keep, how)
+    return Prepared(filtered, keep, how, every)
+
+
+def _near_gaps(log: Log, time: Array, filter: Filter) -> BoolArray:
+    """Return which of the times are so near a gap of the recording that the straight line over it shows.
+
+    A gap is more than five steps and more than a fifth of the shortest period that passes the filter; the filter
+    carries it a period to either side.
+    """
+    steps = np.diff(log.time)
+    period = 0.0 if filter.bandwidth() is None else 1.0 / float(filter.bandwidth() or 1.0)
+    gaps = np.flatnonzero(steps > max(5 * float(np.median(steps)), 0.2 * period))
+    near = np.zeros(len(time), bool)
+    for start, end in zip(log.time[gaps], log.time[gaps + 1], strict=True):
+        near |= (time > start - period) & (time < end + period)
+    return near
 
 
 def _check_finite(log: Log) -> None:
     for name, values in {"time": log.time[:, None], **log.signals()}.items():
-        bad = ~np.isfinite(values)
+        bad = ~(np.abs(values) < LARGEST.get(name, np.inf)) | ~np.isfinite(values)
         if np.any(bad):
             row, column = np.argwhere(bad)[0]
             of = "" if name == "time" else f" of {log.joints[column]}"

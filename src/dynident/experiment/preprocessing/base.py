@@ -34,6 +34,10 @@ class Filter(ABC):
         """
         return signals
 
+    def bandwidth(self) -> float | None:
+        """Return the highest frequency in Hz that passes; None where the filter states none."""
+        return None
+
     def reach(self, rate: float) -> int:
         """Return over how many samples ``smooth`` looks to either side; 0 where it changes nothing."""
         return 0

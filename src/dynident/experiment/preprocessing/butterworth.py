@@ -72,6 +72,9 @@ class Butterworth(Filter):
     def smooth(self, signals: Array, rate: float) -> Array:
         return signals if self.torque == "none" else _zero_phase(signals, self.cutoff_hz, self.order, rate)
 
+    def bandwidth(self) -> float | None:
+        return self.cutoff_hz
+
     def reach(self, rate: float) -> int:
         # The slowest pole of the filter has decayed to 1e-10 by then.
         return 0 if self.torque == "none" else int(np.ceil(3.0 * self.order * rate / self.cutoff_hz))

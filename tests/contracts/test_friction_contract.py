@@ -1,0 +1,109 @@
+"""What every friction part must do, whoever writes it: one battery for the whole folder."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
+
+import numpy as np
+import pytest
+
+from dynident.errors import BadOption
+from dynident.model.friction import FRICTION, Friction, Motion
+
+PARTS = FRICTION.names()
+SAMPLES, JOINTS = 40, 3
+
+#: Values that no option of a kind may take in silence.
+ABSURD = {"float": np.nan, "int": -1, "str": "nonsense"}
+
+
+@pytest.fixture(params=PARTS)
+def part(request: pytest.FixtureRequest) -> Friction:
+    return FRICTION.make(request.param)
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    generator = np.random.default_rng(0)
+    signals = [generator.normal(size=(SAMPLES, JOINTS)) for _ in range(4)]
+    signals[1][0] = 0.0  # standing still
+    return Motion(*signals, temperature=30.0 + signals[0])
+
+
+def rows(motion: Motion, keep: object) -> Motion:
+    return Motion(**{f.name: getattr(motion, f.name)[keep] for f in fields(motion)})
+
+
+def test_columns_have_one_value_per_sample_drive_and_coefficient(part: Friction, motion: Motion) -> None:
+    found = part.columns(motion)
+    assert found.shape == (SAMPLES, JOINTS, len(part.coefficients))
+    assert found.dtype == np.float64 and np.all(np.isfinite(found))
+    assert len({c.symbol for c in part.coefficients}) == len(part.coefficients) > 0
+
+
+def test_a_sample_knows_nothing_of_the_others(part: Friction, motion: Motion) -> None:
+    whole = part.columns(motion)
+    order = np.random.default_rng(1).permutation(SAMPLES)
+    np.testing.assert_array_equal(part.columns(rows(motion, order)), whole[order])
+    for k in (0, 7):
+        np.testing.assert_array_equal(part.columns(rows(motion, [k])), whole[[k]])
+    assert part.columns(rows(motion, [])).shape == (0, JOINTS, len(part.coefficients))
+
+
+def test_a_drive_knows_nothing_of_the_others(part: Friction, motion: Motion) -> None:
+    whole = part.columns(motion)
+    alone = part.columns(rows(motion, (slice(None), [1])))
+    np.testing.assert_array_equal(alone, whole[:, [1]])
+
+
+def test_columns_are_a_pure_function(part: Friction, motion: Motion) -> None:
+    before = {f.name: getattr(motion, f.name).copy() for f in fields(motion)}
+    np.testing.assert_array_equal(part.columns(motion), part.columns(motion))
+    for name, values in before.items():
+        np.testing.assert_array_equal(getattr(motion, name), values)
+
+
+def test_nonnegative_friction_never_drives(part: Friction, motion: Motion) -> None:
+    """A coefficient >= 0 takes energy out (a rotor's inertia, in kg, only stores it) and none while standing."""
+    found = part.columns(motion)
+    for k, coefficient in enumerate(part.coefficients):
+        if coefficient.nonnegative and not coefficient.unit.startswith("kg"):
+            assert np.all(found[..., k] * motion.dq >= 0)
+            np.testing.assert_array_equal(found[0, :, k], 0.0)
+            turned = replace(motion, dq=-motion.dq)
+            np.testing.assert_array_equal(np.sign(part.columns(turned)[..., k]), -np.sign(found[..., k]))
+
+
+def test_units_go_with_the_kind_of_joint(part: Friction) -> None:
+    """Torque becomes force where a joint slides: every unit of an angle loses its m or its rad."""
+    pairs = {("N m", "N"), ("N m s/rad", "N s/m"), ("kg m^2", "kg"), ("N m s^2/rad^2", "N s^2/m^2"), ("1", "1")}
+    assert all((c.unit, c.linear_unit) in pairs for c in part.coefficients)
+
+
+def test_parts_are_frozen_values_that_can_be_written_out(part: Friction) -> None:
+    assert is_dataclass(part) and part == FRICTION.make(FRICTION.name_of(part))
+    assert hash(part) == hash(FRICTION.make(FRICTION.name_of(part)))
+    with pytest.raises((FrozenInstanceError, AttributeError)):
+        part.anything = 1  # type: ignore[attr-defined]
+    assert eval(repr(part), {type(part).__name__: type(part)}) == part
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_absurd_options_are_refused(name: str) -> None:
+    for option in FRICTION.options(name):
+        for kind, value in ABSURD.items():
+            if option.kind.startswith(kind):
+                with pytest.raises(BadOption, match=option.name):
+                    FRICTION.make(name, **{option.name: value})
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_parts_import_no_sibling(name: str) -> None:
+    module = importlib.import_module(f"{FRICTION.package}.{name}")
+    imported = [node.module or "" for node in ast.walk(ast.parse(inspect.getsource(module)))
+                if isinstance(node, ast.ImportFrom)]  # fmt: skip
+    own = [path for path in imported if path.startswith(FRICTION.package)]
+    assert set(own) <= {FRICTION.package, f"{FRICTION.package}.base"}
