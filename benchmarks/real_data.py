@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynident import identify, read_case, validate
-from dynident.experiment.case import Split
+from dynident.experiment.split import Split
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"
 

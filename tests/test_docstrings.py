@@ -16,6 +16,7 @@ import pytest
 
 import dynident
 from dynident.estimation.estimators import ESTIMATORS
+from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.formats import FORMATS
 from dynident.experiment.preprocessing import FILTERS
 from dynident.experiment.trajectories import TRAJECTORIES
@@ -25,7 +26,7 @@ from dynident.plugins import Family
 
 ROOT = Path(inspect.getfile(dynident)).parent
 FILES = sorted(ROOT.rglob("*.py"))
-FAMILIES: tuple[Family[Any], ...] = (ESTIMATORS, FORMATS, FILTERS, TRAJECTORIES, DESCRIPTIONS, FRICTION)
+FAMILIES: tuple[Family[Any], ...] = (ESTIMATORS, FORMATS, FILTERS, TRAJECTORIES, CRITERIA, DESCRIPTIONS, FRICTION)
 
 LONGEST_FILE, LONGEST_FUNCTION = 400, 60
 

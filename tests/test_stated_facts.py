@@ -14,6 +14,7 @@ import yaml
 
 from dynident.cli.main import main
 from dynident.estimation.estimators import ESTIMATORS
+from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.formats import FORMATS
 from dynident.experiment.preprocessing import FILTERS
 from dynident.experiment.trajectories import TRAJECTORIES
@@ -31,6 +32,7 @@ FAMILIES: dict[str, Family[Any]] = {
     "FILTERS": FILTERS,
     "FORMATS": FORMATS,
     "TRAJECTORIES": TRAJECTORIES,
+    "CRITERIA": CRITERIA,
     "DESCRIPTIONS": DESCRIPTIONS,
     "SECTIONS": SECTIONS,
 }

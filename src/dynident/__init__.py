@@ -18,11 +18,15 @@ if TYPE_CHECKING:
     from dynident.estimation.validation import Validation as Validation
     from dynident.experiment.case import Case as Case
     from dynident.experiment.case import read_case as read_case
+    from dynident.experiment.excitation import design_excitation as design_excitation
     from dynident.experiment.formats import ColumnMap as ColumnMap
     from dynident.experiment.formats import Units as Units
     from dynident.experiment.formats import read_log as read_log
     from dynident.experiment.formats import write_log as write_log
+    from dynident.experiment.limits import limits_of as limits_of
     from dynident.experiment.log import Log as Log
+    from dynident.experiment.plan import read_plan as read_plan
+    from dynident.experiment.plan import write_plan as write_plan
     from dynident.experiment.preprocessing import FILTERS as FILTERS
     from dynident.experiment.preprocessing import Preprocessing as Preprocessing
     from dynident.experiment.preprocessing import preprocess as preprocess
@@ -47,8 +51,11 @@ _HOMES = {
     "estimation.identify": ("identify", "validate"),
     "estimation.validation": ("Validation",),
     "experiment.case": ("Case", "read_case"),
+    "experiment.excitation": ("design_excitation",),
     "experiment.formats": ("ColumnMap", "Units", "read_log", "write_log"),
+    "experiment.limits": ("limits_of",),
     "experiment.log": ("Log",),
+    "experiment.plan": ("read_plan", "write_plan"),
     "experiment.preprocessing": ("FILTERS", "Preprocessing", "preprocess"),
     "experiment.trajectories.fourier": ("FourierSeries",),
     "experiment.virtual_robot": ("simulate",),

@@ -27,10 +27,7 @@ def write_atomically(path: str | os.PathLike[str], data: str | bytes) -> None:
     """
     content = data.encode("utf-8") if isinstance(data, str) else data
     try:
-        target = Path(os.path.realpath(path))
-        if not target.parent.is_dir():
-            raise FileError(path, f"there is no folder '{Path(path).parent}'", "create it or choose another place")
-        mode = _mode_of(target, path)
+        target, mode = check_place(path)
         partial = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.part")
         try:
             _write(partial, content, mode)
@@ -42,6 +39,21 @@ def write_atomically(path: str | os.PathLike[str], data: str | bytes) -> None:
     except OSError as error:
         evidence = f"cannot be written ({_reason(error)})"
         raise FileError(path, evidence, "check the folder, its rights and the space left") from error
+
+
+def check_place(path: str | os.PathLike[str]) -> tuple[Path, int | None]:
+    """Refuse a place where no file can be written: worth asking before the work whose result goes there.
+
+    Returns:
+        The place behind any link, and the mode of the file that is there, or None.
+
+    Raises:
+        FileError: The folder is missing, or the place is no ordinary file.
+    """
+    target = Path(os.path.realpath(path))
+    if not target.parent.is_dir():
+        raise FileError(path, f"there is no folder '{Path(path).parent}'", "create it or choose another place")
+    return target, _mode_of(target, path)
 
 
 def sha256_of(path: str | os.PathLike[str]) -> str:

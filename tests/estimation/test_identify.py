@@ -239,3 +239,14 @@ def test_correlation_factors_are_weighted_by_rows_and_at_least_one() -> None:
     alone = correlation_factors([slow])[0]
     mixed = correlation_factors([slow, alternating])[0]
     assert mixed == pytest.approx((400 * alone + 100 * 1.0) / 500)
+
+
+def test_rows_that_do_not_count_have_no_say_in_the_correlation() -> None:
+    generator = np.random.default_rng(0)
+    residual = generator.normal(size=(4000, 2))
+    residual[1000:3000, 1] = 50.0  # at rest: a constant error that the fit has not seen
+    mask = np.ones((4000, 2), bool)
+    mask[1000:3000, 1] = False
+    assert correlation_factors([residual])[1] > 100
+    np.testing.assert_allclose(correlation_factors([residual], [mask]), 1.0, atol=0.6)
+    assert correlation_factors([residual], [np.zeros_like(mask)]).tolist() == [1.0, 1.0]

@@ -138,6 +138,8 @@ def test_the_result_is_read_only_and_the_input_is_left_alone():
 def test_a_failed_certificate_is_an_error(monkeypatch):
     matrix, target, weights, box = random_fit(4)
     monkeypatch.setattr(module, "_solve", lambda fit: (np.zeros(6), np.zeros(200)))
+    assert least_absolute(matrix, target, weights, -box, box).gap < 1e-6  # the linear program steps in
+    monkeypatch.setattr(module, "_linear_program", lambda fit: (np.zeros(6), np.zeros(200)))
     objective = weights @ np.abs(target)
     with pytest.raises(SolverFailed) as caught:
         least_absolute(matrix, target, weights, -box, box)

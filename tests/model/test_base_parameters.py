@@ -61,7 +61,9 @@ def test_columns_of_the_er16_are_those_of_table_2(er16: Robot) -> None:
     assert base.names[0] == "Izz[link1] + Iyy[link2] + 0.0256 m[link2] + Iyy[link3] + 0.488 m[link3]"
 
 
-@pytest.mark.parametrize(("name", "count"), [("generic-7r", 43), ("generic-6r", 36), ("generic-scara", 8)])
+@pytest.mark.parametrize(
+    ("name", "count"), [("er16", 36), ("generic-7r", 43), ("generic-6r", 36), ("generic-scara", 8)]
+)
 def test_counts_of_the_robots_that_ship(name: str, count: int) -> None:
     model = model_of(read_robot(name), "coulomb", "viscous", "offset")
     assert base_parameters(model, inertial_only=True).count == count

@@ -75,7 +75,7 @@ def test_the_verdict_on_a_good_model(case: tuple[Estimate, Validation]) -> None:
     assert (knowledge.value, knowledge.tone) == ("24 of 24", "good")
     assert found["sentences"] == [
         "On motions it has not seen, the model misses 4.2 % of the measured torque: very good.",
-        "A robot with these parameters can exist: the model is safe to simulate and to invert.",
+        "A robot with these parameters can exist: a simulation of it stays stable, whether it is right or not.",
         "Every base parameter can be told from zero.",
     ]
 

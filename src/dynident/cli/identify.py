@@ -44,10 +44,15 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.estimation.estimate_file import summary, write_estimate
     from dynident.estimation.identify import identify, validate
+    from dynident.files import check_place
 
+    for place in filter(None, (options.output, options.report)):
+        check_place(place)
     with console.progress(6, options.quiet or options.json) as progress:
         progress.step("reading")
         case = jobs.case_from(options)
+        logs = [case.find(name) for name in (*options.logs, *options.test, *case.train, *case.test)]
+        jobs.check_outputs((options.output, options.report), (options.case, *logs))
         data = jobs.read_data(case, options.logs, options.test)
         estimator = jobs.estimator_from(case, options.estimator, options.option)
         estimate = identify(
@@ -80,6 +85,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _show(estimate: Estimate, test: Validation | None) -> None:
     from dynident.cli import console
+    from dynident.estimation.warnings import warnings_of
     from dynident.results.text import fits_table, format_number, format_percent, parameters_table, statement
 
     model = estimate.model
@@ -97,6 +103,8 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
             console.answer_table(fits_table(validation), f"{title}: total relative error {total}")
     console.answer()
     console.answer(consistency_line(estimate))
+    for warning in warnings_of(estimate, test):
+        console.answer(f"warning: {warning}")
 
 
 def consistency_line(estimate: Estimate) -> str:

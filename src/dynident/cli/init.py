@@ -25,12 +25,14 @@ def run(options: argparse.Namespace) -> int:
     from pathlib import Path
 
     from dynident.cli import console
+    from dynident.cli.jobs import check_outputs
     from dynident.errors import FileError
     from dynident.experiment.case_draft import draft_case
     from dynident.files import write_atomically
 
     if Path(options.output).exists() and not options.force:
         raise FileError(options.output, "it is there already", "choose another name with -o, or give --force")
+    check_outputs((options.output,), (options.robot, options.log))
     draft = draft_case(options.robot, options.log, Path(options.output).parent)
     write_atomically(options.output, draft.text)
     for finding in draft.remarks:

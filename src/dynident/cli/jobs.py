@@ -7,6 +7,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -41,8 +42,9 @@ def case_from(options: argparse.Namespace) -> Case:
         DynidentError: Any fault of the case or of an option.
     """
     from dynident.errors import BadOption
-    from dynident.experiment.case import Split, read_case
+    from dynident.experiment.case import read_case
     from dynident.experiment.preprocessing import FILTERS
+    from dynident.experiment.split import Split
     from dynident.model.friction import FRICTION
 
     case = read_case(options.case)
@@ -77,15 +79,30 @@ def read_data(case: Case, logs: Sequence[str], tests: Sequence[str]) -> Data:
     """
     from dynident.errors import BadOption
 
+    if case.split is not None and (tests or (case.test and not logs)):
+        raise BadOption("split", "beside a test log", "give one of the two")
     names = tuple(logs) or case.train
     if not names:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
     train = [case.read(name) for name in names]
-    given = tuple(tests) or (() if logs else case.test)
+    given = [case.read(name) for name in tuple(tests) or (() if logs else case.test)]
+    _check_distinct(train, given)
     if given or case.split is None:
-        return Data(tuple(train), tuple(case.read(name) for name in given))
+        return Data(tuple(train), tuple(given))
     parts = [case.split.apply(log) for log in train]
     return Data(tuple(a for a, _ in parts), tuple(b for _, b in parts))
+
+
+def _check_distinct(train: Sequence[Log], test: Sequence[Log]) -> None:
+    """Refuse a log that counts twice: its rows would look like new ones."""
+    from dynident.errors import LogMismatch
+
+    seen: dict[str, str] = {}
+    for log in (*train, *test):
+        if log.source.sha256 in seen:
+            step = "give each log once, and test on logs that are not trained on"
+            raise LogMismatch(log.name, f"the same content as {seen[log.source.sha256]}", step)
+        seen[log.source.sha256] = log.name
 
 
 def estimator_from(case: Case, name: str | None, options: Sequence[str]) -> Estimator:
@@ -95,7 +112,7 @@ def estimator_from(case: Case, name: str | None, options: Sequence[str]) -> Esti
         UnknownChoice: No such estimator.
         BadOption: No such option, or not of the form key=value.
     """
-    from dynident.errors import BadOption
+    from dynident.errors import BadOption, DescriptionError, DynidentError
     from dynident.estimation.estimators import ESTIMATORS
 
     chosen = case.estimator
@@ -105,7 +122,28 @@ def estimator_from(case: Case, name: str | None, options: Sequence[str]) -> Esti
         if not equals:
             raise BadOption("--option", item, "write key=value, such as --option iterations=500")
         texts[key] = value
-    return ESTIMATORS.make_from_text(name or chosen.name, texts)
+    try:
+        return ESTIMATORS.make_from_text(name or chosen.name, texts)
+    except DynidentError as error:
+        if name is None and case.path and not options:
+            raise DescriptionError(case.path, "estimator", str(error), "see docs/case-file.md") from error
+        raise
+
+
+def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str | Path]) -> None:
+    """Refuse an output that would overwrite an input or another output, before anything is computed.
+
+    Raises:
+        FileError: Two of the files are the same.
+    """
+    from dynident.errors import FileError
+
+    taken = {Path(name).resolve(): "it is an input of this command" for name in inputs if name}
+    for name in filter(None, outputs):
+        place = Path(str(name)).resolve()
+        if place in taken:
+            raise FileError(name, f"{taken[place]} and would be overwritten", "choose another name for the output")
+        taken[place] = "two outputs have this name"
 
 
 def repeat_command() -> str:

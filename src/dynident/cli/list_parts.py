@@ -1,4 +1,4 @@
-"""List the parts of a family with their options: estimators, friction models, filters, log formats, robots.
+"""List the parts of a family with their options: estimators, friction models, criteria, filters, log formats, robots.
 
 dynident list
 dynident list estimators
@@ -11,7 +11,7 @@ import argparse
 
 SUMMARY = "the parts to choose from, with their options"
 
-FAMILIES = ("estimators", "friction", "filters", "formats", "trajectories", "robots")
+FAMILIES = ("estimators", "friction", "filters", "formats", "trajectories", "criteria", "robots")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -45,6 +45,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _parts(name: str) -> list[dict]:
     from dynident.estimation.estimators import ESTIMATORS
+    from dynident.experiment.criteria import CRITERIA
     from dynident.experiment.formats import FORMATS
     from dynident.experiment.preprocessing import FILTERS
     from dynident.experiment.trajectories import TRAJECTORIES
@@ -62,6 +63,7 @@ def _parts(name: str) -> list[dict]:
         "filters": FILTERS,
         "formats": FORMATS,
         "trajectories": TRAJECTORIES,
+        "criteria": CRITERIA,
     }
     family = families[name]
     return [

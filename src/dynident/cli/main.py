@@ -13,7 +13,7 @@ from importlib.metadata import version
 from typing import Any
 
 #: Commands in the order of the work; each is the module of the same name with ``SUMMARY``, ``configure`` and ``run``.
-COMMANDS = ("demo", "inspect", "init", "identify", "validate", "report", "list")
+COMMANDS = ("demo", "inspect", "excite", "init", "identify", "validate", "report", "list")
 
 _MODULES = {"list": "list_parts"}
 
@@ -23,6 +23,7 @@ physically consistent and says how well each parameter is known.
 
   dynident demo                                     the article's case from end to end
   dynident inspect robot.urdf                       joints, limits, base parameters
+  dynident excite robot.urdf -o plan.json           a motion that tells the parameters, within the limits
   dynident init robot.urdf run.csv -o case.yaml     a commented case file to fill in
   dynident identify case.yaml run.csv --test other.csv -o estimate.json --report report.html
 """
@@ -65,20 +66,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     from dynident.errors import DynidentError
 
+    if sys.stdout is None:
+        print("error: there is no standard output to write the answer to", file=sys.stderr)
+        return 1
     try:
-        return _module(options.command).run(options)
-    except DynidentError as error:
+        code = _module(options.command).run(options)
+        sys.stdout.flush()
+    except (DynidentError, KeyboardInterrupt, OSError) as error:
         if options.debug:
             traceback.print_exc()
+        code = _reported(error)
+    return code
+
+
+def _reported(error: BaseException) -> int:
+    """Say on stderr what went wrong, in one line, and return the exit code."""
+    from dynident.errors import DynidentError
+
+    if isinstance(error, DynidentError):
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
+    if isinstance(error, KeyboardInterrupt):
         print("stopped", file=sys.stderr)
         return 128 + signal.SIGINT
-    except BrokenPipeError:
-        # The reader (head, less) has gone; nothing more can be said on stdout.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    # Nothing more can be said on stdout: its reader (head, less) has gone, or its disk is full.
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(error, BrokenPipeError):
         return 128 + 13
+    place, reason = getattr(error, "filename", None), getattr(error, "strerror", None)
+    print(f"error: {place or 'standard output'}: {reason or error}", file=sys.stderr)
+    return 1
 
 
 def entry_point() -> None:

@@ -27,6 +27,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.experiment.case import read_with
     from dynident.results.report import write_report
 
+    jobs.check_outputs((options.output,), (options.estimate, *options.test))
     estimate = read_estimate(options.estimate)
     logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.test]
     tests = (validate(estimate, logs),) if logs else ()

@@ -27,11 +27,17 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli.identify import consistency_line
     from dynident.estimation.estimate_file import read_estimate, summary
     from dynident.estimation.identify import validate
-    from dynident.experiment.case import Split, read_with
+    from dynident.estimation.warnings import warnings_of
+    from dynident.experiment.case import read_with
+    from dynident.experiment.split import Split
+    from dynident.files import check_place
     from dynident.results.text import fits_table, format_percent, statement
 
+    if options.report:
+        check_place(options.report)
     with console.progress(3, options.quiet or options.json) as progress:
         progress.step("reading")
+        jobs.check_outputs((options.report,), (options.estimate, *options.logs))
         estimate = read_estimate(options.estimate)
         logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
         if options.split:
@@ -55,4 +61,6 @@ def run(options: argparse.Namespace) -> int:
     console.answer_table(fits_table(test, moving=True), "moving rows only")
     console.answer()
     console.answer(consistency_line(estimate))
+    for warning in warnings_of(estimate, test):
+        console.answer(f"warning: {warning}")
     return 0

@@ -14,6 +14,7 @@ from dynident.arrays import Array, frozen
 from dynident.errors import DynidentError, EstimateFormatError
 from dynident.estimation.estimate import Consistency, Estimate
 from dynident.estimation.validation import Fit, Validation
+from dynident.estimation.warnings import warnings_of
 from dynident.experiment.formats import ColumnMap, Units
 from dynident.experiment.preprocessing import FILTERS, Preprocessing
 from dynident.files import unreadable, write_atomically
@@ -44,6 +45,7 @@ def summary(estimate: Estimate, test: Validation | None = None) -> dict[str, Any
         "standard_parameters": None if estimate.theta is None else _standard(estimate, estimate.theta),
         "physically_consistent": estimate.consistency.consistent,
         "inconsistencies": list(estimate.consistency.reasons),
+        "warnings": list(warnings_of(estimate, test)),
         "smallest_inertia_eigenvalue": finite(estimate.consistency.smallest_inertia),
         "joint_deviations": estimate.joint_deviations.tolist(),
         "correlation_factors": estimate.correlation_factors.tolist(),

@@ -4,7 +4,7 @@ Primal-dual interior point for L1 regression as in Portnoy and Koenker 1997, wit
 Mehrotra 1992; a step costs one product W' D W of b columns. Many rows are cut first, another idea of Portnoy and
 Koenker: a fit to a sample of the rows tells the sign of most residuals, and a row of known sign is only a linear term.
 Every result, however it came about, is judged by its certificate alone. HiGHS takes over ten times as long on 75 000
-rows (see benchmarks/colony.py).
+rows (see benchmarks/colony.py); it steps in where the interior point stalls.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import scipy.optimize
+import scipy.sparse
 from threadpoolctl import threadpool_limits
 
 from dynident.arrays import Array, BoolArray, frozen
@@ -69,18 +71,42 @@ def least_absolute(
     """
     fit = _checked(matrix, target, weights, lower, upper)
     with threadpool_limits(1, user_api="blas"):
-        beta, dual = _solve(fit)
-        objective = float(fit.weights @ np.abs(fit.residual(beta)))
-        bound = dual_bound(fit.columns.T, fit.target, fit.weights, fit.lower, fit.upper, dual)
-    bound = min(max(bound, 0.0), objective)  # F >= 0, and rounding may put the bound of a perfect optimum above it
-    gap = (objective - bound) / max(objective, _perfect(fit))
-    if not gap <= GAP:
+        found = _certified(fit, *_solve(fit))
+    if not found.gap <= GAP:
+        found = _certified(fit, *_linear_program(fit))  # slower, and at home where the interior point stalls
+    if not found.gap <= GAP:
+        objective, bound, gap = found.objective, found.lower_bound, found.gap
         raise SolverFailed(
             "the least absolute residual fit",
             f"objective {objective:.6g}, proven lower bound {bound:.6g}, relative gap {gap:.2g}",
             "check the units of the log and the width of the box, or use the norm l2",
         )
+    return found
+
+
+def _certified(fit: _Fit, beta: Array, dual: Array) -> LeastAbsolute:
+    """Return a solution with the gap that its dual proves."""
+    objective = float(fit.weights @ np.abs(fit.residual(beta)))
+    bound = dual_bound(fit.columns.T, fit.target, fit.weights, fit.lower, fit.upper, dual)
+    bound = min(max(bound, 0.0), objective)  # F >= 0, and rounding may put the bound of a perfect optimum above it
+    gap = (objective - bound) / max(objective, _perfect(fit))
     return LeastAbsolute(frozen(beta), objective, bound, gap, frozen(dual))
+
+
+def _linear_program(fit: _Fit) -> tuple[Array, Array]:
+    """Return beta and the dual by HiGHS: minimise w'(u + v) with W beta + u - v = tau; zeros where it fails."""
+    count, rows = fit.columns.shape
+    one = scipy.sparse.identity(rows)
+    found = scipy.optimize.linprog(
+        np.concatenate([np.zeros(count), fit.weights, fit.weights]),
+        A_eq=scipy.sparse.hstack([scipy.sparse.csr_matrix(fit.columns.T), one, -one]),
+        b_eq=fit.target,
+        bounds=[*zip(fit.lower, fit.upper, strict=True), *[(0, None)] * (2 * rows)],
+        method="highs",
+    )
+    if found.x is None:
+        return np.clip(np.zeros(count), fit.lower, fit.upper), np.zeros(rows)
+    return np.clip(found.x[:count], fit.lower, fit.upper), np.asarray(found.eqlin.marginals)
 
 
 def dual_bound(matrix: Array, target: Array, weights: Array, lower: Array, upper: Array, dual: Array) -> float:

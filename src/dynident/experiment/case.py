@@ -13,11 +13,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from dynident.errors import BadOption, DescriptionError, DynidentError, LogMismatch
 from dynident.experiment.formats import FORMATS, ColumnMap, Units, read_log
+from dynident.experiment.formats.base import UNITS
 from dynident.experiment.log import Log, torque_from_current
 from dynident.experiment.preprocessing import FILTERS, Preprocessing
 from dynident.experiment.preprocessing.base import Filter
+from dynident.experiment.split import Split
 from dynident.files import unreadable
 from dynident.model.descriptions import read_robot
 from dynident.model.documents.numbers import Place
@@ -32,6 +36,9 @@ FORMAT = 1
 
 #: The folder under which logs and robots are looked for when they are neither beside the case file nor where it says.
 DATA_VARIABLE = "DYNIDENT_DATA"
+
+#: How far, in rad or m, a locked joint may stand from where the case says it does.
+LOCKED_TOLERANCE = 0.05
 
 DEFAULT_FRICTION = ("coulomb", "viscous", "offset")
 
@@ -52,55 +59,6 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Split:
-    """How one log becomes a training and a test part.
-
-    Attributes:
-        first: Share of the duration that trains; None where rows are stated.
-        train: Rows start:stop that train.
-        test: Rows start:stop that test.
-    """
-
-    first: float | None = None
-    train: tuple[int, int] = (0, 0)
-    test: tuple[int, int] = (0, 0)
-
-    @classmethod
-    def parse(cls, text: str) -> Split:
-        """Read ``first:0.67`` or ``rows:0:24750,29250:45000``.
-
-        Raises:
-            BadOption: Neither of the two.
-        """
-        kind, _, rest = text.strip().partition(":")
-        try:
-            if kind == "first" and 0 < float(rest) < 1:
-                return cls(first=float(rest))
-            if kind == "rows":
-                (a, b), (c, d) = (tuple(int(n) for n in part.split(":")) for part in rest.split(","))
-                if 0 <= a < b and 0 <= c < d:
-                    return cls(train=(a, b), test=(c, d))
-        except ValueError:
-            pass
-        step = "write first:0.67 (share of the duration) or rows:0:24750,29250:45000 (rows that train, rows that test)"
-        raise BadOption("split", text, step)
-
-    def apply(self, log: Log) -> tuple[Log, Log]:
-        """Return the training and the test part of a log.
-
-        Raises:
-            LogMismatch: The log has fewer rows than the split names.
-        """
-        if self.first is not None:
-            return log.split(self.first)
-        last = max(self.train[1], self.test[1])
-        if last > log.samples:
-            raise LogMismatch(log.name, f"{log.samples} rows, the split wants {last}", "state rows that are there")
-        parts = [log.rows(slice(a, b), f"rows {a} to {b} of {log.samples}") for a, b in (self.train, self.test)]
-        return parts[0], parts[1]
-
-
-@dataclass(frozen=True)
 class Case:
     """A robot, how its logs are read and prepared, and what is asked.
 
@@ -113,6 +71,7 @@ class Case:
         train: Logs to learn from, as written.
         test: Logs to test on, as written.
         split: How a single log is split; None where it is not.
+        locked: Positions of the joints that do not move, by name.
         path: The case file; empty for a case made from a robot alone.
     """
 
@@ -124,6 +83,7 @@ class Case:
     train: tuple[str, ...] = ()
     test: tuple[str, ...] = ()
     split: Split | None = None
+    locked: Mapping[str, float] = field(default_factory=dict)
     path: str = ""
 
     @property
@@ -136,19 +96,30 @@ class Case:
         return _find(name, self.path)
 
     def read(self, name: str | Path) -> Log:
-        """Return a log with torques, from its currents where it has no torques."""
-        return read_with(self.find(str(name)), self.columns, self.robot)
+        """Return a log with torques, from its currents where it has no torques.
+
+        Raises:
+            LogMismatch: A joint is missing, currents have no gain, or a locked joint moves.
+        """
+        return read_with(self.find(str(name)), self.columns, self.robot, self.locked)
 
 
-def read_with(path: str | Path, columns: ColumnMap, robot: Robot) -> Log:
+def read_with(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
     """Return a log with the joints of a robot and with torques, currents times drive gains where it has none.
 
     Raises:
         LogFormatError: The file is no sound log.
-        LogMismatch: A joint is missing, or currents have no gain.
+        LogMismatch: A joint is missing, currents have no gain, or a locked joint moves or stands elsewhere.
     """
     form = None if columns.decimal == "." else FORMATS.make("csv", decimal=columns.decimal)
-    log = read_log(path, columns, form=form).ordered(robot.joint_names)
+    log = read_log(path, columns, form=form)
+    for name, position in (locked or {}).items():
+        if name in log.joints:
+            away = float(np.abs(log.q[:, log.joints.index(name)] - position).max())
+            if away > LOCKED_TOLERANCE:
+                step = f"lock it where it stands (locked: {{{name}: ...}}), or do not lock it"
+                raise LogMismatch(log.name, f"{name} is locked at {position:g} but up to {away:.3g} away", step)
+    log = log.ordered(robot.joint_names)
     if log.torque is not None or log.current is None:
         return log
     gains = {joint.name: joint.drive.gain for joint in robot.active if joint.drive.gain is not None}
@@ -184,14 +155,14 @@ def read_case(path: str | Path) -> Case:
     except OSError as error:
         raise unreadable(path, error) from error
     value, lines = load_yaml(path, data)
-    if isinstance(value, dict) and "case" not in value and "convention" in value:
-        return case_of_robot(str(path))  # a DH table
+    if isinstance(value, dict) and not {"case", "robot"} & value.keys():
+        return case_of_robot(str(path))  # a DH table, or meant to be one
     top = Section.top(path, value, _KEYS, lines)
     version = top.text("case")
     if version != str(FORMAT):
         raise top.place("case").error(f"format {version}", f"this version reads format {FORMAT}")
     full = read_robot(_find(top.text("robot"), str(path)))
-    robot = _robot(top, full)
+    robot, locked = _robot(top, full)
     return Case(
         robot=robot,
         friction=tuple(_parts(top, "friction", FRICTION, DEFAULT_FRICTION)),
@@ -201,6 +172,7 @@ def read_case(path: str | Path) -> Case:
         train=_texts(top, "train"),
         test=_texts(top, "test"),
         split=_guard(top.place("split"), lambda: Split.parse(top.text("split"))) if top.has("split") else None,
+        locked=locked,
         path=str(path),
     )
 
@@ -215,8 +187,8 @@ def _find(name: str, case: str) -> Path:
     return next((root / written for root in roots if (root / written).exists()), written)
 
 
-def _robot(top: Section, robot: Robot) -> Robot:
-    """Apply gravity, drives, coupling and locked joints, in this order."""
+def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
+    """Apply gravity, drives, coupling and locked joints, in this order; return also the locked positions."""
     if top.has("gravity"):
         robot = robot.with_gravity(top.numbers("gravity", 3))
     names = robot.joint_names
@@ -230,13 +202,13 @@ def _robot(top: Section, robot: Robot) -> Robot:
     coupling = top.matrix("coupling", len(names), len(names)) if top.has("coupling") else None
     robot = _guard(top.place("coupling"), lambda: robot.with_drives(drives, coupling))
     if not top.has("locked"):
-        return robot
+        return robot, {}
     if top.value("locked") == "rest":
         positions = dict.fromkeys((name for name in names if name not in _texts(top, "joints")), 0.0)
     else:
         section = top.section("locked", names)
         positions = {name: section.number(name) for name in names if section.has(name)}
-    return _guard(top.place("locked"), lambda: robot.locked(positions))
+    return _guard(top.place("locked"), lambda: robot.locked(positions)), positions
 
 
 def _drive(section: Section, stated: Drive) -> Drive:
@@ -268,7 +240,19 @@ def _columns(top: Section, robot: Robot) -> ColumnMap:
         units = log.section("units", _UNIT_KEYS)
         words = {key: _one_or_many(units, key) for key in _UNIT_KEYS if units.has(key)}
     decimal = log.choice("decimal", (".", ","), ".")
+    _guard(log.place("units"), lambda: _check_units(Units(**words), joints, robot))
     return _guard(log.place(), lambda: ColumnMap(joints=joints, units=Units(**words), decimal=decimal, **named))
+
+
+def _check_units(units: Units, joints: Sequence[str], robot: Robot) -> None:
+    """Refuse a unit that does not fit the kind of its joint, and lists of another length than the joints."""
+    kinds = {joint.name: joint.kind for joint in robot.active}
+    for quantity in ("position", "velocity", "acceleration", "torque"):
+        for name, word in zip(joints, units.of(quantity, len(joints)), strict=True):
+            kind = UNITS[quantity][word][1]
+            if kind not in ("", kinds[name]):
+                step = f"{name} is {kinds[name]}; give a unit that fits, one per joint where they differ"
+                raise BadOption(f"units.{quantity}", word, step)
 
 
 def _column_names(section: Section, key: str, joints: int) -> tuple[str, ...]:

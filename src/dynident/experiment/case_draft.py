@@ -32,6 +32,10 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 }
 
 
+#: Units that stand at the end of column names; they are no more than a hint and are not believed.
+UNIT_WORDS = frozenset("s ms us ns sec rad deg m mm rads degs nm n a amp amps ma".split())
+
+
 @dataclass(frozen=True)
 class Draft:
     """A drafted case file.
@@ -69,11 +73,15 @@ def draft_case(robot: str, log: str, folder: str | Path = ".") -> Draft:
     Raises:
         FileError: A file cannot be read.
         DescriptionError: A fault in the robot description.
-        LogFormatError: No sound log, or columns whose names tell nothing.
+        LogFormatError: No sound log.
     """
     described = read_robot(robot)
     header = read_header(log)
-    found = find_columns(header, described, log)
+    try:
+        found = find_columns(header, described, log)
+    except LogFormatError as error:
+        remark = f"{error.evidence}: fill in the columns"
+        return Draft(_text_to_fill_in(described, robot, log, header, Path(folder)), (remark,))
     columns = ColumnMap(joints=described.joint_names, time=found.time, **_complete(found))  # type: ignore[arg-type]
     read = read_log(log, columns)
     remarks = _remarks(described, read, found)
@@ -120,7 +128,11 @@ def _columns_of(words: Sequence[str], header: Sequence[str], robot: Robot) -> tu
 
 
 def _bare(name: str) -> str:
-    return re.sub(r"[^a-z0-9]", "", name.lower())
+    """Return a name without case, separators and the units at its end."""
+    words = re.findall(r"[a-z0-9]+", name.lower())
+    while len(words) > 1 and words[-1] in UNIT_WORDS:
+        words.pop()
+    return "".join(words)
 
 
 def _complete(found: Found) -> dict[str, tuple[str, ...]]:
@@ -184,6 +196,29 @@ def _text(
         "estimator: consistent",
         f"train: {_quoted(_relative(path, folder))}",
         "split: first:0.67              # or test: another-run.csv",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _text_to_fill_in(robot: Robot, description: str, path: str, header: Sequence[str], folder: Path) -> str:
+    """Return the case file of a log whose columns cannot be told: they stand there as a comment."""
+    where = description if description in shipped_robots() else _relative(description, folder)
+    lines = [
+        "# Case file of dynident; docs/case-file.md describes every key.",
+        f"# The columns of {Path(path).name}: {', '.join(repr(name) for name in header)}",
+        f"case: {FORMAT}",
+        f"robot: {_quoted(where)}",
+        f"joints: {_list(robot.joint_names)}   # FILL IN: only those in the log, in the order of its columns",
+        "# locked: rest              # when the log has fewer joints than the robot",
+        "friction: [coulomb, viscous, offset]",
+        "log:",
+        "  columns:                  # FILL IN: one name per joint, or a pattern with {} for its number",
+        "    time:",
+        "    q: []",
+        "    torque: []              # or current: [], with drives: {joint: {gain: ...}}",
+        *_unit_lines(robot, Found("", {"q": (), "torque": ()})),
+        f"train: {_quoted(_relative(path, folder))}",
+        "split: first:0.67",
     ]
     return "\n".join(lines) + "\n"
 

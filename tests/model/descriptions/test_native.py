@@ -64,9 +64,10 @@ def robots(draw: st.DrawFn) -> Robot:
         )  # fmt: skip
     dof = sum(joint.mimic is None for joint in joints)
     frames = {f"{draw(name)}{i}": Frame(draw(st.integers(-1, count - 1)), *draw(poses())) for i in range(2)}
+    coupling = np.eye(dof) + np.triu(np.full((dof, dof), draw(st.floats(-50, 50))), 1)
     return Robot(
         draw(name), tuple(links), tuple(joints), np.array([draw(number) for _ in range(3)]), draw(name), frames,
-        draw(st.sampled_from(["", *frames])), np.eye(dof) + np.triu(np.full((dof, dof), draw(st.floats(-50, 50))), 1), draw(name),
+        draw(st.sampled_from(["", *frames])), coupling, draw(name),
     )  # fmt: skip
 
 

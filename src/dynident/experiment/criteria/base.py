@@ -16,6 +16,9 @@ from dynident.arrays import Array
 #: Eigenvalues below this share of the largest are rounding; they count as this much.
 _FLOOR = 1e-15
 
+#: A column whose square is below this share of the largest is not excited; it counts as this much.
+_EMPTY = 1e-30
+
 
 class Criterion(ABC):
     """A measure of excitation; a frozen dataclass whose fields are its options."""
@@ -67,5 +70,12 @@ def largest_and_smallest(information: Array, sharpness: float) -> tuple[tuple[fl
 
 
 def singular_values(triangle: Array) -> Array:
-    """Return the singular values of a triangle, largest first."""
-    return np.linalg.svd(triangle, compute_uv=False)
+    """Return the singular values of a triangle, largest first; those that are rounding are 0."""
+    values = np.linalg.svd(triangle, compute_uv=False)
+    return np.where(values > len(values) * np.finfo(float).eps * values[0], values, 0.0)
+
+
+def column_squares(information: Array) -> Array:
+    """Return the diagonal of M, shape (b,), kept away from 0 by a share of its largest entry."""
+    diagonal = np.diagonal(information)
+    return np.maximum(diagonal, _EMPTY * max(float(diagonal.max()), np.finfo(float).tiny / _EMPTY))

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.criteria.base import Criterion
+from dynident.experiment.criteria.base import Criterion, column_squares
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class DOptimal(Criterion):
 
     def objective(self, information: Array, sharpness: float) -> tuple[float, Array]:
         size = len(information)
-        diagonal = np.maximum(np.diagonal(information), np.finfo(float).tiny)
+        diagonal = column_squares(information)
         inverse = 1.0 / np.sqrt(diagonal)
         scaled = information * np.outer(inverse, inverse)
         found, vectors = np.linalg.eigh(scaled)

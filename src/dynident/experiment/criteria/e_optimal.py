@@ -18,7 +18,7 @@ class EOptimal(Criterion):
 
     weighted: ClassVar = True
     larger_is_better: ClassVar = True
-    stages: ClassVar = (4.0, 16.0, 64.0)
+    stages: ClassVar = (2.0, 8.0, 32.0, 128.0)
 
     def value(self, triangle: Array) -> float:
         return float(singular_values(triangle)[-1] ** 2)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.criteria.base import Criterion, largest_and_smallest, singular_values
+from dynident.experiment.criteria.base import Criterion, column_squares, largest_and_smallest, singular_values
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class UnitCondition(Criterion):
         return float(values[0] / values[-1]) if values[-1] > 0 else np.inf
 
     def objective(self, information: Array, sharpness: float) -> tuple[float, Array]:
-        diagonal = np.maximum(np.diagonal(information), np.finfo(float).tiny)
+        diagonal = column_squares(information)
         inverse = 1.0 / np.sqrt(diagonal)
         scaled = information * np.outer(inverse, inverse)
         (largest, up), (smallest, down) = largest_and_smallest(scaled, sharpness)

@@ -12,6 +12,9 @@ from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing.base import Filter
 
+#: Slower logs than this, in Hz, are taken for times in another unit.
+SLOW = 2.0
+
 #: Positions are filtered this many times higher than both sides of the equation, where not stated otherwise.
 POSITION_FACTOR = 5.0
 
@@ -88,7 +91,10 @@ class Butterworth(Filter):
 def _check_length(log: Log, cutoff: float) -> None:
     if cutoff >= log.rate / 2:
         evidence = f"{log.rate:.4g} samples a second cannot carry a cut-off of {cutoff:g} Hz"
-        raise LogMismatch(log.name, evidence, f"choose a cut-off below {log.rate / 2:.4g} Hz")
+        step = f"choose a cut-off below {log.rate / 2:.4g} Hz"
+        if log.rate < SLOW:
+            step = "state the unit of the time column (units: {time: ms}, us or ns) in the case file"
+        raise LogMismatch(log.name, evidence, step)
     if log.samples <= _pad(cutoff, log.rate) + 1:
         evidence = f"{log.samples} samples are too few for a cut-off of {cutoff:g} Hz"
         raise LogMismatch(log.name, evidence, f"it takes more than {_pad(cutoff, log.rate) + 1}; give a longer log")

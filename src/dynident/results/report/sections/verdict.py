@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.estimation.estimate import Estimate
+from dynident.estimation.warnings import warnings_of
 from dynident.results.report.judgement import GAP, LOST, WELL_KNOWN, grade, tone
 from dynident.results.report.sections.base import Section
 from dynident.results.report.subject import Subject
@@ -95,7 +96,8 @@ def _consistency(estimate: Estimate) -> Answer:
 def _about_robot(estimate: Estimate) -> list[str]:
     found = estimate.consistency
     if found.consistent:
-        return ["A robot with these parameters can exist: the model is safe to simulate and to invert."]
+        said = ["A robot with these parameters can exist: a simulation of it stays stable, whether it is right or not."]
+        return said + [f"Look into this: {label(warning)}." for warning in warnings_of(estimate)]
     reasons = "; ".join(label(reason) for reason in found.reasons[:_REASONS])
     more = len(found.reasons) - _REASONS
     return [

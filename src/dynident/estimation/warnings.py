@@ -1,0 +1,67 @@
+"""What does not look right about an estimate: signs of a wrong unit, sign, order of joints, gravity or filter.
+
+A warning never changes anything. It says what was seen and what to check; the limits are rules of thumb.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynident.estimation.estimate import Estimate
+from dynident.estimation.validation import Validation
+
+#: Total relative error of the fit above which a model explains too little.
+POOR_FIT = 0.25
+
+#: How much worse than the free fit a consistent one may be before the data and any possible robot disagree.
+POOR_CONSISTENCY = 0.10
+
+#: How far a joint may leave its limits, in rad or m.
+BEYOND_LIMITS = 0.05
+
+#: Condition number with unit columns above which noise decides single parameters.
+POOR_CONDITION = 1000.0
+
+
+def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str, ...]:
+    """Return what does not look right, most telling first, each with what to check."""
+    found = [*_limits(estimate), *_torques(estimate.train)]
+    total = estimate.train.total_relative_error
+    if total > POOR_FIT:
+        found.append(f"the model misses {100 * total:.0f} % of the torques of the fit: check units, gains and gravity")
+    above = estimate.extras.get("residual_above_unconstrained")
+    if above is not None and above > POOR_CONSISTENCY:
+        found.append(
+            f"possible robots fit {100 * above:.0f} % worse than impossible ones: check signs of torques, order of "
+            "joints, gravity and gear ratios"
+        )
+    if estimate.condition_number > POOR_CONDITION:
+        size = f"{estimate.condition_number:.3g}"
+        found.append(f"condition number {size}: the motion says little about single parameters; excite all joints")
+    if test is not None:
+        found += _torques(test)
+    return tuple(dict.fromkeys(found))
+
+
+def _limits(estimate: Estimate) -> list[str]:
+    found: list[str] = []
+    if not len(estimate.train.q):
+        return found
+    span = zip(estimate.model.robot.active, estimate.train.q.min(axis=0), estimate.train.q.max(axis=0), strict=True)
+    for joint, low, high in span:
+        if low < joint.limits.lower - BEYOND_LIMITS or high > joint.limits.upper + BEYOND_LIMITS:
+            limits = f"limits {joint.limits.lower:.4g} to {joint.limits.upper:.4g}"
+            found.append(
+                f"{joint.name} moves from {low:.4g} to {high:.4g}, {limits}: check units, zero, sign and order"
+            )
+    return found
+
+
+def _torques(validation: Validation) -> list[str]:
+    found = []
+    for fit in validation.joints:
+        if np.isfinite(fit.correlation) and fit.correlation < 0:
+            found.append(f"{fit.name}: the model's torque runs against the measured one: check its sign and column")
+        elif np.isfinite(fit.r2) and fit.r2 < 0:
+            found.append(f"{fit.name}: the model is worse than a constant (R2 {fit.r2:.2f}): check its column and gain")
+    return found

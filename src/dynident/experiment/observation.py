@@ -1,0 +1,113 @@
+"""The base observation matrix of a motion that is being designed, and the exact derivative of what depends on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dynident.arrays import Array, IntArray
+from dynident.model.base_parameters import BaseParameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
+from dynident.model.kernels.joint_columns import JointColumns
+from dynident.model.reduction import absorb
+
+#: Samples whose rows are reduced at a time.
+_CHUNK = 1000
+
+
+class Observation:
+    """Rows of W, joint by joint, without the entries that are zero at every motion.
+
+    Attributes:
+        model: Robot, drives and friction.
+        base: Its base parameters.
+        columns: Per joint, the positions in beta of the rows' entries, shape (K_i,).
+    """
+
+    def __init__(self, model: DynamicModel, base: BaseParameters) -> None:
+        self.model, self.base = model, base
+        inertial = base.independent[base.independent < model.inertial_count]
+        self._kernel = JointColumns(model.robot.chain, inertial)
+        friction = base.independent[base.independent >= model.inertial_count] - model.inertial_count
+        self._drive, self._coefficient = np.divmod(friction, max(model.coefficients_per_joint, 1))
+        self._coupling = np.asarray(model.robot.coupling)
+        self._own = [np.flatnonzero(self._coupling[self._drive, i] != 0) for i in range(model.robot.dof)]
+        self.columns: tuple[IntArray, ...] = tuple(
+            np.concatenate([found, len(inertial) + own]).astype(np.int64)
+            for found, own in zip(self._kernel.columns, self._own, strict=True)
+        )
+        self._blocks = [np.ix_(columns, columns) for columns in self.columns]
+
+    def rows(self, motion: Motion) -> tuple[Array, ...]:
+        """Return the rows of each joint, arrays (K_i, N): row k belongs to ``columns[i][k]``."""
+        blocks = tuple(np.empty((len(columns), len(motion.q))) for columns in self.columns)
+        heads = [block[: len(found)] for block, found in zip(blocks, self._kernel.columns, strict=True)]
+        self._kernel.evaluate(motion.q, motion.dq, motion.ddq, out=heads)
+        values = self.model.friction_values(motion)
+        for i, (block, own) in enumerate(zip(blocks, self._own, strict=True)):
+            tail = values[:, self._drive[own], self._coefficient[own]] * self._coupling[self._drive[own], i]
+            block[len(self._kernel.columns[i]) :] = tail.T
+        return blocks
+
+    def pullback(self, motion: Motion, weights: Sequence[Array]) -> tuple[Array, Array, Array]:
+        """Return the derivatives by q, dq and ddq of the weighted sum of all entries, each (N, n); exact.
+
+        Args:
+            motion: The motion of N samples.
+            weights: Derivative of what is asked by each entry, arrays (K_i, N) as :meth:`rows` returns them.
+        """
+        heads = [
+            np.ascontiguousarray(weight[: len(found)])
+            for weight, found in zip(weights, self._kernel.columns, strict=True)
+        ]
+        inertial = self._kernel.pullback(motion.q, motion.dq, motion.ddq, heads)
+        if not self.model.friction:
+            return inertial
+        at_drives = self._at_drives(weights, len(motion.q))
+        coupled = self.model.robot.is_coupled
+        moved = motion.at_motors(self._coupling) if coupled else motion
+        slopes = zip(*(part.derivatives(moved) for part in self.model.friction), strict=True)
+        for own, parts in zip(inertial, slopes, strict=True):
+            found = np.einsum("sjk,sjk->sj", at_drives, np.concatenate(parts, axis=-1))
+            own += found @ self._coupling if coupled else found  # noqa: PLW2901 - adds in place
+        return inertial
+
+    def information(self, rows: Sequence[Array], noise: Array) -> Array:
+        """Return W'W / N, shape (b, b), the rows of joint i divided by ``noise[i]``."""
+        found = np.zeros((self.base.count, self.base.count))
+        for own, block, level in zip(self._blocks, rows, noise, strict=True):
+            found[own] += block @ block.T / (level**2 * block.shape[1])
+        return found
+
+    def by_rows(self, rows: Sequence[Array], noise: Array, gradient: Array) -> tuple[Array, ...]:
+        """Return the derivative by each entry of ``rows`` of what has the gradient (b, b) by the information."""
+        return tuple(
+            (2.0 / (level**2 * block.shape[1]) * gradient[own]) @ block
+            for own, block, level in zip(self._blocks, rows, noise, strict=True)
+        )
+
+    def triangle(self, motion: Motion, noise: Array) -> Array:
+        """Return R, shape (b, b), with R'R = W'W / N, the rows of joint i divided by ``noise[i]``; by QR."""
+        size, count = self.base.count, len(motion.q)
+        factor = np.zeros((size, size), order="F")
+        for start in range(0, count, _CHUNK):
+            part = slice(start, start + _CHUNK)
+            for columns, block, level in zip(
+                self.columns, self.rows(Motion(motion.q[part], motion.dq[part], motion.ddq[part])), noise, strict=True
+            ):
+                panel = np.zeros((block.shape[1], size), order="F")
+                panel[:, columns] = block.T / (level * np.sqrt(count))
+                factor = absorb(factor, panel)
+        return np.triu(factor)
+
+    def _at_drives(self, weights: Sequence[Array], count: int) -> Array:
+        """Return the derivative by each friction value at its drive, shape (N, n, k)."""
+        found = np.zeros((count, self.model.robot.dof, self.model.coefficients_per_joint))
+        for i, (weight, own) in enumerate(zip(weights, self._own, strict=True)):
+            tail = weight[len(self._kernel.columns[i]) :]
+            found[:, self._drive[own], self._coefficient[own]] += (
+                tail * self._coupling[self._drive[own], i][:, None]
+            ).T
+        return found

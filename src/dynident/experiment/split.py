@@ -1,0 +1,57 @@
+"""How one log becomes a training and a test part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dynident.errors import BadOption, LogMismatch
+from dynident.experiment.log import Log
+
+
+@dataclass(frozen=True)
+class Split:
+    """How one log becomes a training and a test part.
+
+    Attributes:
+        first: Share of the duration that trains; None where rows are stated.
+        train: Rows start:stop that train.
+        test: Rows start:stop that test.
+    """
+
+    first: float | None = None
+    train: tuple[int, int] = (0, 0)
+    test: tuple[int, int] = (0, 0)
+
+    @classmethod
+    def parse(cls, text: str) -> Split:
+        """Read ``first:0.67`` or ``rows:0:24750,29250:45000``.
+
+        Raises:
+            BadOption: Neither of the two.
+        """
+        kind, _, rest = text.strip().partition(":")
+        try:
+            if kind == "first" and 0 < float(rest) < 1:
+                return cls(first=float(rest))
+            if kind == "rows":
+                (a, b), (c, d) = (tuple(int(n) for n in part.split(":")) for part in rest.split(","))
+                if 0 <= a < b and 0 <= c < d:
+                    return cls(train=(a, b), test=(c, d))
+        except ValueError:
+            pass
+        step = "write first:0.67 (share of the duration) or rows:0:24750,29250:45000 (rows that train, rows that test)"
+        raise BadOption("split", text, step)
+
+    def apply(self, log: Log) -> tuple[Log, Log]:
+        """Return the training and the test part of a log.
+
+        Raises:
+            LogMismatch: The log has fewer rows than the split names.
+        """
+        if self.first is not None:
+            return log.split(self.first)
+        last = max(self.train[1], self.test[1])
+        if last > log.samples:
+            raise LogMismatch(log.name, f"{log.samples} rows, the split wants {last}", "state rows that are there")
+        parts = [log.rows(slice(a, b), f"rows {a} to {b} of {log.samples}") for a, b in (self.train, self.test)]
+        return parts[0], parts[1]

@@ -1,0 +1,58 @@
+"""Wrong signs, units and limits are named; a sound estimate has no warning."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident import DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot
+from dynident.estimation.warnings import warnings_of
+from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.model.friction import FRICTION, Motion
+
+
+def recorded(flip: int | None = None, stretch: float = 1.0) -> tuple[DynamicModel, Log]:
+    model = DynamicModel(read_robot("generic-scara"), (FRICTION.make("viscous"), FRICTION.make("coulomb")))
+    generator = np.random.default_rng(0)
+    scale = np.array([0.6, 0.6, 0.02, 0.8])[:, None]
+    middle = [0.5 * (j.limits.lower + j.limits.upper) if np.isfinite(j.limits.lower) else 0 for j in model.robot.active]
+    motion = FourierSeries(np.array(middle), *(scale * generator.normal(size=(2, 4, 4)) / 2), 10.0)
+    time = np.arange(2000) / 200
+    q, dq, ddq = motion.evaluate(time)
+    theta = model.nominal()
+    assert theta is not None
+    theta = np.r_[theta[: model.inertial_count], np.tile([0.5, 1.0], 4)]
+    torque = model.torque(Motion(q, dq, ddq), theta)
+    torque = torque + 0.01 * np.std(torque, axis=0) * generator.normal(size=q.shape)
+    if flip is not None:
+        torque[:, flip] *= -1
+    return model, Log(model.robot.joint_names, time, stretch * q, dq, ddq, torque)
+
+
+HOW = Preprocessing(AsGiven(), rest="keep")
+
+
+def test_a_sound_estimate_has_no_warning() -> None:
+    model, log = recorded()
+    assert warnings_of(identify(model, [log], preprocessing=HOW)) == ()
+
+
+def test_a_torque_of_the_wrong_sign() -> None:
+    model, log = recorded(flip=1)
+    found = warnings_of(identify(model, [log], preprocessing=HOW))
+    assert any("possible robots fit" in text or "runs against" in text for text in found), found
+
+
+def test_positions_beyond_the_limits() -> None:
+    model, log = recorded(stretch=57.3)
+    found = warnings_of(identify(model, [log], preprocessing=HOW))
+    assert any("limits" in text and "check units" in text for text in found), found
+
+
+@pytest.mark.parametrize(("number", "count"), [(999.0, 0), (1001.0, 1)])
+def test_a_poor_condition_number(number: float, count: int) -> None:
+    model, log = recorded()
+    estimate = replace(identify(model, [log], preprocessing=HOW), condition_number=number)
+    assert len(warnings_of(estimate)) == count
