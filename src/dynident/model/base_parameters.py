@@ -19,8 +19,12 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.parameters import Parameter
 from dynident.model.reduction import triangle_of
 
-#: A column is dependent when what remains of it is below this share of its norm; see ``_rank_gap``.
-TOLERANCE = 1e-8
+#: A column is dependent when what remains of it is below this share of its norm. Descriptions with angles like 1.5708
+#: tilt axes by 4e-6 rad; what that lets through is no information, while true columns keep a tenth and more.
+TOLERANCE = 1e-5
+
+#: A column this much smaller than the largest is zero but for such rounding.
+ZERO = 5e-6
 
 IDENTIFIABLE, COMBINED, NOT_IDENTIFIABLE = "identifiable", "only in combination", "not identifiable"
 
@@ -104,7 +108,7 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     size = model.inertial_count if inertial_only else regressor.shape[-1]
     triangle = triangle_of(regressor[..., :size].reshape(-1, size))
     norms = np.linalg.norm(triangle, axis=0)
-    live = norms > 1e-10 * norms.max(initial=0.0)  # against the largest column, before any scaling
+    live = norms > ZERO * norms.max(initial=0.0)  # against the largest column, before any scaling
     scaled = np.where(live, triangle / np.where(live, norms, 1.0), 0.0)
     rank = _rank(scaled[:, live])
     order = [k for k in _preference(model, size) if live[k]]
@@ -142,7 +146,7 @@ def _independent(scaled: Array, order: list[int], rank: int) -> list[int]:
         for _ in range(2):
             rest -= basis @ (basis.T @ rest)
         size = float(np.linalg.norm(rest))
-        if size > 1e3 * TOLERANCE:
+        if size > TOLERANCE:
             chosen.append(k)
             basis = np.column_stack([basis, rest / size])
     if len(chosen) != rank:
