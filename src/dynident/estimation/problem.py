@@ -185,7 +185,7 @@ class Observer:
     def _block(self, motion: Motion, part: slice, torque: Array | None = None) -> tuple[Array, ...]:
         """Return [W_i, tau_i]' of each joint over a slice of the samples, not filtered."""
         cut = Motion(motion.q[part], motion.dq[part], motion.ddq[part])
-        blocks = [np.zeros((len(columns) + 1, len(cut.q))) for columns in self.columns]
+        blocks = [np.empty((len(columns) + 1, len(cut.q))) for columns in self.columns]
         heads = [block[: len(found)] for block, found in zip(blocks, self._kernel.columns, strict=True)]
         self._kernel.evaluate(cut.q, cut.dq, cut.ddq, out=heads)
         values = self.model.friction_values(cut)
@@ -193,8 +193,7 @@ class Observer:
         for i, (block, own) in enumerate(zip(blocks, self._own, strict=True)):
             for row, k in enumerate(own, start=len(heads[i])):
                 block[row] = coupling[self._drive[k], i] * values[:, self._drive[k], self._coefficient[k]]
-            if torque is not None:
-                block[-1] = torque[part, i]
+            block[-1] = 0.0 if torque is None else torque[part, i]
         return tuple(blocks)
 
 
