@@ -35,7 +35,7 @@ class Split:
                 return cls(first=float(rest))
             if kind == "rows":
                 (a, b), (c, d) = (tuple(int(n) for n in part.split(":")) for part in rest.split(","))
-                if 0 <= a < b and 0 <= c < d:
+                if 0 <= a < b and 0 <= c < d and (b <= c or d <= a):
                     return cls(train=(a, b), test=(c, d))
         except ValueError:
             pass

@@ -379,10 +379,9 @@ def _merge(robot: Robot, positions: Mapping[str, float], coupling: Array) -> Rob
 
 
 def _joined(parent: Link, child: Link, rotation: Array, translation: Array) -> Link:
-    inertia = parent.inertia
-    if child.inertia is not None:
-        carried = child.inertia.moved(rotation, translation)
-        inertia = carried if inertia is None else inertia + carried
+    inertia = None  # unknown where either is
+    if parent.inertia is not None and child.inertia is not None:
+        inertia = parent.inertia + child.inertia.moved(rotation, translation)
     return Link(parent.name, inertia, (*parent.fixed, child.name, *child.fixed))
 
 
