@@ -80,13 +80,21 @@ def _design(options: argparse.Namespace) -> Plan:
     from dataclasses import replace
 
     from dynident.cli import console
+    from dynident.cli.jobs import check_outputs
+    from dynident.errors import BadOption
     from dynident.experiment.case import read_case
     from dynident.experiment.design_search import SearchState
     from dynident.experiment.excitation import design_excitation
     from dynident.experiment.limits import limits_of
+    from dynident.files import check_place
     from dynident.model.friction import FRICTION
 
     case = read_case(options.case)
+    check_outputs((options.output, options.csv), (options.case, *case.files))
+    for place in filter(None, (options.output, options.csv)):
+        check_place(place)
+    if options.seed < 0:
+        raise BadOption("--seed", options.seed, "give 0 or more")
     if options.friction is not None:
         case = replace(case, friction=tuple(FRICTION.make(name) for name in options.friction))
     limits = limits_of(case.robot, options.margin, options.torque_margin)

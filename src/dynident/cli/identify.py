@@ -51,8 +51,8 @@ def run(options: argparse.Namespace) -> int:
     with console.progress(6, options.quiet or options.json) as progress:
         progress.step("reading")
         case = jobs.case_from(options)
-        logs = [case.find(name) for name in (*options.logs, *options.test, *case.train, *case.test)]
-        jobs.check_outputs((options.output, options.report), (options.case, *logs))
+        logs = [case.find(name) for name in (*options.logs, *options.test)]
+        jobs.check_outputs((options.output, options.report), (options.case, *case.files, *logs))
         data = jobs.read_data(case, options.logs, options.test)
         estimator = jobs.estimator_from(case, options.estimator, options.option)
         estimate = identify(

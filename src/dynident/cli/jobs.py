@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dynident.estimation.estimate import Estimate
     from dynident.estimation.estimators import Estimator
     from dynident.experiment.case import Case
     from dynident.experiment.log import Log
@@ -50,8 +51,10 @@ def case_from(options: argparse.Namespace) -> Case:
     case = read_case(options.case)
     if options.friction:
         case = replace(case, friction=tuple(FRICTION.make(name) for name in options.friction))
-    if options.split:
-        case = replace(case, split=Split.parse(options.split))
+    if options.split and options.test:
+        raise BadOption("--split", options.split, "it does not go with --test; give one of the two")
+    if options.split or options.test:  # test logs on the command line take the place of the case's split
+        case = replace(case, split=Split.parse(options.split) if options.split else None)
     how = case.preprocessing
     if options.cutoff is not None:
         how = replace(how, filter=FILTERS.make("butterworth", cutoff_hz=options.cutoff))
@@ -77,10 +80,10 @@ def read_data(case: Case, logs: Sequence[str], tests: Sequence[str]) -> Data:
     Raises:
         DynidentError: No log named, or any fault of a log.
     """
-    from dynident.errors import BadOption
+    from dynident.errors import BadOption, DescriptionError
 
-    if case.split is not None and (tests or (case.test and not logs)):
-        raise BadOption("split", "beside a test log", "give one of the two")
+    if case.split is not None and case.test and not logs and not tests:
+        raise DescriptionError(case.path, "split", "it stands beside 'test'", "keep one of the two")
     names = tuple(logs) or case.train
     if not names:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
@@ -144,6 +147,27 @@ def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str | Path]) -
         if place in taken:
             raise FileError(name, f"{taken[place]} and would be overwritten", "choose another name for the output")
         taken[place] = "two outputs have this name"
+
+
+def files_behind(estimate: Estimate) -> list[str]:
+    """Return the files that an estimate stands on: its logs and its case file."""
+    logs = [str(log.get("path", "")) for log in estimate.provenance.get("logs", ())]
+    return [*logs, str(estimate.provenance.get("case", {}).get("path", ""))]
+
+
+def check_unseen(estimate: Estimate, logs: Sequence[Log]) -> None:
+    """Refuse a log that trained the estimate: it says nothing about motions the fit has not seen.
+
+    Raises:
+        LogMismatch: A log has the content of one of the fit.
+    """
+    from dynident.errors import LogMismatch
+
+    trained = {log.get("sha256") for log in estimate.provenance.get("logs", ())} - {"", None}
+    for log in logs:
+        if log.source.sha256 in trained:
+            step = "test on another log, or on the rest of this one with --split as in the fit"
+            raise LogMismatch(log.name, "the fit has seen this log", step)
 
 
 def repeat_command() -> str:

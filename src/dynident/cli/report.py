@@ -27,9 +27,10 @@ def run(options: argparse.Namespace) -> int:
     from dynident.experiment.case import read_with
     from dynident.results.report import write_report
 
-    jobs.check_outputs((options.output,), (options.estimate, *options.test))
     estimate = read_estimate(options.estimate)
+    jobs.check_outputs((options.output,), (options.estimate, *options.test, *jobs.files_behind(estimate)))
     logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.test]
+    jobs.check_unseen(estimate, logs)
     tests = (validate(estimate, logs),) if logs else ()
     sources = [log.source for log in logs]
     write_report(options.output, estimate, tests, command=jobs.repeat_command(), sources=sources)

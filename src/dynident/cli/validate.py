@@ -37,10 +37,12 @@ def run(options: argparse.Namespace) -> int:
         check_place(options.report)
     with console.progress(3, options.quiet or options.json) as progress:
         progress.step("reading")
-        jobs.check_outputs((options.report,), (options.estimate, *options.logs))
         estimate = read_estimate(options.estimate)
+        jobs.check_outputs((options.report,), (options.estimate, *options.logs, *jobs.files_behind(estimate)))
         logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
-        if options.split:
+        if not options.split:
+            jobs.check_unseen(estimate, logs)
+        else:
             split = Split.parse(options.split)
             logs = [split.apply(log)[1] for log in logs]
         progress.step("validating")

@@ -25,7 +25,7 @@ POOR_CONDITION = 1000.0
 
 def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str, ...]:
     """Return what does not look right, most telling first, each with what to check."""
-    found = [*_limits(estimate), *_torques(estimate.train)]
+    found = [*_gaps(estimate), *_limits(estimate), *_torques(estimate.train)]
     total = estimate.train.total_relative_error
     if total > POOR_FIT:
         found.append(f"the model misses {100 * total:.0f} % of the torques of the fit: check units, gains and gravity")
@@ -41,6 +41,16 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     if test is not None:
         found += _torques(test)
     return tuple(dict.fromkeys(found))
+
+
+def _gaps(estimate: Estimate) -> list[str]:
+    """Name the logs with gaps in time whose rows were left out."""
+    return [
+        f"{log.get('path') or 'a log'}: {step}"
+        for log in estimate.provenance.get("logs", ())
+        for step in log.get("steps", ())
+        if "near gaps in time" in step
+    ]
 
 
 def _limits(estimate: Estimate) -> list[str]:

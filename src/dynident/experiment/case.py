@@ -73,6 +73,7 @@ class Case:
         split: How a single log is split; None where it is not.
         locked: Positions of the joints that do not move, by name.
         path: The case file; empty for a case made from a robot alone.
+        robot_path: The robot description.
     """
 
     robot: Robot
@@ -85,6 +86,13 @@ class Case:
     split: Split | None = None
     locked: Mapping[str, float] = field(default_factory=dict)
     path: str = ""
+    robot_path: str = ""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that the case stands on: itself, its robot and the logs it names."""
+        own = [Path(name) for name in (self.path, self.robot_path) if name]
+        return (*own, *(self.find(name) for name in (*self.train, *self.test)))
 
     @property
     def model(self) -> DynamicModel:
@@ -135,7 +143,7 @@ def case_of_robot(path: str) -> Case:
     """Return the case that stands for a robot description alone: its joints, default friction and filter."""
     robot = read_robot(path)
     friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
-    return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
+    return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing(), robot_path=path)
 
 
 def read_case(path: str | Path) -> Case:
@@ -161,7 +169,8 @@ def read_case(path: str | Path) -> Case:
     version = top.text("case")
     if version != str(FORMAT):
         raise top.place("case").error(f"format {version}", f"this version reads format {FORMAT}")
-    full = read_robot(_find(top.text("robot"), str(path)))
+    robot_path = str(_find(top.text("robot"), str(path)))
+    full = read_robot(robot_path)
     robot, locked = _robot(top, full)
     return Case(
         robot=robot,
@@ -174,6 +183,7 @@ def read_case(path: str | Path) -> Case:
         split=_guard(top.place("split"), lambda: Split.parse(top.text("split"))) if top.has("split") else None,
         locked=locked,
         path=str(path),
+        robot_path=robot_path,
     )
 
 

@@ -105,7 +105,8 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
     slack = 1e-6 / filtered.rate
     keep = np.flatnonzero((filtered.time >= start - slack) & (filtered.time <= end + slack))
     if how.rate_hz is not None:
-        keep = keep[:: max(1, round(filtered.rate / how.rate_hz))]
+        # A tie, such as 500 Hz to 200, goes the same way whatever the rounding of the time stamps.
+        keep = keep[:: max(1, int(np.ceil(filtered.rate / how.rate_hz - 0.51)))]
     every = int(keep[1] - keep[0]) if len(keep) > 1 else 1
     near = _near_gaps(log, filtered.time[keep], how.filter)
     if near.any():

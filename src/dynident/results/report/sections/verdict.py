@@ -45,7 +45,7 @@ class Verdict(Section):
         estimate = subject.estimate
         return {
             "answers": [_prediction(subject), _consistency(estimate), _knowledge(estimate)],
-            "sentences": [*_about_prediction(subject), *_about_robot(estimate), *_about_parameters(estimate)],
+            "sentences": [*_about_prediction(subject), *_about_robot(subject), *_about_parameters(estimate)],
         }
 
 
@@ -93,11 +93,12 @@ def _consistency(estimate: Estimate) -> Answer:
     return Answer("No", "physically consistent", f"{count} condition{'s' if count != 1 else ''} broken", "bad")
 
 
-def _about_robot(estimate: Estimate) -> list[str]:
-    found = estimate.consistency
+def _about_robot(subject: Subject) -> list[str]:
+    estimate, found = subject.estimate, subject.estimate.consistency
     if found.consistent:
         said = ["A robot with these parameters can exist: a simulation of it stays stable, whether it is right or not."]
-        return said + [f"Look into this: {label(warning)}." for warning in warnings_of(estimate)]
+        seen = [warnings_of(estimate, test) for test in (None, *subject.tests)]
+        return said + [f"Look into this: {label(text)}." for text in dict.fromkeys(t for texts in seen for t in texts)]
     reasons = "; ".join(label(reason) for reason in found.reasons[:_REASONS])
     more = len(found.reasons) - _REASONS
     return [
