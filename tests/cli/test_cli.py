@@ -390,3 +390,15 @@ def test_decimal_commas_from_case_to_validation(folder: Path, tmp_path: Path, ca
     assert answered_json(capsys, "validate", saved, other)["test"]["joints"] == found["test"]["joints"]
     plain = answered_json(capsys, "identify", "arm.json", "run.csv", "--test", "other.csv")
     assert found["test"]["total_relative_error"] == pytest.approx(plain["test"]["total_relative_error"])
+
+
+def test_a_log_of_the_fit_is_no_test(capsys: Capture, tmp_path: Path) -> None:
+    saved = str(tmp_path / "e.json")
+    assert main(["identify", "arm.json", "run.csv", "-o", saved, "--quiet"]) == 0
+    capsys.readouterr()
+    found = answered_json(capsys, "validate", saved, "run.csv")
+    assert found["warnings"][0] == "run.csv: the fit has seen this log, so the figures flatter the model"
+    assert not any("has seen" in text for text in answered_json(capsys, "validate", saved, "other.csv")["warnings"])
+    for words in (["validate", saved, "run.csv", "--report", "r.html"], ["report", saved, "--test", "run.csv"]):
+        assert main([*words, "--quiet"]) == 1
+        assert "error: run.csv: the fit has seen this log; test on another log" in capsys.readouterr().err

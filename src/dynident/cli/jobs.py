@@ -155,19 +155,23 @@ def files_behind(estimate: Estimate) -> list[str]:
     return [*logs, str(estimate.provenance.get("case", {}).get("path", ""))]
 
 
+def seen_logs(estimate: Estimate, logs: Sequence[Log]) -> list[str]:
+    """Return the names of logs with the content of one that trained the estimate, whole or in part."""
+    trained = {log.get("sha256") for log in estimate.provenance.get("logs", ())} - {"", None}
+    return [log.name for log in logs if log.source.sha256 in trained]
+
+
 def check_unseen(estimate: Estimate, logs: Sequence[Log]) -> None:
-    """Refuse a log that trained the estimate: it says nothing about motions the fit has not seen.
+    """Refuse a log that trained the estimate where a report would call it unseen.
 
     Raises:
         LogMismatch: A log has the content of one of the fit.
     """
     from dynident.errors import LogMismatch
 
-    trained = {log.get("sha256") for log in estimate.provenance.get("logs", ())} - {"", None}
-    for log in logs:
-        if log.source.sha256 in trained:
-            step = "test on another log, or on the rest of this one with --split as in the fit"
-            raise LogMismatch(log.name, "the fit has seen this log", step)
+    for name in seen_logs(estimate, logs)[:1]:
+        step = "test on another log, or on the rest of this one with --split as in the fit"
+        raise LogMismatch(name, "the fit has seen this log", step)
 
 
 def repeat_command() -> str:

@@ -40,9 +40,10 @@ def run(options: argparse.Namespace) -> int:
         estimate = read_estimate(options.estimate)
         jobs.check_outputs((options.report,), (options.estimate, *options.logs, *jobs.files_behind(estimate)))
         logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
-        if not options.split:
+        seen = [] if options.split else jobs.seen_logs(estimate, logs)
+        if options.report and seen:
             jobs.check_unseen(estimate, logs)
-        else:
+        if options.split:
             split = Split.parse(options.split)
             logs = [split.apply(log)[1] for log in logs]
         progress.step("validating")
@@ -53,8 +54,10 @@ def run(options: argparse.Namespace) -> int:
             progress.step("writing the report")
             sources = [log.source for log in logs]
             write_report(options.report, estimate, (test,), command=jobs.repeat_command(), sources=sources)
+    warnings = [f"{name}: the fit has seen this log, so the figures flatter the model" for name in seen]
+    warnings += warnings_of(estimate, test)
     if options.json:
-        console.answer_json(summary(estimate, test))
+        console.answer_json({**summary(estimate, test), "warnings": warnings})
         return 0
     console.answer(f"{estimate.model.robot.name}: estimator {estimate.estimator}, {test.samples} samples")
     console.answer(f"filter {statement(test.filter)}\n")
@@ -63,6 +66,6 @@ def run(options: argparse.Namespace) -> int:
     console.answer_table(fits_table(test, moving=True), "moving rows only")
     console.answer()
     console.answer(consistency_line(estimate))
-    for warning in warnings_of(estimate, test):
+    for warning in warnings:
         console.answer(f"warning: {warning}")
     return 0
