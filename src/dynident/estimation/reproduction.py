@@ -35,18 +35,26 @@ from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
-from dynident.robots.er16_article import BETA_1, BETA_2, PERIOD, TABLE_2, TABLE_3
+from dynident.robots.er16_article import (
+    BETA_1,
+    BETA_2,
+    ITERATIONS,
+    LIMIT,
+    LOCKED,
+    NOISE_SHARE,
+    PERIOD,
+    RATE,
+    SAMPLES,
+    TABLE_2,
+    TABLE_3,
+)
 
-RATE = 1000.0
-
-#: Noise of the torques as a share of their standard deviation over beta_1, and of the encoders in rad.
-TORQUE_NOISE, POSITION_NOISE = 0.2, 2e-5
+#: Noise of the encoders in rad.
+POSITION_NOISE = 2e-5
 
 #: Iterations of the colony that converges. It takes Karaboga's own limit, sources times dimensions: with the published
 #: limit of 15 good sources are thrown away before they are refined, and no number of iterations helps.
 CONVERGED = 4_000
-
-LOCKED = {"joint4": 0.0, "joint5": 0.0, "joint6": 0.0}
 
 
 @dataclass(frozen=True)
@@ -138,7 +146,7 @@ def as_published(seed: int = 0, progress: Callable[[str], None] = lambda step: N
     generator = np.random.default_rng(seed)
     progress("(a) torques of Table 2 along beta_1 and beta_2")
     clean = [_log_of_table_2(model, base, truth, trajectory) for trajectory in trajectories()]
-    spread = TORQUE_NOISE * np.std(np.asarray(clean[0].torque), axis=0)
+    spread = NOISE_SHARE * np.std(np.asarray(clean[0].torque), axis=0)
     logs = [log.with_step("noise", torque=log.torque + spread * generator.normal(size=log.q.shape)) for log in clean]
     colony = _colony(box, seed)
     methods: list[tuple[str, Estimator]] = [
@@ -151,7 +159,7 @@ def as_published(seed: int = 0, progress: Callable[[str], None] = lambda step: N
     rows = _compare(model, logs, how, methods, truth, "(a) ", progress)
     noise = ", ".join(f"{s:.3g}" for s in spread)
     facts = (
-        f"truth: Table 2; noise of {100 * TORQUE_NOISE:g} % of each joint's standard deviation ({noise} N m)",
+        f"truth: Table 2; noise of {100 * NOISE_SHARE:g} % of each joint's standard deviation ({noise} N m)",
         "box: Table 3; Table 2's Fc of joint 2 (11.02) lies outside it, so no search in it can reach the truth",
     )
     return Part("(a) as published: torques of Table 2", truth, box, (logs[0], logs[1]), rows, facts)
@@ -173,7 +181,7 @@ def virtual_er16(
     assert theta is not None  # the robot ships with all inertias
     truth = base.from_standard(theta)
     box = 2.0 * np.maximum(by_name(base, TABLE_3), np.abs(truth))
-    spread = TORQUE_NOISE * np.std(model.torque(_motion(trajectories()[0]), theta), axis=0)
+    spread = NOISE_SHARE * np.std(model.torque(_motion(trajectories()[0]), theta), axis=0)
     noise = Noise(position=POSITION_NOISE, torque=spread)
     logs = []
     for i, trajectory in enumerate(trajectories(), start=1):
@@ -193,7 +201,7 @@ def virtual_er16(
     blind = replace(model.robot, links=tuple(replace(link, inertia=None) for link in model.robot.links))
     rows = _compare(DynamicModel(blind, model.friction), logs, how, methods, truth, "(b) ", progress)
     facts = (
-        f"truth: the shipped, physically consistent ER-16; noise of {100 * TORQUE_NOISE:g} % of each joint's "
+        f"truth: the shipped, physically consistent ER-16; noise of {100 * NOISE_SHARE:g} % of each joint's "
         f"torque over beta_1 ({', '.join(f'{s:.3g}' for s in spread)} N m) and {POSITION_NOISE:g} rad of the encoders",
         "preprocessing: Fourier fit of 5 harmonics over the period, five-point smoothing of the torque, 10 times",
         "box: twice the larger of Table 3 and the truth, +-: "
@@ -203,14 +211,16 @@ def virtual_er16(
     return Part("(b) virtual, physically consistent ER-16", truth, box, (logs[0], logs[1]), rows, facts)
 
 
-def _colony(box: Array, seed: int, iterations: int = 50, limit: int = 15, polish: bool = False) -> ArtificialBeeColony:
+def _colony(
+    box: Array, seed: int, iterations: int = ITERATIONS, limit: int = LIMIT, polish: bool = False
+) -> ArtificialBeeColony:
     half = tuple(float(value) for value in box)
     lower = tuple(-value for value in half)
     return ArtificialBeeColony(limit=limit, iterations=iterations, seed=seed, lower=lower, upper=half, polish=polish)
 
 
 def _motion(trajectory: FourierSeries) -> Motion:
-    return Motion(*trajectory.evaluate(np.arange(round(PERIOD * RATE)) / RATE))
+    return Motion(*trajectory.evaluate(np.arange(SAMPLES) / RATE))
 
 
 def _log_of_table_2(model: DynamicModel, base: BaseParameters, truth: Array, trajectory: FourierSeries) -> Log:
