@@ -23,8 +23,9 @@ from benchmarks.simulation import as_pinocchio
 from dynident import DynamicModel, FourierSeries, base_parameters, identify, read_robot, simulate
 from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.design_problem import GUARD, DesignProblem
-from dynident.experiment.design_search import candidates, feasible_start, shrunk
+from dynident.experiment.design_search import candidates
 from dynident.experiment.excitation import design_excitation
+from dynident.experiment.feasibility import feasible_start, shrunk
 from dynident.experiment.limits import MotionLimits, limits_of
 from dynident.experiment.observation import Observation
 from dynident.experiment.parametrisation import parametrise

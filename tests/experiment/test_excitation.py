@@ -12,8 +12,10 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, SolverFailed, UnknownChoice
 from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.design_problem import DesignProblem
-from dynident.experiment.design_search import SearchState, feasible_start, shrunk
-from dynident.experiment.excitation import design_excitation, shifted
+from dynident.experiment.design_search import SearchState
+from dynident.experiment.excitation import design_excitation
+from dynident.experiment.feasibility import feasible_start, shrunk
+from dynident.experiment.finishing import shifted
 from dynident.experiment.limits import MotionLimits, check_limits, limits_of
 from dynident.experiment.observation import Observation
 from dynident.experiment.parametrisation import parametrise

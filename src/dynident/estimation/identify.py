@@ -101,7 +101,9 @@ def estimate_of(
         model=model,
         base=base,
         beta=solution.beta,
-        covariance=_covariance(problem, solution.weights, deviations, factors),
+        covariance=_covariance(problem, solution.weights, deviations, factors)
+        if solution.covariance is None
+        else solution.covariance,
         theta=solution.theta,
         joint_deviations=deviations,
         correlation_factors=factors,

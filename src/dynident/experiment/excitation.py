@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from dataclasses import asdict, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,26 +15,19 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, SolverFailed
 from dynident.experiment.criteria import CRITERIA, Criterion
 from dynident.experiment.design_problem import DesignProblem, Point
-from dynident.experiment.design_search import SearchState, candidates, feasible_start, shrunk
-from dynident.experiment.limits import MotionLimits, check_limits, limits_of
+from dynident.experiment.design_search import SearchState, candidates
+from dynident.experiment.feasibility import feasible_start, shrunk
+from dynident.experiment.finishing import FINER, Candidate, checked_plan, first_that_starts
+from dynident.experiment.limits import MotionLimits, limits_of
 from dynident.experiment.observation import Observation
 from dynident.experiment.parametrisation import parametrise
 from dynident.experiment.plan import Plan
-from dynident.experiment.rest_to_rest import RestToRest
-from dynident.experiment.trajectories.fourier import FourierSeries
-from dynident.experiment.trajectories.rest_fourier import RestFourier
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, Motion
-
-#: The check before a plan is made is this much finer than the grid of the search.
-FINER = 10
+from dynident.model.friction import FRICTION
 
 #: Noise of a joint's torque where none is given, as a share of its effort limit.
 NOISE_SHARE = 0.01
-
-#: Run-ins in s that are tried, and phases of the period at which a motion may begin.
-RUN_INS, PHASES = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0), 24
 
 
 def design_excitation(
@@ -91,8 +84,8 @@ def design_excitation(
         weights = levels if part.weighted else np.ones(len(levels))
         problem = DesignProblem(observation, shape, part, bounds, weights, values, samples)
         found, evaluations = _search(problem, starts, seed, begun + time_limit, progress)
-        best = _first_that_starts(problem, found)
-        plan = _plan(problem, best, levels)
+        best = first_that_starts(problem, found)
+        plan = checked_plan(problem, best, levels)
     effort = {"starts": starts, "seed": seed, "best_start": best.start, "evaluations": evaluations}
     facts = {**effort, "noise": levels.tolist(), "noise_source": source, "seconds": time.perf_counter() - begun}
     given = {} if theta is None else {"torque_limits": "parameters given"}
@@ -114,24 +107,13 @@ def _settings(problem: DesignProblem) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    """Free numbers that keep all bounds within the period, their figure and the start they come from."""
-
-    free: Array
-    figure: float
-    start: int
-    trajectory: FourierSeries | RestFourier | None = None
-    run_in: float = 0.0
-
-
 def _search(
     problem: DesignProblem, starts: int, seed: int, deadline: float, progress: Callable[[SearchState], None]
-) -> tuple[list[_Candidate], int]:
+) -> tuple[list[Candidate], int]:
     """Return what the starts found, the best first, and the number of evaluations."""
     dense = replace(problem, samples=FINER * problem.samples)
     sign = -1.0 if problem.criterion.larger_is_better else 1.0
-    found: list[_Candidate] = []
+    found: list[Candidate] = []
     evaluations, begun = 0, time.perf_counter()
     for k, one in enumerate(np.random.SeedSequence(seed).spawn(starts)):
         now = time.perf_counter()
@@ -149,87 +131,12 @@ def _search(
             kept = shrunk(dense, x)
             if kept is not None:
                 figure = sign * problem.criterion.value(problem.observation.triangle(dense.motion(kept), problem.noise))
-                found.append(_Candidate(kept, figure, k + 1))
+                found.append(Candidate(kept, figure, k + 1))
     found = [candidate for candidate in found if np.isfinite(candidate.figure)]
     if not found:
         evidence = f"none of {starts} starts keeps the limits between samples and excites all parameters"
         raise SolverFailed("excitation design", evidence, "give more harmonics, more starts or a longer period")
     return sorted(found, key=lambda candidate: candidate.figure), evaluations
-
-
-def _first_that_starts(problem: DesignProblem, found: list[_Candidate]) -> _Candidate:
-    """Return the best candidate that can be driven from rest to rest, with its phase and run-in."""
-    for candidate in found:
-        motion = problem.parametrisation.trajectory(problem.free(candidate.free))
-        if isinstance(motion, RestFourier):
-            return replace(candidate, trajectory=motion)
-        limits = _no_harsher(problem.limits, motion, FINER * problem.samples)
-        for run_in in RUN_INS:
-            for phase in np.arange(PHASES) / PHASES * motion.period:
-                turned = shifted(motion, float(phase))
-                if _is_kept(problem, limits, turned, run_in):
-                    return replace(candidate, trajectory=turned, run_in=run_in)
-    step = "design a rest_fourier, which needs no run-in"
-    raise SolverFailed("excitation design", f"no run-in of up to {RUN_INS[-1]:g} s keeps the limits", step)
-
-
-def shifted(motion: FourierSeries, phase: float) -> FourierSeries:
-    """Return the series that begins ``phase`` seconds later in its period: q(t + phase)."""
-    angle = 2 * np.pi / motion.period * phase * np.arange(1, motion.harmonics + 1)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    a, b = motion.sine, motion.cosine
-    return FourierSeries(motion.offset, a * cosine - b * sine, a * sine + b * cosine, motion.period)
-
-
-def _no_harsher(limits: MotionLimits, motion: FourierSeries, samples: int) -> MotionLimits:
-    """Return the limits with the motion's own largest acceleration and jerk where none are stated."""
-    time = np.arange(samples) * motion.period / samples
-    acceleration, jerk = (np.abs(s).max(axis=0) * 1.001 for s in (motion.evaluate(time)[2], motion.jerk(time)))
-    return replace(
-        limits,
-        acceleration=np.where(np.isfinite(limits.acceleration), limits.acceleration, acceleration),
-        jerk=np.where(np.isfinite(limits.jerk), limits.jerk, jerk),
-    )
-
-
-def _is_kept(problem: DesignProblem, limits: MotionLimits, motion: FourierSeries, run_in: float) -> bool:
-    driven = RestToRest(motion, run_in)
-    samples = _check_samples(problem, driven)
-    if not all(row.kept for row in check_limits(driven, limits, samples)):
-        return False
-    return all(row.kept for row in check_limits(driven, limits, samples, _torque(problem)))
-
-
-def _check_samples(problem: DesignProblem, driven: RestToRest) -> int:
-    """Return the number of samples of the check, both ends included."""
-    return int(np.ceil(driven.duration * FINER * problem.samples / driven.core.duration)) + 1
-
-
-def _plan(problem: DesignProblem, best: _Candidate, noise: Array) -> Plan:
-    """Check the motion densely from rest to rest and put the plan together, settings left empty."""
-    motion = best.trajectory
-    assert motion is not None
-    driven = RestToRest(motion, best.run_in)
-    samples = _check_samples(problem, driven)
-    rows = check_limits(driven, problem.limits, samples, _torque(problem))
-    grid = Motion(*motion.evaluate(np.arange(FINER * problem.samples) * motion.period / (FINER * problem.samples)))
-    triangles = {
-        weighted: problem.observation.triangle(grid, noise if weighted else np.ones(len(noise)))
-        for weighted in (False, True)
-    }
-    values: dict[str, float] = {}
-    for name in CRITERIA.names():
-        part = CRITERIA.make(name)
-        values[name] = part.value(triangles[part.weighted])
-    chosen = CRITERIA.name_of(problem.criterion)
-    values[chosen] = problem.criterion.value(triangles[problem.criterion.weighted])
-    robot = problem.observation.model.robot.name
-    return Plan(robot, motion, best.run_in, chosen, values, problem.limits, rows, samples, {})
-
-
-def _torque(problem: DesignProblem) -> Callable[[Motion], Array] | None:
-    theta, model = problem.theta, problem.observation.model
-    return None if theta is None else lambda motion: model.torque(motion, theta)
 
 
 def _check_options(model: DynamicModel, limits: MotionLimits | None, starts: int, time_limit: float) -> None:

@@ -19,12 +19,14 @@ class Solution:
         beta: Base parameters, shape (b,).
         weights: Weight of each joint's rows, shape (n,), 1 / N m; their squares weigh the covariance.
         theta: Standard parameters behind beta, shape (p,); None where the estimator works on base parameters only.
+        covariance: Of beta, shape (b, b), where the method has one of its own; None: from weights and residuals.
         extras: News of the method itself: iterations, convergence trace, gap to the optimum.
     """
 
     beta: Array
     weights: Array
     theta: Array | None = None
+    covariance: Array | None = None
     extras: Mapping[str, Any] = field(default_factory=dict)
 
 
