@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log, Source, torque_from_current
 
-SIGNALS = ("q", "dq", "ddq", "torque", "current", "raw_torque", "temperature")
+SIGNALS = ("q", "dq", "ddq", "torque", "current", "raw_torque", "temperature", "q_ref", "dq_ref")
 
 
 def full_log(samples=40, joints=("a", "b", "c"), path="run.csv"):

@@ -10,7 +10,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray, frozen
 from dynident.errors import BadOption, LogMismatch
 
-_SIGNALS = ("q", "dq", "ddq", "torque", "current", "raw_torque", "temperature")
+_SIGNALS = ("q", "dq", "ddq", "torque", "current", "raw_torque", "temperature", "q_ref", "dq_ref")
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class Log:
         current: Motor currents, shape (N, n), in A.
         raw_torque: Torques before any filter, at the same rows, shape (N, n), in N m or N.
         temperature: Drive temperatures, shape (N, n), in degrees Celsius.
+        q_ref: Positions that the controller was told to reach, shape (N, n), in rad or m.
+        dq_ref: Commanded velocities, shape (N, n), in rad/s or m/s.
         source: Where it comes from.
     """
 
@@ -56,6 +58,8 @@ class Log:
     current: Array | None = None
     raw_torque: Array | None = None
     temperature: Array | None = None
+    q_ref: Array | None = None
+    dq_ref: Array | None = None
     source: Source = field(default_factory=Source)
 
     def __post_init__(self) -> None:

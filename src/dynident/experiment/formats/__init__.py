@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynident.errors import LogFormatError
+from dynident.experiment.formats._table import log_of
 from dynident.experiment.formats.base import ColumnMap, LogFormat, Units, written_columns
 from dynident.experiment.log import Log
 from dynident.plugins import Family
@@ -20,14 +21,15 @@ def read_log(path: str | Path, columns: ColumnMap | None = None, *, form: str | 
     Args:
         path: The file.
         columns: Which columns are which signals, and their units; None for t, q1, ..., tau1, ... in SI units.
-        form: The format, a name or a part with its options; None chooses by the suffix of the file.
+        form: The format, a name or a part with its options; None for the one that the columns state, or by the suffix.
 
     Raises:
         FileError: The file cannot be read at all.
         LogFormatError: It is not a sound log, or no format has its suffix.
         UnknownChoice: No such format.
     """
-    return _chosen(path, form).read(path, columns or ColumnMap())
+    chosen = columns or ColumnMap()
+    return log_of(_chosen(path, _form(chosen) if form is None else form).open(path), chosen)
 
 
 def read_header(path: str | Path, *, form: str | LogFormat | None = None) -> tuple[str, ...]:
@@ -37,7 +39,7 @@ def read_header(path: str | Path, *, form: str | LogFormat | None = None) -> tup
         FileError: The file cannot be read at all.
         LogFormatError: It has no sound header, or no format has its suffix.
     """
-    return _chosen(path, form).header(path)
+    return _chosen(path, form).open(path).header
 
 
 def write_log(log: Log, path: str | Path, *, form: str | LogFormat | None = None) -> None:
@@ -56,12 +58,24 @@ def write_log(log: Log, path: str | Path, *, form: str | LogFormat | None = None
     _chosen(path, form).write(log, path)
 
 
+def _form(columns: ColumnMap) -> LogFormat | None:
+    """Return the format that a map of columns states; None where it states none."""
+    if columns.form:
+        options = dict(columns.form_options)
+        if columns.form == "csv":
+            options.setdefault("decimal", columns.decimal)
+        return FORMATS.make_from_text(columns.form, options)
+    return None if columns.decimal == "." else FORMATS.make("csv", decimal=columns.decimal)
+
+
 def _chosen(path: str | Path, form: str | LogFormat | None) -> LogFormat:
     if form is not None:
         return FORMATS.make(form)
-    suffix = Path(path).suffix.lower()
     for name in FORMATS.names():
-        if suffix in FORMATS.get(name).suffixes:
+        if FORMATS.get(name).takes(path):
             return FORMATS.make(name)
-    known = "; ".join(f"{name} ({', '.join(FORMATS.get(name).suffixes)})" for name in FORMATS.names())
-    raise LogFormatError(path, None, f"no log format has the suffix '{suffix}'", f"the formats are: {known}")
+    suffixes = {name: ", ".join(FORMATS.get(name).suffixes) or "by name only" for name in FORMATS.names()}
+    known = "; ".join(f"{name} ({text})" for name, text in suffixes.items())
+    raise LogFormatError(
+        path, None, f"no log format has the suffix '{Path(path).suffix.lower()}'", f"the formats are: {known}"
+    )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import csv
 import hashlib
 import os
 import re
@@ -18,48 +17,38 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import FileError, LogFormatError
+from dynident.experiment.formats._table import Table
+from dynident.experiment.formats._text_header import DELIMITERS, ENCODING, NUMBER, Layout, cells_of, find_header
 from dynident.experiment.formats.base import shown
 from dynident.files import unreadable
 
 #: Larger files are refused; a log of that size belongs in several files.
 MAX_BYTES = 2 << 30
 MAX_COLUMNS = 4096
-_MAX_LINE = 1 << 20
 _CHUNK = 1 << 20
-_ENCODING = "utf-8-sig"
 
-#: Delimiters in the order in which a header is searched for them; None splits at blanks.
-DELIMITERS: dict[str | None, str] = {"\t": "tab", ";": "semicolon", ",": "comma", None: "space"}
-
-_NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 
 
-@dataclass(frozen=True)
-class TextTable:
+@dataclass(frozen=True, kw_only=True)
+class TextTable(Table):
     """A text file whose bytes are sound and whose header is known; the rows are read by :meth:`columns`.
 
     Attributes:
-        path: The file as it was given.
-        sha256: Hash of its bytes.
-        header: Names of the columns, in order.
-        line: Line of the header, counted from 1.
         delimiter: What separates the cells; None for blanks.
         decimal: The decimal sign, ``"."`` or ``","``.
+        before: Lines up to the rows: those before the header, and the header.
     """
 
-    path: str
-    sha256: str
-    header: tuple[str, ...]
-    line: int
     delimiter: str | None
     decimal: str
+    before: int
 
     def columns(self, names: Sequence[str]) -> Array:
         """Return some columns, shape (N, len(names)); every row must have as many cells as the header.
 
         Raises:
-            LogFormatError: No rows, a row with another number of cells, or a cell that is not a finite number.
+            LogFormatError: No rows, a row with another number of cells, or a cell that is no number.
         """
         wanted = [self.header.index(name) for name in names]
         try:
@@ -68,14 +57,11 @@ class TextTable:
             values = self._careful(wanted)
         if not len(values):
             raise LogFormatError(self.path, self.line, "a header and no rows", "record the log again")
-        bad = ~np.isfinite(values)
-        if np.any(bad):
-            row = int(np.argmax(bad.any(axis=1)))
-            column = int(np.argmax(bad[row]))
-            many = f" ({bad.sum()} such cells in {bad.any(axis=1).sum()} rows)" if bad.sum() > 1 else ""
-            evidence = f"column '{shown(names[column])}' holds {values[row, column]:g}{many}"
-            raise LogFormatError(self.path, self.line_of(row), evidence, "mend the recording or leave these rows out")
         return values
+
+    def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
+        """Return the error to raise for a row, with its line; see :meth:`Table.fault`."""
+        return LogFormatError(self.path, self.line_of(row), evidence, step)
 
     def line_of(self, row: int) -> int:
         """Return the line of the file, counted from 1, of a row counted from 0."""
@@ -92,8 +78,8 @@ class TextTable:
                 values = np.loadtxt(
                     os.fspath(Path(self.path)),
                     delimiter=self.delimiter,
-                    skiprows=self.line,
-                    encoding=_ENCODING,
+                    skiprows=self.before,
+                    encoding=ENCODING,
                     ndmin=2,
                 )
             else:
@@ -105,7 +91,7 @@ class TextTable:
 
     def _with_points(self, stream: TextIO) -> Iterator[str]:
         for number, line in enumerate(stream, 1):
-            if number > self.line:
+            if number > self.before:
                 if "." in line:  # 1.234,5 or a file of two minds: the careful reader says which
                     raise ValueError(line)
                 yield line.replace(",", ".")
@@ -114,7 +100,7 @@ class TextTable:
         """Yield number and text of the lines that hold a row: not blank, not only a comment."""
         with _opened(self.path) as stream:
             for number, line in enumerate(stream, 1):
-                if number > self.line:
+                if number > self.before:
                     text = line.partition("#")[0].rstrip("\r\n")
                     if text.strip():
                         yield number, text
@@ -139,7 +125,7 @@ class TextTable:
     def _number(self, text: str, name: str, line: int) -> float:
         cell = text.strip()
         plain = cell if self.decimal == "." else cell.replace(",", ".")
-        if _NUMBER.fullmatch(plain) and not (self.decimal == "," and "." in cell):
+        if NUMBER.fullmatch(plain) and not (self.decimal == "," and "." in cell):
             return float(plain)
         if not cell:
             raise LogFormatError(self.path, line, f"column '{shown(name)}' is empty", "fill it or leave the row out")
@@ -161,28 +147,37 @@ def open_table(path: str | Path, decimal: str = ".") -> TextTable:
         FileError: The file cannot be read at all.
         LogFormatError: It is too large, binary, not UTF-8 or empty, or its first row is no header of unique names.
     """
+    digest = check_text(path)
     try:
-        _check_place(path)
-        digest = _check_bytes(path)
-        line, text, comment = _header_line(path)
+        layout = find_header(path, decimal)
     except OSError as error:
         raise unreadable(path, error) from error
-    delimiter = next(sign for sign in DELIMITERS if sign is None or (sign in text and sign != decimal))
-    header = tuple(name.strip() for name in cells_of(text, delimiter))
-    _check_header(path, line, header, comment)
-    return TextTable(str(path), digest, header, line, delimiter, decimal)
+    _check_header(path, layout)
+    how = f"{DELIMITERS[layout.delimiter]}-separated text, decimal '{decimal}'"
+    return TextTable(
+        path=str(path),
+        sha256=digest,
+        header=layout.header,
+        how=how + layout.note,
+        line=layout.line,
+        delimiter=layout.delimiter,
+        decimal=decimal,
+        before=layout.before,
+    )
 
 
-def cells_of(text: str, delimiter: str | None) -> list[str]:
-    """Return the cells of one line, quotes taken off."""
-    if delimiter is None:
-        return text.split()
-    if '"' not in text:
-        return text.split(delimiter)
+def check_text(path: str | Path) -> str:
+    """Return the hash of an ordinary file of UTF-8 text that is not too large.
+
+    Raises:
+        FileError: It cannot be read at all.
+        LogFormatError: It is too large, binary or not UTF-8.
+    """
     try:
-        return next(csv.reader([text], delimiter=delimiter))
-    except csv.Error:  # a cell of more than 131072 characters
-        return text.split(delimiter)
+        _check_place(path)
+        return _check_bytes(path)
+    except OSError as error:
+        raise unreadable(path, error) from error
 
 
 def _check_place(path: str | Path) -> None:
@@ -223,31 +218,14 @@ def _check_bytes(path: str | Path) -> str:
     return digest.hexdigest()
 
 
-def _header_line(path: str | Path) -> tuple[int, str, str]:
-    """Return number and text of the first line that is no comment, and the comment before it."""
-    comment = ""
-    with _opened(path) as stream:
-        number = 0
-        while line := stream.readline(_MAX_LINE):
-            number += 1
-            if len(line) >= _MAX_LINE:
-                raise LogFormatError(path, number, f"a line of more than {_MAX_LINE} characters", "is it a table?")
-            text = line.strip()
-            if text and not text.startswith("#"):
-                return number, line.rstrip("\r\n"), comment
-            comment = text or comment
-    if comment:
-        raise LogFormatError(path, None, "only comments", "give a header row and rows of numbers")
-    raise LogFormatError(path, None, "the file is empty", "record the log again")
-
-
-def _check_header(path: str | Path, line: int, header: tuple[str, ...], comment: str) -> None:
+def _check_header(path: str | Path, layout: Layout) -> None:
+    header, line = layout.header, layout.line
     if len(header) > MAX_COLUMNS:
         raise LogFormatError(path, line, f"{len(header)} columns", f"at most {MAX_COLUMNS} are read")
-    if all(_NUMBER.fullmatch(name.replace(",", ".")) for name in header if name):
+    if all(NUMBER.fullmatch(name.replace(",", ".")) for name in header if name):
         step = "add a header row such as t,q1,q2,tau1,tau2"
-        if comment:
-            step = f"if the comment '{shown(comment)}' is the header, remove its '#'"
+        if layout.comment:
+            step = f"if the comment '{shown(layout.comment)}' is the header, remove its '#'"
         raise LogFormatError(path, line, "numbers where the names of the columns should stand", step)
     for name in header:
         if name and header.count(name) > 1:
@@ -256,4 +234,4 @@ def _check_header(path: str | Path, line: int, header: tuple[str, ...], comment:
 
 
 def _opened(path: str | Path) -> TextIO:
-    return open(path, encoding=_ENCODING)
+    return open(path, encoding=ENCODING)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import BadOption, LogFormatError, UnknownChoice, nearest
+from dynident.errors import BadOption, LogFormatError, LogMismatch, nearest
+from dynident.experiment.formats._units import ONE, QUANTITY, RATED, UNITS, Units, converted
 from dynident.experiment.log import Log
+from dynident.experiment.profiles import unmeasured
+
+if TYPE_CHECKING:
+    from dynident.experiment.formats._table import Table
 
 #: Default column names: the signal's word and the number of the joint, counted from 1.
 NUMBERED = {
@@ -25,107 +29,9 @@ NUMBERED = {
     "current": "i",
     "raw_torque": "raw_tau",
     "temperature": "temperature",
+    "q_ref": "q_ref",
+    "dq_ref": "dq_ref",
 }
-
-_TURN = (math.pi, 180.0)
-_MILLI = (1.0, 1e3)
-_ONE = (1.0, 1.0)
-
-#: Per quantity, unit word -> ((numerator, denominator) to SI, kind of joint it belongs to; empty for any).
-UNITS: dict[str, dict[str, tuple[tuple[float, float], str]]] = {
-    "time": {"s": (_ONE, ""), "ms": (_MILLI, ""), "us": ((1.0, 1e6), ""), "ns": ((1.0, 1e9), "")},
-    "position": {
-        "SI": (_ONE, ""),
-        "rad": (_ONE, "revolute"),
-        "deg": (_TURN, "revolute"),
-        "m": (_ONE, "prismatic"),
-        "mm": (_MILLI, "prismatic"),
-    },
-    "velocity": {
-        "SI": (_ONE, ""),
-        "rad/s": (_ONE, "revolute"),
-        "deg/s": (_TURN, "revolute"),
-        "m/s": (_ONE, "prismatic"),
-        "mm/s": (_MILLI, "prismatic"),
-    },
-    "acceleration": {
-        "SI": (_ONE, ""),
-        "rad/s^2": (_ONE, "revolute"),
-        "deg/s^2": (_TURN, "revolute"),
-        "m/s^2": (_ONE, "prismatic"),
-        "mm/s^2": (_MILLI, "prismatic"),
-    },
-    "torque": {
-        "SI": (_ONE, ""),
-        "N m": (_ONE, "revolute"),
-        "mN m": (_MILLI, "revolute"),
-        "N": (_ONE, "prismatic"),
-    },
-    "current": {"A": (_ONE, ""), "mA": (_MILLI, "")},
-    "temperature": {"degC": (_ONE, "")},
-}
-
-#: The quantity of each signal, by the field of the log.
-QUANTITY = {
-    "q": "position",
-    "dq": "velocity",
-    "ddq": "acceleration",
-    "torque": "torque",
-    "current": "current",
-    "raw_torque": "torque",
-    "temperature": "temperature",
-}
-
-
-@dataclass(frozen=True)
-class Units:
-    """Units of the columns: one word for all joints or one per joint; nothing is ever converted on a guess.
-
-    The word ``"SI"`` stands for rad or m (and what follows from it), as the joint moves.
-
-    Attributes:
-        time: s, ms, us or ns.
-        position: SI, rad, deg, m or mm.
-        velocity: SI, rad/s, deg/s, m/s or mm/s.
-        acceleration: SI, rad/s^2, deg/s^2, m/s^2 or mm/s^2.
-        torque: SI, N m, mN m or N; of filtered and unfiltered torques.
-        current: A or mA.
-
-    Raises:
-        UnknownChoice: A word that is not listed.
-    """
-
-    time: str = "s"
-    position: str | tuple[str, ...] = "SI"
-    velocity: str | tuple[str, ...] = "SI"
-    acceleration: str | tuple[str, ...] = "SI"
-    torque: str | tuple[str, ...] = "SI"
-    current: str | tuple[str, ...] = "A"
-
-    def __post_init__(self) -> None:
-        for f in fields(self):
-            words = getattr(self, f.name)
-            if not isinstance(words, str):
-                words = tuple(words)
-                object.__setattr__(self, f.name, words)
-            for word in (words,) if isinstance(words, str) else words:
-                if word not in UNITS[f.name]:
-                    raise UnknownChoice(f"unit of {f.name}", str(word), list(UNITS[f.name]))
-        if not isinstance(self.time, str):
-            raise BadOption("units.time", self.time, "give one unit")
-
-    def of(self, quantity: str, joints: int) -> tuple[str, ...]:
-        """Return the unit of a quantity for each of the joints.
-
-        Raises:
-            BadOption: One unit per joint was given, for another number of joints.
-        """
-        words = getattr(self, quantity, "degC")
-        if isinstance(words, str):
-            return (words,) * joints
-        if len(words) != joints:
-            raise BadOption(f"units.{quantity}", list(words), f"give one unit, or one for each of the {joints} joints")
-        return words
 
 
 @dataclass(frozen=True)
@@ -145,11 +51,21 @@ class ColumnMap:
         current: Columns of the motor currents.
         raw_torque: Columns of the torques before any filter; not read unless named.
         temperature: Columns of the drives' temperatures in degrees Celsius; not read unless named.
+        q_ref: Columns of the commanded positions; not read unless named.
+        dq_ref: Columns of the commanded velocities; not read unless named.
         units: Units of the columns.
         decimal: Decimal sign of text files, ``.`` or ``,``; it is never guessed.
+        rated: Rated torque of each joint in N m (or N), for torques in percent or permille of it.
+        optional: Signals that are left out where a file lacks their columns.
+        force: Signals that are read although their columns are known not to be measured.
+        motor: Signals that are on the side of the motors; :func:`dynident.experiment.motor_side.joint_side` turns them.
+        zero: Position in rad or m that is added to the positions of each joint; empty for none.
+        form: Format of the files; empty for the one by their suffix.
+        form_options: Its options, as name and text.
 
     Raises:
-        BadOption: Lists of different lengths, a column or a joint named twice, or units that do not fit each other.
+        BadOption: Lists of different lengths, a column or a joint named twice, units that do not fit each other, or
+            torques in percent without rated torques.
     """
 
     joints: tuple[str, ...] = ()
@@ -161,10 +77,24 @@ class ColumnMap:
     current: tuple[str, ...] | None = None
     raw_torque: tuple[str, ...] | None = ()
     temperature: tuple[str, ...] | None = ()
+    q_ref: tuple[str, ...] | None = ()
+    dq_ref: tuple[str, ...] | None = ()
     units: Units = field(default_factory=Units)
     decimal: str = "."
+    rated: tuple[float, ...] = ()
+    optional: tuple[str, ...] = ()
+    force: tuple[str, ...] = ()
+    motor: tuple[str, ...] = ()
+    zero: tuple[float, ...] = ()
+    form: str = ""
+    form_options: tuple[tuple[str, str | None], ...] = ()
 
     def __post_init__(self) -> None:
+        for name in ("rated", "zero"):
+            object.__setattr__(self, name, tuple(map(float, getattr(self, name))))
+        for name in ("optional", "force", "motor"):
+            object.__setattr__(self, name, _signals(name, getattr(self, name)))
+        object.__setattr__(self, "form_options", tuple((key, value) for key, value in self.form_options))
         for name in ("joints", *NUMBERED):
             names = getattr(self, name)
             if isinstance(names, str):
@@ -179,6 +109,7 @@ class ColumnMap:
             twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
             if twice:
                 raise BadOption(what, twice[0], "it is named twice; name each once")
+        self._check_measured()
 
     def stated(self) -> dict[str, tuple[str, ...]]:
         """Return the columns that are named, by signal."""
@@ -199,7 +130,11 @@ class ColumnMap:
         count = self._joint_count() or max(found["q"], default=0)
         if not count:
             raise missing_column("q1", header, path, line)
-        chosen = dict(self.stated())
+        chosen = {
+            name: names
+            for name, names in self.stated().items()
+            if name not in self.optional or not set(names).isdisjoint(header)
+        }
         for name in self._numbered_signals(found):
             if max(found[name], default=0) > count:
                 evidence = f"a column '{NUMBERED[name]}{max(found[name])}' where the number of joints is {count}"
@@ -219,18 +154,23 @@ class ColumnMap:
     def to_si(self, signal: str, values: Array) -> Array:
         """Return the values (N, n) of a signal in SI units."""
         words = self.units.of(QUANTITY[signal], values.shape[1])
-        return _converted(values, QUANTITY[signal], words)
+        found = converted(values, QUANTITY[signal], words)
+        if not RATED.intersection(words):
+            return found
+        return found * np.array(
+            [rated if word in RATED else 1.0 for rated, word in zip(self.rated, words, strict=True)]
+        )
 
     def time_to_si(self, values: Array) -> Array:
         """Return the time (N,) in s."""
-        return _converted(values[:, None], "time", (self.units.time,))[:, 0]
+        return converted(values[:, None], "time", (self.units.time,))[:, 0]
 
     def conversions(self) -> str:
         """Return in words what is converted, such as ``"position from deg"``; empty where all is in SI units."""
         texts = [] if self.units.time == "s" else [f"time from {self.units.time}"]
         for quantity in dict.fromkeys(QUANTITY[signal] for signal in self.stated()):
             words = dict.fromkeys(self.units.of(quantity, len(self.joints)))
-            changed = [word for word in words if UNITS[quantity][word][0] != _ONE]
+            changed = [word for word in words if UNITS[quantity][word][0] != ONE]
             if changed:
                 texts.append(f"{quantity} from {', '.join(changed)}")
         return "; ".join(texts)
@@ -246,6 +186,28 @@ class ColumnMap:
             if names and len(names) != count:
                 step = f"{len(names)} names, elsewhere {count}; name one column per joint, in the order of joints"
                 raise BadOption(name, list(names), step)
+        for name in ("rated", "zero"):
+            numbers = getattr(self, name)
+            if numbers and (len(numbers) != count or not np.all(np.isfinite(numbers))):
+                raise BadOption(name, list(numbers), f"give one number for each of the {count} joints")
+        words = (self.units.torque,) if isinstance(self.units.torque, str) else self.units.torque
+        if RATED.intersection(words) and not (self.rated and min(self.rated) > 0):
+            step = "state the rated torque of each joint in N m (log: {units: {torque: percent}, rated: [...]})"
+            raise BadOption("units.torque", words[0], step)
+
+    def _check_measured(self) -> None:
+        """Refuse columns that are known to hold commands or values of a model where measurements are wanted."""
+        for signal, names in self.stated().items():
+            if signal in self.force or signal in ("q_ref", "dq_ref"):
+                continue
+            for name in names:
+                known = unmeasured(name)
+                if known is not None:
+                    where, channel = known
+                    kind = "computed by a model" if channel.kind == "model" else channel.kind
+                    why = f"{kind}, not measured ({where}{channel.note and ': '}{channel.note})"
+                    step = f"it is {why}; map a measured column, or say force: [{signal}]"
+                    raise BadOption(signal, name, step)
 
     def _numbered_signals(self, found: dict[str, list[int]]) -> list[str]:
         """Return the signals that are to be read under their numbered names."""
@@ -270,37 +232,60 @@ class ColumnMap:
                 raise BadOption("units", f"{kinds['revolute']}, {kinds['prismatic']}", step)
 
 
+def _signals(option: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Return names of signals, checked."""
+    for name in names:
+        if name not in NUMBERED:
+            raise BadOption(option, name, f"the signals are {', '.join(NUMBERED)}")
+    return tuple(names)
+
+
 class LogFormat(ABC):
     """A kind of file that holds a log; the fields of the part are its options."""
 
     suffixes: ClassVar[tuple[str, ...]]
 
+    @classmethod
+    def takes(cls, path: str | Path) -> bool:
+        """Return whether a file is of this kind by its name."""
+        return Path(path).suffix.lower() in cls.suffixes
+
     @abstractmethod
-    def header(self, path: str | Path) -> tuple[str, ...]:
-        """Return the names of the columns in a file, without reading the rows.
+    def open(self, path: str | Path) -> Table:
+        """Return the columns of a file, its rows not read yet.
 
         Raises:
             FileError: The file cannot be read at all.
-            LogFormatError: It has no sound header.
+            LogFormatError: It is no sound file of this kind.
+            MissingDependency: The package that reads it is not installed.
         """
 
-    @abstractmethod
-    def read(self, path: str | Path, columns: ColumnMap) -> Log:
-        """Return the log in a file, in SI units.
-
-        Raises:
-            FileError: The file cannot be read at all.
-            LogFormatError: It is not a sound log; the message names file, line and column.
-        """
-
-    @abstractmethod
     def write(self, log: Log, path: str | Path) -> None:
         """Write a log in SI units so that :func:`written_columns` reads it back bit for bit.
 
         Raises:
             FileError: The file cannot be written.
+            LogFormatError: Files of this kind are only read.
             LogMismatch: The log holds a value that is not finite.
         """
+        raise LogFormatError(path, None, "files of this kind are only read", "write .csv or .npz")
+
+
+def written_table(log: Log) -> tuple[list[str], Array]:
+    """Return names and values, shape (N, c), of the columns that a log is written as; see :func:`written_columns`.
+
+    Raises:
+        LogMismatch: The log holds a value that is not finite.
+    """
+    signals = log.signals()
+    header = ["t", *(f"{NUMBERED[name]}{k + 1}" for name in signals for k in range(len(log.joints)))]
+    values = np.column_stack([log.time, *signals.values()])
+    bad = ~np.isfinite(values)
+    if np.any(bad):
+        row = int(np.argmax(bad.any(axis=1)))
+        evidence = f"{header[int(np.argmax(bad[row]))]} of sample {row + 1} is not finite"
+        raise LogMismatch(log.name, evidence, "leave such rows out before writing")
+    return header, values
 
 
 def written_columns(log: Log) -> ColumnMap:
@@ -332,9 +317,3 @@ def shown(text: str) -> str:
 def _numbers(word: str, header: Sequence[str]) -> list[int]:
     pattern = re.compile(re.escape(word) + r"([1-9][0-9]{0,3})")
     return [int(match[1]) for name in header if (match := pattern.fullmatch(name))]
-
-
-def _converted(values: Array, quantity: str, words: Sequence[str]) -> Array:
-    factors = np.array([UNITS[quantity][word][0] for word in words])
-    # Multiplied and divided: 3 ms is then exactly the double nearest to 0.003 s.
-    return values if np.all(factors == 1.0) else values * factors[:, 0] / factors[:, 1]

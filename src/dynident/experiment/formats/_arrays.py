@@ -1,0 +1,112 @@
+"""Files of named arrays as tables: which arrays are columns, and what each column is called."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import FileError, LogFormatError
+from dynident.experiment.formats._table import MAX_CELLS, Table
+from dynident.files import sha256_of, unreadable
+
+#: Columns of one array at most: more is a matrix of another kind.
+MAX_WIDTH = 256
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a column stands: an array, and an index of its second (``across``) or first dimension; None in a vector."""
+
+    array: str
+    index: int | None = None
+    across: bool = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayTable(Table):
+    """Columns out of named arrays that are loaded when they are asked for.
+
+    Attributes:
+        places: Where each column stands.
+        load: Returns an array by its name.
+    """
+
+    places: Mapping[str, Place]
+    load: Callable[[str], Array]
+
+    def columns(self, names: Sequence[str]) -> Array:
+        """Return some columns; see :meth:`Table.columns`."""
+        arrays: dict[str, Array] = {}
+        found = []
+        for name in names:
+            place = self.places[name]
+            if place.array not in arrays:
+                arrays[place.array] = self.load(place.array)
+            array = arrays[place.array]
+            column = array if place.index is None else array[:, place.index] if place.across else array[place.index]
+            found.append(np.asarray(column, dtype=np.float64).reshape(-1))
+        return np.stack(found, axis=1)
+
+
+def columns_of(path: str | Path, shapes: Mapping[str, tuple[int, ...]], number_vectors: bool) -> dict[str, Place]:
+    """Return the columns of a file of arrays.
+
+    A vector of N numbers is a column of its own name; an array (N, k) or (k, N) is the columns name1, ..., namek. N is
+    the length that most arrays have; arrays of other shapes are passed over.
+
+    Args:
+        path: The file, for messages.
+        shapes: Shape of every array of real numbers.
+        number_vectors: Whether (N, 1) is called ``name1``; else ``name``, for formats in which a vector is (N, 1).
+
+    Raises:
+        LogFormatError: No array is as long as a log, or one is too large.
+    """
+    lengths = Counter(max(shape) for shape in shapes.values() if len(shape) in (1, 2) and max(shape, default=0) > 1)
+    if not lengths:
+        step = "save time, positions and torques as arrays with a row per sample, such as t (N,), q (N, n), tau (N, n)"
+        raise LogFormatError(path, None, "it holds no arrays of numbers over time", step)
+    most = max(lengths.values())
+    count = max(length for length, times in lengths.items() if times == most)
+    found: dict[str, Place] = {}
+    for name, shape in shapes.items():
+        if len(shape) == 1 and shape[0] == count:
+            found[name] = Place(name)
+        elif len(shape) == 2 and count in shape:
+            across = shape[0] == count
+            width = shape[1] if across else shape[0]
+            if width > MAX_WIDTH:
+                continue
+            single = width == 1 and not number_vectors
+            found |= {name if single else f"{name}{k + 1}": Place(name, k, across) for k in range(width)}
+    if count * len(found) > MAX_CELLS:
+        evidence = f"{count:,} rows of {len(found)} columns, more than are read at once"
+        raise LogFormatError(path, None, evidence, "split it into several logs")
+    return found
+
+
+def checked_file(path: str | Path, most: int) -> str:
+    """Return the hash of an ordinary file that is not larger than ``most`` bytes.
+
+    Raises:
+        FileError: It cannot be read, or is no ordinary file.
+        LogFormatError: It is larger.
+    """
+    try:
+        found = os.stat(path)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if not stat.S_ISREG(found.st_mode):
+        what = "this is a folder" if stat.S_ISDIR(found.st_mode) else "this is no ordinary file"
+        raise FileError(path, what, "give a file")
+    if found.st_size > most:
+        evidence = f"{found.st_size / 2**30:.3g} GiB, more than the {most / 2**30:.3g} GiB that are read at once"
+        raise LogFormatError(path, None, evidence, "split it into several logs")
+    return sha256_of(path)

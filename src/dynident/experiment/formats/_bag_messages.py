@@ -1,0 +1,84 @@
+"""Messages of ROS as named numbers: joints by their name, everything else by its place in the message."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array
+
+#: Entries of one list in a message at most; more is an image or a cloud of points.
+MAX_LIST = 64
+_DEEPEST = 6
+_STATE = ("position", "velocity", "effort")
+
+#: What says which columns a message has.
+Layout = tuple[Any, ...]
+
+
+def numbers_of(message: Any) -> tuple[Layout, Array]:
+    """Return the layout of a message and its numbers, in the order of :func:`columns_of`."""
+    if _is_joint_state(message):
+        lists = [getattr(message, name) for name in _STATE]
+        whole = [values for values in lists if len(values) == len(message.name)]
+        layout = ("joints", *message.name, *(len(values) == len(message.name) for values in lists))
+        return layout, np.concatenate(whole) if whole else np.empty(0)
+    found = list(_walk(message, (), (), 0))
+    return ("names", *(name for name, _ in found)), np.array([value for _, value in found], dtype=np.float64)
+
+
+@lru_cache(maxsize=1024)
+def columns_of(layout: Layout) -> tuple[str, ...]:
+    """Return the names of the columns of a layout: ``elbow.position``, ``wrench.force.x``, ``data[0]``."""
+    if layout[0] == "names":
+        return layout[1:]
+    joints, there = layout[1:-3], layout[-3:]
+    return tuple(f"{joint}.{name}" for name, found in zip(_STATE, there, strict=True) if found for joint in joints)
+
+
+def stamp_of(message: Any) -> int | None:
+    """Return the stamp in the header of a message in ns; None without a header."""
+    header = getattr(message, "header", None)
+    if header is None:
+        return None
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+def _is_joint_state(message: Any) -> bool:
+    return getattr(message, "__msgtype__", "") == "sensor_msgs/msg/JointState"
+
+
+def _walk(message: Any, path: tuple[str, ...], joints: Sequence[str], depth: int) -> Iterator[tuple[str, float]]:
+    """Yield name and value of every number in a message."""
+    place = ".".join(path)
+    if _is_joint_state(message):
+        layout, values = numbers_of(message)
+        for name, value in zip(columns_of(layout), values, strict=True):
+            joint, _, signal = name.rpartition(".")
+            yield f"{joint}.{place}.{signal}", float(value)
+        return
+    joints = getattr(message, "joint_names", joints)
+    for field in fields(message):
+        value = getattr(message, field.name)
+        yield from _entry(value, (*path, field.name), joints, depth)
+
+
+def _entry(value: Any, path: tuple[str, ...], joints: Sequence[str], depth: int) -> Iterator[tuple[str, float]]:
+    place = ".".join(path)
+    if isinstance(value, bool | int | float):
+        yield place, float(value)
+    elif isinstance(value, np.ndarray):
+        if value.dtype.kind in "fiub" and len(value) <= MAX_LIST:
+            named = len(joints) == len(value) > 0
+            for k, number in enumerate(value):
+                yield f"{joints[k]}.{place}" if named else f"{place}[{k}]", float(number)
+    elif isinstance(value, list):
+        for k, item in enumerate(value[:MAX_LIST]):
+            if hasattr(item, "__msgtype__") and depth < _DEEPEST:
+                yield from _walk(item, (*path[:-1], f"{path[-1]}[{k}]"), joints, depth + 1)
+    elif hasattr(value, "__msgtype__") and depth < _DEEPEST and path[-1] != "header":
+        yield from _walk(value, path, joints, depth + 1)

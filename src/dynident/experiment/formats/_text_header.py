@@ -1,0 +1,154 @@
+"""The header of a text table: where it stands, what separates its cells, and what stands before it."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dynident.errors import LogFormatError
+
+ENCODING = "utf-8-sig"
+
+#: Delimiters in the order in which a header is searched for them; None splits at blanks and tabs.
+DELIMITERS: dict[str | None, str] = {"\t": "tab", ";": "semicolon", ",": "comma", None: "space"}
+
+#: A cell that is a number, with a decimal point.
+NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
+
+_MAX_LINE = 1 << 20
+
+#: Lines that are searched for a header that other lines stand before.
+_SEARCHED = 64
+
+#: What spreadsheets write in the first line to name the separator.
+_SEPARATOR = re.compile(r"sep=(.)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the header of a text table is and how it reads.
+
+    Attributes:
+        line: Line of the header, counted from 1.
+        header: Names of the columns.
+        delimiter: What separates the cells; None for blanks.
+        before: Lines up to the rows.
+        comment: The comment before the header.
+        note: What is unusual about it, for the provenance; begins with a comma.
+    """
+
+    line: int
+    header: tuple[str, ...]
+    delimiter: str | None
+    before: int
+    comment: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class _Line:
+    number: int
+    text: str
+
+
+def find_header(path: str | Path, decimal: str) -> Layout:
+    """Return where the header of a text file stands.
+
+    It is the first line that is no comment; or, where most of the next lines have another number of cells, the first
+    line without numbers that two rows with as many cells follow; or a comment right before the first row of numbers,
+    with as many names as the row has cells. ``sep=;`` in the first line names the separator.
+
+    Raises:
+        LogFormatError: The file is empty, holds only comments, or a line is too long for a table.
+    """
+    lines, comment, stated = _first_lines(path)
+    first = lines[0]
+    delimiter = _delimiter([line.text for line in lines], decimal, stated)
+    names = _names(first.text, delimiter)
+    if comment is not None and all(_is_number(name, decimal) for name in names):
+        inside = _names(comment.text.lstrip("#%"), _delimiter([comment.text.lstrip("#%")], decimal, stated))
+        if len(inside) == len(names) and not any(_is_number(name, decimal) for name in inside):
+            note = ", its header in a comment"
+            return Layout(comment.number, inside, delimiter, first.number - 1, comment.text, note)
+    shown = comment.text if comment is not None else ""
+    alike = sum(len(cells_of(line.text, delimiter)) == len(names) for line in lines)
+    if len(names) == 1 or 2 * alike < len(lines):
+        for k in range(1, len(lines) - 2):
+            found = _header_at(lines[k : k + 3], decimal, stated)
+            if found is not None:
+                number = lines[k].number
+                note = f", {k} lines before the header passed over"
+                return Layout(number, *found, number, shown, note)
+    return Layout(first.number, names, delimiter, first.number, shown)
+
+
+def cells_of(text: str, delimiter: str | None) -> list[str]:
+    """Return the cells of one line, quotes taken off."""
+    if '"' not in text:
+        return text.split(delimiter)
+    plain = text if delimiter is not None else " ".join(text.split())
+    try:
+        return next(csv.reader([plain], delimiter=delimiter or " "))
+    except csv.Error:  # a cell of more than 131072 characters
+        return text.split(delimiter)
+
+
+def _header_at(lines: Sequence[_Line], decimal: str, stated: str | None) -> tuple[tuple[str, ...], str | None] | None:
+    """Return names and delimiter where the first of three lines is the header of the two others."""
+    texts = [line.text for line in lines]
+    delimiter = _delimiter(texts, decimal, stated)
+    names, *rows = (_names(text, delimiter) for text in texts)
+    if len(names) < 2 or any(len(row) != len(names) for row in rows):
+        return None
+    if any(_is_number(name, decimal) for name in names) or not all(_is_number(row[0], decimal) for row in rows):
+        return None
+    return names, delimiter
+
+
+def _delimiter(texts: Sequence[str], decimal: str, stated: str | None) -> str | None:
+    """Return the separator that gives most cells of those under which the next row has as many; else the first."""
+    if stated is not None:
+        return stated
+    header, *others = texts
+    there = [sign for sign in DELIMITERS if sign is None or (sign in header and sign != decimal)]
+    counts = {sign: len(cells_of(header, sign)) for sign in there}
+    fitting = [sign for sign in there if others and 1 < counts[sign] == len(cells_of(others[0], sign))]
+    return max(fitting, key=counts.__getitem__) if fitting else there[0]
+
+
+def _names(text: str, delimiter: str | None) -> tuple[str, ...]:
+    return tuple(name.strip() for name in cells_of(text, delimiter))
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    return NUMBER.fullmatch(cell if decimal == "." else cell.replace(",", ".")) is not None
+
+
+def _first_lines(path: str | Path) -> tuple[list[_Line], _Line | None, str | None]:
+    """Return the first lines that are no comments, the comment before the first, and the separator that is stated."""
+    found: list[_Line] = []
+    comment: _Line | None = None
+    stated: str | None = None
+    with open(path, encoding=ENCODING) as stream:
+        number = 0
+        while len(found) < _SEARCHED and (line := stream.readline(_MAX_LINE)):
+            number += 1
+            if len(line) >= _MAX_LINE:
+                if found:
+                    break
+                raise LogFormatError(path, number, f"a line of more than {_MAX_LINE} characters", "is it a table?")
+            text = line.strip()
+            if number == 1 and (named := _SEPARATOR.fullmatch(line.rstrip("\r\n"))) and named[1] in DELIMITERS:
+                stated = named[1]
+            elif text.startswith("#"):
+                comment = comment if found else _Line(number, text)
+            elif text:
+                found.append(_Line(number, line.partition("#")[0].rstrip("\r\n") if found else line.rstrip("\r\n")))
+    if found:
+        return found, comment, stated
+    if comment is not None:
+        raise LogFormatError(path, None, "only comments", "give a header row and rows of numbers")
+    raise LogFormatError(path, None, "the file is empty", "record the log again")

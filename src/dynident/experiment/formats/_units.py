@@ -1,0 +1,128 @@
+"""Units of the columns of a log, and how their values become SI values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import BadOption, UnknownChoice
+
+_TURN = (math.pi, 180.0)
+_MILLI = (1.0, 1e3)
+
+#: The factor of a unit that is SI.
+ONE = (1.0, 1.0)
+
+#: Units that are shares of the rated torque of a joint.
+RATED = frozenset(("percent", "permille"))
+
+#: Per quantity, unit word -> ((numerator, denominator) to SI, kind of joint it belongs to; empty for any).
+UNITS: dict[str, dict[str, tuple[tuple[float, float], str]]] = {
+    "time": {"s": (ONE, ""), "ms": (_MILLI, ""), "us": ((1.0, 1e6), ""), "ns": ((1.0, 1e9), "")},
+    "position": {
+        "SI": (ONE, ""),
+        "rad": (ONE, "revolute"),
+        "deg": (_TURN, "revolute"),
+        "m": (ONE, "prismatic"),
+        "mm": (_MILLI, "prismatic"),
+    },
+    "velocity": {
+        "SI": (ONE, ""),
+        "rad/s": (ONE, "revolute"),
+        "deg/s": (_TURN, "revolute"),
+        "m/s": (ONE, "prismatic"),
+        "mm/s": (_MILLI, "prismatic"),
+    },
+    "acceleration": {
+        "SI": (ONE, ""),
+        "rad/s^2": (ONE, "revolute"),
+        "deg/s^2": (_TURN, "revolute"),
+        "m/s^2": (ONE, "prismatic"),
+        "mm/s^2": (_MILLI, "prismatic"),
+    },
+    "torque": {
+        "SI": (ONE, ""),
+        "N m": (ONE, "revolute"),
+        "mN m": (_MILLI, "revolute"),
+        "N": (ONE, "prismatic"),
+        "percent": ((1.0, 100.0), ""),
+        "permille": (_MILLI, ""),
+    },
+    "current": {"A": (ONE, ""), "mA": (_MILLI, "")},
+    "temperature": {"degC": (ONE, "")},
+}
+
+#: The quantity of each signal, by the field of the log.
+QUANTITY = {
+    "q": "position",
+    "dq": "velocity",
+    "ddq": "acceleration",
+    "torque": "torque",
+    "current": "current",
+    "raw_torque": "torque",
+    "temperature": "temperature",
+    "q_ref": "position",
+    "dq_ref": "velocity",
+}
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of the columns: one word for all joints or one per joint; nothing is ever converted on a guess.
+
+    The word ``"SI"`` stands for rad or m (and what follows from it), as the joint moves.
+
+    Attributes:
+        time: s, ms, us or ns.
+        position: SI, rad, deg, m or mm.
+        velocity: SI, rad/s, deg/s, m/s or mm/s.
+        acceleration: SI, rad/s^2, deg/s^2, m/s^2 or mm/s^2.
+        torque: SI, N m, mN m, N, or percent or permille of the rated torque; of filtered and unfiltered torques.
+        current: A or mA.
+
+    Raises:
+        UnknownChoice: A word that is not listed.
+    """
+
+    time: str = "s"
+    position: str | tuple[str, ...] = "SI"
+    velocity: str | tuple[str, ...] = "SI"
+    acceleration: str | tuple[str, ...] = "SI"
+    torque: str | tuple[str, ...] = "SI"
+    current: str | tuple[str, ...] = "A"
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            words = getattr(self, f.name)
+            if not isinstance(words, str):
+                words = tuple(words)
+                object.__setattr__(self, f.name, words)
+            for word in (words,) if isinstance(words, str) else words:
+                if word not in UNITS[f.name]:
+                    raise UnknownChoice(f"unit of {f.name}", str(word), list(UNITS[f.name]))
+        if not isinstance(self.time, str):
+            raise BadOption("units.time", self.time, "give one unit")
+
+    def of(self, quantity: str, joints: int) -> tuple[str, ...]:
+        """Return the unit of a quantity for each of the joints.
+
+        Raises:
+            BadOption: One unit per joint was given, for another number of joints.
+        """
+        words = getattr(self, quantity, "degC")
+        if isinstance(words, str):
+            return (words,) * joints
+        if len(words) != joints:
+            raise BadOption(f"units.{quantity}", list(words), f"give one unit, or one for each of the {joints} joints")
+        return words
+
+
+def converted(values: Array, quantity: str, words: Sequence[str]) -> Array:
+    """Return values, shape (N, k), of a quantity in SI units, from one unit per column."""
+    factors = np.array([UNITS[quantity][word][0] for word in words])
+    # Multiplied and divided: 3 ms is then exactly the double nearest to 0.003 s.
+    return values if np.all(factors == 1.0) else values * factors[:, 0] / factors[:, 1]

@@ -1,0 +1,101 @@
+"""Logs as NumPy archives: vectors and arrays (N, n) by name."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, ClassVar
+
+import numpy as np
+from numpy.lib import format as npy
+
+from dynident.arrays import Array
+from dynident.errors import LogFormatError
+from dynident.experiment.formats._arrays import ArrayTable, checked_file, columns_of
+from dynident.experiment.formats._table import MAX_CELLS
+from dynident.experiment.formats.base import NUMBERED, LogFormat, written_table
+from dynident.experiment.log import Log
+from dynident.files import write_atomically
+
+_STEP = "write it with numpy.savez(path, t=t, q=q, tau=tau)"
+_MAX_BYTES = 8 * MAX_CELLS
+_MAX_MEMBERS = 4096
+
+
+@dataclass(frozen=True)
+class Npz(LogFormat):
+    """NumPy archive (numpy.savez): t (N,), q (N, n), tau (N, n); the columns of an array q are called q1, ..., qn.
+
+    Objects and pickles are refused, and so are archives that unpack to more than they should.
+    """
+
+    suffixes: ClassVar = (".npz",)
+
+    def open(self, path: str | Path) -> ArrayTable:
+        """Return the table; see :meth:`LogFormat.open`."""
+        digest = checked_file(path, _MAX_BYTES)
+        try:
+            with zipfile.ZipFile(path) as archive:
+                members = archive.infolist()
+                if len(members) > _MAX_MEMBERS or sum(member.file_size for member in members) > _MAX_BYTES:
+                    raise LogFormatError(path, None, "it unpacks to more than is read at once", "split it")
+                shapes = {}
+                for member in members:
+                    shape = _shape(path, archive, member)
+                    if shape is not None:
+                        shapes[member.filename.removesuffix(".npy")] = shape
+        except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zipfile.zlib.error) as error:  # type: ignore[attr-defined]
+            raise LogFormatError(path, None, f"no NumPy archive ({error})", _STEP) from error
+        places = columns_of(path, shapes, number_vectors=True)
+        return ArrayTable(
+            path=str(path),
+            sha256=digest,
+            header=tuple(places),
+            how="NumPy archive",
+            places=places,
+            load=lambda name: _load(path, name),
+        )
+
+    def write(self, log: Log, path: str | Path) -> None:
+        """Write t (N,) and one array (N, n) per signal; see :meth:`LogFormat.write`."""
+        written_table(log)  # refuses what is not finite
+        arrays = {NUMBERED[name]: values for name, values in log.signals().items()}
+        content = io.BytesIO()
+        np.savez_compressed(content, t=log.time, **arrays)  # type: ignore[arg-type]
+        write_atomically(path, content.getvalue())
+
+
+def _shape(path: str | Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...] | None:
+    """Return the shape of a member of real numbers; None for others. The header must agree with the size."""
+    if not member.filename.endswith(".npy"):
+        return None
+    try:
+        with archive.open(member) as stream:
+            shape, _, kind = _npy_header(stream)
+            start = stream.tell()
+    except ValueError as error:
+        raise LogFormatError(path, None, f"'{member.filename}' is no array ({error})", _STEP) from error
+    if kind.hasobject:
+        raise LogFormatError(path, None, f"'{member.filename}' holds Python objects", "save plain arrays of numbers")
+    if kind.kind not in "fiub":
+        return None
+    if start + int(np.prod(shape, dtype=object)) * kind.itemsize != member.file_size:
+        evidence = f"'{member.filename}' says it has the shape {shape} but not as many bytes"
+        raise LogFormatError(path, None, evidence, _STEP)
+    return shape
+
+
+def _npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
+    version = npy.read_magic(stream)
+    if version == (1, 0):
+        return npy.read_array_header_1_0(stream)
+    if version == (2, 0):
+        return npy.read_array_header_2_0(stream)
+    raise ValueError(f"a header of version {version}")
+
+
+def _load(path: str | Path, name: str) -> Array:
+    with np.load(path, allow_pickle=False) as archive:
+        return archive[name]
