@@ -7,7 +7,8 @@ next step. The command line prints the message on one line and exits with 1.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 
 def nearest(word: str, choices: Iterable[str]) -> str:
@@ -18,6 +19,15 @@ def nearest(word: str, choices: Iterable[str]) -> str:
 
 class DynidentError(Exception):
     """Base of every error that a user can act on."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (type(self), str(self), vars(self))  # an error may come from another process
+
+
+def _restored(kind: type[DynidentError], text: str, facts: Mapping[str, Any]) -> DynidentError:
+    error = kind.__new__(kind, text)
+    error.__dict__.update(facts)
+    return error
 
 
 class UnknownChoice(DynidentError):
@@ -94,12 +104,28 @@ class NotConsistent(DynidentError):
         super().__init__(f"{owner} is not physically consistent: {evidence}; {step}")
 
 
+class ContradictoryConstraints(DynidentError):
+    """Conditions stated for a robot that no robot can meet together; ``evidence`` names those that clash."""
+
+    def __init__(self, evidence: str, step: str) -> None:
+        self.evidence, self.step = evidence, step
+        super().__init__(f"no robot meets all constraints: {evidence}; {step}")
+
+
 class SolverFailed(DynidentError):
     """A numerical solver that did not reach a checked solution."""
 
     def __init__(self, solver: str, evidence: str, step: str) -> None:
         self.solver, self.evidence, self.step = solver, evidence, step
         super().__init__(f"{solver} found no solution: {evidence}; {step}")
+
+
+class InfeasibleTrajectory(DynidentError):
+    """Limits of a motion that cannot be kept together; ``bound`` names the worst of them, such as torque of joint2."""
+
+    def __init__(self, bound: str, evidence: str, step: str) -> None:
+        self.bound, self.evidence, self.step = bound, evidence, step
+        super().__init__(f"no motion keeps the limits, above all {bound}: {evidence}; {step}")
 
 
 class EstimateFormatError(DynidentError):

@@ -92,7 +92,9 @@ class Family(Generic[Part]):
         part = self.get(name)
         if not is_dataclass(part):
             return ()
-        texts = _attribute_lines(inspect.getdoc(part) or "")
+        texts: dict[str, str] = {}
+        for kind in reversed(part.__mro__):  # options that parts share are described where they come from
+            texts |= _attribute_lines(inspect.getdoc(kind) or "")
         return tuple(
             Option(f.name, str(f.type), None if f.default is MISSING else f.default, texts.get(f.name, ""))
             for f in fields(part)
@@ -147,7 +149,8 @@ def _from_text(name: str, kind: str, text: str | None) -> Any:
         if kind.startswith("float"):
             return float(word)
         if kind.startswith("tuple"):
-            return tuple(float(item) for item in word.strip("[]()").split(","))
+            items = [item.strip() for item in word.strip("[]()").split(",")]
+            return tuple(filter(None, items)) if kind.startswith("tuple[str") else tuple(map(float, items))
     except ValueError:
         raise BadOption(name, text, f"write a value of the kind {kind}") from None
     return word

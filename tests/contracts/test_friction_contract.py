@@ -67,19 +67,30 @@ def test_columns_are_a_pure_function(part: Friction, motion: Motion) -> None:
 
 
 def test_nonnegative_friction_never_drives(part: Friction, motion: Motion) -> None:
-    """A coefficient >= 0 takes energy out (a rotor's inertia, in kg, only stores it) and none while standing."""
-    found = part.columns(motion)
-    for k, coefficient in enumerate(part.coefficients):
-        if coefficient.nonnegative and not coefficient.unit.startswith("kg"):
-            assert np.all(found[..., k] * motion.dq >= 0)
-            np.testing.assert_array_equal(found[0, :, k], 0.0)
-            turned = replace(motion, dq=-motion.dq)
-            np.testing.assert_array_equal(np.sign(part.columns(turned)[..., k]), -np.sign(found[..., k]))
+    """A coefficient >= 0 takes energy out (a rotor's inertia, in kg, only stores it) and none while standing.
+
+    With equal coefficients the motion back is braked like the motion forth.
+    """
+    found, turned = part.columns(motion), part.columns(replace(motion, dq=-motion.dq))
+    brakes = [c.nonnegative and not c.unit.startswith("kg") for c in part.coefficients]
+    assert np.all(found[..., brakes] * motion.dq[..., None] >= 0)
+    np.testing.assert_array_equal(found[0][:, brakes], 0.0)
+    assert np.all(turned[..., brakes] * motion.dq[..., None] <= 0)
+    np.testing.assert_allclose(turned[..., brakes].sum(axis=-1), -found[..., brakes].sum(axis=-1))
 
 
 def test_units_go_with_the_kind_of_joint(part: Friction) -> None:
     """Torque becomes force where a joint slides: every unit of an angle loses its m or its rad."""
-    pairs = {("N m", "N"), ("N m s/rad", "N s/m"), ("kg m^2", "kg"), ("N m s^2/rad^2", "N s^2/m^2"), ("1", "1")}
+    pairs = {
+        ("N m", "N"),
+        ("N m s/rad", "N s/m"),
+        ("kg m^2", "kg"),
+        ("N m s^2/rad^2", "N s^2/m^2"),
+        ("N m s^3/rad^3", "N s^3/m^3"),
+        ("N m/K", "N/K"),
+        ("N m s/(rad K)", "N s/(m K)"),
+        ("1", "1"),
+    }
     assert all((c.unit, c.linear_unit) in pairs for c in part.coefficients)
 
 

@@ -10,10 +10,17 @@ from hypothesis.extra.numpy import arrays
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.model.friction import FRICTION, Motion
+from dynident.model.friction import FRICTION, Friction, Motion
+from dynident.model.friction.asymmetric import Asymmetric
 from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.degressive import Degressive
+from dynident.model.friction.load import Load
 from dynident.model.friction.offset import Offset
+from dynident.model.friction.periodic import Periodic
+from dynident.model.friction.polynomial import Polynomial
 from dynident.model.friction.rotor_inertia import RotorInertia
+from dynident.model.friction.stribeck import Stribeck
+from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
 
 SIGNAL = arrays(float, (4, 2), elements=st.floats(-5, 5))
@@ -80,3 +87,70 @@ def test_motors_see_the_coupled_speed_and_do_the_same_work(dq: Array, torque: Ar
         assert at_motors.torque[row] @ at_motors.dq[row] == pytest.approx(torque[row] @ dq[row], abs=1e-9)
     np.testing.assert_array_equal(at_motors.temperature, torque)
     assert motion(dq).at_motors(coupling).torque is None
+
+
+@given(SIGNAL, st.floats(0.05, 1.0), st.floats(0.5, 2.0))
+def test_stribeck_fades_with_speed(dq: Array, velocity: float, exponent: float) -> None:
+    part = Stribeck(velocity, exponent, width=0.01)
+    expected = np.tanh(dq / 0.01) * np.exp(-((np.abs(dq) / velocity) ** exponent))
+    np.testing.assert_allclose(part.columns(motion(dq))[..., 0], expected, atol=1e-15)
+    at = part.columns(motion(np.array([[0.2, velocity]])))[0, :, 0] if velocity > 0.2 else None
+    assert at is None or (at[0] > at[1] and at[1] == pytest.approx(np.exp(-1.0)))
+
+
+@given(SIGNAL)
+def test_powers_of_the_speed(dq: Array) -> None:
+    moved = motion(dq)
+    np.testing.assert_allclose(Polynomial().columns(moved), np.stack([np.abs(dq) * dq, dq**3], axis=-1))
+    far = np.where(np.abs(dq) < 1.0, 1.0, dq)
+    root = Degressive(width=1e-4).columns(motion(far))[..., 0]
+    np.testing.assert_allclose(root, np.sign(far) * np.sqrt(np.abs(far)), rtol=1e-7)
+
+
+def test_degressive_friction_is_a_straight_line_near_standstill() -> None:
+    part = Degressive(exponent=0.5, width=0.1)
+    slow = np.array([[1e-4, -2e-4]])
+    np.testing.assert_allclose(part.columns(motion(slow))[..., 0], slow / np.sqrt(0.1), rtol=1e-5)
+
+
+@given(SIGNAL)
+def test_two_directions_with_one_level_are_coulomb_friction(dq: Array) -> None:
+    found = Asymmetric(0.05).columns(motion(dq))
+    np.testing.assert_allclose(found.sum(axis=-1), Coulomb(0.05).columns(motion(dq))[..., 0])
+    assert np.all(found[..., 0] >= 0) and np.all(found[..., 1] <= 0)
+
+
+@given(SIGNAL, SIGNAL)
+def test_load_is_coulomb_friction_times_the_torque(dq: Array, torque: Array) -> None:
+    found = Load(0.05).columns(Motion(dq, dq, dq, torque=torque))
+    np.testing.assert_allclose(found, np.abs(torque)[..., None] * Coulomb(0.05).columns(motion(dq)))
+
+
+@given(SIGNAL, st.floats(0.5, 100.0))
+def test_ripple_repeats_after_a_cycle(q: Array, cycles: float) -> None:
+    rest = np.zeros_like(q)
+    one, next_one = (Periodic(cycles).columns(Motion(at, rest, rest)) for at in (q, q + 2 * np.pi / cycles))
+    np.testing.assert_allclose(one, next_one, atol=1e-11 * (1 + 10 * cycles))
+    np.testing.assert_allclose(one[..., 0] ** 2 + one[..., 1] ** 2, 1.0)
+
+
+@given(SIGNAL, SIGNAL)
+def test_temperature_scales_dry_and_viscous_friction(dq: Array, temperature: Array) -> None:
+    part = Temperature(reference=20.0, width=0.03)
+    found = part.columns(Motion(dq, dq, dq, temperature=20.0 + temperature))
+    np.testing.assert_allclose(found[..., 0], temperature * np.tanh(dq / 0.03), atol=1e-12)
+    np.testing.assert_allclose(found[..., 1], temperature * dq, atol=1e-12)
+
+
+@pytest.mark.parametrize(("part", "missing"), [(Load(), "rigid bodies"), (Temperature(), "temperatures")])
+def test_a_signal_that_is_not_there_is_named(part: Friction, missing: str) -> None:
+    with pytest.raises(BadOption, match=missing):
+        part.columns(motion(np.ones((2, 1))))
+
+
+def test_a_motion_of_some_rows_and_drives() -> None:
+    signals = np.random.default_rng(0).normal(size=(5, 6, 3))
+    whole = Motion(*signals)
+    np.testing.assert_array_equal(whole.of_drives([2, 0]).ddq, signals[2][:, [2, 0]])
+    np.testing.assert_array_equal(whole.rows(slice(1, 4)).temperature, signals[4][1:4])
+    assert motion(signals[0]).of_drives([1]).torque is None

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from dynident.arrays import Array
-from dynident.errors import BadOption
+from dynident.arrays import Array, IntArray, frozen
+from dynident.errors import BadOption, UnknownChoice
 from dynident.model.friction import FRICTION, Friction, Motion
 from dynident.model.kernels import batched
 from dynident.model.parameters import Parameter, inertial_parameters
@@ -20,7 +21,8 @@ class DynamicModel:
     """tau = Y(q, dq, ddq) theta, equations (4) and (6): inertial columns, then the friction of each drive.
 
     Motor friction and rotor inertia act at motor speed: with motor speed C dq they give C' f(C dq) at the joints.
-    The known rotor inertia of the drives is not a column; :meth:`known_torque` gives its torque.
+    The known rotor inertia and bias of the drives are no columns; :meth:`known_torque` gives their torque. Torque
+    without friction, on which friction may depend, is that of all inertias: links and rotors, identified and known.
 
     Attributes:
         robot: The robot.
@@ -36,11 +38,18 @@ class DynamicModel:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "friction", tuple(FRICTION.make(part) for part in self.friction))
-        symbols = [c.symbol for part in self.friction for c in part.coefficients]
-        if len(set(symbols)) != len(symbols):
-            twice = next(symbol for symbol in symbols if symbols.count(symbol) > 1)
-            names = [FRICTION.name_of(part) for part in self.friction]
-            raise BadOption("friction", names, f"the coefficient {twice} is there twice; keep one of its parts")
+        names = self.robot.joint_names
+        for name in (name for part in self.friction for name in part.joints or ()):
+            if name not in names:
+                raise UnknownChoice("joint", name, names)
+        owned = [
+            (names[j], c.symbol) for part in self.friction for j in self.drives_of(part) for c in part.coefficients
+        ]
+        if len(set(owned)) != len(owned):
+            joint, symbol = next(owner for owner in owned if owned.count(owner) > 1)
+            parts = [FRICTION.name_of(part) for part in self.friction]
+            on = "" if all(part.joints is None for part in self.friction) else f" on {joint}"
+            raise BadOption("friction", parts, f"the coefficient {symbol} is there twice{on}; keep one of its parts")
 
     @property
     def inertial_count(self) -> int:
@@ -50,45 +59,124 @@ class DynamicModel:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The p standard parameters: ten per link, then all friction coefficients joint by joint."""
+        each = [c for part in self.friction for c in part.coefficients]
+        joints = self.robot.active
         friction = tuple(
             Parameter(c.symbol, joint.name, c.unit if joint.kind == "revolute" else c.linear_unit, c.nonnegative)
-            for joint in self.robot.active
-            for part in self.friction
-            for c in part.coefficients
+            for joint, c in ((joints[j], each[k]) for j, k in zip(*self.terms, strict=True))
         )
         return inertial_parameters(self.robot) + friction
 
     @property
     def coefficients_per_joint(self) -> int:
-        """Number of friction coefficients of one joint, k."""
+        """Number of friction columns that a drive has at most, k: those of all parts."""
         return sum(len(part.coefficients) for part in self.friction)
 
+    def drives_of(self, part: Friction) -> tuple[int, ...]:
+        """Return the drives that a friction part acts on."""
+        names = self.robot.joint_names
+        return tuple(range(len(names))) if part.joints is None else tuple(names.index(name) for name in part.joints)
+
+    @cached_property
+    def terms(self) -> tuple[IntArray, IntArray]:
+        """Drive, and column among the k of :meth:`friction_values`, of each friction coefficient in theta, (p - 10 l,).
+
+        All k on every joint, joint by joint, where no part is for some joints only.
+        """
+        acts = [np.isin(np.arange(self.robot.dof), self.drives_of(part)) for part in self.friction]
+        table = [row for row, part in zip(acts, self.friction, strict=True) for _ in part.coefficients]
+        drive, column = np.nonzero(np.array(table, dtype=bool).reshape(-1, self.robot.dof).T)
+        return drive.astype(np.int64), column.astype(np.int64)
+
+    def coefficient_table(self, theta: Array) -> Array:
+        """Return the friction coefficients in standard parameters (p,) by drive and column, (n, k); 0 where none is."""
+        table = np.zeros((self.robot.dof, self.coefficients_per_joint))
+        drive, column = self.terms
+        table[drive, column] = frozen(theta, (self.inertial_count + len(drive),), "theta")[self.inertial_count :]
+        return table
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """Signals beyond the motion that friction depends on: ``torque``, ``temperature``."""
+        return frozenset(name for part in self.friction for name in part.needs)
+
     def friction_values(self, motion: Motion) -> Array:
-        """Return the value of every friction column at its own drive, shape (N, n, k)."""
-        at_motors = motion.at_motors(np.asarray(self.robot.coupling)) if self.robot.is_coupled else motion
-        blocks = [part.columns(at_motors) for part in self.friction]
-        samples, joints = motion.dq.shape
-        return np.concatenate(blocks, axis=-1) if blocks else np.zeros((samples, joints, 0))
+        """Return the value of every friction column at its own drive, shape (N, n, k); 0 where a part does not act.
+
+        Raises:
+            BadOption: A part needs a torque or a temperature that the motion has not.
+        """
+        return self._at_motors(motion, lambda part, at: (part.columns(at),))[0]
+
+    def friction_slopes(self, motion: Motion) -> tuple[Array, Array, Array]:
+        """Return the derivatives of :meth:`friction_values` by q, dq and ddq of the drive, each (N, n, k)."""
+        by_q, by_dq, by_ddq = self._at_motors(motion, lambda part, at: part.derivatives(at), 3)
+        return by_q, by_dq, by_ddq
+
+    def _at_motors(
+        self, motion: Motion, values: Callable[[Friction, Motion], tuple[Array, ...]], count: int = 1
+    ) -> Sequence[Array]:
+        """Return ``count`` arrays (N, n, k) of what each part has at the drives that it acts on."""
+        at = motion.at_motors(np.asarray(self.robot.coupling)) if self.robot.is_coupled else motion
+        found = [np.zeros((*motion.dq.shape, self.coefficients_per_joint)) for _ in range(count)]
+        start = 0
+        for part in self.friction:
+            own = slice(start, start + len(part.coefficients))
+            start = own.stop
+            drives = self.drives_of(part)
+            for block, value in zip(
+                found, values(part, at if part.joints is None else at.of_drives(drives)), strict=True
+            ):
+                block[:, drives, own] = value
+        return found
 
     def regressor(self, motion: Motion) -> Array:
-        """Return Y, shape (N, n, p)."""
+        """Return Y, shape (N, n, p).
+
+        Raises:
+            BadOption: A part needs a torque or a temperature that the motion has not.
+        """
         inertial = batched.torque_regressor(self.robot.chain, motion.q, motion.dq, motion.ddq)
-        values = self.friction_values(motion)
+        drive, column = self.terms
         # Row i of the friction block of drive j is C[j, i] times the column's value at the drive.
-        block = np.einsum("ji,sjk->sijk", np.asarray(self.robot.coupling), values)
-        return np.concatenate([inertial, block.reshape(*inertial.shape[:2], -1)], axis=-1)
+        block = self.friction_values(motion)[:, None, drive, column] * np.asarray(self.robot.coupling)[drive].T
+        return np.concatenate([inertial, block], axis=-1)
 
     def torque(self, motion: Motion, theta: Array) -> Array:
-        """Return Y theta and the known rotor torque, shape (N, n), in N m or N."""
-        inertial, friction = np.split(np.asarray(theta, dtype=float), [self.inertial_count])
-        rigid = batched.inverse_dynamics(self.robot.chain, inertial, motion.q, motion.dq, motion.ddq)
-        coefficients = friction.reshape(self.robot.dof, self.coefficients_per_joint)
-        at_drives = np.einsum("sjk,jk->sj", self.friction_values(motion), coefficients)
+        """Return Y theta and the known rotor torque, shape (N, n), in N m or N.
+
+        Where friction depends on the load and the motion does not state its torque, it is that of theta itself.
+        """
+        table = self.coefficient_table(theta)
+        own, rigid = self._loaded(motion, theta)
+        at_drives = np.einsum("sjk,jk->sj", self.friction_values(own), table)
         return rigid + at_drives @ np.asarray(self.robot.coupling) + self.known_torque(motion)
 
+    def loaded(self, motion: Motion, theta: Array) -> Motion:
+        """Return the motion with the torque of theta without friction, where friction asks for it and it has none."""
+        return self._loaded(motion, theta)[0]
+
+    def _loaded(self, motion: Motion, theta: Array) -> tuple[Motion, Array]:
+        """Return also the torque of the rigid bodies, shape (N, n)."""
+        inertial = np.asarray(theta, dtype=float)[: self.inertial_count]
+        rigid = batched.inverse_dynamics(self.robot.chain, inertial, motion.q, motion.dq, motion.ddq)
+        if "torque" not in self.needs or motion.torque is not None:
+            return motion, rigid
+        return replace(motion, torque=rigid + self.rotor_torque(motion, self.rotors(theta))), rigid
+
+    def rotor_torque(self, motion: Motion, identified: Array) -> Array:
+        """Return the torque of the rotors at the joints: known inertias and identified ones (n,), shape (N, n)."""
+        coupling = np.asarray(self.robot.coupling)
+        return motion.ddq @ self.robot.reflected_inertia + (motion.ddq @ coupling.T * identified) @ coupling
+
+    def rotors(self, theta: Array) -> Array:
+        """Return the identified rotor inertia of each drive, shape (n,), in kg m^2 or kg; 0 where none is."""
+        is_inertia = [c.unit.startswith("kg") for part in self.friction for c in part.coefficients]
+        return self.coefficient_table(theta) @ np.array(is_inertia, dtype=float)
+
     def known_torque(self, motion: Motion) -> Array:
-        """Return the torque of the known rotor inertias, which is compensated and not identified, shape (N, n)."""
-        return motion.ddq @ self.robot.reflected_inertia
+        """Return the torque of the known rotor inertias less the drives' bias, shape (N, n): not identified."""
+        return motion.ddq @ self.robot.reflected_inertia - self.robot.bias
 
     def nominal(self) -> Array | None:
         """Return theta of the description, shape (p,), with its damping and friction; None where links lack inertias.
@@ -107,9 +195,15 @@ class DynamicModel:
         return np.concatenate([inertial, tail])
 
     def random_motion(self, samples: int, seed: int = 0) -> Motion:
-        """Return random states, limits left aside: any turn, +-1 m, 3 rad/s, 10 rad/s^2 (the rank is the same)."""
+        """Return random states, limits left aside: any turn, +-1 m, 3 rad/s, 10 rad/s^2 (the rank is the same).
+
+        Torques and temperatures are random as well where friction depends on them: no column follows from another.
+        """
         generator = np.random.default_rng(seed)
         reach = np.array([np.pi if joint.kind == "revolute" else 1.0 for joint in self.robot.active])
         shape = (samples, self.robot.dof)
         q = reach * generator.uniform(-1, 1, shape)
-        return Motion(q, generator.uniform(-3, 3, shape), generator.uniform(-10, 10, shape))
+        motion = Motion(q, generator.uniform(-3, 3, shape), generator.uniform(-10, 10, shape))
+        torque = generator.normal(0.0, 10.0, shape) if "torque" in self.needs else None
+        temperature = generator.uniform(10.0, 60.0, shape) if "temperature" in self.needs else None
+        return replace(motion, torque=torque, temperature=temperature)

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from threadpoolctl import threadpool_limits
 
 from dynident.arrays import Array, IntArray, frozen
+from dynident.model.threads import one_blas_thread
 
 # Householder QR of LAPACK, plain and of a triangle over new rows; they have no type stubs.
 _GEQRF: Any = scipy.linalg.get_lapack_funcs("geqrf", dtype=np.float64)
@@ -77,7 +77,7 @@ class Triangle:
     def merged(self, others: Iterable[Triangle]) -> Triangle:
         """Return the triangle of all rows of this and the others, which have the same columns."""
         parts = [self, *others]
-        with threadpool_limits(1, user_api="blas"):
+        with one_blas_thread():
             factor = triangle_of(np.concatenate([part.factor for part in parts]))
         return Triangle(self.columns, factor, sum(part.rows for part in parts))
 
@@ -126,7 +126,7 @@ def reduce(triangles: Sequence[Triangle], size: int, weights: Sequence[float] | 
         rows = slice(row, row + len(triangle.factor))
         stacked[rows, np.append(triangle.columns, size)] = weight * triangle.factor
         row = rows.stop
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         factor = triangle_of(stacked)
     return Reduced(factor[:size, :size], factor[:size, size], float(factor[size, size] ** 2), _rows(triangles))
 

@@ -10,11 +10,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from dynident.arrays import Array, IntArray, frozen
+from dynident.arrays import Array, frozen
 from dynident.errors import BadOption, UnknownChoice
+from dynident.model.chain import PRISMATIC, REVOLUTE, Chain
 from dynident.model.inertia import Inertia, skew
+from dynident.model.shapes import Shape
 
-REVOLUTE, PRISMATIC = 0, 1
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 
@@ -56,11 +57,14 @@ class Drive:
         gear_ratio: Turns of the motor per turn of the joint; negative for a reversing gear.
         rotor_inertia: Known inertia of the rotor at the motor, in kg m^2; its torque is compensated, not identified.
         gain: Joint torque per unit of motor current (16), in N m/A; None where no current is logged.
+        bias: Known constant torque that something else than the drive gives (a spring, a counterweight, a controller
+            that leaves weight out of its log), in N m or N: torque of the log + bias = torque of the bodies.
     """
 
     gear_ratio: float = 1.0
     rotor_inertia: float = 0.0
     gain: float | None = None
+    bias: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.gear_ratio) and self.gear_ratio != 0):
@@ -69,6 +73,8 @@ class Drive:
             raise ValueError(f"the rotor inertia is {self.rotor_inertia:g}")
         if self.gain is not None and not (np.isfinite(self.gain) and self.gain != 0):
             raise ValueError(f"the gain is {self.gain:g}")
+        if not np.isfinite(self.bias):
+            raise ValueError(f"the bias is {self.bias:g}")
 
     @property
     def reflected_inertia(self) -> float:
@@ -141,11 +147,13 @@ class Link:
         name: Name of the link whose frame is used.
         inertia: Nominal inertia of the description, with its fixed links; None where it states none.
         fixed: Names of the links merged into it.
+        shapes: The space it takes up, with its fixed links, in its frame; empty where the description states none.
     """
 
     name: str
     inertia: Inertia | None = None
     fixed: tuple[str, ...] = ()
+    shapes: tuple[Shape, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -162,45 +170,6 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Chain:
-    """The robot as flat arrays, the only thing the kernels know. l links, n joints that move on their own.
-
-    Attributes:
-        parent: Parent link of each link, -1 the base, shape (l,); a parent comes before its children.
-        kind: 0 revolute, 1 prismatic, shape (l,).
-        rotation: Orientation in the parent at q = 0, shape (l, 3, 3).
-        translation: Position in the parent at q = 0, shape (l, 3), in m.
-        axis: Unit axis in the link frame, shape (l, 3).
-        joint: Column of q that moves each link, shape (l,).
-        multiplier: Link position = multiplier * q[joint] + offset, shape (l,); 1 but for mimic joints.
-        offset: See multiplier, shape (l,).
-        gravity: Gravity in the base frame, shape (3,), in m/s^2.
-        joints: n.
-    """
-
-    parent: IntArray
-    kind: IntArray
-    rotation: Array
-    translation: Array
-    axis: Array
-    joint: IntArray
-    multiplier: Array
-    offset: Array
-    gravity: Array
-    joints: int
-
-    @property
-    def links(self) -> int:
-        """Number of moving links, l."""
-        return len(self.parent)
-
-    @property
-    def has_mimic(self) -> bool:
-        """Whether two links share a joint or a joint scales its link."""
-        return self.links != self.joints or bool(np.any(self.multiplier != 1.0) or np.any(self.offset != 0.0))
-
-
-@dataclass(frozen=True)
 class Robot:
     """A tree of moving links; link i is moved by joint i; a parent stands before its children.
 
@@ -214,6 +183,7 @@ class Robot:
         tool: Name of the frame in ``frames`` that tool paths show; empty for the last link's frame.
         coupling: Motor speed = coupling @ joint speed, shape (n, n); identity where each motor moves one joint.
         note: Where the numbers come from.
+        base_shapes: The space that the base and all that is fixed to it take up, in the base frame.
     """
 
     name: str
@@ -225,6 +195,7 @@ class Robot:
     tool: str = ""
     coupling: Array | None = None
     note: str = ""
+    base_shapes: tuple[Shape, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", frozen(self.gravity, (3,), "gravity"))
@@ -270,6 +241,11 @@ class Robot:
         """Known rotor inertia reflected to the joints, C' diag(r^2 J) C, shape (n, n), in kg m^2."""
         coupling = np.asarray(self.coupling)
         return coupling.T @ np.diag([joint.drive.reflected_inertia for joint in self.active]) @ coupling
+
+    @property
+    def bias(self) -> Array:
+        """Known constant torque of each joint beside its drive, shape (n,), in N m or N; see :class:`Drive`."""
+        return np.array([joint.drive.bias for joint in self.active])
 
     @cached_property
     def chain(self) -> Chain:
@@ -355,6 +331,7 @@ def _merge(robot: Robot, positions: Mapping[str, float], coupling: Array) -> Rob
     links: list[Link] = []
     joints: list[Joint] = []
     frames: dict[str, Frame] = {}
+    still = list(robot.base_shapes)
     for i, (link, joint) in enumerate(zip(robot.links, robot.joints, strict=True)):
         target, turn, shift = place[joint.parent]
         if joint.name not in positions:
@@ -371,18 +348,29 @@ def _merge(robot: Robot, positions: Mapping[str, float], coupling: Array) -> Rob
         frames[link.name] = Frame(target, rotation, translation)
         if target >= 0:
             links[target] = _joined(links[target], link, rotation, translation)
+        else:
+            still += [shape.moved(rotation, translation) for shape in link.shapes]
     for name, frame in robot.frames.items():
         target, turn, shift = place[frame.link]
         frames[name] = Frame(target, turn @ frame.rotation, turn @ frame.translation + shift)
     tool = robot.tool or _last_link(robot, frames)
-    return replace(robot, links=tuple(links), joints=tuple(joints), frames=frames, tool=tool, coupling=coupling)
+    return replace(
+        robot,
+        links=tuple(links),
+        joints=tuple(joints),
+        frames=frames,
+        tool=tool,
+        coupling=coupling,
+        base_shapes=tuple(still),
+    )
 
 
 def _joined(parent: Link, child: Link, rotation: Array, translation: Array) -> Link:
     inertia = None  # unknown where either is
     if parent.inertia is not None and child.inertia is not None:
         inertia = parent.inertia + child.inertia.moved(rotation, translation)
-    return Link(parent.name, inertia, (*parent.fixed, child.name, *child.fixed))
+    shapes = (*parent.shapes, *(shape.moved(rotation, translation) for shape in child.shapes))
+    return Link(parent.name, inertia, (*parent.fixed, child.name, *child.fixed), shapes)
 
 
 def _last_link(robot: Robot, frames: Mapping[str, Frame]) -> str:

@@ -112,7 +112,7 @@ FAULTS: dict[str, tuple[list[str | int], Any, str]] = {
         1,
         (
             "unknown key 'gravty'; known keys: schema, version, name, base, gravity, links, joints, frames, "
-            "tool, coupling, note; did you mean 'gravity'?"
+            "tool, coupling, note, base_shapes; did you mean 'gravity'?"
         ),
     ),
     "no name": (["name"], MISSING, "name: is missing; add it"),

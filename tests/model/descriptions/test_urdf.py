@@ -333,7 +333,7 @@ def test_other_elements_are_passed_over() -> None:
     robot = urdf(
         '<material name="m"><color rgba="1 1 1 1"/></material>'
         '<link name="base"><visual><origin xyz="a"/><geometry><mesh filename="package://x/../../etc/y"/></geometry></visual></link>'
-        '<link name="arm"><collision><origin rpy="b"/></collision></link>'
+        '<link name="arm"><collision><geometry><box size="1 2 3"/><c d="b"/></geometry><x/></collision></link>'
         '<joint name="j" type="revolute"><parent link="base"/><child link="arm"/><safety_controller k="x"/></joint>'
         '<transmission name="t"><joint name="j"><x/></joint><mechanicalReduction>x</mechanicalReduction></transmission>'
         '<gazebo reference="arm"><sensor:camera name="c"/><plugin path="$(find x)"/></gazebo>'

@@ -13,6 +13,7 @@ from dynident.errors import nearest
 from dynident.model.documents.numbers import Place, shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Frame, Joint, JointLimits, Link, Mimic, Robot
+from dynident.model.shapes import Shape
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,9 @@ def assemble(
     bodies: Mapping[str, Inertia | None],
     connections: Sequence[Connection],
     note: str,
+    shapes: Mapping[str, Sequence[Shape]] | None = None,
 ) -> Robot:
-    """Return the robot that the bodies (by name, with their inertia) and connections of a file make.
+    """Return the robot that the bodies (by name, with their inertia and shapes) and connections of a file make.
 
     Moving links are in depth-first order, children in the order of the file. A fixed body becomes part of the moving
     link that carries it and a named frame on it; those that the base carries are frames of the base.
@@ -66,21 +68,24 @@ def assemble(
     follow = _followers(path, connections)
     places: dict[str, tuple[int, Array, Array]] = {root: (-1, np.eye(3), np.zeros(3))}
     links: list[tuple[str, Inertia | None, list[str]]] = []
+    taken = [list((shapes or {}).get(root, ()))]  # by the base and each link
     joints: list[Joint] = []
     frames: dict[str, Frame] = {}
     for joint in order:
         target, turn, shift = places[joint.parent]
         rotation, translation = turn @ joint.rotation, shift + turn @ joint.translation
-        inertia = bodies[joint.child]
+        inertia, own = bodies[joint.child], (shapes or {}).get(joint.child, ())
         if joint.kind == "fixed":
             places[joint.child] = (target, rotation, translation)
             frames[joint.child] = Frame(target, rotation, translation)
+            taken[target + 1] += [shape.moved(rotation, translation) for shape in own]
             if target >= 0:
-                carrier, own, merged = links[target]
-                links[target] = (carrier, _sum(own, inertia, rotation, translation), [*merged, joint.child])
+                carrier, sofar, merged = links[target]
+                links[target] = (carrier, _sum(sofar, inertia, rotation, translation), [*merged, joint.child])
             continue
         places[joint.child] = (len(links), np.eye(3), np.zeros(3))
         links.append((joint.child, inertia, []))
+        taken.append(list(own))
         joints.append(
             Joint(
                 joint.name, joint.kind, target, rotation, translation, joint.axis, joint.limits,
@@ -91,11 +96,12 @@ def assemble(
         raise Place(path).error("no joint moves", "give the description of an arm with moving joints")
     return Robot(
         name,
-        tuple(Link(link, inertia, tuple(merged)) for link, inertia, merged in links),
+        tuple(Link(a, b, tuple(c), tuple(own)) for (a, b, c), own in zip(links, taken[1:], strict=True)),
         tuple(joints),
         base=root,
         frames=frames,
         note=note,
+        base_shapes=tuple(taken[0]),
     )
 
 

@@ -19,10 +19,12 @@ MAX_DEPTH: Final = 64
 MAX_LINKS: Final = 1000
 MAX_ELEMENTS: Final = 20 * MAX_LINKS
 
-#: What is read of each element. Everything else (visual, collision, gazebo, transmission, ...) is passed over.
+#: What is read of each element. Everything else (visual, gazebo, transmission, ...) is passed over.
 _CHILDREN: Final[Mapping[str, frozenset[str]]] = {
     "robot": frozenset({"link", "joint"}),
-    "link": frozenset({"inertial"}),
+    "link": frozenset({"inertial", "collision"}),
+    "collision": frozenset({"origin", "geometry"}),
+    "geometry": frozenset({"box", "sphere", "cylinder", "capsule", "mesh"}),
     "inertial": frozenset({"origin", "mass", "inertia"}),
     "joint": frozenset({"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}),
     # Values that some writers put into elements of their own, where no reader sees them.

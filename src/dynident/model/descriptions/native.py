@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Final, Literal, final
 
 import numpy as np
 
-from dynident.arrays import Array
 from dynident.errors import DescriptionError
+from dynident.model.descriptions._shapes import read_rotation, read_shapes, shapes_to_list
 from dynident.model.descriptions.base import Description
 from dynident.model.documents.numbers import Place, check_name, shown
 from dynident.model.documents.sections import LIMITS, Section, read_coupling, read_drive, read_limits
@@ -22,8 +22,9 @@ VERSION: Final = 1
 
 _ROBOT: Final = (
     "schema", "version", "name", "base", "gravity", "links", "joints", "frames", "tool", "coupling", "note",
+    "base_shapes",
 )  # fmt: skip
-_LINK: Final = ("name", "inertia", "fixed")
+_LINK: Final = ("name", "inertia", "fixed", "shapes")
 _JOINT: Final = (
     "name", "kind", "parent", "rotation", "translation", "axis", "limits", "drive", "mimic", "damping", "friction",
 )  # fmt: skip
@@ -35,7 +36,10 @@ _FRAME: Final = ("link", "rotation", "translation")
 @final
 @dataclass(frozen=True)
 class Native(Description):
-    """The JSON of dynident, exact to the last bit; an infinite limit is null, inertia is ten numbers as in ``TEN``."""
+    """The JSON of dynident, exact to the last bit; an infinite limit is null, inertia is ten numbers as in ``TEN``.
+
+    The keys ``shapes`` and ``base_shapes`` are there where the robot has some.
+    """
 
     suffixes: ClassVar[tuple[str, ...]] = (".json",)
 
@@ -57,6 +61,7 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
                 "name": link.name,
                 "inertia": None if link.inertia is None else link.inertia.vector.tolist(),
                 "fixed": list(link.fixed),
+                **({"shapes": shapes_to_list(link.shapes)} if link.shapes else {}),
             }
             for link in robot.links
         ],
@@ -68,6 +73,7 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
         "tool": robot.tool,
         "coupling": np.asarray(robot.coupling).tolist(),
         "note": robot.note,
+        **({"base_shapes": shapes_to_list(robot.base_shapes)} if robot.base_shapes else {}),
     }
 
 
@@ -112,6 +118,7 @@ def robot_from_dict(data: object, path: object = "robot") -> Robot:
         tool=tool,
         coupling=coupling,
         note=top.text("note", ""),
+        base_shapes=read_shapes(top, "base_shapes"),
     )
 
 
@@ -147,7 +154,7 @@ def _link(section: Section) -> Link:
     fixed = section.value("fixed")
     if not isinstance(fixed, list) or not all(isinstance(name, str) for name in fixed):
         raise section.place("fixed").error(f"{shown(fixed)} is no list of names", "write a list of texts")
-    return Link(section.name("name"), inertia, tuple(fixed))
+    return Link(section.name("name"), inertia, tuple(fixed), read_shapes(section, "shapes"))
 
 
 def _joint(section: Section, i: int) -> Joint:
@@ -165,7 +172,7 @@ def _joint(section: Section, i: int) -> Joint:
         section.name("name"),
         kind,
         _index(section, "parent", i),
-        _rotation(section),
+        read_rotation(section),
         section.numbers("translation", 3),
         axis,
         read_limits(section.section("limits", LIMITS)),
@@ -185,13 +192,6 @@ def _index(section: Section, key: str, end: int) -> int:
     return value
 
 
-def _rotation(section: Section) -> Array:
-    rotation = section.matrix("rotation", 3, 3)
-    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
-        raise section.place("rotation").error("the matrix is no rotation", "write an orthogonal matrix, determinant 1")
-    return rotation
-
-
 def _frames(top: Section, links: int) -> dict[str, Frame]:
     names = top.value("frames")
     if not isinstance(names, Mapping):
@@ -201,7 +201,7 @@ def _frames(top: Section, links: int) -> dict[str, Frame]:
     for name in names:
         check_name(top.place("frames"), "a frame name", name)
         frame = inner.section(name, _FRAME)
-        found[name] = Frame(_index(frame, "link", links), _rotation(frame), frame.numbers("translation", 3))
+        found[name] = Frame(_index(frame, "link", links), read_rotation(frame), frame.numbers("translation", 3))
     return found
 
 

@@ -18,6 +18,7 @@ from dynident.model.descriptions.base import Description, rotation_from_rpy
 from dynident.model.documents.numbers import Place, check_name, check_order, decimal, shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import JointLimits, Mimic, Robot
+from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
 _KINDS: Final[dict[str, Literal["fixed", "revolute", "prismatic"]]] = {
     "fixed": "fixed",
@@ -26,6 +27,7 @@ _KINDS: Final[dict[str, Literal["fixed", "revolute", "prismatic"]]] = {
     "prismatic": "prismatic",
 }
 _UNREAD_KINDS: Final = ("planar", "floating")
+_GEOMETRIES: Final = ("box", "sphere", "cylinder", "capsule", "mesh")
 _TENSOR: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -34,14 +36,15 @@ _TENSOR: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 class Urdf(Description):
     """URDF, the robot description of ROS (specification 1.0 to 1.2).
 
-    Read: links with ``<inertial>``, joints (fixed, revolute, continuous, prismatic), ``<origin>`` with rpy or
-    quat_xyzw, ``<axis>``, ``<limit>`` with acceleration, deceleration and jerk, ``<dynamics>``, ``<mimic>``. The rest
-    (visual, collision, gazebo, transmission, ...) is passed over.
+    Read: links with ``<inertial>`` and ``<collision>`` (box, sphere, cylinder, capsule, name of a mesh), joints (fixed,
+    revolute, continuous, prismatic), ``<origin>`` with rpy or quat_xyzw, ``<axis>``, ``<limit>`` with acceleration,
+    deceleration and jerk, ``<dynamics>``, ``<mimic>``. The rest (visual, gazebo, transmission, ...) is passed over.
 
     Choices where the format leaves room:
 
     * The inertia of a link and of all that is fixed to it are added up; a link is of unknown inertia (None) where
-      none of them has ``<inertial>``. What is fixed to the base does not move and is a frame only.
+      none of them has ``<inertial>``. What is fixed to the base does not move and is a frame only. Shapes go with
+      the link or the base that carries them.
     * An inertia tensor that no body can have is kept: ``Inertia.defect`` says why it is none.
     * The position limits of a continuous joint are passed over; a missing bound of the others is 0 when one is
       stated (specification 1.0) and an error when none is. Other missing limits are infinite, not zero.
@@ -78,11 +81,14 @@ class _Reader:
         """Return the robot of the ``<robot>`` element."""
         name = self._attribute(Place(self._path, f"line {root.line}"), root, "name")
         bodies: dict[str, Inertia | None] = {}
+        shapes: dict[str, list[Shape]] = {}
         for element in root.all("link"):
             link = self._attribute(Place(self._path, f"line {element.line}"), element, "name")
             if link in bodies:
                 raise self._twice("link", link, element.line)
-            bodies[link] = self._inertia(Place(self._path, f"link {shown(link)}"), element)
+            place = Place(self._path, f"link {shown(link)}")
+            bodies[link] = self._inertia(place, element)
+            shapes[link] = [self._shape(place, collision) for collision in element.all("collision")]
         if not bodies:
             raise Place(self._path).error("no <link> in <robot>", "give the URDF of a robot")
         connections = [self._joint(element, bodies) for element in root.all("joint")]
@@ -92,7 +98,7 @@ class _Reader:
                 raise self._twice("joint", joint.name, element.line)
             seen.add(joint.name)
         note = "; ".join([f"read from {PurePath(str(self._path)).name}", *self._notes])
-        return assemble(self._path, name, bodies, connections, note)
+        return assemble(self._path, name, bodies, connections, note, shapes)
 
     def _twice(self, what: str, name: str, line: int) -> Exception:
         place = Place(self._path, f"line {line}")
@@ -111,6 +117,37 @@ class _Reader:
         tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
         rotation, centre = self._pose(place, inertial)
         return Inertia.from_centre_of_mass(mass, centre, rotation @ tensor @ rotation.T)
+
+    def _shape(self, place: Place, collision: Element) -> Shape:
+        """Return the shape of a ``<collision>`` in the frame of its link."""
+        geometry = self._needed(place, collision, "geometry")
+        kinds = ", ".join(f"<{kind}>" for kind in _GEOMETRIES)
+        if len(geometry.children) != 1:
+            evidence = (
+                f"the <geometry> of a <collision> has {len(geometry.children)} known shapes (line {geometry.line})"
+            )
+            raise place.error(evidence, f"write one of {kinds} in it, or remove the <collision>")
+        (element,) = geometry.children
+        rotation, translation = self._pose(place, collision)
+        if element.tag == "mesh":
+            scale = self._numbers(place, element, "scale", 3) if "scale" in element.attributes else np.ones(3)
+            if np.any(scale == 0.0):
+                raise place.error(f"mesh scale {shown(element.attributes['scale'])} has a zero", "write three factors")
+            return Mesh(self._attribute(place, element, "filename"), scale, rotation, translation)
+        if element.tag == "box":
+            size = self._numbers(place, element, "size", 3)
+            if np.any(size <= 0.0):
+                text = shown(element.attributes["size"])
+                raise place.error(f"box size {text} has an edge that is not above 0", "write three lengths in m")
+            return Box(size, rotation, translation)
+        radius = self._above_zero(place, element, "radius")
+        if element.tag == "sphere":
+            return Sphere(radius, translation)
+        length = self._above_zero(place, element, "length")
+        if element.tag == "cylinder":
+            return Cylinder(radius, length, rotation, translation)
+        tip = 0.5 * length * rotation[:, 2]
+        return Capsule(translation - tip, translation + tip, radius)
 
     def _joint(self, element: Element, bodies: dict[str, Inertia | None]) -> Connection:
         name = self._attribute(Place(self._path, f"line {element.line}"), element, "name")
@@ -256,6 +293,12 @@ class _Reader:
         value = self._number(place, element, name, default, unbounded=unbounded)
         if value < 0:
             raise place.error(f"{element.tag} {name} {value:g} is negative", "write 0 or more")
+        return value
+
+    def _above_zero(self, place: Place, element: Element, name: str) -> float:
+        value = self._number(place, element, name)
+        if value <= 0:
+            raise place.error(f"{element.tag} {name} {value:g} is not above 0", "write a length in m")
         return value
 
     def _numbers(self, place: Place, element: Element, name: str, count: int) -> Array:

@@ -195,7 +195,7 @@ def read_limits(section: Section) -> JointLimits:
 
 
 def read_drive(section: Section) -> Drive:
-    """Return the drive of a section with the keys gear_ratio, rotor_inertia and gain.
+    """Return the drive of a section with the keys gear_ratio, rotor_inertia, gain and bias.
 
     Raises:
         DescriptionError: No number, a ratio or gain of zero, a negative rotor inertia.
@@ -205,7 +205,7 @@ def read_drive(section: Section) -> Drive:
     for key, value in (("gear_ratio", ratio), ("gain", gain)):
         if value == 0.0:
             raise section.place(key).error("is zero", "write the value, negative where the motor turns the other way")
-    return Drive(ratio, section.at_least_zero("rotor_inertia", 0.0), gain)
+    return Drive(ratio, section.at_least_zero("rotor_inertia", 0.0), gain, section.number("bias", 0.0))
 
 
 def read_coupling(section: Section, count: int) -> Array:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, IntArray
+from dynident.errors import BadOption
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,8 @@ class Motion:
         q: Positions, shape (N, n), in rad or m.
         dq: Velocities, shape (N, n), in rad/s or m/s.
         ddq: Accelerations, shape (N, n), in rad/s^2 or m/s^2.
-        torque: Torque of the rigid body model without friction, shape (N, n), in N m or N; None where not known.
+        torque: Torque of the model without friction (rigid bodies and rotors), shape (N, n), in N m or N; None where
+            not known.
         temperature: Temperature of each drive, shape (N, n), in degrees Celsius; None where the log has none.
     """
 
@@ -33,6 +36,19 @@ class Motion:
         """Return the motion of the motors: positions, velocities and accelerations times C', torques times C^-1."""
         torque = None if self.torque is None else np.linalg.solve(coupling.T, self.torque.T).T
         return Motion(self.q @ coupling.T, self.dq @ coupling.T, self.ddq @ coupling.T, torque, self.temperature)
+
+    def of_drives(self, drives: Sequence[int] | IntArray) -> Motion:
+        """Return the motion of some of the drives, in the order given."""
+        chosen = np.asarray(drives, dtype=np.int64)
+        torque = None if self.torque is None else self.torque[:, chosen]
+        temperature = None if self.temperature is None else self.temperature[:, chosen]
+        return Motion(self.q[:, chosen], self.dq[:, chosen], self.ddq[:, chosen], torque, temperature)
+
+    def rows(self, part: slice | IntArray) -> Motion:
+        """Return the motion of some of the samples."""
+        torque = None if self.torque is None else self.torque[part]
+        temperature = None if self.temperature is None else self.temperature[part]
+        return Motion(self.q[part], self.dq[part], self.ddq[part], torque, temperature)
 
 
 @dataclass(frozen=True)
@@ -52,13 +68,42 @@ class Coefficient:
     nonnegative: bool
 
 
+@dataclass(frozen=True)
+class Range:
+    """Where a field that enters the columns non-linearly is looked for, on a logarithmic scale.
+
+    Attributes:
+        low: Least value, above 0.
+        high: Greatest value.
+        is_speed: Whether it is a speed: then nothing beyond the fastest motion is tried.
+    """
+
+    low: float
+    high: float
+    is_speed: bool = False
+
+
+@dataclass(frozen=True)
 class Friction(ABC):
     """Torque of each drive that is linear in a few coefficients of its own: tau_j = sum_c x_jc f_c(motion)_j.
 
     A part is a frozen dataclass whose fields are its options.
+
+    Attributes:
+        joints: Joints that the part acts on; None for all.
+        vary: Names of its non-linear fields whose values are to be found from the log; the stated ones are the start.
     """
 
     coefficients: ClassVar[tuple[Coefficient, ...]]
+
+    #: Fields that enter the columns non-linearly, and where a good value may be.
+    ranges: ClassVar[dict[str, Range]] = {}
+
+    #: Signals beyond the motion itself that the columns need: ``torque``, ``temperature``.
+    needs: ClassVar[tuple[str, ...]] = ()
+
+    joints: tuple[str, ...] | None = field(default=None, kw_only=True)
+    vary: tuple[str, ...] | None = field(default=None, kw_only=True)
 
     @abstractmethod
     def columns(self, motion: Motion) -> Array:
@@ -87,3 +132,36 @@ class Friction(ABC):
 def no_slopes(motion: Motion, coefficients: int = 1) -> Array:
     """Return zeros for the derivatives of ``coefficients`` columns, shape (N, n, k)."""
     return np.zeros((*motion.dq.shape, coefficients))
+
+
+def check_positive(value: float, name: str, what: str) -> None:
+    """Refuse an option that is not a finite number above 0; ``what`` says what is to be given instead.
+
+    Raises:
+        BadOption: It is not.
+    """
+    if not 0 < value < np.inf:
+        raise BadOption(name, value, f"give {what} above 0")
+
+
+def smooth_sign(dq: Array, width: float) -> tuple[Array, Array]:
+    """Return tanh(dq / width) and its derivative by dq, both of the shape of dq; the sharp sign for a width of 0."""
+    if width == 0:
+        return np.sign(dq), np.zeros_like(dq)
+    sign = np.tanh(dq / width)
+    return sign, (1.0 - sign**2) / width
+
+
+def signal(motion: Motion, name: str, part: str) -> Array:
+    """Return the torque or temperature that a part needs, shape (N, n).
+
+    Raises:
+        BadOption: The motion has no such signal.
+    """
+    values = motion.torque if name == "torque" else motion.temperature
+    if values is None:
+        step = "the torque of the rigid bodies is not known here; leave the part out"
+        if name == "temperature":
+            step = "there are no temperatures here; map them (log: columns: temperature), or leave the part out"
+        raise BadOption("friction", part, step)
+    return values

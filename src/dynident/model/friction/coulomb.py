@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.model.friction.base import Coefficient, Friction, Motion, no_slopes
+from dynident.model.friction.base import Coefficient, Friction, Motion, Range, no_slopes, smooth_sign
 
 
 @dataclass(frozen=True)
@@ -23,17 +23,15 @@ class Coulomb(Friction):
     width: float = 0.02
 
     coefficients: ClassVar = (Coefficient("Fc", "N m", "N", nonnegative=True),)
+    ranges: ClassVar = {"width": Range(1e-3, 0.3, is_speed=True)}
 
     def __post_init__(self) -> None:
         if not 0 <= self.width < np.inf:
             raise BadOption("width", self.width, "give a speed >= 0 in rad/s")
 
     def columns(self, motion: Motion) -> Array:
-        sign = np.sign(motion.dq) if self.width == 0 else np.tanh(motion.dq / self.width)
-        return sign[..., None]
+        return smooth_sign(motion.dq, self.width)[0][..., None]
 
     def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
-        if self.width == 0:
-            return no_slopes(motion), no_slopes(motion), no_slopes(motion)
-        slope = (1.0 - np.tanh(motion.dq / self.width) ** 2) / self.width
+        slope = smooth_sign(motion.dq, self.width)[1]
         return no_slopes(motion), slope[..., None], no_slopes(motion)

@@ -20,15 +20,16 @@ FAST = {"contract", "nsz"}
 
 @cache
 def _sources() -> str:
-    """Return a digest of the sources that compiled functions of other files inline."""
-    files = (Path(__file__).with_name(name) for name in ("generic.py", "jit.py"))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    """Return a digest of all sources with compiled functions, which those of other files inline."""
+    package = Path(__file__).parents[2]
+    contents = (file.read_bytes() for file in sorted(package.rglob("*.py")))
+    return hashlib.sha256(b"".join(text for text in contents if b"kernels.jit import" in text)).hexdigest()
 
 
 class PatientCache(FunctionCache):
     """The cache of numba, but a file that cannot be read or written leads to compiling, never to an error.
 
-    Cached code holds the code of the functions it calls, so it counts as old when generic.py changes; numba alone
+    Cached code holds the code of the functions it calls, so it counts as old when any such file changes; numba alone
     watches only the caller's own file.
     """
 

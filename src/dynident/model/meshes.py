@@ -1,0 +1,113 @@
+"""Points of a mesh file: found beneath stated folders only, STL read here, other formats by the loader of coal."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import FileError, MissingDependency
+from dynident.model.shapes import Mesh
+
+#: Largest mesh file that is read, in bytes.
+MAX_BYTES: Final = 100_000_000
+
+_SCHEME: Final = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+)://(.*)", re.DOTALL)
+_BINARY_HEAD, _BINARY_FACE = 84, 50
+
+
+def mesh_points(mesh: Mesh, folders: Sequence[str | Path]) -> Array:
+    """Return the points of a mesh, scaled, in the mesh's own frame, shape (k, 3), in m.
+
+    Raises:
+        FileError: Not beneath a folder, not readable, too large, or no sound mesh.
+        MissingDependency: Neither STL, nor coal (which comes with pin) installed.
+    """
+    file = mesh_file(mesh.file, folders)
+    points = _stl(file, _bytes(file)) if file.suffix.lower() == ".stl" else _by_coal(file)
+    if not len(points) or not np.all(np.isfinite(points)):
+        raise FileError(file, "it has no points, or points that are no numbers", "export the mesh again")
+    return points * mesh.scale
+
+
+def mesh_file(name: str, folders: Sequence[str | Path]) -> Path:
+    """Return where a mesh file is: beneath one of the folders, links followed, and nowhere else.
+
+    ``package://NAME/REST`` is REST in a folder called NAME, or NAME/REST in any folder. A relative name is looked for
+    in each folder. An absolute name and ``file://`` count only where they point beneath a folder.
+
+    Raises:
+        FileError: No such file there, or a name that leads out of all folders.
+    """
+    roots = [Path(folder).resolve() for folder in folders]
+    for candidate in _candidates(name, roots):
+        real = candidate.resolve()
+        if any(real.is_relative_to(root) for root in roots) and real.is_file():
+            return real
+    where = ", ".join(str(folder) for folder in folders) or "no folder at all"
+    step = "name the folder that holds it (the package's, for package://) under workspace.mesh_folders"
+    raise FileError(name, f"no such mesh file beneath {where}", step)
+
+
+def _candidates(name: str, roots: Sequence[Path]) -> list[Path]:
+    """Return the places that a name may stand for."""
+    if "\0" in name:
+        return []
+    scheme = _SCHEME.fullmatch(name)
+    if scheme is None:
+        return [root / name for root in roots]
+    kind, rest = scheme[1].lower(), scheme[2]
+    if kind == "file":
+        return [Path(rest)]
+    if kind not in ("package", "model"):
+        return []
+    parts = PurePosixPath(rest).parts
+    inner = [root / Path(*parts[1:]) for root in roots if parts and root.name == parts[0]]
+    return inner + [root / rest.lstrip("/") for root in roots]
+
+
+def _bytes(file: Path) -> bytes:
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except OSError as problem:
+        raise FileError(file, f"it cannot be read ({problem.strerror})", "check its permissions") from problem
+    if len(data) > MAX_BYTES:
+        raise FileError(file, f"it is larger than {MAX_BYTES // 1_000_000} MB", "simplify the mesh")
+    return data
+
+
+def _stl(file: Path, data: bytes) -> Array:
+    """Return the corners of the triangles of an STL file, binary or text, each once, shape (k, 3)."""
+    faces = int.from_bytes(data[80:_BINARY_HEAD], "little") if len(data) >= _BINARY_HEAD else -1
+    if len(data) == _BINARY_HEAD + _BINARY_FACE * faces:
+        table = np.frombuffer(data, dtype=np.uint8, offset=_BINARY_HEAD).reshape(faces, _BINARY_FACE)
+        corners = np.ascontiguousarray(table[:, 12:48]).view("<f4").reshape(-1, 3).astype(float)
+    elif data.lstrip()[:5].lower() == b"solid":
+        words = re.findall(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", data)
+        try:
+            corners = np.array(words, dtype=float).reshape(-1, 3)
+        except ValueError as problem:
+            raise FileError(file, f"a vertex is no three numbers ({problem})", "export the mesh again") from problem
+    else:
+        evidence = f"its {len(data)} bytes are no STL of {faces} triangles" if faces >= 0 else "it is no STL"
+        raise FileError(file, evidence, "export the mesh again, as binary STL")
+    return np.unique(corners, axis=0)
+
+
+def _by_coal(file: Path) -> Array:
+    try:
+        import coal  # pyright: ignore[reportMissingImports]
+    except ImportError as problem:
+        raise MissingDependency(f"reading the mesh '{file.name}'", "pin", "pin") from problem
+    _bytes(file)  # readable, and of a sane size
+    try:
+        points = coal.MeshLoader().load(str(file)).vertices()
+    except Exception as problem:  # assimp's errors come as they like
+        reason = str(problem).strip().splitlines() or [type(problem).__name__]
+        raise FileError(file, f"it cannot be read as a mesh ({reason[0]})", "export it as STL") from problem
+    return np.array(points, dtype=float).reshape(-1, 3)
