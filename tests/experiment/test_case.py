@@ -47,6 +47,31 @@ def log_of(samples: int = 100, joints: int = 3) -> Log:
     return Log(tuple(f"joint{k + 1}" for k in range(joints)), time, np.zeros((samples, joints)))
 
 
+def test_friction_and_delay_that_are_to_be_found(write: Write) -> None:
+    case = read_case(write("friction: auto", "preprocessing: {delay_s: auto}"))
+    assert case.choose_friction and case.friction == (Coulomb(0.02), Viscous(), Offset())
+    assert case.preprocessing.delay_s is None
+    stated = read_case(write("preprocessing: {delay_s: 0.004}"))
+    assert stated.preprocessing.delay_s == 0.004 and not stated.choose_friction
+
+
+def test_parts_for_some_joints_and_a_bias(write: Write) -> None:
+    case = read_case(
+        write(
+            "friction:",
+            "  - coulomb: {joints: [joint1, joint3], vary: width}",
+            "  - viscous: {joints: joint2}",
+            "drives: {joint2: {bias: -12.5}}",
+        )
+    )
+    assert case.friction == (Coulomb(joints=("joint1", "joint3"), vary=("width",)), Viscous(joints=("joint2",)))
+    assert case.robot.bias.tolist() == [0.0, -12.5, 0.0]
+    with pytest.raises(DescriptionError, match=r"friction: no joint called 'elbow'"):
+        read_case(write("friction: [viscous: {joints: elbow}]"))
+    with pytest.raises(DescriptionError, match="the coefficient Fv is there twice on joint1"):
+        read_case(write("friction: [viscous, viscous: {joints: joint1}]"))
+
+
 def test_a_case_of_two_lines_has_all_defaults(write: Write, spatial_3r: Robot) -> None:
     case = read_case(write())
     assert case.robot.joint_names == spatial_3r.joint_names

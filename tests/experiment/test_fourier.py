@@ -140,5 +140,5 @@ def test_a_quintic_takes_time():
 
 
 def test_the_family_knows_its_parts():
-    assert TRAJECTORIES.names() == ("fourier", "quintic", "rest_fourier")
+    assert TRAJECTORIES.names() == ("bspline", "fourier", "quintic", "rest_fourier")
     assert TRAJECTORIES.get("fourier") is FourierSeries

@@ -42,6 +42,37 @@ def test_margins_are_taken_off_every_limit(planar_2r: Robot) -> None:
     np.testing.assert_allclose(found.reach, [1.8, np.inf])
 
 
+def test_the_rate_of_the_torque_is_taken_as_it_is_stated(planar_2r: Robot) -> None:
+    found = limits_of(limited(planar_2r, JointLimits(velocity=1.0, effort_rate=80.0), JointLimits(velocity=1.0)))
+    np.testing.assert_array_equal(found.torque_rate, [80.0, np.inf])
+    np.testing.assert_array_equal(bounds().torque_rate, NONE)
+    np.testing.assert_array_equal(bounds(torque_rate=np.array(7.0)).torque_rate, [7.0, 7.0])
+    with pytest.raises(BadOption, match=r"torque_rate of b = -1.0 is not possible; give a bound above 0"):
+        bounds(torque_rate=np.array([1.0, -1.0]))
+
+
+def test_a_follower_hands_its_limits_to_its_leader(mimic_arm: Robot) -> None:
+    """q3 = -0.5 q2 + 0.3: joint 3 within -0.2..0.5 means joint 2 within -0.4..1."""
+    leader, follower = JointLimits(-3.0, 0.8, 2.0, 10.0, 100.0, 50.0), JointLimits(-0.2, 0.5, 0.6, 2.0, 80.0, 1.0)
+    robot = limited(mimic_arm, JointLimits(-1.0, 1.0, 1.0), leader, follower)
+    found = limits_of(robot, margin=0.0, torque_margin=0.0)
+    assert found.joints == ("joint1", "joint2")
+    np.testing.assert_allclose([found.lower[1], found.upper[1]], [-0.4, 0.8])
+    np.testing.assert_allclose([found.velocity[1], found.acceleration[1], found.jerk[1]], [1.2, 4.0, 100.0])
+    assert found.torque[1] == 50.0
+    np.testing.assert_array_equal([found.lower[0], found.upper[0], found.velocity[0]], [-1.0, 1.0, 1.0])
+    with pytest.raises(
+        BadOption, match=r"position of joint2 = .*'joint3' follows with -0.5 and 0.3 and leaves it no ra"
+    ):
+        limits_of(limited(mimic_arm, leader, leader, replace(follower, lower=2.0, upper=2.5)))
+
+
+def test_the_speed_limit_of_a_follower_is_one_of_its_leader(mimic_arm: Robot) -> None:
+    free, slow = JointLimits(), JointLimits(velocity=0.6)
+    found = limits_of(limited(mimic_arm, slow, free, slow), margin=0.0)
+    np.testing.assert_allclose(found.velocity, [0.6, 1.2])
+
+
 @pytest.mark.parametrize("name", ["er16", "generic-6r", "generic-7r", "generic-scara"])
 def test_robots_that_ship_have_all_limits(name: str) -> None:
     found = limits_of(read_robot(name))
@@ -118,6 +149,41 @@ def test_the_torque_is_that_of_the_model(planar_2r: Robot) -> None:
     first = 9.81 * (3.0 * 0.22 + 2.0 * 0.5) + second
     assert held["a"].value == pytest.approx(first) and not held["a"].kept
     assert held["b"].value == pytest.approx(second) and held["b"].kept
+
+
+def test_rate_and_chance_margin_in_closed_form() -> None:
+    """A torque that is 30 q plus what jumps has the rate 30 dq; the margin adds to the size on either side."""
+    amplitude, w = np.array([0.4, 0.1]), 2 * np.pi / 8.0
+    motion = FourierSeries(np.zeros(2), amplitude[:, None], np.zeros((2, 1)), 8.0)
+    rows = {
+        (row.joint, row.quantity): row
+        for row in check_limits(
+            motion,
+            bounds(torque=np.array([13.0, 5.0]), torque_rate=np.array([9.0, 3.0])),
+            801,
+            lambda m: 30 * m.q + np.sign(m.dq),
+            spread=lambda m: 0.1 + 0 * m.q,
+            smooth_torque=lambda m: 30 * m.q,
+        )
+    }
+    assert abs(rows["a", "torque"].value) == pytest.approx(12.0 + 1.0 + 0.1, rel=1e-4)
+    assert not rows["a", "torque"].kept and rows["b", "torque"].kept
+    assert abs(rows["a", "torque rate"].value) == pytest.approx(30 * 0.4 * w, rel=1e-6)
+    assert (rows["a", "torque rate"].unit, rows["b", "torque rate"].unit) == ("N m/s", "N/s")
+    assert not rows["a", "torque rate"].kept and rows["b", "torque rate"].used == pytest.approx(w, rel=1e-6)
+
+
+def test_a_jump_of_the_jerk_is_looked_at_from_both_sides() -> None:
+    """The jerk at the end of a run-in is larger than at any sample that is not there."""
+    core = FourierSeries(np.zeros(2), np.array([[0.3], [0.2]]), np.array([[0.1], [0.1]]), 3.0)
+    motion = RestToRest(core, 1.0)
+    assert motion.seams == pytest.approx((1.0, 1.0, 4.0, 4.0))
+    ends = np.abs(motion.enter.jerk(1.0)[0])
+    found = {row.joint: row for row in check_limits(motion, bounds(), 100) if row.quantity == "jerk"}
+    most = np.abs(motion.jerk(np.linspace(0.0, 5.0, 20_001))).max(axis=0)
+    np.testing.assert_allclose([abs(found["a"].value), abs(found["b"].value)], most, rtol=2e-3)
+    assert np.all(most >= ends - 1e-2 * ends)
+    assert RestToRest(core, 0.0).seams == ()
 
 
 def test_a_motion_of_other_joints_is_refused() -> None:

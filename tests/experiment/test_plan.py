@@ -10,11 +10,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline as Curve
 
 from dynident.errors import BadOption, FileError
 from dynident.experiment.formats import ColumnMap, read_log
-from dynident.experiment.limits import MotionLimits, check_limits
+from dynident.experiment.limits import LimitRow, MotionLimits, check_limits
+from dynident.experiment.parametrisation import parametrise
 from dynident.experiment.plan import FORMAT, Plan, plan_data, read_plan, sampled, write_plan, write_samples
+from dynident.experiment.trajectories.base import Designable
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.experiment.trajectories.rest_fourier import RestFourier
 
@@ -25,19 +28,29 @@ def plan_of(kind: str = "rest_fourier", scale: float = 1.0) -> Plan:
     """Return a plan of a turning and a sliding joint made of values alone, checked against round bounds."""
     generator = np.random.default_rng(3)
     if kind == "rest_fourier":
-        motion: Any = RestFourier.from_free(0.1 * scale * generator.normal(size=(2, 5)), 4.0)
+        motion: Designable = RestFourier.from_free(0.1 * scale * generator.normal(size=(2, 5)), 4.0)
+    elif kind == "bspline":
+        motion = parametrise(kind, 4.0, 3).trajectory(0.1 * scale * generator.normal(size=(2, 5)))
     else:
         motion = FourierSeries(np.zeros(2), *(0.1 * scale * generator.normal(size=(2, 2, 3))), 4.0)
-    run_in = 0.0 if kind == "rest_fourier" else 1.0
+    run_in = 0.0 if motion.at_rest else 1.0
     limits = MotionLimits(
-        ("a", "b"), (True, False), -np.ones(2), np.ones(2), 3 * np.ones(2), 20 * np.ones(2), NONE, NONE
+        ("a", "b"),
+        (True, False),
+        -np.ones(2),
+        np.ones(2),
+        3 * np.ones(2),
+        20 * np.ones(2),
+        NONE,
+        NONE,
+        np.array([500.0, np.inf]),
     )
     values = {"condition": 12.5, "unit_condition": 3.0, "d_optimal": -np.inf}
     draft = Plan("arm", motion, run_in, "condition", values, limits, (), 2001, {"seed": 4, "noise": [1.0, 2.0]})
     return replace(draft, rows=check_limits(draft.motion(), limits, draft.samples))
 
 
-@pytest.mark.parametrize("kind", ["rest_fourier", "fourier"])
+@pytest.mark.parametrize("kind", ["rest_fourier", "fourier", "bspline"])
 def test_a_plan_is_read_as_it_was_written(kind: str, tmp_path: Path) -> None:
     plan = plan_of(kind)
     write_plan(plan, tmp_path / "plan.json")
@@ -48,15 +61,39 @@ def test_a_plan_is_read_as_it_was_written(kind: str, tmp_path: Path) -> None:
     assert type(found.trajectory) is type(plan.trajectory) and found.rows == plan.rows
     assert found.feasible and found.joints == ("a", "b")
     np.testing.assert_array_equal(found.limits.bounds(), plan.limits.bounds())
+    np.testing.assert_array_equal(found.limits.torque_rate, [500.0, np.inf])
 
 
-def test_the_file_is_plain_json_of_format_1(tmp_path: Path) -> None:
+def test_the_file_is_plain_json_of_format_2(tmp_path: Path) -> None:
     write_plan(plan_of(), tmp_path / "plan.json")
     data = json.loads((tmp_path / "plan.json").read_text())
-    assert (data["kind"], data["format"], FORMAT) == ("dynident plan", 1, 1)
+    assert (data["kind"], data["format"], FORMAT) == ("dynident plan", 2, 2)
     assert data["joints"] == [{"name": "a", "kind": "revolute"}, {"name": "b", "kind": "prismatic"}]
     assert data["values"] == {"condition": 12.5, "unit_condition": 3.0, "d_optimal": None}
     assert data["limits"]["jerk"] == [None, None] and data["limits"]["lower"] == [-1.0, -1.0]
+    assert data["limits"]["torque_rate"] == [500.0, None]
+    assert set(data["trajectory"]) == {"kind", "period", "offset", "sine", "cosine", "run_in"}
+
+
+def test_a_spline_is_written_with_what_any_other_program_needs(tmp_path: Path) -> None:
+    plan = plan_of("bspline")
+    write_plan(plan, tmp_path / "plan.json")
+    data = json.loads((tmp_path / "plan.json").read_text())["trajectory"]
+    assert set(data) == {"kind", "period", "degree", "knots", "control", "run_in"} and data["kind"] == "bspline"
+    curve = Curve(np.array(data["knots"]), np.array(data["control"]).T, data["degree"])
+    time = np.linspace(0.0, 3.99, 50)
+    np.testing.assert_allclose(curve(time), plan.motion().evaluate(time)[0], atol=1e-12)
+
+
+def test_clearances_are_rows_of_their_pairs(tmp_path: Path) -> None:
+    near = LimitRow("hand | floor", "clearance", "m", 0.06, 0.05, 1.5, 0.9)
+    plan = plan_of()
+    plan = replace(plan, rows=(*plan.rows, near))
+    write_plan(plan, tmp_path / "plan.json")
+    assert read_plan(tmp_path / "plan.json").rows[-1] == near
+    breach = replace(plan, rows=(*plan.rows, replace(near, value=0.01, used=1.4)))
+    with pytest.raises(FileError, match=r"the clearance of hand \| floor would be 0.01 m at 1.5 s, its bound is 0.05"):
+        write_plan(breach, tmp_path / "plan.json")
 
 
 @pytest.mark.parametrize("write", [write_plan, lambda plan, path: write_samples(plan, path, 100.0)])
@@ -80,12 +117,12 @@ def test_a_file_that_was_changed_by_hand_is_checked_again(tmp_path: Path) -> Non
         write_samples(changed, tmp_path / "plan.csv", 100.0)
 
 
-@pytest.mark.parametrize("kind", ["rest_fourier", "fourier"])
+@pytest.mark.parametrize("kind", ["rest_fourier", "fourier", "bspline"])
 @pytest.mark.parametrize(("rate", "rows"), [(100.0, 401), (37.0, 149)])
 def test_samples_are_those_of_the_motion_and_end_at_rest(kind: str, rate: float, rows: int, tmp_path: Path) -> None:
     plan = plan_of(kind)
     length = plan.motion().duration
-    rows = rows if kind == "rest_fourier" else int(np.ceil(length * rate)) + 1
+    rows = rows if kind != "fourier" else int(np.ceil(length * rate)) + 1
     assert write_samples(plan, tmp_path / "plan.csv", rate) == rows
     assert (tmp_path / "plan.csv").read_text().splitlines()[0] == "t,q1,q2,dq1,dq2,ddq1,ddq2"
     table = np.loadtxt(tmp_path / "plan.csv", delimiter=",", skiprows=1)
@@ -125,8 +162,11 @@ def test_fewer_than_one_period() -> None:
         (b"{", "line 1 is not JSON"),
         (b"[]", "no plan"),
         (b'{"kind": "dynident estimate"}', "no plan"),
-        (b'{"kind": "dynident plan", "format": 2}', "a plan of format 2; this version reads format 1; design it again"),
-        (b'{"kind": "dynident plan", "format": 1}', "a damaged plan \\(KeyError: 'trajectory'\\); design it again"),
+        (
+            b'{"kind": "dynident plan", "format": 1}',
+            "a plan of format 1, and this version reads format 2; design the motion again with 'dynident excite'",
+        ),
+        (b'{"kind": "dynident plan", "format": 2}', "a damaged plan \\(KeyError: 'trajectory'\\); design it again"),
     ],
 )
 def test_files_that_are_no_plan(content: bytes, message: str, tmp_path: Path) -> None:
@@ -160,6 +200,10 @@ DAMAGE: list[Callable[[Any], None]] = [
     _set("limits", "velocity", value=[1.0, 0.0]),
     _set("limits", "upper", value=[1.0]),
     _set("joints", 0, "kind", value="ball"),
+    _set("limits", "torque_rate", value=[0.0, None]),
+    _set("trajectory", "kind", value="bspline"),
+    _set("trajectory", "kind", value="quintic"),
+    _set("check", "rows", 0, "quantity", value="clearance"),
     _set("check", "rows", 0, "joint", value="c"),
     _set("check", "rows", 0, value={}),
     _set("check", "samples", value=None),

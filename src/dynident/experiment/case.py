@@ -1,8 +1,8 @@
 """The case file: the one place where a user describes their robot, their log and how the two are used.
 
-Format 1, YAML. Keys: case (the format), robot, gravity, locked, joints, coupling, drives, friction, log (columns,
-units, decimal), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, train, test, split, note. Unknown
-keys are errors that name the nearest known one. docs/case-file.md describes each.
+Format 1, YAML. Keys: case (the format), robot, gravity, locked, joints, coupling, drives, friction, log (profile,
+format, columns, units, ...), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, train, test, split,
+workspace, note. Unknown keys are errors that name the nearest known one. docs/case-file.md describes each.
 """
 
 from __future__ import annotations
@@ -15,14 +15,21 @@ from typing import Any
 
 import numpy as np
 
-from dynident.errors import BadOption, DescriptionError, DynidentError, LogMismatch
-from dynident.experiment.formats import FORMATS, ColumnMap, Units, read_log
-from dynident.experiment.formats.base import UNITS
+from dynident.errors import LogMismatch
+from dynident.experiment.case_values import guarded, part_of, texts
+from dynident.experiment.constraints_file import KEYS as CONSTRAINT_KEYS
+from dynident.experiment.constraints_file import constraints_of
+from dynident.experiment.formats import ColumnMap, read_log
 from dynident.experiment.log import Log, torque_from_current
+from dynident.experiment.log_section import read_columns
+from dynident.experiment.motor_side import joint_side, with_zero
 from dynident.experiment.preprocessing import FILTERS, Preprocessing
 from dynident.experiment.preprocessing.base import Filter
 from dynident.experiment.split import Split
+from dynident.experiment.workspace import Workspace
+from dynident.experiment.workspace_section import read_workspace
 from dynident.files import unreadable
+from dynident.model.body_constraints import Constraints
 from dynident.model.descriptions import read_robot
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
@@ -42,12 +49,12 @@ LOCKED_TOLERANCE = 0.05
 
 DEFAULT_FRICTION = ("coulomb", "viscous", "offset")
 
+#: What stands for a friction or a delay that is to be found from the logs.
+AUTO = "auto"
+
 _KEYS = ("case", "robot", "gravity", "locked", "joints", "coupling", "drives", "friction", "log", "preprocessing")
-_KEYS += ("estimator", "train", "test", "split", "note")
-_LOG_KEYS = ("columns", "units", "decimal")
-_COLUMN_KEYS = ("time", "q", "dq", "ddq", "torque", "current", "temperature")
-_UNIT_KEYS = ("time", "position", "velocity", "acceleration", "torque", "current")
-_PREPROCESSING_KEYS = ("filter", "rate_hz", "trim_s", "standstill", "rest")
+_KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "workspace", "note")
+_PREPROCESSING_KEYS = ("filter", "rate_hz", "trim_s", "standstill", "rest", "delay_s")
 
 
 @dataclass(frozen=True)
@@ -65,6 +72,7 @@ class Case:
     Attributes:
         robot: With locked joints, gravity, drives and coupling applied.
         friction: Friction parts.
+        choose_friction: Whether the parts of each joint are to be chosen from the logs in their place.
         columns: How columns become signals.
         preprocessing: How logs become rows.
         estimator: Name and options.
@@ -72,6 +80,9 @@ class Case:
         test: Logs to test on, as written.
         split: How a single log is split; None where it is not.
         locked: Positions of the joints that do not move, by name.
+        workspace: What the robot must keep clear of; None where the case does not say.
+        constraints: What is known about bodies beforehand.
+        prior: Robot description or estimate file with inertias known beforehand, as written; empty for none.
         path: The case file; empty for a case made from a robot alone.
         robot_path: The robot description.
     """
@@ -85,14 +96,18 @@ class Case:
     test: tuple[str, ...] = ()
     split: Split | None = None
     locked: Mapping[str, float] = field(default_factory=dict)
+    workspace: Workspace | None = None
     path: str = ""
     robot_path: str = ""
+    choose_friction: bool = False
+    constraints: Constraints = field(default_factory=Constraints)
+    prior: str = ""
 
     @property
     def files(self) -> tuple[Path, ...]:
         """The files that the case stands on: itself, its robot and the logs it names."""
         own = [Path(name) for name in (self.path, self.robot_path) if name]
-        return (*own, *(self.find(name) for name in (*self.train, *self.test)))
+        return (*own, *(self.find(name) for name in (*self.train, *self.test, *filter(None, [self.prior]))))
 
     @property
     def model(self) -> DynamicModel:
@@ -119,8 +134,16 @@ def read_with(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mappin
         LogFormatError: The file is no sound log.
         LogMismatch: A joint is missing, currents have no gain, or a locked joint moves or stands elsewhere.
     """
-    form = None if columns.decimal == "." else FORMATS.make("csv", decimal=columns.decimal)
-    log = read_log(path, columns, form=form)
+    log = read_log(path, columns)
+    zero = dict(zip(log.joints, columns.zero, strict=True)) if columns.zero else {}
+    if columns.motor:
+        known = [name for name in locked or {} if name in log.joints]
+        if known:
+            step = "leave locked joints out of joints and of the columns"
+            raise LogMismatch(log.name, f"{known[0]} is locked, and a log of the motors' side has it", step)
+        log = joint_side(log.ordered(robot.joint_names), robot, columns.motor)
+    if zero:
+        log = with_zero(log, zero)
     for name, position in (locked or {}).items():
         if name in log.joints:
             away = float(np.abs(log.q[:, log.joints.index(name)] - position).max())
@@ -171,17 +194,22 @@ def read_case(path: str | Path) -> Case:
         raise top.place("case").error(f"format {version}", f"this version reads format {FORMAT}")
     robot_path = str(_find(top.text("robot"), str(path)))
     full = read_robot(robot_path)
+    choose = top.has("friction") and top.value("friction") == AUTO
     robot, locked = _robot(top, full)
     return Case(
         robot=robot,
-        friction=tuple(_parts(top, "friction", FRICTION, DEFAULT_FRICTION)),
-        columns=_columns(top, full),
+        friction=tuple(map(FRICTION.make, DEFAULT_FRICTION)) if choose else _friction(top, robot),
+        choose_friction=choose,
+        columns=read_columns(top, full),
         preprocessing=_preprocessing(top),
         estimator=_choice(top, "estimator", "consistent"),
-        train=_texts(top, "train"),
-        test=_texts(top, "test"),
-        split=_guard(top.place("split"), lambda: Split.parse(top.text("split"))) if top.has("split") else None,
+        train=texts(top, "train"),
+        test=texts(top, "test"),
+        split=guarded(top.place("split"), lambda: Split.parse(top.text("split"))) if top.has("split") else None,
         locked=locked,
+        workspace=read_workspace(top, robot, robot_path),
+        constraints=constraints_of(top.section("constraints", CONSTRAINT_KEYS), robot),
+        prior=top.text("prior", ""),
         path=str(path),
         robot_path=robot_path,
     )
@@ -207,18 +235,18 @@ def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
         section = top.section("drives", names)
         for name, joint in zip(names, robot.active, strict=True):
             if section.has(name):
-                own = section.section(name, ("gear_ratio", "rotor_inertia", "gain"))
-                drives[name] = _guard(section.place(name), lambda own=own, joint=joint: _drive(own, joint.drive))
+                own = section.section(name, ("gear_ratio", "rotor_inertia", "gain", "bias"))
+                drives[name] = guarded(section.place(name), lambda own=own, joint=joint: _drive(own, joint.drive))
     coupling = top.matrix("coupling", len(names), len(names)) if top.has("coupling") else None
-    robot = _guard(top.place("coupling"), lambda: robot.with_drives(drives, coupling))
+    robot = guarded(top.place("coupling"), lambda: robot.with_drives(drives, coupling))
     if not top.has("locked"):
         return robot, {}
     if top.value("locked") == "rest":
-        positions = dict.fromkeys((name for name in names if name not in _texts(top, "joints")), 0.0)
+        positions = dict.fromkeys((name for name in names if name not in texts(top, "joints")), 0.0)
     else:
         section = top.section("locked", names)
         positions = {name: section.number(name) for name in names if section.has(name)}
-    return _guard(top.place("locked"), lambda: robot.locked(positions)), positions
+    return guarded(top.place("locked"), lambda: robot.locked(positions)), positions
 
 
 def _drive(section: Section, stated: Drive) -> Drive:
@@ -227,54 +255,8 @@ def _drive(section: Section, stated: Drive) -> Drive:
         gear_ratio=section.number("gear_ratio", stated.gear_ratio),
         rotor_inertia=section.number("rotor_inertia", stated.rotor_inertia),
         gain=section.number("gain") if section.has("gain") else stated.gain,
+        bias=section.number("bias", stated.bias),
     )
-
-
-def _columns(top: Section, robot: Robot) -> ColumnMap:
-    joints = _texts(top, "joints") or robot.joint_names
-    unknown = [name for name in joints if name not in robot.joint_names]
-    if unknown:
-        step = f"the robot has {', '.join(robot.joint_names)}"
-        raise top.place("joints").error(f"no joint called '{unknown[0]}'", step)
-    if not top.has("log"):
-        return _guard(top.place("joints"), lambda: ColumnMap(joints=joints))
-    log = top.section("log", _LOG_KEYS)
-    named: dict[str, Any] = {}
-    if log.has("columns"):
-        columns = log.section("columns", _COLUMN_KEYS)
-        for key in _COLUMN_KEYS:
-            if columns.has(key):
-                named[key] = columns.text("time") if key == "time" else _column_names(columns, key, len(joints))
-    words: dict[str, Any] = {}
-    if log.has("units"):
-        units = log.section("units", _UNIT_KEYS)
-        words = {key: _one_or_many(units, key) for key in _UNIT_KEYS if units.has(key)}
-    decimal = log.choice("decimal", (".", ","), ".")
-    _guard(log.place("units"), lambda: _check_units(Units(**words), joints, robot))
-    return _guard(log.place(), lambda: ColumnMap(joints=joints, units=Units(**words), decimal=decimal, **named))
-
-
-def _check_units(units: Units, joints: Sequence[str], robot: Robot) -> None:
-    """Refuse a unit that does not fit the kind of its joint, and lists of another length than the joints."""
-    kinds = {joint.name: joint.kind for joint in robot.active}
-    for quantity in ("position", "velocity", "acceleration", "torque"):
-        for name, word in zip(joints, units.of(quantity, len(joints)), strict=True):
-            kind = UNITS[quantity][word][1]
-            if kind not in ("", kinds[name]):
-                step = f"{name} is {kinds[name]}; give a unit that fits, one per joint where they differ"
-                raise BadOption(f"units.{quantity}", word, step)
-
-
-def _column_names(section: Section, key: str, joints: int) -> tuple[str, ...]:
-    """Return the columns of a signal: a list, or one text with {} for the number of the joint, counted from 1."""
-    value = _one_or_many(section, key)
-    if not isinstance(value, str):
-        return value
-    if value == "none":
-        return ()
-    if "{}" not in value:
-        raise section.place(key).error(f"one name '{value}' for {joints} joints", "write a list, or a pattern as q{}")
-    return tuple(value.replace("{}", str(k)) for k in range(1, joints + 1))
 
 
 def _preprocessing(top: Section) -> Preprocessing:
@@ -286,8 +268,9 @@ def _preprocessing(top: Section) -> Preprocessing:
         filter=_part(section, "filter", FILTERS) if section.has("filter") else stated.filter,
         rate_hz=stated.rate_hz,
     )
+    delay = section.value("delay_s") if section.has("delay_s") else "0"
     rate = section.value("rate_hz") if section.has("rate_hz") else stated.rate_hz
-    return _guard(
+    return guarded(
         section.place(),
         lambda: replace(
             how,
@@ -295,8 +278,16 @@ def _preprocessing(top: Section) -> Preprocessing:
             trim_s=section.number("trim_s", stated.trim_s),
             standstill=section.number("standstill", stated.standstill),
             rest=section.choice("rest", ("mask", "keep"), stated.rest),
+            delay_s=None if delay == AUTO else section.number("delay_s", 0.0),
         ),
     )
+
+
+def _friction(top: Section, robot: Robot) -> tuple[Friction, ...]:
+    """Return the friction parts; the joints that they name are those of the robot."""
+    parts = tuple(_parts(top, "friction", FRICTION, DEFAULT_FRICTION))
+    guarded(top.place("friction"), lambda: DynamicModel(robot, parts))
+    return parts
 
 
 def _parts(top: Section, key: str, family: Family[Any], default: Sequence[str]) -> list[Any]:
@@ -314,7 +305,7 @@ def _part(section: Section, key: str, family: Family[Filter]) -> Any:
 
 def _made(place: Place, value: object, family: Family[Any]) -> Any:
     choice = _choice_of(place, value)
-    return _guard(place, lambda: family.make_from_text(choice.name, choice.options))
+    return guarded(place, lambda: family.make_from_text(choice.name, choice.options))
 
 
 def _choice(top: Section, key: str, default: str) -> Choice:
@@ -323,45 +314,4 @@ def _choice(top: Section, key: str, default: str) -> Choice:
 
 def _choice_of(place: Place, value: object) -> Choice:
     """Return a part written as ``name`` or as ``name: {option: value}``."""
-    if isinstance(value, str):
-        return Choice(value)
-    if isinstance(value, dict) and len(value) == 1:
-        ((name, options),) = value.items()
-        if options is None or (isinstance(options, dict) and all(_is_plain(v) for v in options.values())):
-            texts = {k: _text_of(v) for k, v in (options or {}).items()}
-            return Choice(str(name), texts)
-    raise place.error("neither a name nor one name with its options", "write name, or name: {option: value}")
-
-
-def _is_plain(value: object) -> bool:
-    return value is None or isinstance(value, str) or (isinstance(value, list) and all(map(_is_plain, value)))
-
-
-def _text_of(value: object) -> str | None:
-    return ",".join(str(item) for item in value) if isinstance(value, list) else None if value is None else str(value)
-
-
-def _texts(section: Section, key: str) -> tuple[str, ...]:
-    if not section.has(key):
-        return ()
-    value = _one_or_many(section, key)
-    return (value,) if isinstance(value, str) else value
-
-
-def _one_or_many(section: Section, key: str) -> str | tuple[str, ...]:
-    value = section.value(key)
-    if isinstance(value, str):
-        return value
-    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
-        return tuple(value)
-    raise section.place(key).error("neither a text nor a list of texts", "write one, or a list [a, b]")
-
-
-def _guard(place: Place, make: Any) -> Any:
-    """Return ``make()``; an error about a value then also names the place in the case file."""
-    try:
-        return make()
-    except DescriptionError:
-        raise
-    except (DynidentError, ValueError) as error:
-        raise DescriptionError(place.path, place.where, str(error), "see docs/case-file.md") from error
+    return Choice(*part_of(place, value))

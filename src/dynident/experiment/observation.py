@@ -31,7 +31,7 @@ class Observation:
         inertial = base.independent[base.independent < model.inertial_count]
         self._kernel = JointColumns(model.robot.chain, inertial)
         friction = base.independent[base.independent >= model.inertial_count] - model.inertial_count
-        self._drive, self._coefficient = np.divmod(friction, max(model.coefficients_per_joint, 1))
+        self._drive, self._coefficient = (found[friction] for found in model.terms)
         self._coupling = np.asarray(model.robot.coupling)
         self._own = [np.flatnonzero(self._coupling[self._drive, i] != 0) for i in range(model.robot.dof)]
         self.columns: tuple[IntArray, ...] = tuple(
@@ -67,10 +67,8 @@ class Observation:
             return inertial
         at_drives = self._at_drives(weights, len(motion.q))
         coupled = self.model.robot.is_coupled
-        moved = motion.at_motors(self._coupling) if coupled else motion
-        slopes = zip(*(part.derivatives(moved) for part in self.model.friction), strict=True)
-        for own, parts in zip(inertial, slopes, strict=True):
-            found = np.einsum("sjk,sjk->sj", at_drives, np.concatenate(parts, axis=-1))
+        for own, slopes in zip(inertial, self.model.friction_slopes(motion), strict=True):
+            found = np.einsum("sjk,sjk->sj", at_drives, slopes)
             own += found @ self._coupling if coupled else found  # noqa: PLW2901 - adds in place
         return inertial
 

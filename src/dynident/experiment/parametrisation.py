@@ -3,39 +3,40 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from dynident.arrays import Array, frozen
 from dynident.errors import BadOption, UnknownChoice
-from dynident.experiment.preprocessing.fourier_fit import fourier_basis
-from dynident.experiment.trajectories.fourier import FourierSeries
-from dynident.experiment.trajectories.rest_fourier import RestFourier, rest_map
-
-Kind = Literal["fourier", "rest_fourier"]
-
-_KINDS = {"fourier": FourierSeries, "rest_fourier": RestFourier}
+from dynident.experiment.trajectories import TRAJECTORIES
+from dynident.experiment.trajectories.base import Designable
 
 
 @dataclass(frozen=True)
 class Parametrisation:
-    """q_i(t) = sum_m Phi_m(t) x_im: a Fourier series through a linear map of its free numbers; Phi_1 is the constant 1.
+    """q_i(t) = sum_m Phi_m(t) x_im: a designable trajectory through a linear map of its free numbers; Phi_1 is 1.
+
+    The first free number of a joint is thus its posture; the rest are amplitudes about it.
 
     Attributes:
         kind: Name of the trajectory.
         period: Period in s.
-        harmonics: Number of sine and cosine pairs, H.
-        map: Free numbers of a joint to offset, a_1..a_H, b_1..b_H, shape (2 H + 1, m).
+        harmonics: Fineness, H: sine and cosine pairs, or what is comparable (see the trajectory's ``free_map``).
+        map: Free numbers of a joint to its row of the trajectory's table, shape (C, m).
     """
 
-    kind: Kind
+    kind: str
     period: float
     harmonics: int
     map: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "map", frozen(self.map, (2 * self.harmonics + 1, None), "map"))
+        object.__setattr__(self, "map", frozen(self.map, (None, None), "map"))
+
+    @property
+    def part(self) -> type[Designable]:
+        """The class of the trajectory."""
+        return designable(self.kind)
 
     @property
     def count(self) -> int:
@@ -43,25 +44,43 @@ class Parametrisation:
         return self.map.shape[1]
 
     def basis(self, time: Array) -> Array:
-        """Return Phi and its three derivatives at the times (N,), shape (4, N, m)."""
-        q, dq, ddq = fourier_basis(time, self.period, self.harmonics)
-        pulsation = 2 * np.pi / self.period * np.r_[0.0, np.tile(np.arange(1, self.harmonics + 1), 2)]
-        return np.stack([q, dq, ddq, -(pulsation**2) * dq]) @ self.map
+        """Return Phi and its three derivatives at the times (N,) of 0..period, shape (4, N, m)."""
+        return self.part.basis(time, self.period, len(self.map)) @ self.map
 
-    def trajectory(self, free: Array) -> FourierSeries | RestFourier:
+    def trajectory(self, free: Array) -> Designable:
         """Return the trajectory of the free numbers (n, m)."""
-        table = free @ self.map.T
-        count = 1 + self.harmonics
-        return _KINDS[self.kind](table[:, 0], table[:, 1:count], table[:, count:], self.period)
+        return self.part.from_table(list(free @ self.map.T), self.period)
+
+    def extremes(self, free: Array, samples: int) -> Array:
+        """Return bounds on q, dq, ddq and jerk of the free numbers (n, m) at every time, shape (2, 4, n)."""
+        return self.part.extremes(free @ self.map.T, self.period, samples)
+
+
+def kinds() -> tuple[str, ...]:
+    """Return the names of the trajectories that can be designed, sorted."""
+    return tuple(name for name in TRAJECTORIES.names() if issubclass(TRAJECTORIES.get(name), Designable))
+
+
+def designable(kind: str) -> type[Designable]:
+    """Return the class of a trajectory that can be designed.
+
+    Raises:
+        UnknownChoice: There is none of this name.
+    """
+    part = TRAJECTORIES.get(kind) if kind in TRAJECTORIES.names() else None
+    if part is None or not issubclass(part, Designable):
+        raise UnknownChoice("trajectory to design", kind, kinds())
+    return part
 
 
 def parametrise(kind: str, period: float, harmonics: int) -> Parametrisation:
     """Return the parametrisation of a kind of trajectory.
 
     Args:
-        kind: ``rest_fourier`` (starts and ends at rest) or ``fourier`` (14).
+        kind: ``rest_fourier`` or ``bspline`` (start and end at rest), ``fourier`` (14), or one of your own.
         period: Period in s.
-        harmonics: Number of sine and cosine pairs.
+        harmonics: Number of sine and cosine pairs, H; a ``bspline`` gets as many free numbers as a ``rest_fourier``,
+            2 H - 1 a joint: 2 H - 1 pieces of equal length.
 
     Raises:
         UnknownChoice: Another kind.
@@ -69,28 +88,19 @@ def parametrise(kind: str, period: float, harmonics: int) -> Parametrisation:
     """
     if not 0 < period < np.inf:
         raise BadOption("period", period, "give the period in s, above 0")
-    if kind == "rest_fourier":
-        return Parametrisation(kind, float(period), harmonics, rest_map(harmonics))
-    if kind == "fourier":
-        if harmonics < 1:
-            raise BadOption("harmonics", harmonics, "give 1 or more")
-        return Parametrisation(kind, float(period), harmonics, np.eye(2 * harmonics + 1))
-    raise UnknownChoice("trajectory to design", kind, tuple(_KINDS))
+    return Parametrisation(kind, float(period), harmonics, designable(kind).free_map(harmonics))
 
 
-def of_table(kind: str, table: Array, period: float) -> FourierSeries | RestFourier:
-    """Return a trajectory from its rows: offset, a_1..a_H, b_1..b_H per joint, shape (n, 2 H + 1).
+def of_table(kind: str, table: Array, period: float) -> Designable:
+    """Return a trajectory from its rows, shape (n, C).
 
     Raises:
         UnknownChoice: Another kind.
-        BadOption: Rows of an even length, or coefficients the kind does not have.
+        BadOption: Rows that are none of the kind.
     """
-    if kind not in _KINDS:
-        raise UnknownChoice("trajectory", kind, tuple(_KINDS))
-    plain = FourierSeries.from_table(list(table), period)
-    return _KINDS[kind](plain.offset, plain.sine, plain.cosine, period)
+    return designable(kind).from_table(list(table), period)
 
 
-def kind_of(trajectory: FourierSeries | RestFourier) -> Kind:
+def kind_of(trajectory: Designable) -> str:
     """Return the name of a trajectory's kind."""
-    return "rest_fourier" if isinstance(trajectory, RestFourier) else "fourier"
+    return TRAJECTORIES.name_of(trajectory)

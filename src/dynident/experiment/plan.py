@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,19 +13,19 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, DynidentError, FileError
-from dynident.experiment.limits import UNITS, LimitRow, MotionLimits, check_limits
-from dynident.experiment.parametrisation import kind_of, of_table
+from dynident.experiment.bounds import Label
+from dynident.experiment.limits import JOINTLESS, UNITS, LimitRow, MotionLimits, check_limits
+from dynident.experiment.parametrisation import designable, kind_of
 from dynident.experiment.rest_to_rest import RestToRest
-from dynident.experiment.trajectories.fourier import FourierSeries
-from dynident.experiment.trajectories.rest_fourier import RestFourier
+from dynident.experiment.trajectories.base import Designable
 from dynident.files import unreadable, write_atomically
 
-KIND, FORMAT = "dynident plan", 1
+KIND, FORMAT = "dynident plan", 2
 
 #: Rows that one table of samples has at most.
 MAX_ROWS = 10_000_000
 
-_BOUNDS = ("lower", "upper", "velocity", "acceleration", "jerk", "torque")
+_BOUNDS = ("lower", "upper", "velocity", "acceleration", "jerk", "torque", "torque_rate")
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,14 @@ class Plan:
         criterion: What it was designed for.
         values: The figure of every criterion, on the grid of the check.
         limits: The bounds it keeps, margins taken off.
-        rows: The dense check: the worst of every quantity of every joint over the run-in, one period and the run-out.
+        rows: The dense check: the worst of every quantity of every joint, and of every clearance, over the run-in, one
+            period and the run-out.
         samples: Number of samples of that check.
         settings: Plain facts of the design: noise, grid, seed, starts, effort.
     """
 
     robot: str
-    trajectory: FourierSeries | RestFourier
+    trajectory: Designable
     run_in: float
     criterion: str
     values: Mapping[str, float]
@@ -83,9 +84,10 @@ def refuse_breach(plan: Plan, path: str | Path) -> None:
     broken = [row for row in (*plan.rows, *check_limits(motion, plan.limits, plan.samples)) if not row.kept]
     if broken:
         worst = max(broken, key=lambda row: row.used)
+        subject = Label(worst.joint, worst.quantity).text
         evidence = (
-            f"not written, because the {worst.quantity} of {worst.joint} would be {worst.value:.5g} {worst.unit} at "
-            f"{worst.time:.4g} s, its bound is {worst.limit:.5g}"
+            f"not written, because the {subject} would be {worst.value:.5g} {worst.unit} at {worst.time:.4g} s, "
+            f"its bound is {worst.limit:.5g}"
         )
         raise FileError(path, evidence, "design the motion again with these limits")
 
@@ -113,10 +115,7 @@ def plan_data(plan: Plan) -> dict[str, Any]:
         ],
         "trajectory": {
             "kind": kind_of(plan.trajectory),
-            "period": plan.trajectory.period,
-            "offset": plan.trajectory.offset.tolist(),
-            "sine": plan.trajectory.sine.tolist(),
-            "cosine": plan.trajectory.cosine.tolist(),
+            **plan.trajectory.data(),
             "run_in": plan.run_in,
         },
         "criterion": plan.criterion,
@@ -148,8 +147,8 @@ def read_plan(path: str | Path) -> Plan:
     if not isinstance(data, dict) or data.get("kind") != KIND:
         raise FileError(path, "no plan", step)
     if data.get("format") != FORMAT:
-        evidence = f"a plan of format {data.get('format')}"
-        raise FileError(path, evidence, f"this version reads format {FORMAT}; design it again")
+        evidence = f"a plan of format {data.get('format')}, and this version reads format {FORMAT}"
+        raise FileError(path, evidence, "design the motion again with 'dynident excite'")
     try:
         return _plan(data)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
@@ -168,15 +167,14 @@ def _plan(data: Mapping[str, Any]) -> Plan:
         tuple(joint["kind"] == "revolute" for joint in data["joints"]),
         **{name: np.array([free.get(name, np.inf) if v is None else v for v in bounds[name]]) for name in _BOUNDS},
     )
-    table = np.hstack(
-        [np.array(motion["offset"], float)[:, None], np.array(motion["sine"]), np.array(motion["cosine"])]
-    )
     rows = tuple(
         LimitRow(**{**row, "limit": np.inf if row["limit"] is None else float(row["limit"])}) for row in check["rows"]
     )
-    if any(row.quantity not in UNITS or row.joint not in limits.joints for row in rows):
+    if any(
+        row.quantity not in UNITS or (row.joint not in limits.joints) != (row.quantity in JOINTLESS) for row in rows
+    ):
         raise ValueError("a row of the check that belongs to no joint")
-    trajectory = of_table(motion["kind"], table, motion["period"])
+    trajectory = designable(motion["kind"]).from_data(motion)
     if trajectory.joints != len(limits.joints):
         raise ValueError(f"{trajectory.joints} motions for {len(limits.joints)} joints")
     plan = Plan(
@@ -227,12 +225,22 @@ def write_samples(plan: Plan, path: str | Path, rate: float, repeats: int = 1) -
     """
     refuse_breach(plan, path)
     time, *signals = sampled(plan, rate, repeats)
-    numbers = range(1, len(plan.joints) + 1)
+    write_atomically(path, samples_text(time, signals))
+    return len(time)
+
+
+def samples_text(time: Array, signals: Sequence[Array]) -> str:
+    """Return a table t, q1.., dq1.., ddq1.. as CSV text with twelve digits.
+
+    Args:
+        time: Times (N,) in s.
+        signals: q, dq and ddq, each (N, n).
+    """
+    numbers = range(1, signals[0].shape[1] + 1)
     header = ",".join(["t", *(f"{name}{i}" for name in ("q", "dq", "ddq") for i in numbers)])
     text = io.StringIO()
     np.savetxt(text, np.column_stack([time, *signals]), fmt="%.12g", delimiter=",", header=header, comments="")
-    write_atomically(path, text.getvalue())
-    return len(time)
+    return text.getvalue()
 
 
 def _finite(value: float) -> float | None:

@@ -141,6 +141,12 @@ class Plant:
         return np.array(self.robot.coupling)
 
     @property
+    def tables(self) -> tuple[Any, ...]:
+        """The arrays of the compiled loops; see ``Plant`` in simulation_loop.py."""
+        chain = importlib.import_module("dynident.model.kernels.generic").pack(self.robot.chain)
+        return (*chain, *map(np.array, (self.inertial, self.armature, self.coupling, self.friction)))
+
+    @property
     def joints(self) -> int:
         """Number of joints, n."""
         return self.robot.dof
@@ -183,12 +189,10 @@ class Plant:
             SolverFailed: The motion diverged.
         """
         loop: Any = importlib.import_module("dynident.experiment.simulation_loop")
-        tables = importlib.import_module("dynident.model.kernels.generic").pack(self.robot.chain)
-        plant = (*tables, *map(np.array, (self.inertial, self.armature, self.coupling, self.friction)))
         counts = np.array([ticks.per_control, ticks.per_row, ticks.per_noise, ticks.first], dtype=np.int64)
         out = np.empty((ticks.rows, 6, self.joints))
         arrays = [np.array(array, dtype=np.float64) for array in (gains, resolution, reference, noise)]
-        failed, cut = loop.closed_loop(plant, *arrays, counts, 1.0 / ticks.rate, np.array(start), out)
+        failed, cut = loop.closed_loop(self.tables, *arrays, counts, 1.0 / ticks.rate, np.array(start), out)
         if failed >= 0:
             evidence = f"the motion is lost at {(failed - ticks.first) / ticks.rate:.4g} s"
             step = "give a lower bandwidth, a faster controller or a higher integration rate"
@@ -212,9 +216,9 @@ def plant(model: DynamicModel, theta: npt.ArrayLike) -> Plant:
     if not np.all(np.isfinite(values)):
         bad = model.parameters[int(np.argmin(np.isfinite(values)))]
         raise BadOption("theta", f"{bad.symbol} of {bad.owner} not finite", "give finite numbers")
-    inertial, tail = np.split(values, [model.inertial_count])
+    inertial = values[: model.inertial_count]
     robot, n = model.robot, model.robot.dof
-    coefficients = tail.reshape(n, model.coefficients_per_joint)
+    coefficients = model.coefficient_table(values)
     friction, rotor, at = np.zeros((n, 4)), np.zeros(n), 0
     for part in model.friction:
         block = coefficients[:, at : at + len(part.coefficients)]

@@ -63,12 +63,22 @@ class RestToRest(Trajectory):
         """Return the third derivative at the times (N,) in s, shape (N, n)."""
         return self._signals(time)[3]
 
+    @property
+    def seams(self) -> tuple[float, ...]:
+        """Times just before and just after the run-in joins the motion and the run-out leaves it."""
+        if not self.run_in:
+            return ()
+        instant = 1e-9 * self.run_in
+        joins = (self.run_in, self.duration - self.run_in)
+        return tuple(moment + side for moment in joins for side in (-instant, instant))
+
     @cached_property
-    def _enter(self) -> Quintic:
+    def enter(self) -> Quintic:
+        """The run-in; it takes time only where ``run_in`` is above 0."""
         return Quintic.from_rest(np.stack([signal[0] for signal in self.core.evaluate(0.0)]), self.run_in)
 
     @cached_property
-    def _leave(self) -> Quintic:
+    def leave(self) -> Quintic:
         """The run-out backwards in time."""
         q, dq, ddq = (signal[0] for signal in self.core.evaluate(self.core.duration))
         return Quintic.from_rest(np.stack([q, -dq, ddq]), self.run_in)
@@ -81,8 +91,8 @@ class RestToRest(Trajectory):
         found = np.stack([*self.core.evaluate(core), self.core.jerk(core)])
         if self.run_in:
             early, late = inside < self.run_in, inside > end
-            found[:, early] = [*self._enter.evaluate(inside[early]), self._enter.jerk(inside[early])]
+            found[:, early] = [*self.enter.evaluate(inside[early]), self.enter.jerk(inside[early])]
             back = self.duration - inside[late]
-            mirrored = np.stack([*self._leave.evaluate(back), self._leave.jerk(back)])
+            mirrored = np.stack([*self.leave.evaluate(back), self.leave.jerk(back)])
             found[:, late] = mirrored * np.array([1.0, -1.0, 1.0, -1.0])[:, None, None]
         return found

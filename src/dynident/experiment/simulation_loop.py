@@ -140,3 +140,72 @@ def closed_loop(
             state[0, i], state[1, i] = after[0, i], after[1, i]
         row += 1 if logged else 0
     return -1, cut
+
+
+@compiled
+def feedback(gains: Array, goal: Array, state: Array, tau: Array) -> None:
+    """Write the torque (n,) of a joint controller; gains (2, n): stiffness, damping; goal (3, n): q, dq, torque fed."""
+    for i in range(len(tau)):
+        tau[i] = goal[2, i] + gains[0, i] * (goal[0, i] - state[0, i]) + gains[1, i] * (goal[1, i] - state[1, i])
+
+
+@compiled
+def tracking(
+    plant: Plant,
+    gains: Array,
+    goals: Array,
+    counts: IntArray,
+    step: float,
+    state: Array,
+    tau: Array,
+    out: Array,
+    stages: Array,
+) -> int:
+    """Follow a course without noise and without limits of the torque, as estimators that simulate do.
+
+    Args:
+        plant: See :data:`Plant`.
+        gains: See :func:`feedback`.
+        goals: The course at every half step, (2 S + 1, 3, n) for S steps.
+        counts: Steps per row; steps that the controller holds its torque, 0 for one that acts continuously; the number
+            of the first step.
+        step: Length of a step in s.
+        state: q and dq at the start, (2, n); overwritten by those at the end.
+        tau: The torque that is held, (n,); overwritten.
+        out: Rows of q, dq, ddq, torque, (S / steps per row, 4, n).
+        stages: q, dq and ddq at the four stages of every step, (S, 4, 3, n), or (0, 4, 3, n) to keep none.
+
+    Returns:
+        The step at which the simulation failed, or -1.
+    """
+    joints = state.shape[1]
+    slopes, place = np.empty((4, 2, joints)), np.empty((2, joints))
+    mass, vectors, work = np.empty((joints, joints)), np.empty((3, joints)), np.empty((len(plant[0]) + 1, WORK))
+    scratch = (mass, vectors, work, slopes, place)
+    per_row, held, first = counts[0], counts[1], counts[2]
+    for k in range(len(out) * per_row):
+        if held > 0 and (first + k) % held == 0:
+            feedback(gains, goals[2 * k], state, tau)
+        for stage in range(4):
+            share = 0.0 if stage == 0 else (step if stage == 3 else 0.5 * step)
+            for i in range(joints):
+                for order in range(2):
+                    moved = share * slopes[stage - 1, order, i] if stage > 0 else 0.0
+                    place[order, i] = state[order, i] + moved
+                slopes[stage, 0, i] = place[1, i]
+            if held == 0:
+                feedback(gains, goals[2 * k + (stage + 1) // 2], place, tau)
+            if not acceleration(plant, place[0], place[1], tau, slopes[stage, 1], scratch):
+                return k
+            if len(stages) > 0:
+                stages[k, stage, :2], stages[k, stage, 2] = place, slopes[stage, 1]
+            if stage == 0 and k % per_row == 0:
+                row = out[k // per_row]
+                row[:2], row[2], row[3] = state, slopes[0, 1], tau
+        for i in range(joints):
+            for order in range(2):
+                slope = slopes[0, order, i] + 2.0 * (slopes[1, order, i] + slopes[2, order, i]) + slopes[3, order, i]
+                state[order, i] += step / 6.0 * slope
+                if not math.isfinite(state[order, i]):
+                    return k
+    return -1

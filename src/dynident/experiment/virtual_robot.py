@@ -67,7 +67,7 @@ class SimulatedRun:
     """What a virtual robot recorded, and what was true.
 
     Attributes:
-        log: The measured signals: q, dq where velocities are measured, torque or current.
+        log: The measured signals: q, dq where velocities are measured, torque or current; the commanded q_ref, dq_ref.
         truth: q, dq, ddq of the plant and the torque at its joints, at the same times. The torque is constant between
             two ticks of the controller; a row that falls on a tick has the torque that begins there.
         saturated: How many torques of the logged part were cut at the joints' effort limits.
@@ -133,7 +133,8 @@ def simulate(
     source = Source(rows=ticks.rows, steps=(f"virtual robot '{model.robot.name}': {text}",))
     truth = Log(model.robot.joint_names, ticks.row_times, *np.moveaxis(out[:, :4], 1, 0), source=source)
     speed = None if noise.velocity is None else out[:, 5]
-    log = Log(truth.joints, truth.time, out[:, 4], speed, source=source)
+    told = course.evaluate(ticks.row_times)
+    log = Log(truth.joints, truth.time, out[:, 4], speed, q_ref=told[0], dq_ref=told[1], source=source)
     effort = _measured_effort(model.robot, out[:, 3], errors.torque, gains)
     return SimulatedRun(replace(log, **effort), truth, cut)
 

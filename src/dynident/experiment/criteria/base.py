@@ -1,7 +1,8 @@
 """What a criterion is: a figure of the observation matrix, and a smooth objective with its exact gradient.
 
 Both see the observation matrix only through its information per sample M = W'W / N, shape (b, b), or a triangle R of
-it, M = R'R: the gradient by W follows as 2 W G / N from the gradient G by M.
+it, M = R'R: the gradient by W follows as 2 W G / N from the gradient G by M. Where earlier runs are known, their
+information per row of the new run has been added to M; no criterion needs to know.
 """
 
 from __future__ import annotations
@@ -79,3 +80,15 @@ def column_squares(information: Array) -> Array:
     """Return the diagonal of M, shape (b,), kept away from 0 by a share of its largest entry."""
     diagonal = np.diagonal(information)
     return np.maximum(diagonal, _EMPTY * max(float(diagonal.max()), np.finfo(float).tiny / _EMPTY))
+
+
+def log_volume(information: Array, regularisation: float = 0.0) -> tuple[float, Array]:
+    """Return log det(M + d diag M) and its gradient by M; finite, by a floor, where M is singular."""
+    diagonal = column_squares(information)
+    inverse = 1.0 / np.sqrt(diagonal)
+    scaled = information * np.outer(inverse, inverse)
+    found, vectors = np.linalg.eigh(scaled)
+    values = np.maximum(found + regularisation, _FLOOR)
+    inner = (vectors / values) @ vectors.T * np.outer(inverse, inverse)
+    gradient = inner + regularisation * np.diag(np.diagonal(inner))
+    return float(np.sum(np.log(values)) + np.sum(np.log(diagonal))), gradient

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.criteria.base import Criterion, column_squares
+from dynident.experiment.criteria.base import Criterion, log_volume
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,5 @@ class DOptimal(Criterion):
         return float(np.sum(np.log(values)) + 2.0 * np.sum(np.log(norms)))
 
     def objective(self, information: Array, sharpness: float) -> tuple[float, Array]:
-        size = len(information)
-        diagonal = column_squares(information)
-        inverse = 1.0 / np.sqrt(diagonal)
-        scaled = information * np.outer(inverse, inverse)
-        found, vectors = np.linalg.eigh(scaled)
-        values = np.maximum(found + self.regularisation, 1e-15)
-        inner = (vectors / values) @ vectors.T * np.outer(inverse, inverse)
-        gradient = inner + self.regularisation * np.diag(np.diagonal(inner))
-        total = float(np.sum(np.log(values)) + np.sum(np.log(diagonal)))
-        return -total / size, -gradient / size
+        value, gradient = log_volume(information, self.regularisation)
+        return -value / len(information), -gradient / len(information)

@@ -10,6 +10,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log
+from dynident.experiment.preprocessing._shift import shifted
 from dynident.experiment.preprocessing.base import Filter
 from dynident.plugins import Family
 
@@ -23,6 +24,9 @@ LONGEST_GAP = 0.5
 
 #: Beyond these a value is no measurement: rad or m, N m or N, A.
 LARGEST = {"q": 1e4, "torque": 1e7, "current": 1e6}
+
+#: A longer delay of the torque, in s, is another fault.
+LONGEST_DELAY = 1.0
 
 #: A joint that is slow for less time than this, in s, is turning round, not resting.
 SHORTEST_REST = 0.1
@@ -39,6 +43,8 @@ class Preprocessing:
         standstill: Speed in rad/s (or m/s) below which a joint is at rest when it stays there; its static friction is
             then unknown.
         rest: ``mask`` leaves rows at rest out of the fit, ``keep`` takes them in.
+        delay_s: By how much the torque of the log lags behind its positions, in s; the motion is shifted by it. None:
+            identification estimates it for each log.
     """
 
     filter: Filter
@@ -46,6 +52,7 @@ class Preprocessing:
     trim_s: float = 0.0
     standstill: float = 0.0
     rest: str = "mask"
+    delay_s: float | None = 0.0
 
     def __post_init__(self) -> None:
         if self.rate_hz is not None and not self.rate_hz > 0:
@@ -56,11 +63,15 @@ class Preprocessing:
             raise BadOption("standstill", self.standstill, "give a speed, 0 or more")
         if self.rest not in ("mask", "keep"):
             raise BadOption("rest", self.rest, "choose 'mask' or 'keep'")
+        if self.delay_s is not None and not abs(self.delay_s) <= LONGEST_DELAY:
+            step = f"give seconds between -{LONGEST_DELAY:g} and {LONGEST_DELAY:g}, or 'auto'"
+            raise BadOption("delay_s", self.delay_s, step)
 
     def statement(self) -> dict[str, object]:
         """Return what must stand beside every figure: the filter, the rows kept, and the rows at rest."""
         rows = {"rate_hz": self.rate_hz, "trim_s": self.trim_s, "standstill": self.standstill, "rest": self.rest}
-        return {**self.filter.statement(), **rows}
+        delay = {"delay_s": "auto" if self.delay_s is None else self.delay_s} if self.delay_s != 0 else {}
+        return {**self.filter.statement(), **rows, **delay}
 
 
 @dataclass(frozen=True)
@@ -72,12 +83,14 @@ class Prepared:
         keep: Rows that are used, ascending, shape (N,).
         how: The preprocessing.
         every: One row in how many is used.
+        delay_s: By how much the motion was shifted to stand beside its torque, in s.
     """
 
     log: Log
     keep: IntArray
     how: Preprocessing
     every: int = 1
+    delay_s: float = 0.0
 
     @cached_property
     def kept(self) -> Log:
@@ -100,8 +113,25 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
         LogMismatch: Too few samples for the filter, the trim or the rate, or a value that is no finite number.
     """
     _check_finite(log)
-    filtered = how.filter.apply(resample(log))
+    return thinned(log, how.filter.apply(resample(log)), how, how.delay_s or 0.0)
+
+
+def thinned(log: Log, filtered: Log, how: Preprocessing, delay_s: float = 0.0) -> Prepared:
+    """Return a filtered log with its motion shifted by the delay of the torque, and the rows of it that are used.
+
+    Args:
+        log: As it came.
+        filtered: The same on a uniform grid, filtered.
+        how: The preprocessing; its own delay is left aside.
+        delay_s: By how much the torque lags behind the positions, in s.
+
+    Raises:
+        LogMismatch: Too few samples are left.
+    """
+    if delay_s:
+        filtered = shifted(filtered, delay_s)
     start, end = filtered.time[0] + how.trim_s, filtered.time[-1] - how.trim_s
+    start, end = max(start, filtered.time[0] + delay_s), min(end, filtered.time[-1] + delay_s)
     slack = 1e-6 / filtered.rate
     keep = np.flatnonzero((filtered.time >= start - slack) & (filtered.time <= end + slack))
     if how.rate_hz is not None:
@@ -114,7 +144,7 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
         filtered = filtered.with_step(f"{np.count_nonzero(near)} rows near gaps in time left out")
     if len(keep) < 2:
         raise LogMismatch(log.name, f"{len(keep)} samples are left of {log.samples}", "trim less, or give more")
-    return Prepared(filtered, keep, how, every)
+    return Prepared(filtered, keep, how, every, delay_s)
 
 
 def _near_gaps(log: Log, time: Array, filter: Filter) -> BoolArray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.signal
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
@@ -105,6 +104,8 @@ def _pad(cutoff: float, rate: float) -> int:
 
 
 def _zero_phase(signals: Array, cutoff: float, order: int, rate: float) -> Array:
+    import scipy.signal  # half a second, which designs and their worker processes spare
+
     sections = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
     return scipy.signal.sosfiltfilt(sections, signals, axis=-1, padlen=min(_pad(cutoff, rate), signals.shape[-1] - 1))
 

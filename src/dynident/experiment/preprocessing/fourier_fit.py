@@ -60,7 +60,10 @@ class FourierFit(Filter):
         raw = None if log.torque is None else average(log.torque)
         torque = raw if raw is None or not self.torque_repeats else five_point_smoothing(raw, self.torque_repeats)
         text = f"{periods} periods of {self.period_s:g} s averaged, Fourier fit of {self.harmonics} harmonics"
-        kept = {name: None for name in ("current", "temperature")}
+        kept: dict[str, Array | None] = {name: None for name in ("current", "temperature")}
+        for name in ("q_ref", "dq_ref"):
+            commanded: Array | None = getattr(log, name)
+            kept[name] = None if commanded is None else average(commanded)
         return log.with_step(
             f"{text}, torque smoothed {self.torque_repeats} times by five points",
             time=time,

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from dynident.arrays import Array, frozen
+from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.preprocessing.fourier_fit import fourier_basis
-from dynident.experiment.trajectories.base import Trajectory, times
+from dynident.experiment.trajectories import _series
+from dynident.experiment.trajectories.base import Designable
 
 
 @dataclass(frozen=True)
-class FourierSeries(Trajectory):
+class FourierSeries(Designable):
     """Finite Fourier series of H harmonics per joint, equation (14); periodic, so it need not start at rest.
 
     q_i(t) = q_io + sum_k a_ik sin(k w t) + sum_k b_ik cos(k w t), with w = 2 pi / period and k = 1..H.
@@ -36,17 +37,12 @@ class FourierSeries(Trajectory):
     cosine: Array
     period: float
 
+    basis = staticmethod(_series.series_basis)
+    extremes = staticmethod(_series.series_extremes)
+
     def __post_init__(self) -> None:
-        object.__setattr__(self, "offset", frozen(self.offset, (None,), "offset"))
-        object.__setattr__(self, "sine", frozen(self.sine, (len(self.offset), None), "sine"))
-        object.__setattr__(self, "cosine", frozen(self.cosine, self.sine.shape, "cosine"))
-        object.__setattr__(self, "period", float(self.period))
-        for name in ("offset", "sine", "cosine"):
-            values = getattr(self, name)
-            if not np.all(np.isfinite(values)):
-                raise BadOption(name, float(values[~np.isfinite(values)][0]), "give finite numbers")
-        if not 0 < self.period < np.inf:
-            raise BadOption("period", self.period, "give the period in s, above 0")
+        for name, value in _series.series_fields(self.offset, self.sine, self.cosine, self.period).items():
+            object.__setattr__(self, name, value)
 
     @classmethod
     def from_table(cls, rows: Sequence[npt.ArrayLike], period: float) -> FourierSeries:
@@ -59,16 +55,18 @@ class FourierSeries(Trajectory):
         Raises:
             BadOption: No rows, rows of different lengths, or an even number of numbers in a row.
         """
-        table = [np.asarray(row, dtype=np.float64) for row in rows]
-        lengths = [row.size for row in table]
-        if not table or lengths[0] % 2 == 0:
-            raise BadOption("row 1", lengths[:1], "give an odd number of values: offset, a_1..a_H, b_1..b_H")
-        for joint, length in enumerate(lengths, 1):
-            if length != lengths[0]:
-                raise BadOption(f"row {joint}", f"{length} values", f"give {lengths[0]} as in row 1")
-        values = np.array(table)
-        harmonics = lengths[0] // 2
-        return cls(values[:, 0], values[:, 1 : 1 + harmonics], values[:, 1 + harmonics :], period)
+        return cls(*_series.split_table(rows), period)
+
+    @staticmethod
+    def free_map(harmonics: int) -> Array:
+        """Return the map of the free numbers: they are the coefficients themselves, shape (2 H + 1, 2 H + 1).
+
+        Raises:
+            BadOption: No harmonic.
+        """
+        if harmonics < 1:
+            raise BadOption("harmonics", harmonics, "give 1 or more")
+        return np.eye(2 * harmonics + 1)
 
     @property
     def table(self) -> Array:
@@ -86,24 +84,30 @@ class FourierSeries(Trajectory):
         return True
 
     @property
-    def joints(self) -> int:
-        """Number of joints, n."""
-        return len(self.offset)
+    def at_rest(self) -> bool:
+        """It starts with the speed that its coefficients give it."""
+        return False
 
     @property
-    def duration(self) -> float:
-        """One period, in s."""
-        return self.period
+    def detail(self) -> str:
+        """Its number of harmonics."""
+        return f"{self.harmonics} harmonics"
 
-    def evaluate(self, time: npt.ArrayLike) -> tuple[Array, Array, Array]:
-        """Return q, dq and ddq at the times (N,) in s, each (N, n)."""
-        columns = self.table.T
-        position, velocity, acceleration = fourier_basis(times(time), self.period, self.harmonics)
-        return position @ columns, velocity @ columns, acceleration @ columns
+    def data(self) -> dict[str, Any]:
+        """Return period, offset, sine and cosine."""
+        return _series.series_data(self.offset, self.sine, self.cosine, self.period)
 
-    def jerk(self, time: npt.ArrayLike) -> Array:
-        """Return the third derivative at the times (N,) in s, shape (N, n)."""
-        return self.derivative().evaluate(time)[2]
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> FourierSeries:
+        """Build from period, offset, sine and cosine."""
+        return cls(**_series.series_arguments(data))
+
+    def shifted(self, phase: float) -> FourierSeries:
+        """Return the series that begins ``phase`` seconds later in its period: q(t + phase)."""
+        angle = 2 * np.pi / self.period * phase * np.arange(1, self.harmonics + 1)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        a, b = self.sine, self.cosine
+        return FourierSeries(self.offset, a * cosine - b * sine, a * sine + b * cosine, self.period)
 
     def derivative(self) -> FourierSeries:
         """Return the series of the velocity: k w b_ik changes places with k w a_ik, and its sign."""

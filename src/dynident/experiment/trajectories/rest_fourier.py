@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.trajectories.base import Trajectory
-from dynident.experiment.trajectories.fourier import FourierSeries
+from dynident.experiment.trajectories import _series
+from dynident.experiment.trajectories.base import Designable
 
 #: How far the two sums may miss zero, as a share of the sum of their absolute terms.
 _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class RestFourier(Trajectory):
+class RestFourier(Designable):
     """Finite Fourier series (14) with dq = ddq = 0 at the start and end of each period; it needs no run-in.
 
     The coefficients fulfil sum k a_ik = 0 (speed) and sum k^2 b_ik = 0 (acceleration). Every such series with H
@@ -40,11 +41,13 @@ class RestFourier(Trajectory):
     cosine: Array
     period: float
 
+    basis = staticmethod(_series.series_basis)
+    extremes = staticmethod(_series.series_extremes)
+
     def __post_init__(self) -> None:
-        series = FourierSeries(self.offset, self.sine, self.cosine, self.period)  # checks the rest
-        for name in ("offset", "sine", "cosine", "period"):
-            object.__setattr__(self, name, getattr(series, name))
-        order = np.arange(1, series.harmonics + 1, dtype=float)
+        for name, value in _series.series_fields(self.offset, self.sine, self.cosine, self.period).items():
+            object.__setattr__(self, name, value)
+        order = np.arange(1, self.harmonics + 1, dtype=float)
         for name, values, power in (("sine", self.sine, order), ("cosine", self.cosine, order**2)):
             missed = np.abs(values @ power) > _TOLERANCE * (np.abs(values) @ power)
             if np.any(missed):
@@ -64,13 +67,26 @@ class RestFourier(Trajectory):
         harmonics, odd = divmod(rows.shape[1] + 1, 2)
         if odd or harmonics < 2:
             raise BadOption("free", f"of shape {rows.shape}", "give 2 H - 1 numbers per joint, H >= 2 harmonics")
-        table = rows @ rest_map(harmonics).T
-        return cls(table[:, 0], table[:, 1 : 1 + harmonics], table[:, 1 + harmonics :], period)
+        return cls.from_table(list(rows @ rest_map(harmonics).T), period)
 
-    @cached_property
-    def series(self) -> FourierSeries:
-        """The same motion as a plain Fourier series."""
-        return FourierSeries(self.offset, self.sine, self.cosine, self.period)
+    @classmethod
+    def from_table(cls, rows: Sequence[npt.ArrayLike], period: float) -> RestFourier:
+        """Build from one row per joint: offset, a_1..a_H, b_1..b_H, in rad or m, that is at rest at time 0.
+
+        Raises:
+            BadOption: Rows that do not start at rest, of different lengths or with an even number of numbers.
+        """
+        return cls(*_series.split_table(rows), period)
+
+    @staticmethod
+    def free_map(harmonics: int) -> Array:
+        """Return :func:`rest_map`."""
+        return rest_map(harmonics)
+
+    @property
+    def table(self) -> Array:
+        """One row per joint: offset, a_1..a_H, b_1..b_H, shape (n, 2 H + 1)."""
+        return np.hstack([self.offset[:, None], self.sine, self.cosine])
 
     @property
     def harmonics(self) -> int:
@@ -83,22 +99,23 @@ class RestFourier(Trajectory):
         return True
 
     @property
-    def joints(self) -> int:
-        """Number of joints, n."""
-        return len(self.offset)
+    def at_rest(self) -> bool:
+        """It starts at rest."""
+        return True
 
     @property
-    def duration(self) -> float:
-        """One period, in s."""
-        return self.period
+    def detail(self) -> str:
+        """Its number of harmonics."""
+        return f"{self.harmonics} harmonics"
 
-    def evaluate(self, time: npt.ArrayLike) -> tuple[Array, Array, Array]:
-        """Return q, dq and ddq at the times (N,) in s, each (N, n)."""
-        return self.series.evaluate(time)
+    def data(self) -> dict[str, Any]:
+        """Return period, offset, sine and cosine."""
+        return _series.series_data(self.offset, self.sine, self.cosine, self.period)
 
-    def jerk(self, time: npt.ArrayLike) -> Array:
-        """Return the third derivative at the times (N,) in s, shape (N, n)."""
-        return self.series.jerk(time)
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> RestFourier:
+        """Build from period, offset, sine and cosine."""
+        return cls(**_series.series_arguments(data))
 
 
 def rest_map(harmonics: int) -> Array:

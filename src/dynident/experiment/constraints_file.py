@@ -1,0 +1,130 @@
+"""What is known about bodies, as it is written: the section ``constraints`` of a case file, or a file of its own.
+
+Keys: links (by name: mass, centre, body, symmetry), total_mass, fixed. docs/case-file.md describes each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import DescriptionError, DynidentError
+from dynident.files import unreadable
+from dynident.model.body_constraints import AXES, BodyConstraints, Box, Constraints, Ellipsoid, Range
+from dynident.model.descriptions.base import rotation_from_rpy
+from dynident.model.documents.sections import Section
+from dynident.model.documents.strict_yaml import load_yaml
+from dynident.model.robot import Robot
+
+KEYS = ("links", "total_mass", "fixed")
+_LINK_KEYS = ("mass", "centre", "body", "symmetry")
+
+_Value = TypeVar("_Value")
+
+
+def read_constraints(path: str | Path, robot: Robot) -> Constraints:
+    """Read a file with what is known about the bodies of a robot.
+
+    Args:
+        path: YAML with the keys of the case file's section ``constraints``.
+        robot: The robot, locked joints merged.
+
+    Raises:
+        FileError: The file cannot be read.
+        DescriptionError: A fault in it, with the line and the key.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from error
+    value, lines = load_yaml(path, data)
+    return constraints_of(Section.top(path, value, KEYS, lines), robot)
+
+
+def constraints_of(section: Section, robot: Robot) -> Constraints:
+    """Return what a section with the keys links, total_mass and fixed states.
+
+    Raises:
+        DescriptionError: A link that the robot does not have, or a value that cannot be.
+    """
+    names = [link.name for link in robot.links]
+    links = section.section("links", names) if section.has("links") else None
+    found = {name: _body(links.section(name, _LINK_KEYS)) for name in names if links is not None and links.has(name)}
+    total = _range(section, "total_mass")
+    fixed: dict[str, float] = {}
+    if section.has("fixed"):
+        stated = section.values["fixed"]
+        keys = [str(key) for key in stated] if isinstance(stated, dict) else []
+        inner = section.section("fixed", keys)
+        fixed = {key: inner.number(key) for key in keys}
+    return Constraints(found, total, fixed)
+
+
+def _body(section: Section) -> BodyConstraints:
+    centre_box = centre_hull = body_box = ellipsoid = None
+    if section.has("centre"):
+        centre = section.section("centre", ("box", "hull"))
+        centre_box = _box(centre) if centre.has("box") else None
+        centre_hull = _hull(centre) if centre.has("hull") else None
+    if section.has("body"):
+        body = section.section("body", ("box", "ellipsoid"))
+        body_box = _box(body) if body.has("box") else None
+        ellipsoid = _ellipsoid(body) if body.has("ellipsoid") else None
+    symmetry: dict[str, float] = {}
+    if section.has("symmetry"):
+        planes = section.section("symmetry", AXES)
+        symmetry = {axis: planes.number(axis) for axis in AXES if planes.has(axis)}
+    mass = _range(section, "mass")
+    return _guard(
+        section,
+        "mass" if section.has("mass") else "",
+        lambda: BodyConstraints(mass, centre_box, centre_hull, body_box, ellipsoid, symmetry),
+    )
+
+
+def _range(section: Section, key: str) -> Range:
+    """Return a range that is written as one number, or as {min: a, max: b} with either left out."""
+    if not section.has(key):
+        return Range()
+    if not isinstance(section.values[key], dict):
+        value = section.number(key)
+        return Range(value, value)
+    inner = section.section(key, ("min", "max"))
+    low = inner.number("min", -np.inf) if inner.has("min") else -np.inf
+    high = inner.number("max", np.inf) if inner.has("max") else np.inf
+    return _guard(section, key, lambda: Range(low, high))
+
+
+def _box(section: Section) -> Box:
+    corners = section.matrix("box", 2, 3)
+    return _guard(section, "box", lambda: Box(corners[0], corners[1]))
+
+
+def _hull(section: Section) -> Array:
+    value = section.value("hull")
+    if not isinstance(value, list) or not value:
+        raise section.place("hull").error("no list of points", "write a list of points [x, y, z] in m")
+    return section.matrix("hull", len(value), 3)
+
+
+def _ellipsoid(section: Section) -> Ellipsoid:
+    inner = section.section("ellipsoid", ("centre", "semi_axes", "rpy"))
+    centre = inner.numbers("centre", 3, (0.0, 0.0, 0.0))
+    axes = inner.numbers("semi_axes", 3)
+    turn = rotation_from_rpy(inner.numbers("rpy", 3, (0.0, 0.0, 0.0)))
+    return _guard(inner, "semi_axes", lambda: Ellipsoid(centre, axes, turn))
+
+
+def _guard(section: Section, key: str, make: Callable[[], _Value]) -> _Value:
+    """Return ``make()``; an error about a value then also names its place."""
+    try:
+        return make()
+    except DescriptionError:
+        raise
+    except (DynidentError, ValueError) as error:
+        place = section.place(key)
+        raise DescriptionError(place.path, place.where, str(error), "see docs/case-file.md") from error
