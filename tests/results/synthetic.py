@@ -11,8 +11,11 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.estimation.estimate import Consistency, Estimate
 from dynident.estimation.validation import Validation, compare_torques
+from dynident.experiment.limits import MotionLimits, check_limits
 from dynident.experiment.log import Log, Source
+from dynident.experiment.plan import Plan
 from dynident.experiment.preprocessing import FILTERS, Preprocessing
+from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -136,3 +139,16 @@ def subject_of(
 def renamed(estimate: Estimate, validation: Validation, names: Sequence[str]) -> Validation:
     """Return the validation with the logs called otherwise."""
     return replace(validation, logs=tuple(names))
+
+
+def plan_of(robot: Robot, **facts: Any) -> Plan:
+    """Return a plan of a robot with three joints, with a run-in, checked against round bounds."""
+    sine, cosine = 0.12 * np.random.default_rng(3).normal(size=(2, 3, 3))
+    motion = FourierSeries(0.1 * np.ones(3), sine, cosine, 4.0)
+    kinds = tuple(joint.kind == "revolute" for joint in robot.active)
+    reach, free = 1.5 * np.ones(3), np.full(3, np.inf)
+    acceleration = np.array([40.0, 40.0, np.inf])
+    limits = MotionLimits(robot.joint_names, kinds, -reach, reach, 2 * reach, acceleration, free, 500 * np.ones(3))
+    settings = {"noise": [1.0, 1.0, 2.0], "noise_source": "given", "seed": 4, "starts": 2, "samples": 50, **facts}
+    draft = Plan(robot.name, motion, 1.0, "condition", {"condition": 12.5, "odd": 3.0}, limits, (), 601, settings)
+    return replace(draft, rows=check_limits(draft.motion(), limits, draft.samples))

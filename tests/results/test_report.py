@@ -15,13 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 from drawings import check_labels
-from synthetic import HOSTILE, arm, renamed, subject_of
+from synthetic import HOSTILE, arm, plan_of, renamed, subject_of
 
 from dynident.errors import FileError, LogMismatch
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.validation import Validation
 from dynident.experiment.log import Log, Source
+from dynident.experiment.recheck import recheck
 from dynident.model.robot import Robot
+from dynident.results.plan_view import PlanView
 from dynident.results.report import Comparison, Subject, build_report, builder, write_report
 from dynident.results.report.builder import ORDER, render, section_names
 from dynident.results.report.sections import SECTIONS
@@ -70,14 +72,17 @@ def whole(case: tuple[Estimate, Validation]) -> str:
     estimate, test = case
     reference = Log(estimate.model.robot.joint_names, test.time, test.q, test.dq)
     rows: list[dict[str, Any]] = [{"method": "abc", "gap": "5 %"}, {"method": "ols", "gap": "1 %"}]
+    found = {"delays": [{"log": "train.csv", "seconds": 2.95e-3, "deviation": 8.8e-4, "applied": 2.95e-3}]}
+    plan = plan_of(estimate.model.robot)
     return build_report(
-        estimate,
+        replace(estimate, extras={**estimate.extras, **found}),
         [test],
         comparison=rows,
         traces={"another": [5.0, 4.0, 3.0]},
         trajectories={"excitation": reference},
         command="dynident report arm.json \\\n  -o report.html",
         sources=[Source("runs/test.csv", "ab" * 32, 1500)],
+        plan=PlanView(plan, recheck(plan), estimate.model.robot),
     )
 
 
@@ -128,7 +133,7 @@ def test_the_page_is_inert_and_has_all_sections_in_order(whole: str) -> None:
 
 def test_every_figure_is_well_formed_and_its_labels_do_not_touch(whole: str) -> None:
     found = list(drawings(whole))
-    assert len(found) == 3 * 2 + (3 + 1) * 2 + 3 + 2 * 3 + 1 + 1
+    assert len(found) == 3 * 2 + (3 + 1) * 2 + 3 + 2 * 3 + 1 + 1 + (1 + 1 + 3)
     for drawing in found:
         check_labels(html.unescape(drawing) if "&nbsp;" in drawing else drawing)
 
@@ -154,7 +159,9 @@ def test_sections_with_nothing_to_show_leave_themselves_out() -> None:
     estimate, _ = subject_of(standard=False, friction=(), samples=300)
     bare = replace(estimate, extras={}, provenance={})
     page = check_inert(build_report(bare))
-    assert set(ORDER) - set(page.sections) == {"bodies", "friction", "convergence", "comparison"}
+    assert set(ORDER) - set(page.sections) == {
+        "excitation", "bodies", "friction", "choices", "convergence", "comparison",
+    }  # fmt: skip
     without_rows = replace(
         bare.train, **{name: np.zeros((0, 3)) for name in ("q", "dq", "measured", "unfiltered", "predicted")}
     )

@@ -14,6 +14,7 @@ from synthetic import arm, predicted, recorded, subject_of
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
 from dynident.estimation.estimate import Consistency, Estimate
+from dynident.estimation.labels import labels_of
 from dynident.estimation.validation import Validation
 from dynident.experiment.log import Source
 from dynident.model.base_parameters import base_parameters
@@ -210,9 +211,9 @@ def test_bodies_have_the_values_of_their_inertia_and_the_worst_verdict(subject: 
     ten = found["ten"].rows
     assert [column.heading for column in found["ten"].columns] == list(TEN)
     for i, (_, cells, _) in enumerate(ten):
-        assert tuple(cell.verdict for cell in cells) == estimate.base.verdicts[10 * i : 10 * i + 10]
+        assert [cell.verdict for cell in cells] == [label.word for label in labels_of(estimate)[10 * i : 10 * i + 10]]
     assert [cell.sign for cell in ten[0][1]].count("○") == 9  # a first link that turns about z shows Izz only
-    assert {cell.verdict for cell in found["bodies"].rows[0][1]} == {"not identifiable"}
+    assert {cell.verdict for cell in found["bodies"].rows[0][1]} == {"from the prior"}
 
 
 def test_an_impossible_link_is_called_so(subject: Subject) -> None:

@@ -1,37 +1,63 @@
 """Design a motion that determines the dynamic model as well as the robot's limits allow.
 
-CASE is a case file or a robot description. The motion is a Fourier series of every joint that starts and ends at rest.
-It keeps the limits of the description less a margin; the worst of every joint is shown, and a motion that passes a
-bound is not written. The torque is that of the description's own masses. Watch the first run at low speed: obstacles,
-the floor and the robot itself are not looked at.
+CASE is a case file or a robot description. The motion is a Fourier series of every joint that starts and ends at rest
+(--trajectory bspline: a spline). It keeps position to torque rate of the description less a margin and, where the case
+has a workspace, the clearances; the worst of every joint is shown, and a motion that passes a bound is not written.
 
   dynident excite panda.urdf -o plan.json --csv plan.csv --rate 1000
   dynident excite case.yaml -o plan.json --period 20 --criterion unit_condition --starts 8
+
+The torque is that of the description's own masses, with 20 % of every effort limit to spare. Better is the model of a
+first run with its uncertainty, and what that run knows tells what to record next:
+
+  dynident excite case.yaml -o next.json --model estimate.json --torque-margin 0.1 --earlier estimate.json
+
+A long search: --resume keeps finished starts, so that the same command goes on after Ctrl-C, and --starts 16 adds to 8.
+
+Watch the first run at low speed. What has not been checked is said under the table.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dynident.cli.console import Progress
+    from dynident.cli.knowledge import Knowledge
+    from dynident.experiment.case import Case
+    from dynident.experiment.clearance import Clearance
+    from dynident.experiment.limits import ToolLimit
+    from dynident.experiment.multistart import SearchState
     from dynident.experiment.plan import Plan
 
 SUMMARY = "design the motion to record"
 
+#: Rows of the table for the pairs that come nearest, and for the parameters that stay least known.
+PAIRS, WORST = 6, 5
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
+    from dynident.cli.knowledge import add_options
+
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file, robot description or a robot that ships")
     parser.add_argument("--friction", nargs="*", metavar="NAME", help="friction parts; default: those of the case")
     motion = parser.add_argument_group("motion")
     motion.add_argument("--period", type=float, default=10.0, metavar="S", help="period in s (10)")
-    motion.add_argument("--harmonics", type=int, default=5, metavar="N", help="sine and cosine pairs a joint (5)")
+    motion.add_argument(
+        "--harmonics",
+        type=int,
+        default=5,
+        metavar="N",
+        help="sine and cosine pairs a joint (5); bspline: as many free numbers as that",
+    )
     motion.add_argument(
         "--trajectory",
         default="rest_fourier",
         metavar="NAME",
-        help="rest_fourier, at rest at both ends (default), or fourier, with a run-in and a run-out",
+        help="rest_fourier (default) or bspline, at rest at both ends, or fourier, with a run-in and a run-out",
     )
     motion.add_argument(
         "--margin", type=float, default=0.05, metavar="SHARE", help="share of each limit left unused (0.05)"
@@ -39,6 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     motion.add_argument(
         "--torque-margin", type=float, default=0.2, metavar="SHARE", help="share of each torque left unused (0.2)"
     )
+    add_options(parser)
     search = parser.add_argument_group("search")
     search.add_argument(
         "--criterion", default="d_optimal", metavar="NAME", help="see 'dynident list criteria' (d_optimal)"
@@ -46,6 +73,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
     search.add_argument("--starts", type=int, default=4, metavar="N", help="random starts (4)")
     search.add_argument("--seed", type=int, default=0, help="seed of the starts (0)")
     search.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="longest search in s (60)")
+    search.add_argument(
+        "--jobs", type=int, metavar="N", help="processes for the starts; default: one a core; the plan is the same"
+    )
+    search.add_argument(
+        "--resume",
+        nargs="?",
+        const="",
+        metavar="FILE",
+        help="keep finished starts in FILE (default: beside the output) and go on from those that are there",
+    )
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="FILE", help="write the plan (JSON) here")
     output.add_argument("--csv", metavar="FILE", help="write t, q, dq, ddq for the controller here, in SI units")
@@ -57,79 +94,149 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.cli import console
-    from dynident.experiment.plan import plan_data, write_plan, write_samples
-
-    plan = _design(options)
-    if options.output:
-        write_plan(plan, options.output)
-    rows = write_samples(plan, options.csv, options.rate, options.repeats) if options.csv else 0
-    if options.json:
-        console.answer_json(plan_data(plan))
-        return 0
-    _show(plan)
-    if options.output:
-        console.remark(f"saved {options.output}", options.quiet)
-    if options.csv:
-        length = plan.motion(options.repeats).duration
-        console.remark(f"saved {options.csv}: {rows} rows at {options.rate:g} Hz, {length:g} s", options.quiet)
-    return 0
-
-
-def _design(options: argparse.Namespace) -> Plan:
     from dataclasses import replace
 
     from dynident.cli import console
-    from dynident.cli.jobs import check_outputs
-    from dynident.errors import BadOption
-    from dynident.experiment.case import read_case
-    from dynident.experiment.design_search import SearchState
-    from dynident.experiment.excitation import design_excitation
-    from dynident.experiment.limits import limits_of
-    from dynident.files import check_place
+    from dynident.cli.knowledge import knowledge_of
+    from dynident.experiment.plan import plan_data, write_plan, write_samples
     from dynident.model.friction import FRICTION
 
+    case, resume = _case(options)
+    if options.friction is not None:
+        case = replace(case, friction=tuple(FRICTION.make(name) for name in options.friction))
+    clearance = _clearance(case)
+    plan = _design(options, case, knowledge_of(options, case, case.model), clearance, resume)
+    if options.json:
+        console.answer_json(plan_data(plan))
+    else:
+        _show(plan, clearance, bool(options.earlier or options.earlier_logs))
+    if options.output:
+        write_plan(plan, options.output)
+        console.remark(f"saved {options.output}", options.quiet or options.json)
+    if options.csv:
+        rows = write_samples(plan, options.csv, options.rate, options.repeats)
+        length = plan.motion(options.repeats).duration
+        text = f"saved {options.csv}: {rows} rows at {options.rate:g} Hz, {length:g} s"
+        console.remark(text, options.quiet or options.json)
+    return 0
+
+
+def _case(options: argparse.Namespace) -> tuple[Case, str | None]:
+    """Return the case and the file of finished starts, all names of files checked."""
+    from dynident.cli.jobs import check_outputs
+    from dynident.cli.knowledge import files_of
+    from dynident.errors import BadOption
+    from dynident.experiment.case import read_case
+    from dynident.files import check_place
+
     case = read_case(options.case)
-    check_outputs((options.output, options.csv), (options.case, *case.files))
-    for place in filter(None, (options.output, options.csv)):
+    resume = options.resume
+    if resume == "":
+        if not options.output:
+            raise BadOption("--resume", "", "name a file, or give the plan's with -o")
+        resume = f"{options.output}.search.json"
+    outputs = (options.output, options.csv, resume)
+    check_outputs(outputs, (options.case, *case.files, *files_of(options, case)))
+    for place in filter(None, outputs):
         check_place(place)
     if options.seed < 0:
         raise BadOption("--seed", options.seed, "give 0 or more")
-    if options.friction is not None:
-        case = replace(case, friction=tuple(FRICTION.make(name) for name in options.friction))
-    limits = limits_of(case.robot, options.margin, options.torque_margin)
-    last = 0
+    if not 0 < options.rate < float("inf"):
+        raise BadOption("--rate", options.rate, "give samples a second, above 0")
+    if options.repeats < 1:
+        raise BadOption("--repeats", options.repeats, "give 1 or more")
+    return case, resume
+
+
+def _clearance(case: Case) -> Clearance | None:
+    """Return the distances to be kept; None where the case states no workspace."""
+    if case.workspace is None:
+        return None
+    from dynident.experiment.clearance import clearance_of
+
+    return clearance_of(case.robot, case.workspace)
+
+
+def _tool(case: Case) -> ToolLimit | None:
+    """Return the largest speed of the tool point; None where the case states none."""
+    if case.workspace is None or case.workspace.tool_speed == float("inf"):
+        return None
+    from dynident.experiment.limits import ToolLimit
+    from dynident.experiment.tool_speed import tool_point_of
+
+    return ToolLimit(tool_point_of(case.robot, case.workspace), case.workspace.tool_speed)
+
+
+def _design(
+    options: argparse.Namespace, case: Case, known: Knowledge, clearance: Clearance | None, resume: str | None
+) -> Plan:
+    from dataclasses import replace
+
+    from dynident.cli import console
+    from dynident.experiment.excitation import ROWS_A_SECOND, design_excitation
+    from dynident.experiment.limits import limits_of
+
+    rate = case.preprocessing.rate_hz or ROWS_A_SECOND
     with console.progress(max(options.starts, 1), options.quiet or options.json) as progress:
-
-        def told(state: SearchState) -> None:
-            nonlocal last
-            if state.start != last:
-                last = state.start
-                progress.step(f"start {state.start} of {state.starts}")
-
-        return design_excitation(
+        plan = design_excitation(
             case.model,
-            limits,
+            limits_of(case.robot, options.margin, options.torque_margin),
             options.criterion,
             trajectory=options.trajectory,
             period=options.period,
             harmonics=options.harmonics,
             starts=options.starts,
             seed=options.seed,
+            noise=known.noise,
+            theta=known.theta,
+            uncertainty=known.uncertainty,
+            clearance=clearance,
+            tool=_tool(case),
+            earlier=known.earlier,
+            rows=rate * options.period * options.repeats if options.rows is None else options.rows,
             time_limit=options.time_limit,
-            progress=told,
+            jobs=options.jobs,
+            checkpoint=resume,
+            progress=_teller(progress, options.criterion),
         )
+    facts = dict(plan.settings)
+    if known.source:
+        facts["noise_source"] = known.source
+    if known.model:
+        sigmas = f", {known.uncertainty.sigmas:g} sigmas free" if known.uncertainty else ""
+        facts["torque_limits"] = f"{known.model}{sigmas}"
+    return replace(plan, settings=facts)
 
 
-def _show(plan: Plan) -> None:
+def _teller(progress: Progress, criterion: str) -> Callable[[SearchState], None]:
+    """Return what tells the news of a search: a line a finished start, and on a terminal how far it is between."""
+    from dynident.results.text import format_number
+
+    finished = 0
+
+    def told(state: SearchState) -> None:
+        nonlocal finished
+        figure = f"{criterion} {format_number(state.figure)}"
+        use = f"; {100 * state.used:.0f} % of {state.worst}" if state.worst else ""
+        text = f"start {state.start} of {state.starts}: {figure}{use}, {state.evaluations} evaluations"
+        if state.finished > finished:
+            finished = state.finished
+            progress.step(text)
+        else:
+            progress.update(text)
+
+    return told
+
+
+def _show(plan: Plan, clearance: Clearance | None, earlier: bool) -> None:
     from dynident.cli import console
     from dynident.experiment.criteria import CRITERIA
-    from dynident.results.text import Column, Table, format_given, format_number, label, pretty_unit
+    from dynident.results.text import Column, Table, format_number, label
 
     facts = plan.settings
     console.answer(
         f"{label(plan.robot)}: {len(plan.joints)} joints, {facts['base_parameters']} base parameters, "
-        f"{plan.trajectory.period:g} s, {plan.trajectory.harmonics} harmonics, criterion {plan.criterion}"
+        f"{plan.trajectory.period:g} s, {plan.trajectory.detail}, criterion {plan.criterion}"
     )
     where = f"run-in and run-out of {plan.run_in:g} s" if plan.run_in else "starts and ends at rest"
     console.answer(f"{where}; noise: {facts['noise_source']}; torque limits: {facts['torque_limits']}\n")
@@ -138,9 +245,22 @@ def _show(plan: Plan) -> None:
         for name, value in plan.values.items()
     )
     console.answer_table(Table((Column("criterion"), Column("value", numeric=True), Column("better")), figures))
+    if earlier:
+        _show_outlook(plan)
     console.answer()
+    _show_limits(plan)
+    for line in _not_checked(plan, clearance):
+        console.answer(line)
+
+
+def _show_limits(plan: Plan) -> None:
+    from dynident.cli import console
+    from dynident.results.text import Column, Table, format_given, format_number, label, pretty_unit
+
     heads = ("joint", "quantity", "worst", "bound", "unit", "used [%]", "at [s]")
     columns = tuple(Column(head, numeric=head in (*heads[2:4], *heads[5:])) for head in heads)
+    pairs = sorted((row for row in plan.rows if row.quantity == "clearance"), key=lambda row: -row.used)
+    shown = [row for row in plan.rows if row.quantity != "clearance"] + pairs[:PAIRS]
     rows = tuple(
         (
             label(row.joint),
@@ -151,6 +271,50 @@ def _show(plan: Plan) -> None:
             f"{100 * row.used:.1f}" if row.used else "–",
             f"{row.time:.2f}",
         )
-        for row in plan.rows
+        for row in shown
     )
     console.answer_table(Table(columns, rows), f"limits, checked at {plan.samples} samples, margins taken off")
+    if len(pairs) > PAIRS:
+        console.answer(f"and {len(pairs) - PAIRS} pairs that stay further apart")
+
+
+def _show_outlook(plan: Plan) -> None:
+    """Show what the run would buy: the parameters that stay least known."""
+    from dynident.cli import console
+    from dynident.results.text import Column, Table, format_percent, shorten
+
+    outlook = plan.settings["outlook"]
+
+    def relative(item: dict[str, float | None], key: str) -> float:
+        value, deviation = item["value"], item[key]
+        return float("inf") if not value or deviation is None else abs(deviation / value)
+
+    worst = sorted(outlook["parameters"], key=lambda item: -relative(item, "std_after"))[:WORST]
+    rows = tuple(
+        (
+            shorten(item["name"], console.NAME_WIDTH),
+            *(
+                format_percent(relative(item, key), sign=False) if relative(item, key) < float("inf") else "unknown"
+                for key in ("std_before", "std_after")
+            ),
+        )
+        for item in worst
+    )
+    columns = (Column("base parameter"), Column("before [%]", numeric=True), Column("after [%]", numeric=True))
+    console.answer()
+    title = f"least known after this run of {outlook['rows']:.0f} rows a joint; before: {outlook['before']}"
+    console.answer_table(Table(columns, rows), title)
+
+
+def _not_checked(plan: Plan, clearance: Clearance | None) -> list[str]:
+    """Return lines that say what nobody has looked at."""
+    lines = [] if clearance is None else [f"clearance: {line}" for line in clearance.summary()[1:]]
+    if clearance is None:
+        lines.append("not checked: floor, obstacles, the robot itself (the case has no workspace)")
+    checked = {row.quantity for row in plan.rows}
+    if "torque" not in checked:
+        lines.append("not checked: torque, torque rate (no masses are known)")
+    open_ = {row.quantity for row in plan.rows if row.limit == float("inf")} | {"torque rate"} - checked
+    if open_:
+        lines.append(f"not bounded, as no limit is stated: {', '.join(sorted(open_))} of some joint")
+    return lines

@@ -1,8 +1,13 @@
-"""Show what a robot description or case holds: joints, limits, links and their inertias, base parameters.
+"""Show what a robot description, a case or a plan holds.
 
-dynident inspect robot.urdf
-dynident inspect er16 --friction coulomb viscous
-dynident inspect case.yaml --json
+Of a robot: joints, limits, links and their inertias, base parameters. Of a plan of 'dynident excite -o': what it was
+designed for, and its check made again: what needs no model from the plan alone, everything with --case. A plan that
+passes a bound is shown and then refused, with exit code 1. --html draws joints, limits and the path of the tool.
+
+  dynident inspect robot.urdf
+  dynident inspect er16 --friction coulomb viscous
+  dynident inspect case.yaml --json
+  dynident inspect plan.json --case case.yaml --html plan.html
 """
 
 from __future__ import annotations
@@ -12,37 +17,111 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dynident.model.base_parameters import BaseParameters
+    from dynident.model.dynamic_model import DynamicModel
     from dynident.model.robot import Robot
 
-SUMMARY = "joints, limits, nominal inertias and base parameters of a robot"
+SUMMARY = "joints, limits, nominal inertias and base parameters of a robot; a plan and its check"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("case", metavar="CASE|ROBOT", help="case file, robot description or a robot that ships")
+    parser.add_argument(
+        "case", metavar="CASE|ROBOT|PLAN", help="case file, robot description, a robot that ships, or a plan"
+    )
     parser.add_argument("--friction", nargs="*", metavar="NAME", help="friction parts; none: inertial parameters only")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    plan = parser.add_argument_group("of a plan")
+    plan.add_argument(
+        "--case",
+        dest="plan_case",
+        metavar="CASE|ROBOT",
+        help="its robot and workspace: check torques, clearances and tool speed as well, draw the path of the tool",
+    )
+    plan.add_argument("--model", metavar="ESTIMATE", help="compute the torques with an estimate, as in excite --model")
+    plan.add_argument(
+        "--sigmas", type=float, metavar="N", help="standard deviations of --model's torque that stay free (2); 0: none"
+    )
+    plan.add_argument("--html", metavar="FILE", help="write the plan as one page that opens offline")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.cli.plans import is_plan
+
+    return _run_plan(options) if is_plan(options.case) else _run_robot(options)
+
+
+def _run_plan(options: argparse.Namespace) -> int:
+    from dynident.cli import console, jobs, plans
+    from dynident.errors import BadOption
+    from dynident.files import check_place
+    from dynident.results.plan_view import inspection_data
+
+    if options.friction is not None:
+        raise BadOption("--friction", options.friction, "a plan knows the friction it was designed with; leave it out")
+    if options.html:
+        jobs.check_outputs((options.html,), (options.case, *plans.files_of(options.plan_case), options.model or ""))
+        check_place(options.html)
+    view = plans.plan_view(options.case, options.plan_case, options.model, options.sigmas)
+    if options.json:
+        console.answer_json(inspection_data(view))
+    else:
+        plans.show_plan(view)
+    if options.html:
+        from dynident.results.report import write_plan_page
+
+        write_plan_page(options.html, view)
+        console.remark(f"wrote {options.html}", options.json)
+        if view.robot is None:
+            console.remark("without the path of the tool, which needs the robot: give it with --case", options.json)
+    plans.check_kept(view, options.case)
+    return 0
+
+
+def _run_robot(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from dynident.cli import console
+    from dynident.errors import BadOption
     from dynident.experiment.case import read_case
     from dynident.model.base_parameters import base_parameters
     from dynident.model.friction import FRICTION
 
     case = read_case(options.case)
+    for name, value in (
+        ("--case", options.plan_case),
+        ("--model", options.model),
+        ("--sigmas", options.sigmas),
+        ("--html", options.html),
+    ):
+        if value is not None:
+            raise BadOption(name, value, "it goes with a plan, a file that 'dynident excite -o' has written")
     if options.friction is not None:
         case = replace(case, friction=tuple(FRICTION.make(name) for name in options.friction))
     base = base_parameters(case.model)
     inertial = base_parameters(case.model, inertial_only=True)
+    exact = _exact_count(case.model)
     if options.json:
-        console.answer_json(_data(case.robot, base, inertial))
+        console.answer_json({**_data(case.robot, base, inertial), "exact_base_parameters": exact})
         return 0
     _show(case.robot, base, inertial)
+    if exact is not None:
+        agrees = "as many as the rank of the regressor" if exact == base.count else "NOT the rank of the regressor"
+        console.answer(f"\nexact count by the geometry of the joints: {exact}, {agrees}")
     return 0
+
+
+def _exact_count(model: DynamicModel) -> int | None:
+    """Return the number of base parameters without any sampling; None where the geometry leaves it open."""
+    from dynident.errors import SolverFailed
+    from dynident.model.identifiability import structure
+
+    if model.robot.chain.has_mimic:
+        return None
+    try:
+        return structure(model).count
+    except SolverFailed:
+        return None
 
 
 def _data(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> dict[str, Any]:

@@ -3,15 +3,21 @@
 from dynident.results.figures.convergence import convergence_chart
 from dynident.results.figures.deviations import deviation_chart
 from dynident.results.figures.friction import friction_chart
+from dynident.results.figures.limits import Bounded, limit_chart
 from dynident.results.figures.path import ToolPath, path_chart, tool_path
 from dynident.results.figures.residuals import residual_chart
+from dynident.results.figures.scenery import Scenery, Spot
 from dynident.results.figures.signals import line_chart, torque_chart, trajectory_chart
 
 __all__ = [
+    "Bounded",
+    "Scenery",
+    "Spot",
     "ToolPath",
     "convergence_chart",
     "deviation_chart",
     "friction_chart",
+    "limit_chart",
     "line_chart",
     "path_chart",
     "residual_chart",

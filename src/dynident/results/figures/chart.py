@@ -95,7 +95,7 @@ class Cloud(Mark):
 
 @dataclass(frozen=True)
 class Level:
-    """A horizontal line with a word to it."""
+    """A horizontal line with a word to it; an empty one for none."""
 
     value: float
     text: str
@@ -123,7 +123,7 @@ class Plot:
         """Return the vertical scale of the plot when its rectangle begins at ``top``."""
         levels = [level.value for level in self.levels]
         low, high = finite_range(*(mark.y for mark in self.marks), np.array(levels))
-        if low in levels:  # room for its word between the line and the axis
+        if low in [level.value for level in self.levels if level.text]:  # room for its word above the axis
             low = low * (low / high) ** 0.12 if self.log else low - 0.12 * (high - low)
         return (upright_log if self.log else upright)(low, high, top + self.height, top)
 
@@ -240,7 +240,8 @@ def _levels(plot: Plot, scale: Scale, left: float, right: float) -> str:
         y = float(scale.at(np.array(level.value)))
         body.append(svg.stroke(svg.track(np.array([left, right]), np.array([y, y])), 0, 1.0, dashed=True))
         below = isinstance(scale, Linear | Log) and y + 16 < scale.start
-        body.append(svg.words(level.text, left + 4, y + 15 if below else y - 5, "ink", halo=True))
+        if level.text:
+            body.append(svg.words(level.text, left + 4, y + 15 if below else y - 5, "ink", halo=True))
     return "".join(body)
 
 

@@ -18,6 +18,8 @@ from dynident.estimation.estimate import Estimate
 from dynident.estimation.validation import Validation
 from dynident.experiment.log import Log, Source
 from dynident.files import write_atomically
+from dynident.results.plan_view import PlanView
+from dynident.results.report.plan_context import plan_context
 from dynident.results.report.sections import SECTIONS
 from dynident.results.report.subject import Comparison, Subject
 from dynident.results.text import clean, label
@@ -27,12 +29,15 @@ ORDER = (
     "verdict",
     "robot",
     "data",
+    "excitation",
     "parameters",
     "bodies",
     "torques",
     "validation",
     "residuals",
+    "trust",
     "friction",
+    "choices",
     "motion",
     "convergence",
     "comparison",
@@ -50,10 +55,12 @@ def write_report(
     trajectories: Mapping[str, Log] | None = None,
     command: str = "",
     sources: Iterable[Source] = (),
+    plan: PlanView | None = None,
 ) -> None:
     """Write the report of an estimate as one HTML file; see :func:`build_report` for the arguments.
 
     Raises:
+        BadOption: The plan has other joints than the robot.
         FileError: The file cannot be written.
         LogMismatch: A validation or a trajectory has other joints than the robot.
     """
@@ -65,6 +72,7 @@ def write_report(
         trajectories=trajectories,
         command=command,
         sources=sources,
+        plan=plan,
     )
     write_atomically(path, page)
 
@@ -78,6 +86,7 @@ def build_report(
     trajectories: Mapping[str, Log] | None = None,
     command: str = "",
     sources: Iterable[Source] = (),
+    plan: PlanView | None = None,
 ) -> str:
     """Return the report of an estimate as HTML.
 
@@ -89,13 +98,16 @@ def build_report(
         trajectories: Reference motions by name, as logs with time, q and, where known, dq.
         command: The command line that repeats it; by default that of the estimate's provenance.
         sources: Files of the tests; those of the fit are in the estimate's provenance.
+        plan: The motion that was designed, with its check.
 
     Raises:
+        BadOption: The plan has other joints than the robot.
         LogMismatch: A validation or a trajectory has other joints than the robot.
     """
     beside = comparison if isinstance(comparison, Comparison) else Comparison(tuple(comparison or ()))
     beside = replace(beside, traces={**beside.traces, **(traces or {})})
-    return render(Subject(estimate, tuple(validations), beside, dict(trajectories or {}), command, tuple(sources)))
+    given = (dict(trajectories or {}), command, tuple(sources), plan)
+    return render(Subject(estimate, tuple(validations), beside, *given))
 
 
 def render(subject: Subject, names: Sequence[str] = ()) -> str:
@@ -105,18 +117,52 @@ def render(subject: Subject, names: Sequence[str] = ()) -> str:
         subject: What the report is about.
         names: Sections to show, in order; all by default. One with nothing to show is left out.
     """
-    page = _environment()
-    style = Markup(page.get_template("style.css").render())
     parts = []
     for name in names or section_names():
         section = SECTIONS.make(name)
         context = section.context(subject)
         if context:
-            parts.append((name, section.title, Markup(page.get_template(section.template).render(context))))
+            parts.append((name, section.title, _filled(section.template, context)))
+    estimate = subject.estimate
+    lead = (f"{estimate.base.count} base parameters", f"estimator {estimate.estimator}", f"{estimate.samples} samples")
+    return _page("Identification", estimate.model.robot.name, lead, parts)
+
+
+def write_plan_page(path: str | PathLike[str], view: PlanView) -> None:
+    """Write a plan as one HTML file; see :func:`build_plan_page`.
+
+    Raises:
+        FileError: The file cannot be written.
+    """
+    write_atomically(path, build_plan_page(view))
+
+
+def build_plan_page(view: PlanView) -> str:
+    """Return a plan as an HTML page of its own: the section of the report, and nothing else.
+
+    Args:
+        view: The plan with its check.
+    """
+    plan = view.plan
+    lead = (f"criterion {label(plan.criterion)}", f"{plan.motion().duration:g} s", *filter(None, [view.source]))
+    section = SECTIONS.make("excitation")
+    parts = [("excitation", "Motion, limits and check", _filled(section.template, plan_context(view)))]
+    return _page("Excitation", plan.robot, lead, parts)
+
+
+def _filled(template: str, context: Mapping[str, Any]) -> Markup:
+    return Markup(_environment().get_template(template).render(context))
+
+
+def _page(what: str, robot: str, lead: Sequence[str], parts: Sequence[tuple[str, str, Markup]]) -> str:
+    """Return a whole page of sections: name, title and body each."""
+    page = _environment()
+    style = Markup(page.get_template("style.css").render())
     return page.get_template("report.html").render(
-        title=f"Identification of {label(subject.estimate.model.robot.name)}",
-        robot=label(subject.estimate.model.robot.name),
-        estimate=subject.estimate,
+        title=f"{what} of {label(robot)}",
+        what=what,
+        robot=label(robot),
+        lead=lead,
         sections=parts,
         style=style,
         style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),

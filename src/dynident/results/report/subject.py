@@ -7,10 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from dynident.errors import LogMismatch
+from dynident.errors import BadOption, LogMismatch
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.validation import Validation
 from dynident.experiment.log import Log, Source
+from dynident.results.plan_view import PlanView
 from dynident.results.text import label
 
 #: Figures of so many data sets are drawn; the tables have all of them.
@@ -88,8 +89,10 @@ class Subject:
         trajectories: Reference motions by name: logs with time, q and, where known, dq.
         command: The command line that repeats the report; empty to take that of the estimate's provenance.
         sources: Files of the tests; those of the fit are in the estimate's provenance.
+        plan: The motion that was designed, with its check; None for none.
 
     Raises:
+        BadOption: The plan has other joints than the robot.
         LogMismatch: A test or a trajectory has other joints than the robot.
     """
 
@@ -99,6 +102,7 @@ class Subject:
     trajectories: Mapping[str, Log] = field(default_factory=dict)
     command: str = ""
     sources: tuple[Source, ...] = ()
+    plan: PlanView | None = None
 
     def __post_init__(self) -> None:
         joints = self.estimate.model.robot.joint_names
@@ -109,6 +113,9 @@ class Subject:
                 raise LogMismatch(", ".join(validation.logs), f"the joints {', '.join(names)}", step)
         ordered = {name: log.ordered(joints) for name, log in self.trajectories.items()}
         object.__setattr__(self, "trajectories", ordered)
+        if self.plan is not None and self.plan.plan.joints != joints:
+            step = f"its joints are {', '.join(self.plan.plan.joints)}, those of the estimate {', '.join(joints)}"
+            raise BadOption("plan", self.plan.source or self.plan.plan.robot, f"{step}; give the plan of this robot")
 
     @property
     def datasets(self) -> tuple[Dataset, ...]:

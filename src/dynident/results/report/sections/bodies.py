@@ -9,15 +9,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.base_parameters import COMBINED, IDENTIFIABLE, NOT_IDENTIFIABLE
+from dynident.estimation.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import TEN_UNITS
 from dynident.results.report.sections.base import Section
 from dynident.results.report.subject import Subject
 from dynident.results.text import Column, format_number, label, line_up, pretty_unit
 
-#: Sign and word of each verdict, from the best to the worst.
-SIGNS = {IDENTIFIABLE: "●", COMBINED: "◐", NOT_IDENTIFIABLE: "○"}
+#: Sign of each label, from the best to the worst.
+SIGNS = {IDENTIFIED: "●", ONLY_COMBINED: "◐", FROM_PRIOR: "○"}
 
 _RANK = list(SIGNS)
 _ROUNDING = 1e-9
@@ -61,7 +61,8 @@ class Bodies(Section):
         links = estimate.model.robot.links
         names = [label(link.name) for link in links]
         theta = np.asarray(estimate.theta)[: 10 * len(links)].reshape(-1, 10)
-        verdicts = [estimate.base.verdicts[10 * i : 10 * i + 10] for i in range(len(links))]
+        words = [label.word for label in labels_of(estimate)]
+        verdicts = [words[10 * i : 10 * i + 10] for i in range(len(links))]
         return {
             "bodies": _bodies(names, theta, verdicts),
             "ten": _ten(names, theta, verdicts),

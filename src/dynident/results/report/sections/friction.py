@@ -50,10 +50,10 @@ def friction_torque(model: DynamicModel, theta: Array, q: Array, dq: Array) -> A
     """Return the friction of the drives at joint positions q and speeds dq, both (N, n), shape (N, n).
 
     The rotor inertia is no friction: accelerations are taken as zero. For coupled motors it is the torque at the motor.
+    The load of a drive, where friction depends on it, is that of theta at these positions and speeds.
     """
-    values = model.friction_values(Motion(q, dq, np.zeros_like(dq)))
-    tail = np.asarray(theta)[model.inertial_count :].reshape(-1, model.coefficients_per_joint)
-    return np.einsum("sjk,jk->sj", values, tail)
+    values = model.friction_values(model.loaded(Motion(q, dq, np.zeros_like(dq)), theta))
+    return np.einsum("sjk,jk->sj", values, model.coefficient_table(theta))
 
 
 def _figures(subject: Subject) -> list[Markup]:

@@ -1,0 +1,92 @@
+"""Tables of what was found on the way to an estimate: delays, the friction of each joint, non-linear fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from dynident.results.text import MISSING, Column, Table, format_number, format_value, label
+
+
+def choice_tables(extras: Mapping[str, Any]) -> tuple[tuple[str, Table], ...]:
+    """Return the tables, each with its title, from the extras of an estimate; none where nothing was chosen."""
+    tables = []
+    if extras.get("delays"):
+        tables.append(("Delay of the torque behind the positions", _delays(extras["delays"])))
+    if extras.get("friction_choice"):
+        tables.append(("Friction chosen joint by joint", _friction(extras["friction_choice"])))
+    if extras.get("non_linear"):
+        tables.append(("Fields of friction parts found from the logs", _fields(extras["non_linear"])))
+    return tuple(tables)
+
+
+def _delays(delays: list[Mapping[str, Any]]) -> Table:
+    columns = (
+        Column("log"),
+        Column("delay", "ms", numeric=True),
+        Column("std", "ms", numeric=True),
+        Column("applied"),
+    )
+    rows = tuple(
+        (
+            label(each["log"]),
+            *format_value(1e3 * each["seconds"], 1e3 * each["deviation"]),
+            "yes" if each["applied"] else "no",
+        )
+        for each in delays
+    )
+    note = "A delay within two standard deviations of zero is not applied. Other logs are taken to have the mean."
+    return Table(columns, rows, note)
+
+
+def _friction(choice: Mapping[str, Any]) -> Table:
+    columns = (
+        Column("joint"),
+        Column("change"),
+        Column("held-out error", numeric=True),
+        Column("std of the gap", numeric=True),
+        Column("chosen"),
+    )
+    rows = []
+    for joint, steps in choice["joints"].items():
+        before: list[str] = []
+        for step in steps:
+            error = format_number(step["standard_error"], 2) if step["standard_error"] > 0 else MISSING
+            added = _change(before, step["parts"])
+            before = step["parts"]
+            mark = "up to here" if step["chosen"] else ""
+            rows.append((label(joint), label(added), format_number(step["held_out"], 4), error, mark))
+    note = (
+        f"Mean squared residual of all joints over {choice['blocks']} blocks of the training logs, each held out once, "
+        "in units of the start. Chosen is the shortest list within one standard deviation of the best."
+    )
+    return Table(columns, tuple(rows), note)
+
+
+def _change(before: list[str], after: list[str]) -> str:
+    """Return what came and went from one list of parts to the next."""
+    words = [f"+ {part}" for part in after if part not in before] + [
+        f"- {part}" for part in before if part not in after
+    ]
+    return " ".join(words) or "none"
+
+
+def _fields(found: list[Mapping[str, Any]]) -> Table:
+    columns = (
+        Column("part"),
+        Column("joints"),
+        Column("field"),
+        Column("value", numeric=True),
+        Column("as good from", numeric=True),
+        Column("to", numeric=True),
+    )
+    rows = tuple(
+        (
+            label(each["part"]),
+            ", ".join(map(label, each["joints"] or ())) or "all",
+            label(each["field"]),
+            *(format_number(each[key], 3) for key in ("value", "low", "high")),
+        )
+        for each in found
+    )
+    return Table(columns, rows)

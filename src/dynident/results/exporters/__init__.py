@@ -1,0 +1,135 @@
+"""Exporters, a family: one target per part, and the verb that writes a plan for a controller."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy.typing as npt
+
+from dynident.errors import BadOption, FileError
+from dynident.experiment.plan import Plan, refuse_breach
+from dynident.files import check_place, write_atomically
+from dynident.plugins import Family
+from dynident.results.exporters._motion import DrivenMotion
+from dynident.results.exporters._summary import Export, check_printed, export_data, limit_rows
+from dynident.results.exporters.base import Content, Exporter, MotionExporter, Printed
+
+EXPORTERS: Family[Exporter] = Family("dynident.results.exporters", Exporter, "exporter")  # type: ignore[type-abstract]
+
+__all__ = ["EXPORTERS", "Content", "Export", "Exporter", "MotionExporter", "Printed", "export", "export_data"]
+
+#: In place of a posture: the robot stands at the first posture already.
+START = "start"
+
+
+def export(
+    plan: Plan,
+    exporter: str | Exporter,
+    path: str | Path,
+    *,
+    rate: float | None = None,
+    repeats: int = 1,
+    speed: float = 100.0,
+    from_posture: npt.ArrayLike | None = None,
+    write: bool = True,
+    **options: Any,
+) -> Export:
+    """Write a plan for a controller: every file whole or not at all, nothing where a bound is passed.
+
+    Args:
+        plan: The plan.
+        exporter: Name of an exporter, or a part with its options.
+        path: The file (for a bag: the folder) to write; further files stand beside it.
+        rate: Samples a second; None takes that of the target.
+        repeats: Number of periods.
+        speed: Per cent of the designed speed, 10 to 100; the path stays.
+        from_posture: Where the robot stands, n values in rad or m, or ``"start"`` for the first posture of the plan.
+        write: False checks and tells what would be written.
+        options: Options of the exporter.
+
+    Raises:
+        UnknownChoice: No such exporter.
+        BadOption: An option that cannot be, or a robot that does not fit the target.
+        FileError: The plan passes a bound, a name the target cannot have, or a file that cannot be written.
+    """
+    target, part = Path(path), EXPORTERS.make(exporter, **options)
+    name = EXPORTERS.name_of(part)
+    if not isinstance(part, MotionExporter):
+        raise BadOption("exporter", name, "it does not export plans; see 'dynident list exporters'")
+    refuse_breach(plan, target)
+    motion = _driven(plan, part, name, rate, repeats, speed, from_posture)
+    content = part.content(motion, target)
+    assert content.printed is not None
+    check_printed(motion, content.printed, target)
+    if write:
+        _write(content, target)
+    return Export(
+        exporter=name,
+        robot=plan.robot,
+        files=tuple(str(file) for file in content.files),
+        rate=motion.rate,
+        repeats=repeats,
+        speed=motion.speed,
+        duration=motion.motion.duration,
+        points=len(content.printed.time),
+        approach=_approach(motion, part, name),
+        rows=limit_rows(motion),
+        round_off=dict(zip(plan.joints, content.printed.round_off[0].tolist(), strict=True)),
+        plan_sha256=motion.plan_sha256,
+        notes=content.notes,
+        facts=content.facts,
+    )
+
+
+def _driven(
+    plan: Plan,
+    part: MotionExporter,
+    name: str,
+    rate: float | None,
+    repeats: int,
+    speed: float,
+    from_posture: npt.ArrayLike | None,
+) -> DrivenMotion:
+    if rate is not None and part.rate is None:
+        step = f"{name} has no rate: its points are thinned to a tolerance; see 'dynident list exporters'"
+        raise BadOption("rate", rate, step)
+    at_start = isinstance(from_posture, str)
+    if at_start and from_posture != START:
+        raise BadOption("from_posture", from_posture, f"give a position for each joint, or '{START}'")
+    if from_posture is None and not part.moves_itself:
+        step = (
+            f"{name} holds samples only: state where the robot stands, and the approach is written as well, or give "
+            f"'{START}' if it stands at the first posture"
+        )
+        raise BadOption("from_posture", None, step)
+    posture: Any = None if at_start else from_posture
+    return DrivenMotion(plan, part.rate if rate is None else rate, repeats, speed / 100.0, posture, at_start)
+
+
+def _approach(motion: DrivenMotion, part: MotionExporter, name: str) -> str:
+    way = motion.approach()
+    if way is not None and part.approach_in_samples:
+        return f"quintic of {way[0][-1]:.6g} s from the stated posture"
+    if motion.at_start and not part.moves_itself:
+        return "none: the robot stands at the first posture"
+    return f"a slow move of the controller ({name}){' by the stated posture' if motion.posture is not None else ''}"
+
+
+def _write(content: Content, target: Path) -> None:
+    """Write all files; a folder that is the target is made, and holds nothing else."""
+    inside = [file for file in content.files if target in file.parents]
+    if inside:
+        known = {file.name for file in inside}
+        if target.exists() and (not target.is_dir() or {entry.name for entry in target.iterdir()} - known):
+            raise FileError(target, "there is something else already", "choose a new folder")
+        if not target.parent.is_dir():
+            raise FileError(target, f"there is no folder '{target.parent}'", "create it or choose another place")
+        try:
+            target.mkdir(exist_ok=True)
+        except OSError as error:
+            raise FileError(target, f"cannot be made ({error.strerror})", "choose another place") from error
+    for file in content.files:
+        check_place(file)
+    for file, data in content.files.items():
+        write_atomically(file, data)

@@ -1,0 +1,66 @@
+"""How far to trust the estimate: tests of the residual, influence, bias, cross-validation, extrapolation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from dynident.results.report.sections.base import Section
+from dynident.results.report.subject import Subject
+from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label
+
+
+@dataclass(frozen=True)
+class Trust(Section):
+    """What the diagnostics say; left out where none were made and no log leaves what the fit has seen."""
+
+    title: ClassVar = "How far to trust it"
+    template: ClassVar = "trust.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        estimate = subject.estimate
+        found, envelope = estimate.diagnostics, estimate.envelope
+        departures = [test.departure for test in subject.tests if test.departure is not None]
+        leaving = [] if envelope is None else [departure.sentence(envelope) for departure in departures]
+        sentences = [*(found["verdicts"] if found else ()), *filter(None, leaving)]
+        if not sentences:
+            return {}
+        tables = [] if found is None else [_joints(found), _parts(found), *map(_folds, found["cross_validation"])]
+        return {"sentences": [label(sentence) for sentence in sentences], "tables": tables}
+
+
+def _joints(found: Mapping[str, Any]) -> tuple[str, Table]:
+    columns = (Column("joint"), Column("noise is white: p", numeric=True), Column("noise is constant: p", numeric=True))
+    rows = tuple(
+        (label(joint["name"]), *(format_number(joint[key], 2) for key in ("whiteness_p", "constant_variance_p")))
+        for joint in found["joints"]
+    )
+    return "Noise of each joint", Table(columns, rows)
+
+
+def _parts(found: Mapping[str, Any]) -> tuple[str, Table]:
+    columns = (
+        Column("part of the logs"),
+        Column("leverage", "%", numeric=True),
+        Column("Cook's distance", numeric=True),
+    )
+    rows = tuple(
+        (f"{k} of {len(found['parts'])}", format_number(100 * part["leverage"], 2), _number(part["cook"]))
+        for k, part in enumerate(found["parts"], start=1)
+    )
+    return "What the estimate hangs on", Table(columns, rows)
+
+
+def _folds(found: Mapping[str, Any]) -> tuple[str, Table]:
+    columns = (Column("left out"), Column("rows", numeric=True), Column("relative error", numeric=True))
+    rows = tuple((label(fold["name"]), str(fold["rows"]), _share(fold["relative_error"])) for fold in found["folds"])
+    return f"Cross-validation over {found['over']} ({found['estimator']})", Table(columns, rows)
+
+
+def _number(value: float | None) -> str:
+    return MISSING if value is None else format_number(value, 2)
+
+
+def _share(value: float | None) -> str:
+    return MISSING if value is None else format_percent(value)
