@@ -1,14 +1,21 @@
 """Accuracy on real logs: each case in examples/cases by weighted and by consistent least squares, as a Markdown table.
 
-Needs the logs under the folder that DYNIDENT_DATA names. Run: python -m benchmarks.real_data
+Needs the logs under the folder that DYNIDENT_DATA names.
+Run: python -m benchmarks.real_data [CASE...] [--friction auto]
 """
 
 from __future__ import annotations
 
+import argparse
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from dynident import identify, read_case, validate
+from dynident.experiment.preprocessing import FILTERS
 from dynident.experiment.split import Split
+from dynident.model.friction import FRICTION
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"
 
@@ -18,12 +25,17 @@ KINDS = ("train", "test")
 RUNS = (
     ("panda", "all data", {"split": None}),
     ("panda", "first two thirds -> last third", {}),
-    ("tx40", "rows 0:24750 -> 29250:45000", {}),
+    ("tx40", "rows 0:24750 -> 29250:45000, 50 Hz", {}),
+    ("tx40", "rows 2500:29167 -> 29167:42500, 30 Hz", {
+        "split": Split.parse("rows:2500:29167,29167:42500"), "cutoff_hz": 30.0, "trim_s": 0.1, "delay_s": None,
+        "friction": ("degressive", "load"),
+    }),
     ("ur10e", "seven runs -> two runs", {}),
     ("lwr4", "runs 2, 3 -> 1", {}),
     ("lwr4", "runs 1, 3 -> 2", {"train": (1, 3), "test": (2,)}),
     ("lwr4", "runs 1, 2 -> 3 (twice as fast)", {"train": (1, 2), "test": (3,)}),
-)
+    ("tiago", "rows 921:4835 -> 4835:6792", {}),
+)  # fmt: skip
 
 
 def data_of(case, change):
@@ -37,20 +49,49 @@ def data_of(case, change):
     return [a for a, _ in parts], [b for _, b in parts]
 
 
+def how_of(case, change):
+    """Return the preprocessing of a run."""
+    how = case.preprocessing
+    if "cutoff_hz" in change:
+        how = replace(how, filter=FILTERS.make("butterworth", cutoff_hz=change["cutoff_hz"]))
+    return replace(how, trim_s=change.get("trim_s", how.trim_s), delay_s=change.get("delay_s", how.delay_s))
+
+
+def moving_error(validation) -> float:
+    """Return |residual| / |torque| over all joints and the rows in which they move."""
+    fits = [fit for fit in validation.moving if fit.rows and fit.relative_error > 0]
+    error = np.array([fit.rows * fit.rmse**2 for fit in fits])
+    torque = error / np.array([fit.relative_error for fit in fits]) ** 2
+    return float(np.sqrt(error.sum() / torque.sum()))
+
+
 def main() -> None:
-    print("| case | data | estimator | train | test | RMSE against the unfiltered torque, per joint | consistent |")
-    print("|---|---|---|---|---|---|---|")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cases", nargs="*", metavar="CASE", help="default: all")
+    parser.add_argument("--friction", choices=("given", "auto"), default="given")
+    options = parser.parse_args()
+    print("| case | data | estimator | train | test | test, moving | RMSE against the unfiltered torque | consistent |")
+    print("|---|---|---|---|---|---|---|---|")
     for name, data, change in RUNS:
+        if options.cases and name not in options.cases:
+            continue
         case = read_case(CASES / f"{name}.yaml")
         train, test = data_of(case, change)
+        how, choose = how_of(case, change), options.friction == "auto"
+        more = tuple(FRICTION.make(part) for part in change.get("friction") or ())
+        model = replace(case.model, friction=(*case.friction, *more))
         for estimator in ("wls", "consistent"):
-            estimate = identify(case.model, train, estimator, case.preprocessing, case.columns)
+            estimate = identify(model, train, estimator, how, case.columns, choose=choose)
             found = validate(estimate, test) if test else None
             errors = " ".join(f"{fit.rmse_unfiltered:.3g}" for fit in (found or estimate.train).joints)
-            held_out = "" if found is None else percent(found.total_relative_error)
+            held_out, moving = (
+                ("", "") if found is None else (percent(found.total_relative_error), percent(moving_error(found)))
+            )
             fit = percent(estimate.train.total_relative_error)
             verdict = "yes" if estimate.consistency.consistent else "no"
-            print(f"| {name} | {data} | {estimator} | {fit} | {held_out} | {errors} | {verdict} |")
+            print(
+                f"| {name} | {data} | {estimator} | {fit} | {held_out} | {moving} | {errors} | {verdict} |", flush=True
+            )
 
 
 def percent(fraction: float) -> str:

@@ -14,9 +14,9 @@ from dynident.estimation.consistency import (
     deepest_consistent,
     describe_reasons,
     judge,
-    natural_scale,
     smallest_inertia,
 )
+from dynident.estimation.scale import natural_scale
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION

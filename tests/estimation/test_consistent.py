@@ -11,12 +11,13 @@ import scipy.optimize
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.estimation.consistency import MARGIN, Scale, broken_conditions, consistent_fit, natural_scale
+from dynident.estimation.consistency import broken_conditions
+from dynident.estimation.consistent_fit import MARGIN, consistent_fit, scale_of
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import estimate_of, pose
-from dynident.estimation.problem import Problem
+from dynident.estimation.scale import natural_scale
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
@@ -55,12 +56,6 @@ def theta_of(model: DynamicModel, mass: float = 1.0, length: float = 1.0) -> Arr
 def vertical_slide() -> Robot:
     slide = Joint("joint1", "prismatic", -1, np.eye(3), np.zeros(3), np.array([0, 0, 1.0]))
     return Robot("lift", (Link("link1"),), (slide,))
-
-
-def scale_of(problem: Problem) -> Scale:
-    torque = np.sqrt([t.torque_square / t.rows for t in problem.triangles])
-    ddq = np.concatenate([np.asarray(log.log.ddq) for log in problem.logs])
-    return natural_scale(problem.model, torque, np.sqrt(np.mean(ddq**2, axis=0)))
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["description", "bare"])
@@ -174,7 +169,7 @@ def test_the_optimum_is_certified_by_its_dual(
     assert not estimate_of(problem, WLS()).consistency.consistent
     weights = WLS().solve(problem).weights
     reduced, scale, pull, margin = problem.reduced(weights), scale_of(problem), 1e-3, 1e-6
-    found = consistent_fit(model, problem.base, reduced, scale, pull * reduced.rows, margin)
+    found = consistent_fit(model, problem.base, reduced, scale, pull * reduced.rows, margin).theta
     assert broken_conditions(model, found) == ()
     heavy = np.array([p.unit.startswith("kg") for p in model.parameters])
     residual = (reduced.r @ (problem.base.matrix @ found) - reduced.z) / reduced.rest
@@ -339,7 +334,7 @@ def test_a_problem_without_a_residual(planar_2r: Robot) -> None:
     beta = base.from_standard(theta_of(model))
     reduced = Reduced(np.eye(base.count), beta, 0.0, base.count)
     scale = natural_scale(model, np.array([20.0, 5.0]), np.ones(2))
-    np.testing.assert_allclose(base.from_standard(consistent_fit(model, base, reduced, scale)), beta, atol=1e-6)
+    np.testing.assert_allclose(base.from_standard(consistent_fit(model, base, reduced, scale).theta), beta, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def test_an_estimate_is_whole(model: DynamicModel, log: Log) -> None:
     (kept,) = estimate.provenance["logs"]
     assert kept["steps"][0] == "signals as given" and kept["steps"][1].startswith("400 of 400 rows kept")
     assert estimate.extras["seconds"] >= 0 and estimate.extras["iterations"] >= 1
-    assert steps == ["base parameters", "preprocessing and reduction", "estimator wls"]
+    assert steps == ["preprocessing", "base parameters", "reduction", "estimator wls"]
     np.testing.assert_allclose(estimate.joint_deviations, NOISE, rtol=0.15)
 
 

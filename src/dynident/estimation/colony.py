@@ -15,6 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.estimation.landscape import Landscape
+from dynident.estimation.swarm import Rules, Stage, Swarm, run
 from dynident.model.kernels.jit import compiled, inlined
 
 #: Accepted moves of a source after which its residuals are computed anew, so that rounding cannot add up.
@@ -23,25 +24,6 @@ REFRESH = 50
 _CYCLES = 256  # cycles whose random numbers are drawn at a time
 _BLOCK = 4096  # rows between two looks at the partial sum
 _LANES = 128  # partial sums side by side, so that the loop runs in vector registers
-
-
-@dataclass(frozen=True)
-class Swarm:
-    """What a colony found.
-
-    Attributes:
-        x: Best source ever, shape (b,).
-        objective: F(x), computed anew.
-        trace: Best objective after each cycle, shape (cycles,).
-        evaluations: Number of sources that were tried.
-        scouts: Number of sources that were given up.
-    """
-
-    x: Array
-    objective: float
-    trace: Array
-    evaluations: int
-    scouts: int
 
 
 @dataclass(frozen=True)
@@ -66,6 +48,20 @@ def draw(generator: np.random.Generator, cycles: int, sources: int, dimensions: 
 
 
 def search(land: Landscape, lower: Array, upper: Array, colony: int, limit: int, cycles: int, seed: int) -> Swarm:
+    """Search a box with ``colony`` bees, half of them employed, half onlookers; see :func:`stages`."""
+    return run(land, stages(land, lower, upper, colony, limit, cycles, seed), Rules(cycles), cycles)
+
+
+def stages(
+    land: Landscape,
+    lower: Array,
+    upper: Array,
+    colony: int,
+    limit: int,
+    cycles: int,
+    seed: int,
+    stride: int | None = None,
+) -> Iterator[Stage]:
     """Search a box with ``colony`` bees, half of them employed, half onlookers.
 
     Args:
@@ -76,6 +72,7 @@ def search(land: Landscape, lower: Array, upper: Array, colony: int, limit: int,
         limit: Trials without success above which a source may be given up (13).
         cycles: Number of cycles.
         seed: Seed of the random numbers.
+        stride: Cycles between two stages; None for as many as are drawn at a time. The path is the same.
     """
     generator = np.random.default_rng(seed)
     size, sources = len(lower), colony // 2
@@ -90,12 +87,15 @@ def search(land: Landscape, lower: Array, upper: Array, colony: int, limit: int,
     flock = (x, residuals, sums, values, np.zeros(sources, np.int64), np.zeros(sources, np.int64))
     first = int(np.argmin(values))
     found = np.append(values[first], x[first])
-    trace, scouts, done = np.empty(cycles), 0, 0
+    scouts, done = 0, 0
     for draws in draw(generator, cycles, sources, size):
-        part = trace[done : done + len(draws.moves)]
-        scouts += _fly(place, lower, upper, flock, found, draws.moves, draws.scouts, limit, part)
-        done += len(part)
-    return Swarm(found[1:], land.value(found[1:]), trace, colony + 2 * sources * cycles + scouts, scouts)
+        step = len(draws.moves) if stride is None else stride
+        for start in range(0, len(draws.moves), step):
+            moves = draws.moves[start : start + step]
+            trace = np.empty(len(moves))
+            scouts += _fly(place, lower, upper, flock, found, moves, draws.scouts[start : start + step], limit, trace)
+            done += len(trace)
+            yield Stage(found[1:].copy(), trace, colony + 2 * sources * done + scouts, scouts)
 
 
 # Types of the compiled functions: place = (columns, target, edges, present, weights, power, constant) of the landscape;

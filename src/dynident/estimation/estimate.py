@@ -7,8 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy.stats
 
 from dynident.arrays import Array
+from dynident.estimation.envelope import Envelope
 from dynident.estimation.validation import Validation
 from dynident.experiment.formats import ColumnMap
 from dynident.experiment.preprocessing import Preprocessing
@@ -55,6 +57,10 @@ class Estimate:
         columns: How its logs were read.
         extras: News of the method: convergence trace, gap to the optimum.
         provenance: Versions, files with hashes, case, command.
+        degrees: Degrees of freedom of each stated variance, for quantiles of Student's t, shape (b,); None where the
+            method has a covariance of its own.
+        envelope: What the logs of the fit have seen; None in files of older versions.
+        diagnostics: Tests of the residual and cross-validation; None where they were not asked for.
     """
 
     model: DynamicModel
@@ -75,6 +81,9 @@ class Estimate:
     columns: ColumnMap = field(default_factory=ColumnMap)
     extras: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    degrees: Array | None = None
+    envelope: Envelope | None = None
+    diagnostics: Mapping[str, Any] | None = None
 
     @property
     def deviations(self) -> Array:
@@ -86,6 +95,11 @@ class Estimate:
         """Standard deviation over absolute value, a fraction, shape (b,); infinite for a value of zero."""
         size = np.abs(self.beta)
         return np.divide(self.deviations, size, out=np.full(len(size), np.inf), where=size > 0)
+
+    def half_widths(self, level: float = 0.95) -> Array:
+        """Return half the width of the interval that holds each base parameter at a level of confidence, shape (b,)."""
+        degrees = np.full(len(self.beta), np.inf) if self.degrees is None else self.degrees
+        return self.deviations * scipy.stats.t.ppf(0.5 + 0.5 * level, degrees)
 
     def parameters(self) -> list[dict[str, Any]]:
         """Return name, value, unit, std and relative_std of each base parameter as plain data."""

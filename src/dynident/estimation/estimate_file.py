@@ -12,7 +12,9 @@ import numpy as np
 
 from dynident.arrays import Array, frozen
 from dynident.errors import DynidentError, EstimateFormatError
+from dynident.estimation.envelope import Envelope
 from dynident.estimation.estimate import Consistency, Estimate
+from dynident.estimation.labels import labels_of
 from dynident.estimation.validation import Fit, Validation
 from dynident.estimation.warnings import warnings_of
 from dynident.experiment.formats import ColumnMap, Units
@@ -42,6 +44,7 @@ def summary(estimate: Estimate, test: Validation | None = None) -> dict[str, Any
         "inertial_base_parameters": estimate.inertial_base_parameters,
         "base_parameters": estimate.base.count,
         "parameters": estimate.parameters(),
+        "degrees_of_freedom": None if estimate.degrees is None else plain(estimate.degrees),
         "standard_parameters": None if estimate.theta is None else _standard(estimate, estimate.theta),
         "physically_consistent": estimate.consistency.consistent,
         "inconsistencies": list(estimate.consistency.reasons),
@@ -51,6 +54,8 @@ def summary(estimate: Estimate, test: Validation | None = None) -> dict[str, Any
         "correlation_factors": estimate.correlation_factors.tolist(),
         "train": estimate.train.figures(),
         "test": None if test is None else test.figures(),
+        "extrapolation": None if test is None or test.departure is None else test.departure.figures(),
+        "diagnostics": None if estimate.diagnostics is None else plain(estimate.diagnostics),
         "filter": plain(estimate.train.filter),
         "extras": plain(estimate.extras),
     }
@@ -58,8 +63,17 @@ def summary(estimate: Estimate, test: Validation | None = None) -> dict[str, Any
 
 def _standard(estimate: Estimate, theta: Array) -> list[dict[str, Any]]:
     return [
-        {"name": parameter.name, "value": float(value), "unit": parameter.unit, "verdict": verdict}
-        for parameter, value, verdict in zip(estimate.model.parameters, theta, estimate.base.verdicts, strict=True)
+        {
+            "name": parameter.name,
+            "value": float(value),
+            "unit": parameter.unit,
+            "verdict": verdict,
+            "label": label.word,
+            "data_share": label.data_share,
+        }
+        for parameter, value, verdict, label in zip(
+            estimate.model.parameters, theta, estimate.base.verdicts, labels_of(estimate), strict=True
+        )
     ]
 
 
@@ -82,6 +96,7 @@ def write_estimate(estimate: Estimate, path: str | Path) -> None:
         "beta": estimate.beta.tolist(),
         "covariance": estimate.covariance.tolist(),
         "theta": None if estimate.theta is None else estimate.theta.tolist(),
+        "envelope": None if estimate.envelope is None else plain(estimate.envelope.figures()),
         "train": {
             "filter": plain(train.filter),
             "standstill": train.standstill,
@@ -133,7 +148,11 @@ def read_estimate(path: str | Path) -> Estimate:
 
 
 def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
-    friction = tuple(FRICTION.make(name, **options) for item in data["friction"] for name, options in item.items())
+    friction = tuple(
+        FRICTION.make(name, **{key: _tuples(value) for key, value in options.items()})
+        for item in data["friction"]
+        for name, options in item.items()
+    )
     model = DynamicModel(robot_from_dict(data["robot"], path), friction)
     base = base_parameters(model)
     facts, train = data["summary"], data["train"]
@@ -179,7 +198,27 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
         columns=ColumnMap(**columns),
         extras=facts["extras"],
         provenance=data["provenance"],
+        degrees=_degrees(facts, base.count),
+        envelope=_envelope(data, joints),
+        diagnostics=facts.get("diagnostics"),
     )
+
+
+def _degrees(facts: Mapping[str, Any], size: int) -> Array | None:
+    """Return the degrees of freedom; null stands for a variance that is known."""
+    found = facts.get("degrees_of_freedom")
+    if found is None:
+        return None
+    return frozen([np.inf if value is None else value for value in found], (size,), "degrees_of_freedom")
+
+
+def _envelope(data: Mapping[str, Any], joints: int) -> Envelope | None:
+    found = data.get("envelope")
+    if found is None:
+        return None
+    shapes = {"low": (3, joints), "high": (3, joints), "mean": (3 * joints,), "whitener": (3 * joints, 3 * joints)}
+    arrays = {name: _array(found[name], shape, name) for name, shape in shapes.items()}
+    return Envelope(**arrays, furthest=float(found["furthest"]), bands=_array(found["bands"], (joints,), "bands"))
 
 
 def _preprocessing(how: Preprocessing) -> dict[str, Any]:

@@ -5,29 +5,37 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, is_dataclass, replace
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array
 from dynident.errors import LogMismatch
 from dynident.estimation.consistency import judge
+from dynident.estimation.covariance import correlation_factors
+from dynident.estimation.delay import common_delay, find_delays
+from dynident.estimation.envelope import departure_of, envelope_of
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators import ESTIMATORS, Estimator
+from dynident.estimation.friction_choice import choose_friction
+from dynident.estimation.load import PASSES, agrees, loaded_problem, with_load, without_load
 from dynident.estimation.problem import Observer, Problem, counting_rows, make_problem
+from dynident.estimation.scale import BodyPrior
+from dynident.estimation.trust import with_diagnostics
+from dynident.estimation.uncertainty import spectral_uncertainty
 from dynident.estimation.validation import Validation, compare_torques
-from dynident.experiment.case import default_preprocessing
+from dynident.estimation.variable_projection import has_varying, vary_fields
+from dynident.experiment.case import DEFAULT_FRICTION, default_preprocessing
 from dynident.experiment.formats import ColumnMap
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.model.base_parameters import BaseParameters, base_parameters
+from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
 from dynident.model.reduction import least_squares
-
-#: Least share of independent rows that is taken to be left over for the residual.
-FEWEST_FREE = 0.1
 
 
 def identify(
@@ -38,26 +46,44 @@ def identify(
     columns: ColumnMap | None = None,
     provenance: Mapping[str, Any] | None = None,
     progress: Callable[[str], None] = lambda step: None,
+    choose: bool = False,
+    constraints: Constraints | None = None,
+    prior: BodyPrior | None = None,
+    diagnose: bool = False,
+    folds: int = 5,
+    bootstrap: int = 0,
 ) -> Estimate:
     """Identify the base parameters of a model from logs.
 
     Args:
-        model: Robot, drives and friction.
+        model: Robot, drives and friction; fields that its friction parts vary are found first.
         logs: Raw logs with positions and torques; each is preprocessed on its own.
         estimator: Name or part.
         preprocessing: How logs become rows; default: ``default_preprocessing``.
         columns: How the logs were read, kept so that other logs of the robot can be read alike.
         provenance: Facts to keep with the estimate: case, command.
         progress: Told each step in words.
+        choose: Choose the friction of each joint from the logs, in place of the model's.
+        constraints: What is known about bodies beforehand; estimators of possible robots keep it.
+        prior: Standard parameters known beforehand, in place of the description's.
+        diagnose: Test the residual and the estimate; ``diagnostics`` of the estimate has the figures.
+        folds: Parts of the logs for the cross-validation of the diagnostics; 0: none.
+        bootstrap: Draws of the bootstrap of the diagnostics; 0: none.
 
     Raises:
+        BadOption: One fold, or too few draws.
+        ContradictoryConstraints: No robot meets the constraints.
         LogMismatch: A log does not fit the robot, or is too short.
         PoorExcitation: The logs do not determine all base parameters.
         SolverFailed: The estimator found no checked solution.
     """
     part = ESTIMATORS.make(estimator)
-    problem = pose(model, logs, preprocessing, progress)
-    return estimate_of(problem, part, columns, provenance, progress)
+    problem = pose(model, logs, preprocessing, progress, choose, constraints, prior)
+    estimate = estimate_of(problem, part, columns, provenance, progress)
+    if not (diagnose or bootstrap):
+        return estimate
+    progress("diagnostics")
+    return with_diagnostics(estimate, problem, part, folds, bootstrap)
 
 
 def pose(
@@ -65,16 +91,69 @@ def pose(
     logs: Sequence[Log],
     preprocessing: Preprocessing | None = None,
     progress: Callable[[str], None] = lambda step: None,
+    choose: bool = False,
+    constraints: Constraints | None = None,
+    prior: BodyPrior | None = None,
 ) -> Problem:
     """Return the problem that every estimator can be asked to solve; arguments and errors as of :func:`identify`."""
     if not logs:
         raise LogMismatch("identify", "no log", "give at least one log")
     how = preprocessing or default_preprocessing()
+    if choose:
+        model = replace(model, friction=tuple(FRICTION.make(name) for name in DEFAULT_FRICTION))
+    ordered = [log.ordered(model.robot.joint_names) for log in logs]
+    prepared, facts = _prepared(model, ordered, how, progress)
+    if choose:
+        model, choice = _chosen(model, prepared, progress)
+        if how.delay_s is None:  # a delay passes for a rotor's inertia where the model has none, so both once more
+            prepared, facts = _prepared(model, ordered, how, progress)
+            model, choice = _chosen(model, prepared, progress)
+        facts = {**facts, **choice}
+    if has_varying(model):
+        model, found = vary_fields(model, prepared, progress)
+        facts = {**facts, "non_linear": [asdict(each) for each in found]}
     progress("base parameters")
     base = base_parameters(model)
-    progress("preprocessing and reduction")
-    prepared = [preprocess(log.ordered(model.robot.joint_names), how) for log in logs]
-    return make_problem(model, base, prepared)
+    progress("reduction")
+    problem = loaded_problem(model, base, prepared) if "torque" in model.needs else make_problem(model, base, prepared)
+    known = constraints or Constraints()
+    known.check(model.robot, model.parameters)
+    return replace(problem, facts=facts, constraints=known, prior=prior and prior.for_model(model))
+
+
+def _not_kept(problem: Problem, estimator: Estimator) -> dict[str, Any]:
+    """Return the name of an estimator that leaves stated constraints aside, for a warning; nothing where none are."""
+    if problem.constraints.is_empty or estimator.keeps_constraints:
+        return {}
+    return {"constraints_not_kept": ESTIMATORS.name_of(estimator)}
+
+
+def _chosen(
+    model: DynamicModel, logs: Sequence[Prepared], progress: Callable[[str], None]
+) -> tuple[DynamicModel, dict[str, Any]]:
+    """Return the model with the friction that the logs ask for, and how it was found."""
+    choice = choose_friction(model, logs, progress)
+    return replace(model, friction=choice.friction), {"friction_choice": choice.figures()}
+
+
+def _prepared(
+    model: DynamicModel, logs: Sequence[Log], how: Preprocessing, progress: Callable[[str], None]
+) -> tuple[Sequence[Prepared], dict[str, Any]]:
+    """Return the preprocessed logs, and the delay of each where that is asked for."""
+    progress("preprocessing")
+    if how.delay_s is not None:
+        return [preprocess(log, how) for log in logs], {}
+    progress("delay of the torque")
+    simple = without_load(model)
+    delays, prepared = find_delays(simple, base_parameters(simple), logs, how)
+    table = [{"log": log.name, **asdict(delay)} for log, delay in zip(logs, delays, strict=True)]
+    return prepared, {"delays": table, "delay_s": common_delay(delays)}
+
+
+def preparation_of(problem: Problem) -> Preprocessing:
+    """Return how logs that the fit has not seen are prepared: as those of the problem, with the delay found there."""
+    how = problem.logs[0].how
+    return replace(how, delay_s=problem.facts["delay_s"]) if "delay_s" in problem.facts else how
 
 
 def estimate_of(
@@ -93,17 +172,25 @@ def estimate_of(
     progress(f"estimator {ESTIMATORS.name_of(estimator)}")
     started = time.perf_counter()
     solution = estimator.solve(problem)
+    for _ in range(PASSES):
+        if agrees(problem, solution.beta):
+            break
+        progress("load of the drives")
+        problem = with_load(problem, solution.beta)
+        solution = estimator.solve(problem)
     seconds = time.perf_counter() - started
     deviations = problem.joint_deviations(solution.beta)
     train = validate_prepared(model, base, problem.logs, solution.beta)
     factors = correlation_factors(np.split(train.residual, train.starts[1:]), problem.masks)
+    covariance, degrees = solution.covariance, None
+    if covariance is None:
+        found = spectral_uncertainty(problem, solution.weights, solution.beta)
+        covariance, degrees = found.covariance, found.degrees
     return Estimate(
         model=model,
         base=base,
         beta=solution.beta,
-        covariance=_covariance(problem, solution.weights, deviations, factors)
-        if solution.covariance is None
-        else solution.covariance,
+        covariance=covariance,
         theta=solution.theta,
         joint_deviations=deviations,
         correlation_factors=factors,
@@ -114,10 +201,12 @@ def estimate_of(
         options=asdict(estimator) if is_dataclass(estimator) else {},
         consistency=judge(model, base, solution.beta, solution.theta),
         train=train,
-        preprocessing=problem.logs[0].how,
+        preprocessing=preparation_of(problem),
         columns=columns or ColumnMap(joints=model.robot.joint_names),
-        extras={**solution.extras, "seconds": seconds},
+        extras={**solution.extras, **problem.facts, **_not_kept(problem, estimator), "seconds": seconds},
         provenance={**versions(), "logs": [asdict(log.kept.source) for log in problem.logs], **(provenance or {})},
+        degrees=degrees,
+        envelope=envelope_of([log.kept for log in problem.logs], problem.triangles, covariance),
     )
 
 
@@ -134,7 +223,14 @@ def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
     """
     how = preprocessing or estimate.preprocessing
     prepared = [preprocess(log.ordered(estimate.model.robot.joint_names), how) for log in logs]
-    return validate_prepared(estimate.model, estimate.base, prepared, estimate.beta)
+    found = validate_prepared(estimate.model, estimate.base, prepared, estimate.beta)
+    if estimate.envelope is None:
+        return found
+    observer = Observer(estimate.model, estimate.base, estimate.beta)
+    parts = [observer.triangles(log, np.ones((len(log.keep), len(log.log.joints)), bool)) for log in prepared]
+    triangles = [first.merged(rest) for first, *rest in zip(*parts, strict=True)]
+    logs_seen = [log.kept for log in prepared]
+    return replace(found, departure=departure_of(estimate.envelope, logs_seen, triangles, estimate.covariance))
 
 
 def validate_prepared(model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared], beta: Array) -> Validation:
@@ -151,59 +247,6 @@ def validate_prepared(model: DynamicModel, base: BaseParameters, logs: Sequence[
         logs[0].how.standstill,
         logs[0].statement(),
     )
-
-
-def correlation_factors(
-    residuals: Sequence[Array], masks: Sequence[BoolArray] | None = None, longest: float = 0.25
-) -> Array:
-    """Return how much the rows of each joint hang together: the integrated autocorrelation of its residual, >= 1.
-
-    The sum 1 + 2 sum rho_k is cut at the first negative pair (Geyer 1992); filtered or modelled badly, residuals are
-    far from independent, and covariances that ignore it are too small.
-
-    Args:
-        residuals: Residuals of each log over the rows used, shape (N, n) each.
-        masks: Which of them count in the fit, shape (N, n) each; None: all. Those that do not are taken as zero.
-        longest: Share of a log that the sum may reach over.
-
-    Returns:
-        Shape (n,).
-    """
-    counting = [np.ones(r.shape, bool) for r in residuals] if masks is None else masks
-    total, rows = np.zeros(residuals[0].shape[1]), np.zeros(residuals[0].shape[1])
-    for residual, mask in zip(residuals, counting, strict=True):
-        count = mask.sum(axis=0)
-        pairs = zip(residual.T, mask.T, strict=True)
-        total += count * np.array([_integrated(column, keep, longest) for column, keep in pairs])
-        rows += count
-    return np.where(rows > 0, total / np.maximum(rows, 1), 1.0)
-
-
-def _integrated(residual: Array, keep: BoolArray, longest: float) -> float:
-    if np.count_nonzero(keep) < 2:
-        return 1.0
-    centred = np.where(keep, residual - residual[keep].mean(), 0.0)
-    size = 2 ** int(np.ceil(np.log2(2 * len(centred))))
-    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
-    covariance = np.fft.irfft(spectrum, size)[: max(2, int(longest * len(centred)))]
-    if covariance[0] <= 0:
-        return 1.0
-    rho = covariance / covariance[0]
-    pairs = rho[: len(rho) // 2 * 2].reshape(-1, 2).sum(axis=1)
-    negative = np.flatnonzero(pairs <= 0)
-    return max(1.0, float(2 * pairs[: negative[0] if len(negative) else len(pairs)].sum() - 1))
-
-
-def _covariance(problem: Problem, weights: Array, deviations: Array, factors: Array) -> Array:
-    """Return the sandwich A^-1 B A^-1: A has the weights of the fit, B also what the residuals of a joint are worth.
-
-    Residuals that hang together are worth fewer rows, and the parameters take their share of those.
-    """
-    inverse = least_squares(problem.reduced(weights)).unscaled_covariance
-    spread = problem.reduced(weights**2 * deviations * np.sqrt(factors)).r @ inverse
-    rows, independent = problem.counts.sum(), np.sum(problem.counts / factors)
-    taken = (1 - problem.base.count / rows) / max(1 - problem.base.count / independent, FEWEST_FREE)
-    return spread.T @ spread * max(taken, 1.0)
 
 
 def versions() -> dict[str, Any]:

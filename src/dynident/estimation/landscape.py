@@ -12,7 +12,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import SolverFailed
 from dynident.estimation.least_absolute import GAP, least_absolute
-from dynident.estimation.problem import Observer, Problem
+from dynident.estimation.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def absolute_landscape(problem: Problem, delta: Array) -> Landscape:
         problem: The problem; N is the number of its time samples.
         delta: Weight of each joint, shape (n,).
     """
-    observer = Observer(problem.model, problem.base)
+    observer = problem.observer
     edges = np.concatenate([[0], np.cumsum(problem.counts)]).astype(np.int64)
     columns = np.zeros((problem.base.count, int(edges[-1])))
     target = np.empty(int(edges[-1]))

@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 import scipy.optimize
 import scipy.sparse
-from threadpoolctl import threadpool_limits
 
 from dynident.arrays import Array, BoolArray, frozen
 from dynident.errors import SolverFailed
+from dynident.model.threads import one_blas_thread
 
 #: Largest relative gap between objective and lower bound of a certified optimum.
 GAP = 1e-6
@@ -70,7 +70,7 @@ def least_absolute(
         SolverFailed: The gap that the certificate proves is above :data:`GAP`.
     """
     fit = _checked(matrix, target, weights, lower, upper)
-    with threadpool_limits(1, user_api="blas"):
+    with one_blas_thread():
         found = _certified(fit, *_solve(fit))
     if not found.gap <= GAP:
         found = _certified(fit, *_linear_program(fit))  # slower, and at home where the interior point stalls

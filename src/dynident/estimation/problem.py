@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import LogMismatch, PoorExcitation
+from dynident.estimation.scale import BodyPrior
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, at_rest
 from dynident.model.base_parameters import BaseParameters
+from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.kernels.batched import JointColumns
 from dynident.model.reduction import CHUNK, Reduced, Triangle, absorb, reduce
+from dynident.model.threads import one_blas_thread
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,10 @@ class Problem:
         logs: Preprocessed logs with q, dq, ddq and torque.
         masks: Which of the kept rows count for each joint, per log, shape (N, n).
         triangles: The unweighted rows of each joint, reduced, over all logs.
+        load: Base parameters whose torque without friction loads the drives, shape (b,); None where no part asks.
+        facts: What was found out on the way to the problem, such as the delay of each log; goes with the estimate.
+        constraints: What is known about bodies beforehand; estimators of possible robots keep it, others do not.
+        prior: Standard parameters known beforehand, in place of the description's; None for the description's.
     """
 
     model: DynamicModel
@@ -54,6 +61,15 @@ class Problem:
     logs: tuple[Prepared, ...]
     masks: tuple[BoolArray, ...]
     triangles: tuple[Triangle, ...]
+    load: Array | None = None
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    constraints: Constraints = field(default_factory=Constraints)
+    prior: BodyPrior | None = None
+
+    @property
+    def observer(self) -> Observer:
+        """What makes the rows of the problem from a log."""
+        return Observer(self.model, self.base, self.load)
 
     @property
     def samples(self) -> int:
@@ -74,20 +90,20 @@ class Problem:
         return np.array([triangle.residual_square(beta) for triangle in self.triangles])
 
     def joint_deviations(self, beta: Array) -> Array:
-        """Return the residual standard deviation of each joint, shape (n,), never zero.
+        """Return the residual standard deviation of each joint, shape (n,), a millionth of its torque at least.
 
         The degrees of freedom that beta takes are shared among the joints by their rows.
         """
         counts = np.maximum(self.counts, 1)
         free = counts * max(1.0 - self.base.count / max(int(counts.sum()), 1), 1e-3)
-        floor = 1e-12 * np.array([np.sqrt(t.torque_square / max(t.rows, 1)) for t in self.triangles])
+        floor = 1e-6 * np.array([np.sqrt(t.torque_square / max(t.rows, 1)) for t in self.triangles])
         deviations = np.sqrt(self.residual_squares(beta) / free)
         return np.maximum(deviations, np.maximum(floor, 1e-300))
 
     @cached_property
     def rows(self) -> Rows:
         """The rows in full; computed when first asked for."""
-        observer = Observer(self.model, self.base)
+        observer = self.observer
         blocks: list[list[tuple[Array, Array, IntArray]]] = [[] for _ in self.triangles]
         start = 0
         for log, mask in zip(self.logs, self.masks, strict=True):
@@ -109,14 +125,18 @@ SEGMENT = 1 << 16
 
 
 class Observer:
-    """Streams a log into the rows of the base observation matrix, joint by joint, in chunks that stay in the cache."""
+    """Streams a log into the rows of the base observation matrix, joint by joint, in chunks that stay in the cache.
 
-    def __init__(self, model: DynamicModel, base: BaseParameters) -> None:
-        self.model, self.base = model, base
+    Where friction depends on the load, ``load`` (b,) are the base parameters whose torque without friction it is.
+    """
+
+    def __init__(self, model: DynamicModel, base: BaseParameters, load: Array | None = None) -> None:
+        self.model, self.base, self.load = model, base, load
         inertial = base.independent[base.independent < model.inertial_count]
         self._kernel = JointColumns(model.robot.chain, inertial)
         friction = base.independent[base.independent >= model.inertial_count] - model.inertial_count
-        self._drive, self._coefficient = np.divmod(friction, max(model.coefficients_per_joint, 1))
+        self._drive, self._coefficient = (found[friction] for found in model.terms)
+        self._inertial = len(inertial)
         coupling = np.asarray(model.robot.coupling)
         self._own: list[IntArray] = []
         columns: list[IntArray] = []
@@ -128,14 +148,17 @@ class Observer:
 
     def rows(self, prepared: Prepared) -> tuple[Array, ...]:
         """Return [W_i, tau_i]' of each joint over the kept rows, both sides filtered, shape (K_i + 1, N)."""
-        parts = [blocks for _, blocks in self._segments(prepared)]
+        parts = [blocks for _, blocks in self.segments(prepared)]
         return tuple(np.concatenate(joint, axis=1) for joint in zip(*parts, strict=True))
 
     def predict(self, log: Log, beta: Array) -> Array:
-        """Return the torque of the model at ``beta``, with the known rotor torque, not filtered, shape (N, n)."""
+        """Return the torque of the model at ``beta``, with the known torque, not filtered, shape (N, n).
+
+        Friction that depends on the load takes that of ``beta`` itself.
+        """
         motion = motion_of(log)
         parts = [slice(start, start + CHUNK) for start in range(0, log.samples, CHUNK)]
-        blocks = (self._block(motion, part) for part in parts)
+        blocks = (self._block(motion, part, load=beta) for part in parts)
         torques = [[beta[own] @ block[:-1] for own, block in zip(self.columns, joint, strict=True)] for joint in blocks]
         return np.concatenate([np.stack(part, axis=1) for part in torques]) + self.model.known_torque(motion)
 
@@ -144,8 +167,8 @@ class Observer:
         sizes = [len(columns) + 1 for columns in self.columns]
         factors: list[Array] = [np.zeros((size, size), order="F") for size in sizes]
         everything = bool(mask.all())
-        with threadpool_limits(1, user_api="blas"):
-            for part, blocks in self._segments(prepared):
+        with one_blas_thread():
+            for part, blocks in self.segments(prepared):
                 for i, block in enumerate(blocks):
                     chosen = block if everything else block[:, mask[part, i]]
                     for start in range(0, chosen.shape[1], CHUNK):
@@ -156,7 +179,7 @@ class Observer:
             for i, (columns, factor) in enumerate(zip(self.columns, factors, strict=True))
         )
 
-    def _segments(self, prepared: Prepared) -> Iterator[tuple[slice, tuple[Array, ...]]]:
+    def segments(self, prepared: Prepared) -> Iterator[tuple[slice, tuple[Array, ...]]]:
         """Yield slices of the kept rows and the filtered rows of each joint there, in constant memory.
 
         A filter looks ``reach`` samples to either side, so segments overlap by that much.
@@ -165,10 +188,10 @@ class Observer:
         motion, torque = motion_of(log), target_torque(self.model, prepared)
         reach = prepared.how.filter.reach(log.rate)
         if not reach:  # nothing to filter: only the kept rows are ever computed
-            motion, torque = Motion(motion.q[keep], motion.dq[keep], motion.ddq[keep]), torque[keep]
+            motion, torque = motion.rows(keep), torque[keep]
             for start in range(0, len(keep), CHUNK):
                 part = slice(start, min(start + CHUNK, len(keep)))
-                yield part, self._block(motion, part, torque)
+                yield part, self._block(motion, part, torque, self.load)
             return
         for start in range(0, log.samples, SEGMENT):
             inner = slice(start, min(start + SEGMENT, log.samples))
@@ -176,18 +199,22 @@ class Observer:
             wanted = slice(*np.searchsorted(keep, [inner.start, inner.stop]))
             if wanted.start == wanted.stop:
                 continue
-            blocks = self._block(motion, outer, torque)
+            blocks = self._block(motion, outer, torque, self.load)
             for block in blocks:  # the torque is filtered already
                 block[:-1] = prepared.smooth(block[:-1])
             inside = keep[wanted] - outer.start
             yield wanted, tuple(block[:, inside] for block in blocks)
 
-    def _block(self, motion: Motion, part: slice, torque: Array | None = None) -> tuple[Array, ...]:
+    def _block(
+        self, motion: Motion, part: slice, torque: Array | None = None, load: Array | None = None
+    ) -> tuple[Array, ...]:
         """Return [W_i, tau_i]' of each joint over a slice of the samples, not filtered."""
-        cut = Motion(motion.q[part], motion.dq[part], motion.ddq[part])
+        cut = motion.rows(part)
         blocks = [np.empty((len(columns) + 1, len(cut.q))) for columns in self.columns]
         heads = [block[: len(found)] for block, found in zip(blocks, self._kernel.columns, strict=True)]
         self._kernel.evaluate(cut.q, cut.dq, cut.ddq, out=heads)
+        if load is not None and "torque" in self.model.needs:
+            cut = replace(cut, torque=self._without_friction(cut, heads, load))
         values = self.model.friction_values(cut)
         coupling = np.asarray(self.model.robot.coupling)
         for i, (block, own) in enumerate(zip(blocks, self._own, strict=True)):
@@ -195,6 +222,15 @@ class Observer:
                 block[row] = coupling[self._drive[k], i] * values[:, self._drive[k], self._coefficient[k]]
             block[-1] = 0.0 if torque is None else torque[part, i]
         return tuple(blocks)
+
+    def _without_friction(self, motion: Motion, heads: Sequence[Array], beta: Array) -> Array:
+        """Return the torque of links and rotors at ``beta``, shape (N, n), from the inertial rows of each joint."""
+        rigid = [beta[own[: len(head)]] @ head for own, head in zip(self.columns, heads, strict=True)]
+        rotor = np.zeros(self.model.robot.dof)
+        for k, drive in enumerate(self._drive, start=self._inertial):
+            if self.base.parameters[self.base.independent[k]].unit.startswith("kg"):
+                rotor[drive] = beta[k]
+        return np.stack(rigid, axis=1) + self.model.rotor_torque(motion, rotor)
 
 
 def motion_of(log: Log) -> Motion:
@@ -209,7 +245,7 @@ def motion_of(log: Log) -> Motion:
 
 
 def target_torque(model: DynamicModel, prepared: Prepared) -> Array:
-    """Return the measured torque less that of the known rotor inertias, filtered alike, shape (N, n), all rows.
+    """Return the measured torque less the known one (rotor inertias, bias), filtered alike, shape (N, n), all rows.
 
     Raises:
         LogMismatch: The log has no torques.
@@ -217,31 +253,37 @@ def target_torque(model: DynamicModel, prepared: Prepared) -> Array:
     log = prepared.log
     if log.torque is None:
         raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
-    if not np.any(model.robot.reflected_inertia):
+    if not np.any(model.robot.reflected_inertia) and not np.any(model.robot.bias):
         return log.torque
     return log.torque - prepared.smooth(model.known_torque(motion_of(log)).T).T
 
 
-def make_problem(model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared]) -> Problem:
+def make_problem(
+    model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared], load: Array | None = None
+) -> Problem:
     """Reduce preprocessed logs to a problem.
 
     Args:
         model: Robot, drives and friction.
         base: Its base parameters.
         logs: Preprocessed logs, joints in the order of the robot.
+        load: See :class:`Problem`.
 
     Raises:
-        LogMismatch: A joint never moved, or its torque never changed.
+        BadOption: A friction part needs a load that is not given.
+        LogMismatch: A log without the temperatures that a friction part needs, a joint that never moved, or a torque
+            that never changed.
         PoorExcitation: The rows do not determine all base parameters.
     """
+    _check_temperature(model, logs)
     _check_motion(model, logs)
     _check_torque(model, logs)
     masks = tuple(counting_rows(model, log) for log in logs)
-    observer = Observer(model, base)
+    observer = Observer(model, base, load)
     parts = [observer.triangles(log, mask) for log, mask in zip(logs, masks, strict=True)]
     triangles = tuple(first.merged(rest) for first, *rest in zip(*parts, strict=True))
-    problem = Problem(model, base, tuple(logs), masks, triangles)
-    _check_rank(problem)
+    problem = Problem(model, base, tuple(logs), masks, triangles, load)
+    check_rank(problem.reduced(), base)
     return problem
 
 
@@ -254,6 +296,13 @@ def counting_rows(model: DynamicModel, prepared: Prepared) -> BoolArray:
     speeds = motion_of(prepared.log).dq @ coupling.T
     resting = at_rest(speeds, how.standstill, prepared.log.rate)[prepared.keep]
     return ~((resting @ (coupling != 0)) > 0)
+
+
+def _check_temperature(model: DynamicModel, logs: Sequence[Prepared]) -> None:
+    for log in logs:
+        if "temperature" in model.needs and log.log.temperature is None:
+            step = "map them in the case file (log: columns: temperature), or leave the friction part out"
+            raise LogMismatch(log.log.name, "no temperatures of the drives", step)
 
 
 def _check_motion(model: DynamicModel, logs: Sequence[Prepared]) -> None:
@@ -283,8 +332,12 @@ def _check_torque(model: DynamicModel, logs: Sequence[Prepared]) -> None:
             raise LogMismatch(", ".join(log.log.name for log in logs), evidence, step)
 
 
-def _check_rank(problem: Problem, tolerance: float = 1e-9) -> None:
-    reduced = problem.reduced()
+def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) -> None:
+    """Check that rows, weighted or chosen in whatever way, determine all base parameters.
+
+    Raises:
+        PoorExcitation: A direction with unit columns is below ``tolerance`` of the strongest.
+    """
     norms = reduced.column_norms
     scale = np.where(norms > 0, norms, 1.0)
     _, values, directions = np.linalg.svd(reduced.r / scale)
@@ -292,10 +345,10 @@ def _check_rank(problem: Problem, tolerance: float = 1e-9) -> None:
     if not weak.any():
         return
     share = np.abs(directions[weak]).max(axis=0)
-    names = [problem.base.names[k] for k in np.argsort(-share)[:3]]
+    names = [base.names[k] for k in np.argsort(-share)[:3]]
     raise PoorExcitation(
         int((~weak).sum()),
-        problem.base.count,
+        base.count,
         f"undetermined: {'; '.join(names)}",
         "record a motion that moves all joints fast and far at once, or drop friction terms",
     )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
+from dynident.estimation.envelope import Departure
 from dynident.experiment.log import Log
 
 
@@ -61,6 +62,7 @@ class Validation:
         measured: Filtered torque, shape (N, n).
         unfiltered: Torque before the filter, shape (N, n).
         predicted: Torque of the model, shape (N, n).
+        departure: How the logs lie to those of the fit; None for those of the fit itself.
     """
 
     joints: tuple[Fit, ...]
@@ -77,6 +79,7 @@ class Validation:
     measured: Array
     unfiltered: Array
     predicted: Array
+    departure: Departure | None = None
 
     @property
     def residual(self) -> Array:

@@ -35,11 +35,18 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
             f"possible robots fit {100 * above:.0f} % worse than impossible ones: check signs of torques, order of "
             "joints, gravity and gear ratios"
         )
+    if estimate.extras.get("constraints_not_kept"):
+        name = estimate.extras["constraints_not_kept"]
+        found.append(
+            f"'{name}' does not keep the stated constraints: use the estimator 'consistent' where they must hold"
+        )
     if estimate.condition_number > POOR_CONDITION:
         size = f"{estimate.condition_number:.3g}"
         found.append(f"condition number {size}: the motion says little about single parameters; excite all joints")
     if test is not None:
         found += _torques(test)
+        if test.departure is not None and estimate.envelope is not None and test.departure.leaves():
+            found.append(test.departure.sentence(estimate.envelope))
     return tuple(dict.fromkeys(found))
 
 

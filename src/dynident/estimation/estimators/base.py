@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from dynident.arrays import Array
 from dynident.estimation.problem import Problem
@@ -31,7 +31,13 @@ class Solution:
 
 
 class Estimator(ABC):
-    """A frozen dataclass whose fields are its options; ``solve`` keeps nothing."""
+    """A frozen dataclass whose fields are its options; ``solve`` keeps nothing.
+
+    Attributes:
+        keeps_constraints: Whether it keeps what the problem states about bodies; a warning is given where it does not.
+    """
+
+    keeps_constraints: ClassVar[bool] = False
 
     @abstractmethod
     def solve(self, problem: Problem) -> Solution:

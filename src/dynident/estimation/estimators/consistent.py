@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
+from typing import ClassVar
 
 from dynident.errors import BadOption
-from dynident.estimation.consistency import MARGIN, PULL, consistent_fit, natural_scale
+from dynident.estimation.consistent_fit import MARGIN, METRICS, PULL, Metric, consistent_fit, facts_of, scale_of
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
@@ -17,35 +16,46 @@ from dynident.estimation.problem import Problem
 class Consistent(Estimator):
     """Weighted least squares over possible robots only: P_i > 0 for every link, friction and rotor inertia >= 0.
 
-    Weights come from weighted least squares first. What the data leave open settles at the description's inertias
-    where they are possible, else at balls of the right size.
+    Weights come from weighted least squares first. What the data leave open settles at the prior: the one that the
+    problem states, else the description's inertias where they are possible, else balls of the right size. What the
+    problem states about bodies (masses, centres, hulls) holds as well. The answer is proven to be the optimum.
 
     Attributes:
         pull: How tightly the prior holds: its standard deviation is 1 / sqrt(pull) natural sizes of a parameter.
         margin: Smallest eigenvalue of each link's scaled pseudo-inertia: how far inside the possible it stays.
+        metric: How far a body is from the prior: `natural` sizes, constant `pull_back` metric, or `entropic` (log-det).
     """
 
     pull: float = PULL
     margin: float = MARGIN
+    metric: Metric = "natural"
+
+    keeps_constraints: ClassVar = True
 
     def __post_init__(self) -> None:
         if not 0 < self.pull < 1e6:
             raise BadOption("pull", self.pull, "give a number above 0, such as 0.01")
         if not 0 < self.margin < 0.1:
             raise BadOption("margin", self.margin, "give a share between 0 and 0.1, such as 1e-8")
+        if self.metric not in METRICS:
+            raise BadOption("metric", self.metric, f"choose one of: {', '.join(METRICS)}")
 
     def solve(self, problem: Problem) -> Solution:
+        """Fit and prove.
+
+        ``extras``: prior (its source), metric, residual_above_unconstrained, gap (proven, a share of the objective),
+        solver (whose answer it is), failed_solvers (what others lacked), active (conditions that hold the estimate),
+        data_share (of each standard parameter).
+
+        Raises:
+            ContradictoryConstraints: The stated conditions clash.
+            SolverFailed: No solver's answer passed the check.
+        """
         weights = WLS().solve(problem).weights
-        reduced = problem.reduced(weights)
-        torque = np.array([np.sqrt(t.torque_square / max(t.rows, 1)) for t in problem.triangles])
-        acceleration = np.sqrt(np.mean(np.concatenate([np.asarray(log.log.ddq) for log in problem.logs]) ** 2, axis=0))
-        scale = natural_scale(problem.model, torque, acceleration)
-        theta = consistent_fit(problem.model, problem.base, reduced, scale, self.pull, self.margin)
-        beta = problem.base.from_standard(theta)
-        extras = {
-            "prior": scale.source,
-            "residual_above_unconstrained": float(np.sqrt(reduced.residual_square(beta) / reduced.rest) - 1.0)
-            if reduced.rest > 0
-            else None,
-        }
-        return Solution(beta, weights, theta=theta, extras=extras)
+        reduced, scale = problem.reduced(weights), scale_of(problem)
+        fit = consistent_fit(
+            problem.model, problem.base, reduced, scale, self.pull, self.margin, self.metric, problem.constraints
+        )
+        beta = problem.base.from_standard(fit.theta)
+        extras = {"metric": self.metric, **facts_of(fit, scale, reduced, beta)}
+        return Solution(beta, weights, theta=fit.theta, extras=extras)

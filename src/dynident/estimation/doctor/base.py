@@ -1,0 +1,95 @@
+"""What a check of a log is, what it sees, and what it finds."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from dynident.estimation.doctor._quick_fit import QuickFit, quick_fit
+from dynident.estimation.doctor._recording import Recording
+from dynident.experiment.case import Case
+
+Severity = Literal["error", "warning", "note"]
+
+#: The severities, the gravest first.
+SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was seen in a log.
+
+    Attributes:
+        severity: ``error``: the log is refused or the result would be wrong; ``warning``: the result suffers;
+            ``note``: worth knowing.
+        name: What it is, such as ``torque sign``.
+        joint: Joints that it is about, separated by commas; empty where it is the whole log.
+        evidence: What was seen, with figures.
+        remedy: What to do, with the key of the case file where there is one.
+        numbers: The figures of the evidence.
+        explains: Names of findings that follow from this one and are not told beside it.
+    """
+
+    severity: Severity
+    name: str
+    joint: str
+    evidence: str
+    remedy: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    explains: tuple[str, ...] = ()
+
+    def figures(self) -> dict[str, Any]:
+        """Return the finding as plain data for JSON; a number that does not exist is None."""
+        numbers = {key: float(value) if np.isfinite(value) else None for key, value in self.numbers.items()}
+        texts = ("severity", "name", "joint", "evidence", "remedy")
+        return {**{text: getattr(self, text) for text in texts}, "numbers": numbers}
+
+    def line(self) -> str:
+        """Return the finding in one line."""
+        of = f" ({self.joint})" if self.joint else ""
+        return f"{self.severity}: {self.name}{of}: {self.evidence}; {self.remedy}"
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A log under examination.
+
+    Attributes:
+        case: Robot, columns and preparation.
+        raw: The log as its file has it.
+        sound: The same after the safe mends: time runs forward, every value is finite.
+    """
+
+    case: Case
+    raw: Recording
+    sound: Recording
+
+    @cached_property
+    def fit(self) -> QuickFit | None:
+        """A fit of few rows by weighted least squares; None where the log has no torques or too few rows."""
+        return quick_fit(self.case, self.sound.log)
+
+
+class Check(ABC):
+    """A look at one side of a log; pure, never changes anything.
+
+    Attributes:
+        stage: 0 looks at the raw file, 1 at the mended signals, 2 at a quick fit. A stage is left out after an error
+            in an earlier one that no mend removes.
+    """
+
+    stage: ClassVar[int] = 1
+
+    @abstractmethod
+    def findings(self, subject: Subject) -> Sequence[Finding]:
+        """Return what was found, nothing where all is well."""
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return the names of joints as one text."""
+    return ", ".join(names)

@@ -1,0 +1,88 @@
+"""Values that are none: not finite, alternating between two publishers, far out of line, or stale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.estimation.doctor._mending import MOST_LOST, broken_rows
+from dynident.estimation.doctor.base import Check, Finding, Subject, listed
+
+#: Share of rows at which a column jumps to zero and back before a second publisher is suspected.
+FLIPS = 0.005
+
+#: Size of the row before, as a share of the usual one, from which a jump to zero is none of the motion.
+AWAY = 0.2
+
+#: A value that leaves the line through its neighbours by this many robust deviations is a spike.
+SPIKE = 25.0
+
+
+@dataclass(frozen=True)
+class Cells(Check):
+    """NaN, publishers that alternate, spikes and values held over many rows."""
+
+    stage: ClassVar[int] = 0
+
+    def findings(self, subject: Subject) -> Sequence[Finding]:
+        flips = _flips(subject)
+        return [*_not_finite(subject), *flips, *([] if flips else _spikes(subject))]
+
+
+def _not_finite(subject: Subject) -> list[Finding]:
+    log = subject.raw.log
+    bad = broken_rows(log)
+    if not bad.any():
+        return []
+    share = float(bad.mean())
+    columns = {name: int((~np.isfinite(values)).sum()) for name, values in log.signals().items()}
+    worst = max(columns, key=lambda name: columns[name])
+    first = subject.raw.place(int(np.argmax(bad)))
+    evidence = f"{bad.sum()} of {log.samples} rows ({100 * share:.2g} %), the first in {first}, most of them in {worst}"
+    remedy = "--fix OUT writes the log without them"
+    name = "values that are not finite"
+    if share > MOST_LOST:
+        remedy, name = "too many to leave out; look for a driver that does not publish the signal", "signal missing"
+    return [Finding("error", name, "", evidence, remedy, {"rows": int(bad.sum()), "share": share})]
+
+
+def _flips(subject: Subject) -> list[Finding]:
+    """A second publisher fills whole rows of the signal with zeros while the arm is elsewhere."""
+    found = []
+    for signal, values in subject.sound.log.signals().items():
+        if len(values) < 9:
+            continue
+        size = np.max(np.abs(values) / np.maximum(np.quantile(np.abs(values), 0.99, axis=0), 1e-12), axis=1)
+        empty = np.all(values == 0, axis=1)
+        into = empty[1:] & (size[:-1] > AWAY)
+        share = float(into.mean())
+        if share > FLIPS:
+            row = subject.sound.place(int(np.argmax(into)) + 1)
+            evidence = f"{signal} of all joints jumps to zero in {100 * share:.2g} % of the rows, the first in {row}"
+            remedy = "two publishers write this signal: record the one that measures it"
+            found.append(Finding("error", "two publishers", "", evidence, remedy, {"share": share}))
+    return found
+
+
+def _spikes(subject: Subject) -> list[Finding]:
+    log = subject.sound.log
+    found = []
+    for signal in ("q", "torque"):
+        values = getattr(log, signal)
+        if values is None or len(values) < 9:
+            continue
+        middle = np.median(np.stack([values[k : len(values) - 4 + k] for k in range(5)]), axis=0)
+        away = np.abs(values[2:-2] - middle)
+        floor = np.maximum(1.4826 * np.median(away, axis=0), 1e-3 * np.ptp(middle, axis=0))
+        spikes = away > SPIKE * np.maximum(np.maximum(floor, np.quantile(away, 0.99, axis=0) / 4), 1e-12)
+        if spikes.any():
+            joints = [name for name, any_ in zip(log.joints, spikes.any(axis=0), strict=True) if any_]
+            row = subject.sound.place(int(np.argmax(spikes.any(axis=1))) + 2)
+            evidence = f"{spikes.sum()} values of {signal} stand alone, far from their neighbours, the first in {row}"
+            remedy = "leave these rows out, or take a robust estimator (estimator: huber)"
+            numbers = {"values": int(spikes.sum())}
+            found.append(Finding("warning", "spikes", listed(joints), evidence, remedy, numbers))
+    return found

@@ -1,0 +1,82 @@
+"""Positions against limits: degrees, joints that never move, rows at rest."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.estimation.doctor.base import Check, Finding, Subject, listed
+
+#: How far a joint may leave its limits, in rad or m, before it is told.
+BEYOND = 0.05
+
+#: Positions of a revolute joint beyond this many rad are degrees where no limit is stated: three turns.
+TURNS = 6 * np.pi
+
+#: A joint that travels less than this, in rad or m, over the whole log does not move.
+STILL = 1e-3
+
+#: Share of the rows below the speed of standstill above which little of the log counts.
+MOSTLY_AT_REST = 0.5
+
+
+@dataclass(frozen=True)
+class PositionRange(Check):
+    """Units of the positions by the limits of the joints, joints that stand still, share of rows at rest."""
+
+    stage: ClassVar[int] = 1
+
+    def findings(self, subject: Subject) -> Sequence[Finding]:
+        return [*_limits(subject), *_still(subject)]
+
+
+def _limits(subject: Subject) -> list[Finding]:
+    robot, q = subject.case.robot, subject.sound.log.q
+    degrees, beyond, far = [], [], 0.0
+    for joint, column in zip(robot.active, q.T, strict=True):
+        low, high = float(column.min()), float(column.max())
+        lower, upper = joint.limits.lower, joint.limits.upper
+        away = max(lower - high, low - upper, lower - low, high - upper)
+        largest = max(abs(low), abs(high))
+        widest = max(abs(lower), abs(upper))
+        turned = np.deg2rad(low) >= lower - BEYOND and np.deg2rad(high) <= upper + BEYOND
+        if joint.kind == "revolute" and turned and largest > (3 * max(widest, 1.0) if np.isfinite(widest) else TURNS):
+            degrees.append(joint.name)
+        if away > BEYOND:
+            beyond.append(f"{joint.name} {low:.4g} to {high:.4g} (limits {lower:.4g} to {upper:.4g})")
+            far = max(far, away)
+    if degrees:
+        largest = float(np.abs(q).max())
+        evidence = f"positions up to {largest:.4g} rad where the limits are a few rad; as degrees they keep the limits"
+        remedy = "state the unit in the case file (log: units: {position: deg})"
+        explains = ("joint limits", "velocity mismatch", "velocity unit")
+        return [
+            Finding("error", "positions in degrees", listed(degrees), evidence, remedy, {"largest": largest}, explains)
+        ]
+    if not beyond:
+        return []
+    remedy = "check unit, zero, sign and order of the joints (log: units, columns)"
+    names = [text.split(" ", 1)[0] for text in beyond]
+    return [Finding("warning", "joint limits", listed(names), "; ".join(beyond), remedy, {"beyond": far})]
+
+
+def _still(subject: Subject) -> list[Finding]:
+    log, robot = subject.sound.log, subject.case.robot
+    travel = np.quantile(log.q, 0.995, axis=0) - np.quantile(log.q, 0.005, axis=0)
+    still = [name for name, way in zip(robot.joint_names, travel, strict=True) if way < STILL]
+    if still:
+        evidence = f"it travels at most {travel.min():.2g} rad (or m) over the whole log"
+        remedy = "record a motion of it, or lock it where it stands (locked: in the case file)"
+        numbers = {"travel": float(travel.min())}
+        return [Finding("error", "joint never moved", listed(still), evidence, remedy, numbers, ("standstill",))]
+    window = max(1, round(0.05 * log.rate))
+    speed = np.abs(log.q[window:] - log.q[:-window]) / (log.time[window:] - log.time[:-window])[:, None]
+    rest = float(np.mean(np.all(speed < subject.case.preprocessing.standstill, axis=1)))
+    if rest <= MOSTLY_AT_REST:
+        return []
+    evidence = f"all joints are at rest in {100 * rest:.0f} % of the rows"
+    remedy = "such rows count little (preprocessing: rest: mask); record more motion"
+    return [Finding("warning", "standstill", "", evidence, remedy, {"share": rest})]

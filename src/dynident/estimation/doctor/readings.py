@@ -1,0 +1,186 @@
+"""Signs, orders and the mounting: the log read in another way, where that explains it far better."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray
+from dynident.estimation.doctor._quick_fit import QuickFit, Solved
+from dynident.estimation.doctor.base import Check, Finding, Subject, listed
+
+#: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An
+#: order needs that both joints are explained then: torques of a light wrist hardly differ.
+GAIN = 3.0
+
+#: Relative residual above which a joint is not explained, and below which it is.
+POOR, GOOD = 0.25, 0.3
+
+#: Friction feeds power into a joint beyond doubt: z-score and share of torque times speed.
+FEEDS, FEEDS_SHARE = -6.0, -0.05
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A way to read the log.
+
+    Attributes:
+        name: Of the finding.
+        joints: Those it concerns.
+        gain: By how much the score falls.
+        evidence: In words.
+        remedy: In words.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    gain: float
+    evidence: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Readings(Check):
+    """Sign of a torque or of a position, order of the joints, direction of gravity, degrees taken for radians."""
+
+    stage: ClassVar[int] = 2
+
+    def findings(self, subject: Subject) -> Sequence[Finding]:
+        fit = subject.fit
+        if fit is None:
+            return []
+        share, z = fit.friction_power(fit.plain)
+        feeds = (z < FEEDS) & (share < FEEDS_SHARE)
+        if feeds.any() and (feeds | (z < -FEEDS)).all() and feeds.sum() > fit.model.robot.dof / 2:
+            return [_all_signs(subject, share, z, fit)]
+        found = list(_candidates(fit, feeds))
+        if not found:
+            return []
+        best = max(found, key=lambda reading: reading.gain)
+        explains = ("torque scale", "gravity tilt", "spring", "drift", "torque delay", "zero of a joint", "payload")
+        numbers = {"gain": best.gain}
+        return [Finding("error", best.name, listed(best.joints), best.evidence, best.remedy, numbers, explains)]
+
+
+def _all_signs(subject: Subject, share: Array, z: Array, fit: QuickFit) -> Finding:
+    evidence = f"friction drives every joint instead of braking it (z-scores {z.min():.0f} to {z.max():.0f})"
+    remedy = "all torques have the wrong sign: negate their columns, or the gains (drives: {JOINT: {gain: ...}})"
+    explains = ("gravity tilt", "spring", "drift", "torque scale", "payload", "torque delay")
+    joints = listed(fit.model.robot.joint_names)
+    return Finding("error", "torque sign", joints, evidence, remedy, {"share": float(share.min())}, explains)
+
+
+def _candidates(fit: QuickFit, feeds: BoolArray) -> Iterator[Reading]:
+    names = fit.model.robot.joint_names
+    signs = _torque_signs(fit, feeds)
+    if signs.any():
+        mixing = np.diag(np.where(signs, -1.0, 1.0))
+        solved = fit.solve(fit.triangles, mixing)
+        joints = tuple(name for name, flip in zip(names, signs, strict=True) if flip)
+        evidence = f"with the sign turned the fit is better by {fit.plain.score - solved.score:.1f} in log variance"
+        if feeds.any():
+            evidence = f"friction drives {'it' if feeds.sum() == 1 else 'them'} instead of braking; " + evidence
+        remedy = "negate the column of the torque, or the gain (drives: {JOINT: {gain: ...}})"
+        yield Reading("torque sign", joints, fit.plain.score - solved.score, evidence, remedy)
+    yield from _torque_orders(fit)
+    yield from _mountings(fit)
+    if (fit.relative > POOR).any() or feeds.any():
+        yield from _position_readings(fit)
+
+
+def _torque_signs(fit: QuickFit, feeds: BoolArray) -> BoolArray:
+    """Return which torques have the wrong sign: those that friction drives, and those whose turn explains far more."""
+    signs, best = np.zeros(len(feeds), bool), fit.plain
+    for _ in range(len(feeds)):
+        trials = []
+        for i in np.flatnonzero(~signs):
+            turned = signs.copy()
+            turned[i] = True
+            trials.append((fit.solve(fit.triangles, np.diag(np.where(turned, -1.0, 1.0))), int(i)))
+        wanted = [
+            (solved, i)
+            for solved, i in trials
+            if best.score - solved.score > (-0.5 if feeds[i] else GAIN) and not _drives(fit, solved, signs, i)
+        ]
+        if not wanted:
+            return signs
+        best, i = min(wanted, key=lambda trial: trial[0].score)
+        signs[i] = True
+    return signs
+
+
+def _drives(fit: QuickFit, solved: Solved, signs: BoolArray, joint: int) -> bool:
+    """Return whether friction would drive the joint whose torque is turned: then its sign was right."""
+    share, z = fit.friction_power(solved)
+    return bool(z[joint] < FEEDS and share[joint] < FEEDS_SHARE)
+
+
+def _torque_orders(fit: QuickFit) -> Iterator[Reading]:
+    names = fit.model.robot.joint_names
+    for i, k in combinations(range(len(names)), 2):
+        mixing = np.eye(len(names))
+        mixing[[i, k]] = mixing[[k, i]]
+        solved = fit.solve(fit.triangles, mixing)
+        gain = fit.plain.score - solved.score
+        if gain > GAIN and _explained(fit, solved, mixing, (i, k)):
+            evidence = f"with their torques exchanged the fit is better by {gain:.1f} in log variance"
+            remedy = "name the torque columns in the order of the joints (log: columns: torque)"
+            yield Reading("torque order", (names[i], names[k]), gain, evidence, remedy)
+
+
+def _explained(fit: QuickFit, solved: Solved, mixing: Array, joints: Sequence[int]) -> bool:
+    masks = fit.rows.masks
+    size = [float(np.std((fit.rows.torque @ mixing[i])[masks[:, i]])) for i in joints]
+    return bool((np.sqrt(solved.variances[list(joints)]) < GOOD * np.array(size)).all())
+
+
+def _mountings(fit: QuickFit) -> Iterator[Reading]:
+    gravity = np.asarray(fit.model.robot.gravity)
+    size = float(np.linalg.norm(gravity))
+    if not size:
+        return
+    axes = [sign * size * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
+    for other in (np.zeros(3), *axes):
+        if other.any() and other @ gravity > 0.9 * size**2:
+            continue
+        model = replace(fit.model, robot=fit.model.robot.with_gravity(other))
+        gain = fit.plain.score - fit.solve(fit.triangles_of(fit.rows_of(fit.log, model))).score
+        if gain > GAIN:
+            text = ", ".join(f"{value:.3g}" for value in other)
+            evidence = f"gravity [{text}] explains the torques better by {gain:.1f} in log variance"
+            remedy = f"state how the arm is mounted (gravity: [{text}] in the frame of the base)"
+            if not other.any():
+                evidence = f"the torques do not carry the arm's weight: without gravity the fit is better by {gain:.1f}"
+                remedy = "log the measured torque with gravity, not the controller's part without it"
+            yield Reading("mounting" if other.any() else "torque without gravity", (), gain, evidence, remedy)
+
+
+def _position_readings(fit: QuickFit) -> Iterator[Reading]:
+    names, q = fit.model.robot.joint_names, np.asarray(fit.log.q)
+    turning = np.array([joint.kind == "revolute" for joint in fit.model.robot.active])
+    for i, name in enumerate(names):
+        turned = q.copy()
+        turned[:, i] *= -1
+        yield from _read(fit, turned, "position sign", (name,), "negate the column of its position, or the axis")
+    for i, k in combinations(range(len(names)), 2):
+        swapped = q.copy()
+        swapped[:, [i, k]] = swapped[:, [k, i]]
+        remedy = "name the position columns in the order of the joints (log: columns: q)"
+        yield from _read(fit, swapped, "joint order", (names[i], names[k]), remedy)
+    if turning.all():
+        remedy = "state the unit in the case file (log: units: {position: deg})"
+        yield from _read(fit, np.deg2rad(q), "positions in degrees", (), remedy)
+
+
+def _read(fit: QuickFit, q: Array, name: str, joints: tuple[str, ...], remedy: str) -> Iterator[Reading]:
+    rows = replace(fit.rows_of(replace(fit.log, q=q)), masks=fit.rows.masks)  # the same rows, or scores do not compare
+    solved = fit.solve(fit.triangles_of(rows))
+    gain = fit.plain.score - solved.score
+    share, z = fit.friction_power(solved)
+    if gain > GAIN + 1 and not ((z < FEEDS) & (share < FEEDS_SHARE)).any():
+        evidence = f"read so, the fit is better by {gain:.1f} in log variance"
+        yield Reading(name, joints, gain, evidence, remedy)

@@ -1,0 +1,58 @@
+"""Signals of few distinct values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.estimation.doctor.base import Check, Finding, Subject, listed
+
+#: Steps of a signal over its usual range (its 1st to 99th percentile) below which it is coarse.
+FEWEST_STEPS = 64
+
+
+@dataclass(frozen=True)
+class Resolution(Check):
+    """Quantised positions and torques, torques that never change."""
+
+    stage: ClassVar[int] = 1
+
+    def findings(self, subject: Subject) -> Sequence[Finding]:
+        log = subject.sound.log
+        found = []
+        for signal, values in (("positions", log.q), ("torques", log.torque)):
+            if values is None:
+                continue
+            steps = {name: steps_of(column) for name, column in zip(log.joints, values.T, strict=True)}
+            coarse = {name: count for name, count in steps.items() if 0 < count < FEWEST_STEPS}
+            if coarse:
+                least = min(coarse.values())
+                evidence = f"the {signal} have {least:.0f} steps over their range where a few hundred are usual"
+                remedy = "log more digits, or the raw counts; such joints say little"
+                name = f"coarse {signal}"
+                found.append(Finding("warning", name, listed(list(coarse)), evidence, remedy, {"steps": least}))
+        if log.torque is not None:
+            flat = [name for name, column in zip(log.joints, log.torque.T, strict=True) if np.ptp(column) == 0]
+            if flat:
+                remedy = "map the column that measures it (log: columns: torque)"
+                found.append(Finding("error", "torque never changes", listed(flat), "one value in all rows", remedy))
+        return found
+
+
+def steps_of(column: Array) -> float:
+    """Return how many of its smallest steps a signal (N,) spans between its 1st and 99th percentile; 0 for none.
+
+    The smallest step is the smallest difference of two values that occur; rounding of the text counts as none, so a
+    value must occur many times over before it is a level.
+    """
+    low, high = np.quantile(column, [0.01, 0.99])
+    if high <= low:
+        return 0.0
+    levels = np.unique(column)
+    if len(levels) > len(column) / 4:  # most values occur once or twice: no levels
+        return np.inf
+    return float((high - low) / np.quantile(np.diff(levels), 0.1))

@@ -1,0 +1,57 @@
+"""Torques cut off at a limit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.estimation.doctor.base import Check, Finding, Subject, listed
+
+#: A flat top lasts this many times longer than values within the range do, and at least this many samples.
+LONGER, SHORTEST = 6.0, 5
+
+#: A torque counts as at its limit of effort within this share of it, from this share of the rows on.
+NEAR, AT_LIMIT = 0.005, 0.002
+
+
+@dataclass(frozen=True)
+class Saturation(Check):
+    """Flat tops of the torque: drive, sensor or converter had reached its limit."""
+
+    stage: ClassVar[int] = 1
+
+    def findings(self, subject: Subject) -> Sequence[Finding]:
+        log = subject.sound.log
+        if log.torque is None:
+            return []
+        joints, most = [], 0.0
+        for joint, column in zip(subject.case.robot.active, log.torque.T, strict=True):
+            share = max(flat_share(column), flat_share(-column))
+            if np.isfinite(joint.limits.effort):
+                near = float(np.mean(np.abs(column) >= (1 - NEAR) * joint.limits.effort))
+                share = max(share, near if near > AT_LIMIT else 0.0)
+            if share:
+                joints.append(joint.name)
+                most = max(most, share)
+        if not joints:
+            return []
+        evidence = f"the torque stands flat at its extreme in up to {100 * most:.2g} % of the rows"
+        remedy = "leave these rows out or record a slower motion: the drive gave less than the motion asked for"
+        return [Finding("warning", "torque saturation", listed(joints), evidence, remedy, {"share": most})]
+
+
+def flat_share(column: Array) -> float:
+    """Return the share of the samples (N,) in long runs at exactly the highest value; 0 where there are none."""
+    top = column == column.max()
+    edges = np.diff(np.pad(top.astype(np.int8), 1))
+    runs = np.flatnonzero(edges == -1) - np.flatnonzero(edges == 1)
+    changes = np.count_nonzero(np.diff(column))
+    if not changes:
+        return 0.0
+    usual = (len(column) - top.sum()) / max(changes, 1)  # mean length of a run of equal values below the top
+    long = runs[runs >= max(SHORTEST, LONGER * usual)]
+    return float(long.sum()) / len(column)

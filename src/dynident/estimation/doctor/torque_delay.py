@@ -1,0 +1,50 @@
+"""Torques that lag behind positions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.errors import DynidentError
+from dynident.estimation.delay import find_delays
+from dynident.estimation.doctor.base import Check, Finding, Subject
+
+#: A delay is told from this many of its standard deviations and this share of a sample on.
+SURE, SHARE = 5.0, 0.3
+
+#: Share of the torque that the delay displaces, root mean square over the joints, above which the result suffers.
+HARM = 0.05
+
+
+@dataclass(frozen=True)
+class TorqueDelay(Check):
+    """The delay of the torque behind the position, to a fraction of a sample."""
+
+    stage: ClassVar[int] = 2
+
+    def findings(self, subject: Subject) -> Sequence[Finding]:
+        fit, how = subject.fit, subject.case.preprocessing
+        if fit is None:
+            return []
+        try:
+            (delay,), _ = find_delays(fit.model, fit.base, [fit.log], fit.how)
+        except DynidentError:
+            return []
+        rate, stated = subject.sound.log.rate, how.delay_s
+        away = delay.seconds - (stated or 0.0)
+        if abs(away) < SURE * delay.deviation or abs(away) * rate < SHARE:
+            return []
+        slope = np.gradient(fit.rows.torque, np.asarray(fit.rows.prepared.kept.time), axis=0)
+        harm = abs(away) * float(np.median(slope.std(axis=0) / np.maximum(fit.rows.torque.std(axis=0), 1e-12)))
+        evidence = (
+            f"torques {'lag' if delay.seconds > 0 else 'lead'} {1e3 * abs(delay.seconds):.3g} ms "
+            f"(+-{1e3 * delay.deviation:.2g} ms, {delay.seconds * rate:.2f} samples) against positions"
+        )
+        numbers = {"delay_s": delay.seconds, "deviation_s": delay.deviation, "displaced": harm}
+        if stated is None:
+            return [Finding("note", "torque delay", "", evidence, "the case takes it out (delay_s: auto)", numbers)]
+        remedy = "take it out (preprocessing: delay_s: auto)"
+        return [Finding("warning" if harm > HARM else "note", "torque delay", "", evidence, remedy, numbers)]

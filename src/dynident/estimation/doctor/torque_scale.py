@@ -1,0 +1,91 @@
+"""Scale of the torques: one joint against the others, and all against the masses of the description."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.estimation.doctor._quick_fit import QuickFit
+from dynident.estimation.doctor.base import Check, Finding, Subject
+from dynident.estimation.problem import motion_of
+
+#: Gain of the score from which one torque has another scale, and the least factor told.
+GAIN, FACTOR = 1.5, 1.25
+
+#: Factors that are tried on the torque of one joint.
+FACTORS = np.geomspace(1 / 200, 200, 95)
+
+#: Correlation with the torque of the description's masses from which they are worth a comparison, and how far off one
+#: the ratio must be before a unit is suspected: descriptions of the makers are off by less.
+ALIKE, OFF = 0.9, 2.5
+
+
+@dataclass(frozen=True)
+class TorqueScale(Check):
+    """Gear ratios, gains and units of the torques."""
+
+    stage: ClassVar[int] = 2
+
+    def findings(self, subject: Subject) -> Sequence[Finding]:
+        fit = subject.fit
+        if fit is None:
+            return []
+        return [*_one_joint(fit), *_all_joints(fit)]
+
+
+def _one_joint(fit: QuickFit) -> list[Finding]:
+    """Return the joint whose torque fits the others best with another scale; residuals are compared in its own."""
+    names = fit.model.robot.joint_names
+    best = (0.0, 1.0, "")
+    for i, name in enumerate(names):
+        for factor in FACTORS:
+            mixing = np.eye(len(names))
+            mixing[i, i] = factor
+            solved = fit.solve(fit.triangles, mixing)
+            gain = fit.plain.score - (solved.score - 2 * float(np.log(factor)))
+            if gain > best[0]:
+                best = (gain, float(factor), name)
+    gain, factor, name = best
+    if gain < GAIN or max(factor, 1 / factor) < FACTOR:
+        return []
+    evidence = f"{factor:.3g} times its torque agrees with the others, better by {gain:.1f} in log variance"
+    remedy = "check gear ratio, gain and unit (drives: {JOINT: {gain: ...}}; log: units: {torque: [...]})"
+    return [Finding("warning", "torque scale", name, evidence, remedy, {"factor": factor, "gain": gain})]
+
+
+def _all_joints(fit: QuickFit) -> list[Finding]:
+    theta = fit.model.nominal()
+    if theta is None:
+        return []
+    ratio, alike = _against_nominal(fit, theta)
+    if alike < ALIKE or 1 / OFF < ratio < OFF:
+        return []
+    evidence = f"bodies of the description ask for {1 / ratio:.3g} times the measured torques (correlation {alike:.3f})"
+    remedy = (
+        "currents or percent read as torques? name them so (log: columns: current and drives: gain, or log: units: "
+        "torque)"
+    )
+    return [Finding("warning", "torque unit", "", evidence, remedy, {"ratio": ratio, "correlation": alike})]
+
+
+def _against_nominal(fit: QuickFit, theta: Array) -> tuple[float, float]:
+    """Return scale and correlation of the fitted torque of the bodies against that of the description."""
+    bodies = np.array(theta)
+    bodies[fit.model.inertial_count :] = 0.0
+    nominal = fit.model.torque(motion_of(fit.rows.prepared.kept), bodies)
+    fitted = np.stack(
+        [
+            block[:, inertial] @ fit.plain.beta[own][inertial]
+            for block, own in zip(fit.rows.blocks, fit.rows.columns, strict=True)
+            for inertial in [fit.base.independent[own] < fit.model.inertial_count]
+        ],
+        axis=1,
+    )
+    nominal, fitted = nominal - nominal.mean(axis=0), fitted - fitted.mean(axis=0)
+    product = float(np.sum(nominal * fitted))
+    size = float(np.sum(nominal**2))
+    return product / max(size, 1e-300), product / max(float(np.sqrt(size * np.sum(fitted**2))), 1e-300)

@@ -1,0 +1,148 @@
+"""Logged velocities against the derivative of the positions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import scipy.signal
+
+from dynident.arrays import Array
+from dynident.estimation.doctor.base import Check, Finding, Subject, listed
+from dynident.experiment.log import Log
+
+#: Both are compared below this frequency, in Hz, where arms move.
+BAND_HZ = 5.0
+
+#: Correlations from which two signals are the same motion, and below which they are not.
+SAME, OTHER = 0.9, 0.6
+
+#: Ratio off one by which a velocity has another scale.
+SCALE = 0.03
+
+#: Ratio off one from which that is more than a filter or a poor encoder.
+FAR_SCALE = 0.1
+
+#: Ratios that a unit explains.
+_UNITS = {180.0 / np.pi: "deg/s", 1e3: "mm/s"}
+
+
+@dataclass(frozen=True)
+class Velocity(Check):
+    """Unit, sign, order, scale and lag of dq by the derivative of q."""
+
+    stage: ClassVar[int] = 1
+
+    def findings(self, subject: Subject) -> Sequence[Finding]:
+        log = subject.sound.log
+        if log.dq is None or log.samples < 50 or not np.ptp(log.time):
+            return []
+        pair = _compared(log)
+        if pair is None:
+            return []
+        stated, slope = pair
+        size = np.linalg.norm(stated, axis=0), np.linalg.norm(slope, axis=0)
+        moving = (size[0] > 1e-9) & (size[1] > 1e-3 * max(float(size[1].max()), 1e-12))
+        alike = stated.T @ slope / np.maximum(np.outer(size[0], size[1]), 1e-300)
+        ratio = np.sum(stated * slope, axis=0) / np.maximum(np.sum(slope**2, axis=0), 1e-300)
+        return _told(subject, log, (stated, slope), alike, ratio, moving)
+
+
+def _compared(log: Log) -> tuple[Array, Array] | None:
+    """Return dq and the derivative of q on equal steps, low-passed alike, shape (M, n) each."""
+    rate = log.rate
+    band = min(BAND_HZ, 0.2 * rate)
+    count = int(log.duration * rate) + 1
+    if count < 6 * rate / band:
+        return None
+    time = log.time[0] + np.arange(count) / rate
+    columns = [np.interp(time, log.time, column) for column in np.concatenate([log.q, np.asarray(log.dq)], axis=1).T]
+    sections = scipy.signal.butter(3, band, fs=rate, output="sos")
+    smooth = scipy.signal.sosfiltfilt(sections, np.array(columns), axis=-1).T
+    joints = log.q.shape[1]
+    edge = int(rate / band)
+    slope = np.gradient(smooth[:, :joints], 1.0 / rate, axis=0)
+    stated = smooth[edge:-edge, joints:] - smooth[edge:-edge, joints:].mean(axis=0)
+    return stated, slope[edge:-edge] - slope[edge:-edge].mean(axis=0)
+
+
+def _told(
+    subject: Subject, log: Log, pair: tuple[Array, Array], alike: Array, ratio: Array, moving: Array
+) -> list[Finding]:
+    names, own = log.joints, np.diagonal(alike)
+    found, odd = [], np.zeros(len(names), bool)
+    for i in np.flatnonzero(moving & (np.abs(own) < OTHER)):
+        others = [k for k in np.flatnonzero(moving) if k != i and abs(alike[i, k]) > SAME]
+        odd[i] = True
+        if others:
+            evidence = (
+                f"dq of {names[i]} follows the position of {names[others[0]]} (correlation {alike[i, others[0]]:.3f})"
+            )
+            remedy = "name the columns in the order of the joints (log: columns: {q: [...], dq: [...]})"
+            found.append(Finding("error", "velocity order", names[i], evidence, remedy, {"correlation": own[i]}))
+        else:
+            evidence = f"dq does not follow the derivative of q (correlation {own[i]:.3f})"
+            remedy = "check both columns (log: columns)"
+            found.append(Finding("warning", "velocity mismatch", names[i], evidence, remedy, {"correlation": own[i]}))
+    turned = moving & (own < -OTHER)
+    if turned.any():
+        remedy = "one of the two has the wrong sign; take out dq (log: columns: {dq: none}) or mend its column"
+        joints = [name for name, wrong in zip(names, turned, strict=True) if wrong]
+        evidence = "dq runs against the derivative of q"
+        found.append(
+            Finding("error", "velocity sign", listed(joints), evidence, remedy, {"correlation": float(own.min())})
+        )
+    good = moving & ~odd & ~turned
+    scaled = good & (own > SAME) & (np.abs(ratio - 1) > SCALE)
+    found += _scale(names, ratio, scaled, moving)
+    return [*found, *_lag(subject, log, pair, good & ~scaled)] if not found else found
+
+
+def _scale(names: Sequence[str], ratio: Array, scaled: Array, moving: Array) -> list[Finding]:
+    if not scaled.any():
+        return []
+    joints = [name for name, wrong in zip(names, scaled, strict=True) if wrong]
+    middle = float(np.median(ratio[scaled]))
+    numbers = {"ratio": middle}
+    evidence = f"dq is {middle:.4g} times the derivative of q"
+    for factor, unit in _UNITS.items():
+        if abs(middle / factor - 1) < 0.1:
+            remedy = f"state the unit of the velocities (log: units: {{velocity: {unit}}})"
+            return [Finding("error", "velocity unit", listed(joints), evidence, remedy, numbers)]
+        if abs(middle * factor - 1) < 0.1:
+            if factor == 1e3 and scaled[moving].all():
+                remedy = "state the unit of the time column (log: units: {time: ms})"
+                return [Finding("error", "time unit", "", evidence, remedy, numbers)]
+            remedy = f"the positions are in {unit.removesuffix('/s')}: state it (log: units: {{position: ...}})"
+            name = "positions in degrees" if unit == "deg/s" else "position unit"
+            return [Finding("error", name, listed(joints), evidence, remedy, numbers, ("joint limits",))]
+    if scaled[moving].all() and np.ptp(ratio[scaled]) < 0.02 * abs(middle):
+        remedy = "the same at all joints: the clock of the log runs at another speed (check the time column)"
+        return [Finding("warning", "time scale", "", evidence, remedy, numbers)]
+    remedy = "check gear ratio and unit of both columns (log: units)"
+    severity = "warning" if abs(middle - 1) > FAR_SCALE else "note"
+    return [Finding(severity, "velocity scale", listed(joints), evidence, remedy, numbers)]
+
+
+def _lag(subject: Subject, log: Log, pair: tuple[Array, Array], good: Array) -> list[Finding]:
+    """Return the lag of dq behind the derivative of q, the least-squares shift of one onto the other."""
+    stated, slope = pair[0][:, good], pair[1][:, good]
+    if not good.any():
+        return []
+    change = np.gradient(slope, 1.0 / log.rate, axis=0)
+    power = np.sum(change**2, axis=0)
+    each = -np.sum((stated - slope) * change, axis=0) / np.maximum(power, 1e-300)
+    lag = float(np.median(each))
+    spread = float(1.4826 * np.median(np.abs(each - lag)))
+    before = float(np.sum(((stated - slope) / slope.std(axis=0)) ** 2))
+    after = float(np.sum(((stated - slope + lag * change) / slope.std(axis=0)) ** 2))
+    if abs(lag) < max(0.7 / log.rate, 3 * spread) or after > 0.5 * before:
+        return []
+    used = subject.case.preprocessing.filter.statement().get("kind") == "as_given"
+    evidence = f"dq lags {1e3 * lag:.3g} ms ({lag * log.rate:.2f} samples) behind the derivative of q"
+    remedy = "differentiate q without phase (preprocessing: filter: butterworth), or log unfiltered velocities"
+    if not used:
+        remedy = "no harm here: the filter of the case differentiates q itself"
+    return [Finding("warning" if used else "note", "velocity lag", "", evidence, remedy, {"lag_s": lag})]

@@ -1,0 +1,109 @@
+"""Recursive least squares with forgetting."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.arrays import Array, IntArray
+from dynident.errors import BadOption
+from dynident.estimation.covariance import residual_factors
+from dynident.estimation.estimators.base import Estimator, Solution
+from dynident.estimation.estimators.wls import WLS
+from dynident.estimation.problem import Problem
+from dynident.estimation.recursive import RecursiveLeastSquares
+from dynident.estimation.row_passes import RowPasses
+
+#: Rows of each joint that are taken at a time.
+BATCH = 256
+
+#: Points of the course of the parameters in ``extras``.
+POINTS = 50
+
+
+@dataclass(frozen=True)
+class RLS(Estimator):
+    """Recursive least squares: samples in order of time, old ones forgotten exponentially (Ljung 1999, (11.16)).
+
+    With ``forgetting`` 1 it is least squares, with the joints' weights of weighted least squares; below 1 the estimate
+    is that of the end of the last log, for drives that warm up. ``extras`` has the course of the parameters. To take
+    rows as they come use ``dynident.estimation.recursive.RecursiveLeastSquares``.
+
+    Attributes:
+        forgetting: Weight of a sample relative to the next one; the memory is about 1 / (1 - forgetting) rows a joint.
+        weighted: Whether each joint's rows are divided by its residual standard deviation.
+    """
+
+    forgetting: float = 1.0
+    weighted: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0 < self.forgetting <= 1:
+            raise BadOption("forgetting", self.forgetting, "give a number above 0, at most 1, such as 0.999")
+
+    def solve(self, problem: Problem) -> Solution:
+        """Take all samples in order.
+
+        ``extras``: trace (weighted root mean square residual so far), times (s of motion seen), course (parameters at
+        these times, one list each), memory (rows a joint that count, or None).
+        """
+        size = problem.base.count
+        weights = WLS().solve(problem).weights if self.weighted else np.ones(len(problem.triangles))
+        state = RecursiveLeastSquares(size, self.forgetting)
+        heavy = RecursiveLeastSquares(size, self.forgetting**2)
+        worth = weights**2 * self._spread(problem) if self.forgetting < 1 else weights
+        seen: list[tuple[int, Array, float]] = []
+        every = max(1, problem.samples // POINTS)
+        for matrix, torque, joint, age in _batches(problem, min(BATCH, every)):
+            state = state.update(matrix * weights[joint, None], torque * weights[joint], age)
+            if self.forgetting < 1:
+                heavy = heavy.update(matrix * worth[joint, None], torque * worth[joint], age)
+            if not seen or state.samples >= seen[-1][0] + every or state.samples == problem.samples:
+                seen.append((state.samples, state.beta, state.reduced.rest))
+        covariance = None
+        if self.forgetting < 1:
+            spread = heavy.reduced.r @ state.unscaled_covariance
+            covariance = spread.T @ spread
+        return Solution(state.beta, weights, covariance=covariance, extras=self._news(problem, seen))
+
+    def _spread(self, problem: Problem) -> Array:
+        """Return residual deviation times root of the correlation factor of each joint, of weighted least squares."""
+        beta = WLS().solve(problem).beta
+        return problem.joint_deviations(beta) * np.sqrt(residual_factors(RowPasses(problem), beta))
+
+    def _news(self, problem: Problem, seen: list[tuple[int, Array, float]]) -> dict[str, object]:
+        step = problem.logs[0].every / problem.logs[0].log.rate
+        joints = len(problem.triangles)
+        counts = [self._memory(samples) * joints for samples, _, _ in seen]
+        return {
+            "trace": [float(np.sqrt(rest / count)) for count, (_, _, rest) in zip(counts, seen, strict=True)],
+            "times": [samples * step for samples, _, _ in seen],
+            "course": [beta.tolist() for _, beta, _ in seen],
+            "memory": None if self.forgetting == 1 else 1.0 / (1.0 - self.forgetting),
+        }
+
+    def _memory(self, samples: int) -> float:
+        if self.forgetting == 1:
+            return float(samples)
+        return (1.0 - self.forgetting**samples) / (1.0 - self.forgetting)
+
+
+def _batches(problem: Problem, size: int) -> Iterator[tuple[Array, Array, IntArray, IntArray]]:
+    """Yield rows in order of time: matrix (m, b), torque (m,), joint (m,) and age (m,) within the batch."""
+    observer = problem.observer
+    for log, mask in zip(problem.logs, problem.masks, strict=True):
+        for part, blocks in observer.segments(log):
+            for start in range(0, part.stop - part.start, size):
+                count = min(size, part.stop - part.start - start)
+                matrix = np.zeros((count, len(blocks), problem.base.count))
+                torque = np.empty((count, len(blocks)))
+                for i, (columns, block) in enumerate(zip(observer.columns, blocks, strict=True)):
+                    matrix[:, i, columns] = block[:-1, start : start + count].T
+                    torque[:, i] = block[-1, start : start + count]
+                inside = slice(part.start + start, part.start + start + count)
+                matrix[~mask[inside]], torque[~mask[inside]] = 0.0, 0.0
+                age: IntArray = np.repeat(np.arange(count)[::-1], len(blocks))
+                joint: IntArray = np.tile(np.arange(len(blocks)), count)
+                yield matrix.reshape(-1, problem.base.count), torque.ravel(), joint, age

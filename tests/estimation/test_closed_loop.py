@@ -1,0 +1,130 @@
+"""The simulated closed loop against the virtual robot, and its derivatives against differences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident.errors import BadOption, LogMismatch, NotConsistent
+from dynident.estimation.closed_loop import closed_loop, possible_beta
+from dynident.estimation.course import LoopOptions, smoothed
+from dynident.estimation.estimators.iv import IV
+from dynident.estimation.identify import pose
+from dynident.estimation.sensitivities import sensitivities
+from dynident.experiment.preprocessing import Preprocessing
+from dynident.experiment.preprocessing.butterworth import Butterworth
+from dynident.experiment.trajectories.fourier import FourierSeries
+from dynident.experiment.virtual_robot import Controller, Noise, simulate
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.viscous import Viscous
+
+KP, KD = (500.0, 100.0), (40.0, 8.0)
+KNOWN = LoopOptions(kp=KP, kd=KD, control_hz=500.0)
+HOW = Preprocessing(Butterworth(15.0, positions_hz=60.0), rest="keep")
+
+
+def wave(joints, period=2.0, seed=1):
+    sine, cosine = 0.2 * np.random.default_rng(seed).normal(size=(2, joints, 3))
+    return FourierSeries(np.zeros(joints), sine, cosine, period)
+
+
+@pytest.fixture(scope="module")
+def cell(planar_2r):
+    """Return a problem, its truth and the true motion of a two-link arm under a stated controller."""
+    model = DynamicModel(planar_2r, (Coulomb(0.1), Viscous()))
+    theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
+    controller = Controller(rate=500.0, stiffness=KP, damping=KD, gravity=False)
+    run = simulate(
+        model, theta, wave(2), rate=250.0, controller=controller, noise=Noise(), lead_in=1.0, integration_rate=4000.0
+    )
+    problem = pose(model, [run.log], HOW)
+    return problem, problem.base.from_standard(theta), run
+
+
+def test_the_true_robot_moves_as_the_virtual_one(cell):
+    problem, truth, run = cell
+    loop = closed_loop(problem, KNOWN, truth)
+    rows = loop.simulate(truth)[0]
+    late = run.truth.time > 0.8  # the first state is only estimated
+    for k, signal in enumerate((run.truth.q, run.truth.dq, run.truth.ddq, run.truth.torque)):
+        np.testing.assert_allclose(rows[late, k], signal[late], atol=5e-5 * np.abs(signal).max())
+    assert loop.facts["reference"] == "commanded positions" and loop.facts["controller"] == "as stated"
+    settled = loop.settled(truth)[0]
+    assert 0 < np.count_nonzero(~settled[:, 0]) < len(settled) / 2 and settled[-1].all()
+
+
+def test_a_virtual_controller_holds_the_robot_on_the_measured_motion(cell):
+    problem, truth, _ = cell
+    loop = closed_loop(problem, LoopOptions(), truth)
+    log = problem.logs[0].log
+    for beta in (truth, 1.1 * truth):  # whatever the parameters
+        rows = loop.simulate(beta)[0]
+        np.testing.assert_allclose(rows[:, 0], log.q, atol=1e-5)
+        np.testing.assert_allclose(rows[:, 1], log.dq, atol=5e-4)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        KNOWN,
+        replace(KNOWN, control_hz=None, feedforward="gravity"),
+        LoopOptions(feedforward="computed", bandwidth_hz=3.0),
+        LoopOptions(feedforward="measured"),
+    ],
+    ids=["held", "gravity", "computed", "measured"],
+)
+def test_sensitivities_are_those_of_the_discrete_simulation(cell, options):
+    problem, truth, _ = cell
+    beta = truth * np.linspace(0.9, 1.1, len(truth))  # not where feedforward makes the derivative vanish
+    loop = closed_loop(problem, options, truth)
+    rows, by_q = sensitivities(loop, loop.courses[0], beta, "q")
+    _, by_torque = sensitivities(loop, loop.courses[0], beta, "torque")
+    np.testing.assert_array_equal(rows, loop.simulate(beta)[0])
+    for k in range(0, len(beta), 3):
+        step = np.zeros_like(beta)
+        step[k] = 1e-6 * max(1.0, abs(beta[k]))
+        rise = (loop.simulate(beta + step)[0] - loop.simulate(beta - step)[0]) / (2 * step[k])
+        np.testing.assert_allclose(by_q[:, :, k], rise[:, 0], atol=1e-6 * np.abs(by_q).max() + 1e-9)
+        np.testing.assert_allclose(by_torque[:, :, k], rise[:, 3], atol=2e-6 * np.abs(by_torque).max())
+
+
+def test_smoothing_passes_parabolas_and_halves_the_cut_off():
+    time = np.arange(400.0)
+    parabola = np.stack([1 + 0.1 * time, time**2], axis=1)
+    np.testing.assert_allclose(smoothed(parabola, 0.05), parabola, rtol=1e-6, atol=1e-4)
+    for frequency, gain in ((0.05, 0.5), (0.2, 0.0)):
+        tone = np.sin(2 * np.pi * frequency * time)[:, None]
+        inside = slice(100, 300)
+        assert np.std(smoothed(tone, 0.05)[inside]) / np.std(tone[inside]) == pytest.approx(gain, abs=2e-3)
+
+
+def test_what_cannot_be_simulated_is_mixed_with_what_can(cell):
+    problem, truth, _ = cell
+    loop = closed_loop(problem, LoopOptions(), truth)
+    same, own = possible_beta(loop, truth, truth)
+    assert own and same is not None
+    with pytest.raises(NotConsistent):
+        loop.check(-truth)
+    mixed, own = possible_beta(loop, -truth, truth)
+    assert not own
+    loop.check(mixed)
+
+
+def test_bad_options_say_what_to_do(cell):
+    problem, truth, _ = cell
+    with pytest.raises(BadOption, match="kd = None is not possible; state it with kp"):
+        IV(kp=(1.0, 2.0))
+    with pytest.raises(BadOption, match=r"kp = .* is not possible; give numbers, 0 or more"):
+        IV(kp=(1.0, -2.0), kd=(1.0, 1.0))
+    with pytest.raises(BadOption, match="one number for each of the 2 joints"):
+        closed_loop(problem, LoopOptions(kp=(1.0,), kd=(1.0,)), truth)
+    with pytest.raises(BadOption, match=r"control_hz = 340\.7 .* simple multiple"):
+        closed_loop(problem, replace(KNOWN, control_hz=340.7), truth).simulate(truth)
+    blind = replace(problem, logs=tuple(replace(log, log=replace(log.log, q_ref=None)) for log in problem.logs))
+    with pytest.raises(LogMismatch, match="controller gains but no commanded positions"):
+        closed_loop(blind, KNOWN, truth)
+    with pytest.raises(LogMismatch, match="no commanded positions; map q_ref"):
+        closed_loop(blind, LoopOptions(reference="commanded"), truth)

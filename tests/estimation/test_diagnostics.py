@@ -1,0 +1,132 @@
+"""Diagnostics find what was put in, and nothing where nothing was."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from noisy_arms import GIVEN, Bench
+
+from dynident.arrays import Array
+from dynident.estimation.diagnostics import diagnose
+from dynident.estimation.estimators.consistent import Consistent
+from dynident.estimation.estimators.wls import WLS
+from dynident.estimation.identify import identify, pose
+from dynident.estimation.propagation import mass_matrix_deviations, standard_covariance, torque_deviations
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing import Preprocessing
+from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.experiment.preprocessing.butterworth import Butterworth, central_differences
+from dynident.model.friction import Motion
+from dynident.model.robot import Robot
+
+MakeLog = Callable[..., Log]
+
+
+@pytest.fixture(scope="module")
+def bench(planar_2r: Robot, exact_log: MakeLog) -> Bench:
+    return Bench(planar_2r, exact_log, samples=1200)
+
+
+def noisy(bench: Bench, noise: Array) -> Log:
+    return replace(bench.log, torque=np.asarray(bench.log.torque) + noise)
+
+
+def test_white_noise_has_nothing_to_find(bench: Bench) -> None:
+    """Twelve seeds, two joints: p-values are spread evenly, so few are small."""
+    white, same = [], []
+    for seed in range(12):
+        problem = bench.problem(bench.white(seed))
+        found = diagnose(problem, WLS(), WLS().solve(problem).beta, 0)
+        white += found.whiteness.tolist()
+        same += found.constant_variance.tolist()
+        assert found.effective_rows == pytest.approx(found.rows, rel=0.35)
+        assert found.leverage.sum() == pytest.approx(1.0) and np.all(found.cook < 0.5)
+    assert np.sum(np.array(white) < 0.05) <= 5 and np.sum(np.array(same) < 0.05) <= 5
+    assert np.mean(white) == pytest.approx(0.5, abs=0.25) and np.mean(same) == pytest.approx(0.5, abs=0.25)
+
+
+def test_coloured_noise_is_not_white(bench: Bench) -> None:
+    problem = bench.problem(bench.coloured(0, 0.7))
+    found = diagnose(problem, WLS(), WLS().solve(problem).beta, 0)
+    assert np.all(found.whiteness < 1e-4) and found.effective_rows < 0.5 * found.rows
+    assert any("coloured: all joints" in sentence for sentence in found.verdicts())
+
+
+def test_noise_before_a_filter_counts_as_white(bench: Bench) -> None:
+    how = Preprocessing(Butterworth(cutoff_hz=8.0, torque="same"), trim_s=0.3, rest="keep")
+    p_values = []
+    for seed in range(6):
+        log = noisy(bench, bench.white(seed, 0.2))
+        problem = pose(bench.model, [log], how)
+        p_values += diagnose(problem, WLS(), WLS().solve(problem).beta, 0).whiteness.tolist()
+    assert np.sum(np.array(p_values) < 0.01) <= 2
+
+
+def test_noise_that_grows_with_speed_is_found(bench: Bench) -> None:
+    speed = np.abs(np.asarray(bench.log.dq))
+    problem = bench.problem(bench.white(0) * (0.1 + speed / speed.mean(axis=0)))
+    found = diagnose(problem, WLS(), WLS().solve(problem).beta, 0)
+    assert np.all(found.constant_variance < 1e-3)
+    assert any("changes with speed or torque: all joints" in sentence for sentence in found.verdicts())
+
+
+def test_a_part_that_decides_is_named(bench: Bench) -> None:
+    noise = bench.white(0)
+    noise[480:600] += 3.0 * bench.size * np.sign(np.sin(np.arange(120) / 7))[:, None]
+    problem = bench.problem(noise)
+    found = diagnose(problem, WLS(), WLS().solve(problem).beta, 0)
+    assert int(np.argmax(found.cook)) == 4
+
+
+def test_noisy_states_bias_least_squares_and_are_found(bench: Bench) -> None:
+    """Plain differences of noisy positions, commanded positions free of the noise."""
+    generator = np.random.default_rng(0)
+    clean = bench.log
+    q = clean.q + 2e-3 * generator.normal(size=clean.q.shape)
+    dq = central_differences(q, clean.rate)
+    log = replace(noisy(bench, bench.white(1)), q=q, dq=dq, ddq=central_differences(dq, clean.rate), q_ref=clean.q)
+    how = Preprocessing(AsGiven(), rest="keep", trim_s=0.1)
+    found = diagnose(pose(bench.model, [log], how), WLS(), WLS().solve(pose(bench.model, [log], how)).beta, 0)
+    assert found.exogeneity is not None and found.exogeneity.is_biased()
+    assert any("bias by noisy states: found" in sentence for sentence in found.verdicts())
+    none = diagnose(bench.problem(bench.white(1)), WLS(), bench.truth, 0)
+    assert none.exogeneity is None and "q_ref" in none.reference
+
+
+def test_an_estimate_carries_its_diagnostics(bench: Bench) -> None:
+    estimate = identify(bench.model, [noisy(bench, bench.white(0))], "wls", GIVEN, folds=3, bootstrap=50)
+    found = estimate.diagnostics
+    assert found is not None and len(found["cross_validation"][0]["folds"]) == 3
+    assert found["bootstrap"]["kind"] == "blocks"
+    np.testing.assert_allclose(np.array(found["bootstrap"]["std"]) / estimate.deviations, 1.0, atol=0.5)
+    assert identify(bench.model, [noisy(bench, bench.white(0))], "wls", GIVEN).diagnostics is None
+
+
+def test_covariances_that_follow(bench: Bench) -> None:
+    """Standard parameters, torque and mass matrix against draws from the base parameters' covariance."""
+    problem = bench.problem(bench.white(0, 0.2))
+    estimate = identify(bench.model, [noisy(bench, bench.white(0, 0.2))], Consistent(), GIVEN)
+    standard = standard_covariance(estimate, problem)
+    matrix = estimate.base.matrix
+    back = matrix @ standard @ matrix.T
+    assert np.all(np.diag(back) <= np.diag(estimate.covariance) * (1 + 1e-6))
+    np.testing.assert_allclose(np.diag(back), np.diag(estimate.covariance), rtol=0.05)
+    draws = np.random.default_rng(0).multivariate_normal(estimate.beta, estimate.covariance, 4000)
+    q, joints = np.array([0.3, -0.8]), 2
+    rest = Motion(np.tile(q, (3, 1)), np.zeros((3, 2)), np.array([[1.0, 0], [0, 1.0], [0, 0]]))
+    rows = bench.model.regressor(rest)[..., estimate.base.independent]
+    masses = draws @ (rows[:joints] - rows[joints]).reshape(-1, len(estimate.beta)).T
+    np.testing.assert_allclose(
+        mass_matrix_deviations(estimate, q), masses.std(axis=0).reshape(joints, joints).T, rtol=0.06
+    )
+    few = bench.log.rows(slice(0, 20), "few")
+    torques = np.einsum("nib,db->dni", _rows(bench, few), draws)
+    np.testing.assert_allclose(torque_deviations(estimate, few), torques.std(axis=0), rtol=0.06)
+
+
+def _rows(bench: Bench, log: Log) -> Array:
+    motion = Motion(log.q, np.asarray(log.dq), np.asarray(log.ddq))
+    return bench.model.regressor(motion)[..., bench.base.independent]

@@ -1,0 +1,151 @@
+"""Friction that is chosen and non-linear fields that are found: both from data whose truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynident.arrays import Array
+from dynident.errors import BadOption, LogMismatch
+from dynident.estimation.column_pool import fit, loss, make_pool
+from dynident.estimation.estimate_file import read_estimate, summary, write_estimate
+from dynident.estimation.friction_choice import choose_friction
+from dynident.estimation.identify import identify, validate
+from dynident.estimation.variable_projection import vary_fields
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
+from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.degressive import Degressive
+from dynident.model.friction.load import Load
+from dynident.model.friction.stribeck import Stribeck
+from dynident.model.friction.viscous import Viscous
+from dynident.model.robot import Robot
+from dynident.results.choices import choice_tables
+from dynident.results.text import plain
+
+#: Friction of the three joints of ``mixed``.
+TRUTH = np.array([3.0, 2.0, 3.0, 4.0, 0.15, 2.0, 1.5])
+
+GIVEN = Preprocessing(AsGiven(), rest="keep")
+
+MakeLog = Callable[..., Log]
+
+
+def with_friction(model: DynamicModel, values: Array) -> Array:
+    assert model.robot.nominal is not None
+    return np.append(model.robot.nominal, values)
+
+
+@pytest.fixture(scope="module")
+def mixed(spatial_3r: Robot) -> DynamicModel:
+    parts = (
+        Coulomb(0.02),
+        Viscous(joints=("joint1", "joint3")),
+        Degressive(joints=("joint2",)),
+        Load(joints=("joint2",)),
+    )
+    return DynamicModel(spatial_3r, parts)
+
+
+@pytest.fixture(scope="module")
+def mixed_log(mixed: DynamicModel, exact_log: MakeLog) -> Log:
+    return exact_log(mixed, with_friction(mixed, TRUTH), noise=0.3, samples=1600, rate=80.0)
+
+
+def test_the_friction_of_each_joint_is_chosen(
+    mixed: DynamicModel, mixed_log: Log, exact_log: MakeLog, tmp_path: Path
+) -> None:
+    other_log = exact_log(mixed, with_friction(mixed, TRUTH), noise=0.3, samples=1000, rate=70.0, size=0.8, seed=5)
+    bare = DynamicModel(mixed.robot)
+    estimate = identify(bare, [mixed_log], "wls", GIVEN, choose=True)
+    on = {
+        name: {FRICTION.name_of(part) for part in estimate.model.friction if name in (part.joints or (name,))}
+        for name in mixed.robot.joint_names
+    }
+    assert {"load", "degressive"} <= on["joint2"] and "viscous" not in on["joint2"]
+    for name in ("joint1", "joint3"):
+        assert {"coulomb", "viscous"} <= on[name] and "load" not in on[name]
+    known = identify(mixed, [mixed_log], "wls", GIVEN)
+    default = identify(DynamicModel(mixed.robot, ("coulomb", "viscous", "offset")), [mixed_log], "wls", GIVEN)  # type: ignore[arg-type]
+    found, right, wrong = (validate(each, [other_log]).total_relative_error for each in (estimate, known, default))
+    assert found < 1.02 * right < 0.95 * wrong
+    write_estimate(estimate, tmp_path / "chosen.json")
+    read = read_estimate(tmp_path / "chosen.json")
+    assert read.model.friction == estimate.model.friction
+    np.testing.assert_array_equal(read.beta, estimate.beta)
+    steps = summary(read)["extras"]["friction_choice"]["joints"]["joint2"]
+    assert sum(step["chosen"] for step in steps) == 1 and steps[0]["parts"] == []
+    ((title, table),) = choice_tables(read.extras)
+    assert title == "Friction chosen joint by joint" and "+ load" in plain(table)
+
+
+def test_too_short_a_log_chooses_nothing(mixed: DynamicModel, exact_log: MakeLog) -> None:
+    log = exact_log(mixed, with_friction(mixed, np.ones(7)), samples=60)
+    with pytest.raises(LogMismatch, match="too few to choose friction; give longer logs"):
+        choose_friction(mixed, [preprocess(log, GIVEN)])
+
+
+def prepared(model: DynamicModel, values: Array, exact_log: MakeLog, noise: float = 0.05) -> Prepared:
+    log = exact_log(model, with_friction(model, values), noise=noise, samples=2000, rate=100.0, size=0.5)
+    return preprocess(log, GIVEN)
+
+
+@pytest.mark.parametrize("velocity", [0.08, 0.4])
+def test_a_stribeck_velocity_is_found(planar_2r: Robot, exact_log: MakeLog, velocity: float) -> None:
+    model = DynamicModel(planar_2r, (Coulomb(), Viscous(), Stribeck(velocity)))
+    log = prepared(model, np.array([3.0, 1.0, 4.0, 2.0, 0.5, 3.0]), exact_log)
+    start = replace(model, friction=(*model.friction[:2], Stribeck(0.15, vary=("velocity",))))
+    solved, (found,) = vary_fields(start, [log])
+    assert found.value == pytest.approx(velocity, rel=0.05)
+    assert found.low <= found.value <= found.high
+    assert solved.friction[2] == Stribeck(found.value, vary=("velocity",))
+
+
+def test_two_fields_on_joints_of_their_own(planar_2r: Robot, exact_log: MakeLog) -> None:
+    truth = (Coulomb(0.05, joints=("joint1",)), Coulomb(0.15, joints=("joint2",)), Viscous())
+    model = DynamicModel(planar_2r, truth)
+    log = prepared(model, np.array([3.0, 1.0, 2.0, 0.5]), exact_log)
+    guess = tuple(replace(part, width=0.02, vary=("width",)) for part in truth[:2])
+    _, found = vary_fields(replace(model, friction=(*guess, Viscous())), [log])
+    assert [(each.joints, each.field) for each in found] == [(("joint1",), "width"), (("joint2",), "width")]
+    assert [each.value for each in found] == pytest.approx([0.05, 0.15], rel=0.08)
+
+
+def test_identify_finds_fields_first(planar_2r: Robot, exact_log: MakeLog) -> None:
+    model = DynamicModel(planar_2r, (Coulomb(), Viscous(), Degressive(0.3)))
+    theta = with_friction(model, np.array([3.0, 1.0, 4.0, 2.0, 0.5, 3.0]))
+    log = exact_log(model, theta, noise=0.02, samples=2000, rate=100.0)
+    asked = replace(model, friction=(Coulomb(), Viscous(), Degressive(0.6, vary=("exponent",))))
+    estimate = identify(asked, [log], "wls", GIVEN)
+    (found,) = estimate.extras["non_linear"]
+    assert found["value"] == pytest.approx(0.3, rel=0.1) and found["part"] == "degressive"
+    part = estimate.model.friction[2]
+    assert isinstance(part, Degressive) and part.exponent == found["value"]
+    ((title, table),) = choice_tables(estimate.extras)
+    assert title.startswith("Fields") and table.rows[0][:3] == ("degressive", "all", "exponent")
+
+
+def test_only_non_linear_fields_vary(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = prepared(DynamicModel(planar_2r), np.zeros(0), exact_log)
+    with pytest.raises(BadOption, match=r"vary = 'speed' is not possible; the part 'viscous' can vary: nothing"):
+        vary_fields(DynamicModel(planar_2r, (Viscous(vary=("speed",)),)), [log])
+
+
+def test_the_pool_fits_as_least_squares_does(planar_2r: Robot, exact_log: MakeLog) -> None:
+    model = DynamicModel(planar_2r, (Coulomb(), Viscous()))
+    log = prepared(model, np.array([3.0, 1.0, 2.0, 0.5]), exact_log, noise=0.5)
+    pool = make_pool(model, (Coulomb(), Coulomb(0.1), Viscous()), [log], blocks=4)
+    assert pool.products.shape[:2] == (4, 2) and pool.rows.sum() == 2 * 2000
+    keep = pool.chosen([[0, 2], [0, 2]])
+    total = pool.weighted(np.ones(2)).sum(axis=0)
+    beta = fit(total, keep)
+    ols = identify(model, [log.log], "ols", GIVEN)
+    square = float(np.sum(ols.train.residual**2))
+    assert loss(total, keep, beta) == pytest.approx(square, rel=1e-6)

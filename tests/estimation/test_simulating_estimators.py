@@ -1,0 +1,214 @@
+"""Noise in the regressor: least squares is biased, the test says so, and estimators that simulate are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident.errors import SolverFailed
+from dynident.estimation.closed_loop import closed_loop, simulated_logs
+from dynident.estimation.course import LoopOptions
+from dynident.estimation.estimators.clie import CLIE
+from dynident.estimation.estimators.cloe import CLOE
+from dynident.estimation.estimators.didim import DIDIM
+from dynident.estimation.estimators.iv import IV
+from dynident.estimation.estimators.kalman import Kalman
+from dynident.estimation.estimators.ols import OLS
+from dynident.estimation.exogeneity import durbin_wu_hausman
+from dynident.estimation.identify import pose
+from dynident.estimation.instruments import instruments, spectral_covariance
+from dynident.estimation.iteration import started
+from dynident.estimation.joint_filter import position_noise
+from dynident.estimation.problem import Observer
+from dynident.estimation.spectral import score_triangle
+from dynident.experiment.preprocessing import Preprocessing
+from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.experiment.preprocessing.butterworth import central_differences
+from dynident.experiment.trajectories.fourier import FourierSeries
+from dynident.experiment.virtual_robot import Controller, Noise, simulate
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.viscous import Viscous
+
+KP, KD = (500.0, 100.0), (40.0, 8.0)
+KNOWN = {"kp": KP, "kd": KD, "control_hz": 2000.0}
+RUNS = 10
+
+
+def unfiltered(log):
+    """Return a log with velocities and accelerations by plain central differences."""
+    dq = central_differences(log.q, log.rate)
+    return replace(log, dq=dq, ddq=central_differences(dq, log.rate))
+
+
+@pytest.fixture(scope="module")
+def cell(planar_2r):
+    """Return problems of one motion with encoder noise of different seeds, unfiltered, and their truth."""
+    model = DynamicModel(planar_2r, (Coulomb(0.2), Viscous()))
+    theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
+    sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
+    path = FourierSeries(np.zeros(2), sine, cosine, 3.0)
+    controller = Controller(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
+    noise = Noise(position=2e-4, torque=0.05)
+    problems = []
+    for seed in range(RUNS):
+        run = simulate(model, theta, path, rate=250.0, controller=controller, noise=noise, lead_in=1.0, seed=seed)
+        problems.append(pose(model, [unfiltered(run.log)], Preprocessing(AsGiven(), rest="keep", trim_s=0.1)))
+    return problems, problems[0].base.from_standard(theta)
+
+
+def in_deviations(problems, truth, part):
+    """Return bias over Monte Carlo deviation, largest over the parameters, and the stated over the true deviation."""
+    found = [part.solve(problem) for problem in problems]
+    errors = np.array([solution.beta - truth for solution in found])
+    spread = errors.std(axis=0, ddof=1)
+    bias = np.abs(errors.mean(axis=0)) / spread
+    stated = [np.full(len(truth), np.nan) if s.covariance is None else np.sqrt(np.diag(s.covariance)) for s in found]
+    return bias, np.mean(stated, axis=0) / spread
+
+
+def test_encoder_noise_biases_least_squares_and_not_the_others(cell):
+    problems, truth = cell
+    plain, _ = in_deviations(problems, truth, OLS())
+    assert plain.max() > 5
+    # 3.5 standard errors of a mean of RUNS; noise within the smooth sign of friction is not the instruments' to remove
+    for part, limit in ((IV(), 2.0), (IV(**KNOWN), 2.0), (DIDIM(**KNOWN), 3.5 / np.sqrt(RUNS))):
+        bias, stated = in_deviations(problems, truth, part)
+        assert bias.max() < limit < 0.5 * plain.max(), part
+        assert np.median(bias) < 0.6, part
+        assert 0.4 < np.median(stated) < 2.0, part
+
+
+def test_output_errors_find_the_truth(cell):
+    problems, truth = cell
+    for part in (CLIE(**KNOWN), CLOE(**KNOWN)):
+        solution = part.solve(problems[0])
+        assert solution.covariance is not None
+        assert np.all(np.abs(solution.beta - truth) < 5 * np.sqrt(np.diag(solution.covariance))), part
+        assert solution.extras["trace"][-1] == pytest.approx(1.0, abs=0.05)
+        assert solution.extras["simulations"] >= 2 * solution.extras["iterations"]
+
+
+def test_the_bias_is_detected(cell):
+    problems, _ = cell
+    found = []
+    for problem in problems[:4]:
+        loop, start = started(problem, IV(), as_instruments=True)
+        made = instruments(problem, simulated_logs(loop, loop.simulate(start)))
+        found.append(durbin_wu_hausman(made))
+    assert all(test.is_biased(0.01) for test in found)
+    assert all(test.degrees == len(test.difference) for test in found)
+    assert all(test.p_values.min() < 0.01 for test in found)
+
+
+def test_no_bias_is_no_alarm(planar_2r, exact_log, exact_motion):
+    """With noise of the torque alone the p-values are spread as chance spreads them."""
+    model = DynamicModel(planar_2r, (Viscous(),))
+    theta = np.append(planar_2r.nominal, [0.5, 0.5])
+    values = []
+    for seed in range(40):
+        log = exact_log(model, theta, noise=0.2, seed=seed, samples=200)
+        problem = pose(model, [log], Preprocessing(AsGiven(), rest="keep"))
+        other = exact_motion(2, log.time, 0.9, seed=11)
+        noise = np.random.default_rng(seed + 99).normal(size=other.q.shape) * 0.3
+        logs = [replace(problem.logs[0], log=replace(log, q=other.q, dq=other.dq, ddq=other.ddq + noise))]
+        values.append(durbin_wu_hausman(instruments(problem, logs)).p_value)
+    assert 0.25 < np.mean(values) < 0.75
+    assert np.mean(np.array(values) < 0.01) < 0.1
+    with pytest.raises(SolverFailed, match="the instruments are the regressor itself"):
+        durbin_wu_hausman(instruments(problem, problem.logs))
+
+
+def test_instruments_solve_the_dense_equations(cell):
+    problems, truth = cell
+    problem = problems[0]
+    loop = closed_loop(problem, IV(), truth, instruments=True)
+    logs = simulated_logs(loop, loop.simulate(truth))
+    made = instruments(problem, logs)
+    weights = np.array([0.7, 3.0])
+    observer = Observer(problem.model, problem.base)
+    size = problem.base.count
+    left, right = np.zeros((size, size)), np.zeros(size)
+    rows = zip(observer.columns, observer.rows(logs[0]), observer.rows(problem.logs[0]), weights, strict=True)
+    for columns, ours, theirs, weight in rows:
+        left[np.ix_(columns, columns)] += weight**2 * ours[:-1] @ theirs[:-1].T
+        right[columns] += weight**2 * ours[:-1] @ theirs[-1]
+    np.testing.assert_allclose(made.solve(weights), np.linalg.solve(left, right), rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(made.influence(weights) @ left, np.eye(size), atol=1e-7)
+
+
+def test_scores_of_coloured_and_dependent_residuals():
+    """The covariance of X'e of a known process, against a sample of it."""
+    generator = np.random.default_rng(0)
+    time = np.arange(600) / 100
+    rows = [np.sin(2 * np.pi * np.outer([0.5, 1.0], time)), np.cos(2 * np.pi * np.outer([0.7], time))]
+    mixing = np.array([[1.0, 0.8], [0.0, 0.6]])
+
+    def residual():
+        white = generator.normal(size=(601, 2)) @ mixing
+        return white[1:] + 0.9 * white[:-1]
+
+    columns = [np.array([0, 1]), np.array([2])]
+    mask = np.ones((600, 2), bool)
+    whole, found = [], []
+    for _ in range(400):
+        error = residual()
+        whole.append(np.concatenate([block @ error[:, i] for i, block in enumerate(rows)]))
+        scores = score_triangle(iter([(rows, error, mask)]), columns, 3, np.ones(2))
+        found.append(scores.T @ scores)
+    expected, mean = np.cov(np.transpose(whole)), np.mean(found, axis=0)
+    np.testing.assert_allclose(
+        mean, expected, atol=0.15 * np.sqrt(np.outer(np.diag(expected), np.diag(expected))).max()
+    )
+
+
+def test_spectral_covariance_of_white_noise_is_the_plain_one(planar_2r, exact_log):
+    model = DynamicModel(planar_2r, (Viscous(),))
+    theta = np.append(planar_2r.nominal, [0.5, 0.5])
+    problem = pose(model, [exact_log(model, theta, noise=0.1, samples=3000)], Preprocessing(AsGiven(), rest="keep"))
+    solution = OLS().solve(problem)
+    weights = 1.0 / problem.joint_deviations(solution.beta)
+    inverse = np.linalg.inv(problem.reduced(weights).r)
+    found = np.sqrt(np.diag(spectral_covariance(problem, weights, solution.beta)))
+    np.testing.assert_allclose(found, np.linalg.norm(inverse, axis=1), rtol=0.25)
+
+
+def test_an_iteration_that_does_not_settle_says_so(cell):
+    problems, _ = cell
+    with pytest.raises(SolverFailed, match=r"after 1 rounds a parameter still moves by .*give more iterations"):
+        DIDIM(iterations=1, **KNOWN).solve(problems[0])
+    with pytest.raises(SolverFailed, match=r"after 1 steps a parameter still moves by"):
+        CLIE(iterations=1, **KNOWN).solve(problems[0])
+
+
+def test_the_kalman_filter_finds_the_truth_and_knows_its_error(planar_2r):
+    model = DynamicModel(planar_2r, (Coulomb(0.2), Viscous()))
+    theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
+    sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
+    controller = Controller(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
+    noise = Noise(position=2e-5, torque=0.05)
+    path = FourierSeries(np.zeros(2), sine, cosine, 2.0)
+    run = simulate(model, theta, path, rate=250.0, controller=controller, noise=noise, lead_in=1.0)
+    problem = pose(model, [unfiltered(run.log)], Preprocessing(AsGiven(), rest="keep"))
+    truth = problem.base.from_standard(theta)
+    solution = Kalman(passes=1).solve(problem)
+    assert solution.covariance is not None
+    assert np.all(np.abs(solution.beta - truth) < 5 * np.sqrt(np.diag(solution.covariance)))
+    plain = OLS().solve(problem).beta
+    assert np.linalg.norm(solution.beta - truth) < 0.5 * np.linalg.norm(plain - truth)
+    assert 0.1 < solution.extras["innovation"] < 3 and len(solution.extras["course"]) > 10
+
+
+def test_position_noise_is_seen_beside_the_motion():
+    time = np.arange(2000) / 500
+    noise = np.random.default_rng(0).normal(size=(2000, 1)) * 1e-4
+    assert position_noise(np.sin(6 * time)[:, None] + noise)[0] == pytest.approx(1e-4, rel=0.1)
+
+
+def test_a_loop_without_gains_states_so(cell):
+    problems, _ = cell
+    news = IV().solve(problems[0]).extras
+    assert news["reference"] == "commanded positions" and news["controller"] == "virtual, 8 Hz"
+    assert LoopOptions().reference_hz is None and IV().reference_hz == 5.0

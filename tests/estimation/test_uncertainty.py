@@ -1,0 +1,177 @@
+"""Stated deviations hold for white, coloured and filtered noise and for logs of unequal noise; and their rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import scipy.signal
+from noisy_arms import Bench
+
+from dynident.arrays import Array
+from dynident.errors import BadOption
+from dynident.estimation.bootstrap import Draws, automatic_block, block_bootstrap
+from dynident.estimation.estimators.consistent import Consistent
+from dynident.estimation.estimators.wls import WLS
+from dynident.estimation.hac import automatic_bandwidth, hac_covariance, long_run_covariance, quadratic_spectral
+from dynident.estimation.identify import estimate_of, pose
+from dynident.estimation.problem import Problem
+from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.stretches import stretches
+from dynident.estimation.trust import consistent_draws, with_diagnostics
+from dynident.estimation.uncertainty import Uncertainty, bands, filter_power, spectral_uncertainty
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing import Preprocessing, preprocess
+from dynident.experiment.preprocessing.butterworth import Butterworth
+from dynident.model.reduction import least_squares
+from dynident.model.robot import Robot
+
+MakeLog = Callable[..., Log]
+
+
+@pytest.fixture(scope="module")
+def bench(planar_2r: Robot, exact_log: MakeLog) -> Bench:
+    return Bench(planar_2r, exact_log, samples=1200)
+
+
+def weights_of(problem: Problem) -> tuple[Array, Array]:
+    solution = WLS().solve(problem)
+    return solution.beta, solution.weights
+
+
+@pytest.mark.parametrize("pole", [0.0, 0.9])
+def test_intervals_hold_the_truth(bench: Bench, pole: float) -> None:
+    """Pooled over parameters; the full Monte Carlo is benchmarks/coverage.py."""
+    inside = []
+    for seed in range(60):
+        problem = bench.problem(bench.coloured(seed, pole))
+        beta, weights = weights_of(problem)
+        found = spectral_uncertainty(problem, weights, beta)
+        inside.append(np.abs(beta - bench.truth) < found.half_widths())
+    assert 0.91 < np.mean(inside) < 0.985
+
+
+def test_filtered_rows_hold_the_truth(bench: Bench) -> None:
+    how = Preprocessing(Butterworth(cutoff_hz=5.0), trim_s=0.2, rest="keep")
+    inside = []
+    for seed in range(40):
+        torque = np.asarray(bench.log.torque) + bench.white(seed)
+        log = Log(bench.log.joints, bench.log.time, bench.log.q, None, None, torque)
+        estimate = estimate_of(pose(bench.model, [log], how), WLS())
+        clean = Log(bench.log.joints, bench.log.time, bench.log.q, None, None, np.asarray(bench.log.torque))
+        truth = estimate_of(pose(bench.model, [clean], how), WLS()).beta  # what the filter makes of no noise
+        inside.append(np.abs(estimate.beta - truth) < estimate.half_widths())
+    assert 0.90 < np.mean(inside) < 0.99
+
+
+def test_white_noise_has_the_covariance_of_the_textbook(bench: Bench) -> None:
+    ratios = []
+    for seed in range(10):
+        problem = bench.problem(bench.white(seed))
+        beta, weights = weights_of(problem)
+        found = spectral_uncertainty(problem, weights, beta)
+        ratios.append(found.deviations**2 / np.diag(least_squares(problem.reduced(weights)).unscaled_covariance))
+        assert np.all(found.degrees > 20)
+    np.testing.assert_allclose(np.mean(ratios, axis=0), 1.0, atol=0.12)
+
+
+def test_unequal_logs_have_their_own_noise(bench: Bench) -> None:
+    """Ten times the noise in one of two logs: the true covariance is a sandwich over the logs."""
+    size = np.where(np.arange(1200) < 600, 0.01, 0.1)[:, None]
+    stated = []
+    for seed in range(12):
+        problem = bench.problem(bench.white(seed, 1.0) * size, cuts=(600,))
+        weights = np.array([1.0, 1.0]) / bench.size
+        beta = least_squares(problem.reduced(weights)).beta
+        stated.append(spectral_uncertainty(problem, weights, beta).covariance)
+    problem = bench.problem(np.zeros((1200, 2)), cuts=(600,))
+    rows = problem.rows
+    weighted = rows.matrix * weights[rows.joint][:, None]
+    inverse = np.linalg.inv(weighted.T @ weighted)
+    meat = (weighted * size[rows.samples] ** 2).T @ weighted
+    true = np.diag(inverse @ meat @ inverse)
+    np.testing.assert_allclose(np.mean([np.diag(one) for one in stated], axis=0) / true, 1.0, atol=0.25)
+
+
+def test_filter_power_is_that_of_filtered_noise(bench: Bench) -> None:
+    how = Preprocessing(Butterworth(cutoff_hz=5.0), rate_hz=100.0, rest="keep")
+    log = preprocess(bench.log, how)
+    count, every = 200, 3
+    shape = filter_power(log, count, every)
+    noise = log.how.filter.smooth(np.random.default_rng(0).normal(size=(400, count * every)), log.log.rate)
+    power = np.mean(np.abs(np.fft.rfft(noise[:, ::every], axis=1)) ** 2, axis=0) / count
+    inside = shape > 0.3
+    np.testing.assert_allclose(power[inside], shape[inside], rtol=0.35)
+    assert shape[-1] < 1e-3 and shape[0] == pytest.approx(1 / every, abs=1e-3)
+
+
+def test_thinned_stretches_keep_the_sums(bench: Bench) -> None:
+    how = Preprocessing(Butterworth(cutoff_hz=3.0), trim_s=0.2, rest="keep")
+    problem = pose(bench.model, [bench.log], how)
+    passes = RowPasses(problem)
+    whole = [np.concatenate([segment.blocks[1][:-1] for segment in passes], axis=1)]
+    (part,) = list(stretches(passes))
+    assert part.step > 1 and len(part.samples) == -(-problem.samples // part.step)
+    full, thin = whole[0] @ whole[0].T, part.step * part.blocks[1] @ part.blocks[1].T
+    np.testing.assert_allclose(np.diag(thin), np.diag(full), rtol=0.05)
+    (band,) = list(bands(passes))
+    spread = np.einsum("f,fik,fik->k", band.twice, band.rows.conj(), band.rows).real  # Parseval
+    own = np.zeros(problem.base.count)
+    for columns, block in zip(passes.columns, part.blocks, strict=True):
+        own[columns] += part.step * np.sum(block**2, axis=1)
+    np.testing.assert_allclose(spread, own, rtol=1e-9)
+
+
+def test_half_widths_are_those_of_student() -> None:
+    found = Uncertainty(np.diag([4.0, 1.0]), np.array([10.0, np.inf]))
+    np.testing.assert_allclose(found.half_widths(), [2 * 2.2281, 1.95996], rtol=1e-4)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.8])
+def test_long_run_covariance_of_a_first_order_process(memory: float) -> None:
+    """Closed form: variance times (1 + rho) / (1 - rho)."""
+    white = np.random.default_rng(0).normal(size=(100_000, 2)) * [1.0, 3.0]
+    series = scipy.signal.lfilter([1.0], [1.0, -memory], white, axis=0)
+    found = long_run_covariance(series)
+    np.testing.assert_allclose(np.diag(found), np.array([1.0, 9.0]) / (1 - memory) ** 2, rtol=0.15)
+    assert abs(found[0, 1]) < 0.2 * np.sqrt(found[0, 0] * found[1, 1])
+    assert automatic_bandwidth(series) == pytest.approx(automatic_bandwidth(series * [5.0, 0.1]), rel=1e-9)
+
+
+def test_the_kernel_is_one_at_zero_and_has_its_closed_form() -> None:
+    x = np.array([0.0, 1e-6, 0.7, 2.0])
+    z = 6 * np.pi * x[2:] / 5
+    expected = 25 / (12 * np.pi**2 * x[2:] ** 2) * (np.sin(z) / z - np.cos(z))
+    np.testing.assert_allclose(quadratic_spectral(x), [1.0, 1.0, *expected], atol=1e-6)
+
+
+def test_the_rivals_agree_on_a_long_log(bench: Bench) -> None:
+    problem = bench.problem(bench.white(1))
+    beta, weights = weights_of(problem)
+    found = spectral_uncertainty(problem, weights, beta).deviations
+    np.testing.assert_allclose(np.sqrt(np.diag(hac_covariance(problem, weights, beta))) / found, 1.0, atol=0.35)
+    draws = block_bootstrap(problem, weights, beta, draws=400)
+    np.testing.assert_allclose(np.sqrt(np.diag(draws.covariance)) / found, 1.0, atol=0.35)
+    np.testing.assert_array_equal(draws.beta, block_bootstrap(problem, weights, beta, draws=400).beta)
+    low, high = draws.interval()
+    assert np.all((low < beta) & (beta < high))
+
+
+def test_blocks_grow_with_memory() -> None:
+    white = np.random.default_rng(0).normal(size=(5000, 1))
+    lengths = [automatic_block(scipy.signal.lfilter([1.0], [1.0, -p], white, axis=0)) for p in (0.0, 0.5, 0.9)]
+    assert lengths[0] < lengths[1] < lengths[2] and lengths[0] < 8
+    assert automatic_block(np.zeros((50, 2))) == 1.0
+
+
+def test_possible_robots_are_drawn_and_vary_no_more_than_free_ones(bench: Bench) -> None:
+    problem = bench.problem(bench.white(3, 0.3))
+    estimate = estimate_of(problem, Consistent())
+    draws = consistent_draws(problem, Consistent(), estimate.covariance, 60)
+    assert draws.theta is not None and draws.theta.shape == (60, len(bench.theta))
+    np.testing.assert_allclose(draws.beta, draws.theta @ problem.base.matrix.T)
+    assert np.all(np.std(draws.beta, axis=0) < 1.5 * estimate.deviations)
+    with pytest.raises(BadOption, match="bootstrap = 5"):
+        with_diagnostics(estimate, problem, Consistent(), draws=5)
+    assert isinstance(draws, Draws) and draws.block == 0.0
