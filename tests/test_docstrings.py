@@ -19,14 +19,26 @@ from dynident.estimation.estimators import ESTIMATORS
 from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.formats import FORMATS
 from dynident.experiment.preprocessing import FILTERS
+from dynident.experiment.profiles import PROFILES
 from dynident.experiment.trajectories import TRAJECTORIES
 from dynident.model.descriptions.base import DESCRIPTIONS
 from dynident.model.friction import FRICTION
 from dynident.plugins import Family
+from dynident.results.exporters import EXPORTERS
 
 ROOT = Path(inspect.getfile(dynident)).parent
 FILES = sorted(ROOT.rglob("*.py"))
-FAMILIES: tuple[Family[Any], ...] = (ESTIMATORS, FORMATS, FILTERS, TRAJECTORIES, CRITERIA, DESCRIPTIONS, FRICTION)
+FAMILIES: tuple[Family[Any], ...] = (
+    EXPORTERS,
+    ESTIMATORS,
+    FORMATS,
+    PROFILES,
+    FILTERS,
+    TRAJECTORIES,
+    CRITERIA,
+    DESCRIPTIONS,
+    FRICTION,
+)
 
 LONGEST_FILE, LONGEST_FUNCTION = 400, 60
 

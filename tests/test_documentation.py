@@ -17,7 +17,7 @@ import re
 import shlex
 import shutil
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
@@ -231,7 +231,20 @@ def _read_yaml(block: Block, after: Block, workshop: Path) -> None:
 # --- the case file ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("path", [".", "drives.shoulder", "log", "log.columns", "log.units", "preprocessing"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        ".",
+        "drives.shoulder",
+        "log",
+        "log.columns",
+        "log.units",
+        "preprocessing",
+        "workspace",
+        "constraints",
+        "constraints.links.upper",
+    ],
+)
 def test_every_key_of_the_case_file_is_documented(path: str, workshop: Path) -> None:
     """The keys in a table are those that the reader names when it meets one that it does not know."""
     document: dict[str, Any] = {"case": "1", "robot": "robot.urdf"}
@@ -255,12 +268,17 @@ def test_the_words_of_units_are_those_of_the_reader() -> None:
 def generated_table(family: Family[Any]) -> str:
     """Return the table of the parts of a family with their options, from their docstrings."""
     lines = ["| part | option | type | default | what it is |", "|---|---|---|---|---|"]
-    for name in family.names():
-        rows = [("", "", "", family.summary(name))]
-        rows += [(f"`{o.name}`", f"`{o.kind}`", f"`{_written(o.default)}`", o.help) for o in family.options(name)]
+    shared = [field.name for field in fields(family.kind)] if is_dataclass(family.kind) else []
+    for name in [*(["every part"] if shared else []), *family.names()]:
+        every = name == "every part"
+        rows = [("", "", "", "" if every else family.summary(name))]
+        options = family.options(family.names()[0] if every else name)
+        wanted = [option for option in options if (option.name in shared) == every]
+        rows += [(f"`{o.name}`", f"`{o.kind}`", f"`{_written(o.default)}`", o.help) for o in wanted]
         for number, cells in enumerate(rows):
             safe = [cell.replace("``", "`").replace("|", r"\|") for cell in cells]
-            lines.append("|" + "".join(f" {cell}".rstrip() + " |" for cell in [f"`{name}`" * (number == 0), *safe]))
+            first = ("every part" if every else f"`{name}`") * (number == 0)
+            lines.append("|" + "".join(f" {cell}".rstrip() + " |" for cell in [first, *safe]))
     return "\n".join(lines)
 
 
@@ -301,6 +319,9 @@ def keys_of(value: Any, path: str = "") -> Iterator[str]:
         yield path
 
 
+STANDARD = ("name", "value", "unit", "verdict", "label", "data_share")
+
+
 def test_every_key_of_the_json_is_documented(workshop: Path) -> None:
     """The documented keys are the produced ones, for every estimator."""
     case = dynident.read_case("robot.urdf")
@@ -313,15 +334,26 @@ def test_every_key_of_the_json_is_documented(workshop: Path) -> None:
         figures = set(names_in(tables["figures"]))
         assert set(keys_of(produced["train"])) == set(keys_of(produced["test"])) == figures
         mine = {row[0].strip("`") for row in tables["extras"] if row[1] == "all" or name in row[1].split(", ")}
-        assert set(keys_of(produced["extras"] | ({"settings": None} if name == "abc" else {}))) == mine
+        settings = {"settings": None} if "settings" in produced["extras"] else {}
+        assert set(keys_of(produced["extras"] | settings)) == mine
         assert set(produced["options"]) == {option.name for option in ESTIMATORS.options(name)}
-        nested = {key: None for key in ("options", "filter", "extras", "train", "test")}
-        standard = {f"standard_parameters[].{key}" for key in ("name", "value", "unit", "verdict")}
+        nested = {key: None for key in ("options", "filter", "extras", "train", "test", "extrapolation", "diagnostics")}
+        standard = {f"standard_parameters[].{key}" for key in STANDARD}
         if produced["standard_parameters"] is None:
-            produced["standard_parameters"] = [dict.fromkeys(("name", "value", "unit", "verdict"))]
+            produced["standard_parameters"] = [dict.fromkeys(STANDARD)]
         assert standard <= set(names_in(tables["estimate"]))
-        produced["inconsistencies"] = []
+        produced["inconsistencies"], produced["degrees_of_freedom"] = [], []
         assert sorted(set(keys_of(produced | nested))) == sorted(names_in(tables["estimate"]))
+
+
+def test_every_key_of_trust_is_documented(workshop: Path) -> None:
+    """Extrapolation of a test, and diagnostics with a bootstrap."""
+    case = dynident.read_case("robot.urdf")
+    train, test = case.read("run.csv").split(0.6)
+    estimate = dynident.identify(case.model, [train], preprocessing=case.preprocessing, diagnose=True, bootstrap=40)
+    produced = summary(estimate, validate(estimate, [test]))
+    for name in ("extrapolation", "diagnostics"):
+        assert set(keys_of(produced[name])) == set(names_in(rows_after("json-output.md", f"json: {name}")))
 
 
 def _no_such_number(word: str) -> None:

@@ -54,12 +54,20 @@ GOLDEN = [
         "the log determines 8 of 10 base parameters (undetermined: Izz[link2]); move all joints",
     ),
     (
+        errors.ContradictoryConstraints("link1: mass >= 5 kg; total mass <= 4 kg", "relax one of them"),
+        "no robot meets all constraints: link1: mass >= 5 kg; total mass <= 4 kg; relax one of them",
+    ),
+    (
         errors.NotConsistent("link2", "the mass is -1 kg", "use the consistent estimator"),
         "link2 is not physically consistent: the mass is -1 kg; use the consistent estimator",
     ),
     (
         errors.SolverFailed("the consistent fit", "status MaxIterations", "check the units"),
         "the consistent fit found no solution: status MaxIterations; check the units",
+    ),
+    (
+        errors.InfeasibleTrajectory("torque of joint2", "every posture needs 1.3 times it", "check the masses"),
+        "no motion keeps the limits, above all torque of joint2: every posture needs 1.3 times it; check the masses",
     ),
     (
         errors.EstimateFormatError("e.json", "format 2", "identify again"),

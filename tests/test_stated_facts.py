@@ -17,12 +17,14 @@ from dynident.estimation.estimators import ESTIMATORS
 from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.formats import FORMATS
 from dynident.experiment.preprocessing import FILTERS
+from dynident.experiment.profiles import PROFILES
 from dynident.experiment.trajectories import TRAJECTORIES
 from dynident.model.descriptions.base import DESCRIPTIONS
 from dynident.model.friction import FRICTION
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import to_mujoco_fullinertia, to_pinocchio
 from dynident.plugins import Family
+from dynident.results.exporters import EXPORTERS
 from dynident.results.report.sections import SECTIONS
 from test_documentation import PAGES, ROOT, rows_after
 
@@ -31,10 +33,12 @@ FAMILIES: dict[str, Family[Any]] = {
     "ESTIMATORS": ESTIMATORS,
     "FILTERS": FILTERS,
     "FORMATS": FORMATS,
+    "PROFILES": PROFILES,
     "TRAJECTORIES": TRAJECTORIES,
     "CRITERIA": CRITERIA,
     "DESCRIPTIONS": DESCRIPTIONS,
     "SECTIONS": SECTIONS,
+    "EXPORTERS": EXPORTERS,
 }
 
 

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from dynident.model.robot import Joint as Joint
     from dynident.model.robot import Link as Link
     from dynident.model.robot import Robot as Robot
+    from dynident.results.exporters import EXPORTERS as EXPORTERS
+    from dynident.results.exporters import export as export
     from dynident.results.report import write_report as write_report
 
 _HOMES = {
@@ -65,6 +67,7 @@ _HOMES = {
     "model.friction": ("FRICTION",),
     "model.inertia": ("Inertia",),
     "model.robot": ("Joint", "Link", "Robot"),
+    "results.exporters": ("EXPORTERS", "export"),
     "results.report": ("write_report",),
 }
 _HOME_OF = {name: f"dynident.{module}" for module, names in _HOMES.items() for name in names}

@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from dynident.cli.main import main
+from dynident.estimation.estimate_file import read_estimate
+from dynident.experiment.case import read_case
+from dynident.experiment.formats import write_log
+from dynident.experiment.log import Log
 from dynident.experiment.plan import read_plan
+from dynident.experiment.virtual_robot import Noise, simulate
 
 URDF = """<robot name="arm2">
   <link name="stand"/>
@@ -43,6 +48,7 @@ def test_tables_plan_and_samples(robot: str, capsys: pytest.CaptureFixture[str])
     assert "starts and ends at rest; noise: 1 % of the effort limits; torque limits: nominal model" in shown
     assert [row[0] for row in lines if row and row[-1] in ("larger", "smaller")] == [
         "a_optimal",
+        "bayesian_d",
         "condition",
         "d_optimal",
         "e_optimal",
@@ -61,6 +67,13 @@ def test_json_is_the_plan(robot: str, capsys: pytest.CaptureFixture[str]) -> Non
     shown, said = capsys.readouterr()
     assert json.loads(shown) == json.loads(Path("plan.json").read_text())
     assert said == ""
+    page = Path(__file__).parents[2] / "docs" / "json-output.md"
+    _, _, table = page.read_text(encoding="utf-8").partition("<!-- json: excite -->\n\n")
+    documented = [line.split("`")[1].removesuffix("[]") for line in table.split("\n\n")[0].splitlines()[2:]]
+    data = json.loads(shown)
+    inner = {"check": data.pop("check"), "settings": data.pop("settings")}
+    inner["settings.outlook"] = inner["settings"].pop("outlook")
+    assert sorted(documented) == sorted([*data, *(f"{name}.{key}" for name, part in inner.items() for key in part)])
 
 
 def test_model_margins_and_trajectory_are_those_asked_for(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -71,13 +84,119 @@ def test_model_margins_and_trajectory_are_those_asked_for(robot: str, capsys: py
     assert " 1.5 " in shown  # half of the shoulder's 3 rad/s
 
 
+CASE = """case: 1
+robot: arm.urdf
+friction: [coulomb, viscous]
+workspace:
+  floor: 0.0
+  joint_radius: 0.05
+  tool: {offset: [0.3, 0, 0]}
+  tool_speed: 1.5
+"""
+
+
+def first_run() -> None:
+    """Write the robot's log of a first plan, and its estimate."""
+    assert main(["excite", "arm.urdf", *QUICK, "--friction", "coulomb", "viscous", "-o", "first.json", "--quiet"]) == 0
+    model = read_case("case.yaml").model
+    theta = model.nominal()
+    assert theta is not None
+    run = simulate(model, theta, read_plan("first.json").trajectory, noise=Noise(torque=0.3), seed=0).log
+    write_log(Log(run.joints, run.time, run.q, torque=run.torque), "run.csv")
+    assert main(["identify", "case.yaml", "run.csv", "--estimator", "wls", "-o", "estimate.json", "--quiet"]) == 0
+
+
+def test_what_to_record_next(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("case.yaml").write_text(CASE)
+    first_run()
+    capsys.readouterr()
+    command = ["excite", "case.yaml", *QUICK, "--seed", "1", "--quiet", "-o"]
+    known = ["--model", "estimate.json", "--torque-margin", "0.1", "--earlier", "estimate.json"]
+    assert main([*command, "next.json", *known, "--repeats", "2"]) == 0
+    shown = capsys.readouterr().out
+    assert "noise: residuals of estimate.json; torque limits: estimate.json, 2 sigmas free" in shown
+    assert "least known after this run of 2400 rows a joint; before: estimate.json" in shown
+    speed = next(line.split() for line in shown.splitlines() if line.split()[1:3] == ["tool", "speed"])
+    assert speed[4] == "1.5" and float(speed[6]) <= 100.0
+    assert "clearance: at least 0.05 m: " in shown and " | floor" in shown and "not checked: floor" not in shown
+    estimate, outlook = read_estimate("estimate.json"), read_plan("next.json").settings["outlook"]
+    before = [item["std_before"] for item in outlook["parameters"]]
+    np.testing.assert_allclose(before, estimate.deviations, rtol=1e-6)
+    assert all(item["std_after"] < item["std_before"] for item in outlook["parameters"])
+    assert main([*command, "logs.json", "--earlier-logs", "run.csv", "--criterion", "bayesian_d"]) == 0
+    shown = capsys.readouterr().out
+    assert "noise: residuals of run.csv" in shown and "before: run.csv; nominal model within 50 %" in shown
+    same = [item["std_before"] for item in read_plan("logs.json").settings["outlook"]["parameters"]]
+    assert np.all(np.array(same) < 1.2 * np.array(before))  # the nominal model is known as well
+    assert main([*command, "other.json", "--friction", "viscous", "--earlier", "estimate.json"]) == 1
+    assert "an estimate of other base parameters" in capsys.readouterr().err
+    assert main([*command, "one.json", "--noise-from", "estimate.json"]) == 0
+    assert "noise: residuals of estimate.json; torque limits: nominal" in capsys.readouterr().out
+    assert main([*command, "estimate.json", "--noise-from", "estimate.json"]) == 1
+    assert "it is an input of this command" in capsys.readouterr().err
+
+
+def test_logs_that_leave_parameters_open_are_a_prior(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("case.yaml").write_text(CASE)
+    time = np.arange(2000) / 200.0
+    q = np.stack([0.5 * np.sin(time), np.zeros_like(time)], axis=1)  # the elbow stands still
+    torque = np.stack([3.0 * np.cos(time), np.full_like(time, 2.0)], axis=1)
+    torque += np.random.default_rng(0).normal(0.0, 0.1, torque.shape)
+    write_log(Log(("shoulder", "elbow"), time, q, torque=torque), "run.csv")
+    command = ["excite", "case.yaml", *QUICK, "--earlier-logs", "run.csv", "--quiet", "--json"]
+    assert main(command) == 1
+    assert "elbow never moved in them, so its noise is not known; give --noise" in capsys.readouterr().err
+    assert main([*command, "--noise", "0.1"]) == 0
+    outlook = json.loads(capsys.readouterr().out)["settings"]["outlook"]
+    before = {item["name"]: item["std_before"] for item in outlook["parameters"]}
+    assert None in before.values() and before["Fv[shoulder]"] is not None
+    assert all(item["std_after"] is not None for item in outlook["parameters"])
+
+
+def test_a_search_is_kept_and_goes_on(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["excite", robot, *QUICK, "-o", "plan.json", "--resume"]
+    assert main(command) == 0
+    assert "start 1 of 1: d_optimal " in capsys.readouterr().err
+    first = Path("plan.json").read_text()
+    assert list(json.loads(Path("plan.json.search.json").read_text())["starts"]) == ["1"]
+    assert main(command) == 0
+    assert "start 1 of 1" not in capsys.readouterr().err  # nothing was left to search
+    again, before = json.loads(Path("plan.json").read_text()), json.loads(first)
+    assert again["trajectory"] == before["trajectory"] and again["values"] == before["values"]
+    assert main([*command, "--period", "7"]) == 1
+    assert (
+        "plan.json.search.json: these starts are of another problem; different: trajectory" in capsys.readouterr().err
+    )
+
+
+def test_a_spline_and_what_nobody_has_looked_at(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["excite", robot, *QUICK, "--trajectory", "bspline", "--quiet"]) == 0
+    shown = capsys.readouterr().out
+    assert "starts and ends at rest" in shown
+    assert "not checked: floor, obstacles, the robot itself (the case has no workspace)" in shown
+    assert "not bounded, as no limit is stated: acceleration, jerk, torque rate of some joint" in shown
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--criterion", "dopt"], "no criterion called 'dopt'; choose one of: a_optimal, condition"),
+        (["--criterion", "dopt"], "no criterion called 'dopt'; choose one of: a_optimal, bayesian_d"),
         (["--margin", "1"], "margin = 1.0 is not possible; give a share from 0 to less than 1"),
         (["--starts", "0"], "starts = 0 is not possible; give 1 or more"),
-        (["--csv", "plan.csv", "--rate", "0"], "rate = 0.0 is not possible; give samples a second"),
+        (["--csv", "plan.csv", "--rate", "0"], "--rate = 0.0 is not possible; give samples a second"),
+        (["--csv", "plan.csv", "--repeats", "0"], "--repeats = 0 is not possible; give 1 or more"),
+        (["--jobs", "0"], "jobs = 0 is not possible; give 1 or more"),
+        (["--resume"], "--resume = '' is not possible; name a file, or give the plan's with -o"),
+        (["--sigmas", "2"], "--sigmas = 2.0 is not possible; it needs --model"),
+        (
+            ["--noise", "1", "2", "3"],
+            "noise = [1.0, 2.0, 3.0] is not possible; give one number above 0, or one for each",
+        ),
+        (
+            ["--noise", "1", "--noise-from", "a.json"],
+            "--noise-from = 'a.json' is not possible; it stands beside --noise",
+        ),
+        (["--earlier", "a.json"], "a.json: there is no such file"),
         (["-o", "no-folder/plan.json"], "no-folder/plan.json: there is no folder 'no-folder'"),
     ],
 )

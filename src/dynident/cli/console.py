@@ -83,6 +83,11 @@ class Progress:
         elif not self._quiet:
             print(f"  {text}", file=sys.stderr)
 
+    def update(self, text: str) -> None:
+        """Say how far the work is between two steps; on a terminal only."""
+        if self._bar is not None:
+            self._bar.update(self._task, description=text)
+
     def stop(self) -> None:
         """Close the bar."""
         if self._bar is not None:

@@ -31,7 +31,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     method = parser.add_argument_group("estimator")
     method.add_argument("--estimator", metavar="NAME", help="see 'dynident list estimators'; default: consistent")
     method.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the estimator")
+    known = parser.add_argument_group("what is known beforehand (a case file states these for good)")
+    known.add_argument("--prior", metavar="FILE", help="robot description or estimate whose inertias are the prior")
+    known.add_argument("--constraints", metavar="FILE", help="masses, centres, hulls: YAML as in the case file")
     add_case_options(parser)
+    trust = parser.add_argument_group("how far to trust it")
+    trust.add_argument(
+        "--cross-validate", type=int, metavar="N", help="parts of the logs, each left out once; 0: none; default: 5"
+    )
+    trust.add_argument("--bootstrap", type=int, default=0, metavar="N", help="intervals by N fits of noise drawn anew")
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="FILE", help="write the estimate (JSON) here")
     output.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
@@ -48,11 +56,13 @@ def run(options: argparse.Namespace) -> int:
 
     for place in filter(None, (options.output, options.report)):
         check_place(place)
-    with console.progress(6, options.quiet or options.json) as progress:
+    with console.progress(7, options.quiet or options.json) as progress:
         progress.step("reading")
-        case = jobs.case_from(options)
+        case = jobs.with_knowledge(jobs.case_from(options), options.prior, options.constraints)
         logs = [case.find(name) for name in (*options.logs, *options.test)]
-        jobs.check_outputs((options.output, options.report), (options.case, *case.files, *logs))
+        jobs.check_outputs(
+            (options.output, options.report), (options.case, options.constraints or "", *case.files, *logs)
+        )
         data = jobs.read_data(case, options.logs, options.test)
         estimator = jobs.estimator_from(case, options.estimator, options.option)
         estimate = identify(
@@ -63,6 +73,12 @@ def run(options: argparse.Namespace) -> int:
             columns=case.columns,
             provenance=jobs.provenance_of(case),
             progress=progress.step,
+            choose=case.choose_friction,
+            constraints=case.constraints,
+            prior=jobs.prior_of(case),
+            diagnose=True,
+            folds=5 if options.cross_validate is None else options.cross_validate,
+            bootstrap=options.bootstrap,
         )
         progress.step("validating")
         test = validate(estimate, data.test) if data.test else None
@@ -85,7 +101,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _show(estimate: Estimate, test: Validation | None) -> None:
     from dynident.cli import console
+    from dynident.estimation.labels import labels_line
     from dynident.estimation.warnings import warnings_of
+    from dynident.results.choices import choice_tables
     from dynident.results.text import fits_table, format_number, format_percent, parameters_table, statement
 
     model = estimate.model
@@ -101,8 +119,17 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
             total = format_percent(validation.total_relative_error)
             console.answer()
             console.answer_table(fits_table(validation), f"{title}: total relative error {total}")
+    for title, table in choice_tables(estimate.extras):
+        console.answer()
+        console.answer_table(table, title)
     console.answer()
     console.answer(consistency_line(estimate))
+    if labels_line(estimate):
+        console.answer(labels_line(estimate))
+    if estimate.diagnostics is not None:
+        console.answer("\nhow far to trust this")
+        for sentence in estimate.diagnostics["verdicts"]:
+            console.answer(f"  {sentence}")
     for warning in warnings_of(estimate, test):
         console.answer(f"warning: {warning}")
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dynident.estimation.estimate import Estimate
     from dynident.estimation.estimators import Estimator
+    from dynident.estimation.scale import BodyPrior
     from dynident.experiment.case import Case
     from dynident.experiment.log import Log
 
@@ -24,7 +25,8 @@ def add_case_options(parser: argparse.ArgumentParser) -> None:
         "--friction",
         nargs="+",
         metavar="NAME",
-        help="friction parts, such as: coulomb viscous offset rotor_inertia; see 'dynident list friction'",
+        help="friction parts, such as: coulomb viscous offset rotor_inertia; see 'dynident list friction'; "
+        "'auto' chooses them joint by joint on held-out blocks of the training logs",
     )
     data = parser.add_argument_group("data")
     data.add_argument(
@@ -34,6 +36,9 @@ def add_case_options(parser: argparse.ArgumentParser) -> None:
         "--cutoff", type=float, metavar="HZ", help="cut-off of the zero-phase Butterworth filter on both sides"
     )
     data.add_argument("--rate", metavar="HZ", help="rows a second that are used, or 'all'")
+    data.add_argument(
+        "--delay", metavar="S", help="seconds by which torques lag behind positions, or 'auto': found for each log"
+    )
 
 
 def case_from(options: argparse.Namespace) -> Case:
@@ -43,14 +48,16 @@ def case_from(options: argparse.Namespace) -> Case:
         DynidentError: Any fault of the case or of an option.
     """
     from dynident.errors import BadOption
-    from dynident.experiment.case import read_case
+    from dynident.experiment.case import AUTO, DEFAULT_FRICTION, read_case
     from dynident.experiment.preprocessing import FILTERS
     from dynident.experiment.split import Split
     from dynident.model.friction import FRICTION
 
     case = read_case(options.case)
     if options.friction:
-        case = replace(case, friction=tuple(FRICTION.make(name) for name in options.friction))
+        chosen = options.friction == [AUTO]
+        names = DEFAULT_FRICTION if chosen else options.friction
+        case = replace(case, friction=tuple(FRICTION.make(name) for name in names), choose_friction=chosen)
     if options.split and options.test:
         raise BadOption("--split", options.split, "it does not go with --test; give one of the two")
     if options.split or options.test:  # test logs on the command line take the place of the case's split
@@ -63,6 +70,11 @@ def case_from(options: argparse.Namespace) -> Case:
             how = replace(how, rate_hz=None if options.rate == "all" else float(options.rate))
         except ValueError:
             raise BadOption("rate", options.rate, "give rows a second, or 'all'") from None
+    if options.delay is not None:
+        try:
+            how = replace(how, delay_s=None if options.delay == AUTO else float(options.delay))
+        except ValueError:
+            raise BadOption("delay", options.delay, "give seconds, or 'auto'") from None
     return replace(case, preprocessing=how)
 
 
@@ -72,6 +84,30 @@ class Data:
 
     train: tuple[Log, ...]
     test: tuple[Log, ...]
+
+
+def with_knowledge(case: Case, prior: str | None, constraints: str | None) -> Case:
+    """Return the case with a prior and constraints from files in place of its own.
+
+    Raises:
+        DynidentError: A fault of the constraints file.
+    """
+    from dynident.experiment.constraints_file import read_constraints
+
+    if prior:
+        case = replace(case, prior=prior)
+    return replace(case, constraints=read_constraints(constraints, case.robot)) if constraints else case
+
+
+def prior_of(case: Case) -> BodyPrior | None:
+    """Return the prior that a case names, read; None where it names none.
+
+    Raises:
+        DynidentError: The file is no description or estimate, or of another robot.
+    """
+    from dynident.estimation.prior_file import read_prior
+
+    return read_prior(case.find(case.prior), case.robot, case.locked) if case.prior else None
 
 
 def read_data(case: Case, logs: Sequence[str], tests: Sequence[str]) -> Data:

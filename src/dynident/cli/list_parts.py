@@ -11,7 +11,17 @@ import argparse
 
 SUMMARY = "the parts to choose from, with their options"
 
-FAMILIES = ("estimators", "friction", "filters", "formats", "trajectories", "criteria", "robots")
+FAMILIES = (
+    "estimators",
+    "friction",
+    "filters",
+    "formats",
+    "profiles",
+    "trajectories",
+    "criteria",
+    "exporters",
+    "robots",
+)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -48,10 +58,12 @@ def _parts(name: str) -> list[dict]:
     from dynident.experiment.criteria import CRITERIA
     from dynident.experiment.formats import FORMATS
     from dynident.experiment.preprocessing import FILTERS
+    from dynident.experiment.profiles import PROFILES
     from dynident.experiment.trajectories import TRAJECTORIES
     from dynident.model.descriptions import read_robot
     from dynident.model.descriptions.base import shipped_robots
     from dynident.model.friction import FRICTION
+    from dynident.results.exporters import EXPORTERS
 
     if name == "robots":
         robots = [read_robot(robot) for robot in shipped_robots()]
@@ -62,8 +74,10 @@ def _parts(name: str) -> list[dict]:
         "friction": FRICTION,
         "filters": FILTERS,
         "formats": FORMATS,
+        "profiles": PROFILES,
         "trajectories": TRAJECTORIES,
         "criteria": CRITERIA,
+        "exporters": EXPORTERS,
     }
     family = families[name]
     return [

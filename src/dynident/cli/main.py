@@ -13,7 +13,7 @@ from importlib.metadata import version
 from typing import Any
 
 #: Commands in the order of the work; each is the module of the same name with ``SUMMARY``, ``configure`` and ``run``.
-COMMANDS = ("demo", "inspect", "excite", "init", "identify", "validate", "report", "list")
+COMMANDS = ("demo", "inspect", "excite", "export", "init", "check", "identify", "validate", "compare", "report", "list")
 
 _MODULES = {"list": "list_parts"}
 
@@ -24,6 +24,7 @@ physically consistent and says how well each parameter is known.
   dynident demo                                     the article's case from end to end
   dynident inspect robot.urdf                       joints, limits, base parameters
   dynident excite robot.urdf -o plan.json           a motion that tells the parameters, within the limits
+  dynident export plan.json --to urscript -o excite.script   the motion for a controller
   dynident init robot.urdf run.csv -o case.yaml     a commented case file to fill in
   dynident identify case.yaml run.csv --test other.csv -o estimate.json --report report.html
 """

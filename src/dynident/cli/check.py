@@ -1,0 +1,117 @@
+"""Look at logs before anything is fitted: what is wrong with them, how that shows, and what to do about it.
+
+Time, values, units, signs, orders, delays, saturation, excitation and more; docs/doctor.md lists what is looked for.
+Nothing is changed. --fix writes the log after the mends that change no measurement: rows sorted, repeated rows and rows
+with values that are not finite (up to 5 %) left out, encoder jumps taken back. The exit code is 1 where there is a
+finding at error level.
+
+  dynident check case.yaml run.csv
+  dynident check robot.urdf run.csv --fix mended.csv
+  dynident check case.yaml --json
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dynident.estimation.doctor import Examination
+    from dynident.experiment.case import Case
+
+SUMMARY = "look at logs before a fit: what is wrong with them and what to do"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot description")
+    parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to look at; default: those of the case file")
+    parser.add_argument("--fix", metavar="OUT", help="write the one log after the safe mends here (CSV, SI units)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
+    parser.add_argument("--quiet", action="store_true", help="no progress and no remarks")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from dynident.cli import console, jobs
+    from dynident.errors import BadOption
+    from dynident.estimation.doctor import examine
+    from dynident.experiment.case import read_case
+    from dynident.files import check_place
+
+    case = read_case(options.case)
+    names = tuple(options.logs) or tuple(dict.fromkeys((*case.train, *case.test)))
+    if not names:
+        raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
+    if options.fix:
+        if len(names) != 1:
+            raise BadOption("--fix", options.fix, "name one log on the command line: one log is written")
+        check_place(options.fix)
+        jobs.check_outputs((options.fix,), (options.case, *case.files, *(case.find(name) for name in names)))
+    found = []
+    with console.progress(len(names), options.quiet or options.json) as progress:
+        for name in names:
+            progress.step(f"looking at {name}")
+            found.append(examine(case, name))
+    mends = _fixed(case, found[0], options.fix) if options.fix else None
+    if options.json:
+        console.answer_json(_figures(case, found, mends))
+    else:
+        for examination in found:
+            _show(examination)
+        for mend in mends or ():
+            console.answer(f"{options.fix}: {mend}")
+    return 0 if all(examination.sound for examination in found) else 1
+
+
+def _fixed(case: Case, examination: Examination, out: str) -> tuple[str, ...]:
+    """Write the mended log, read it back, and return what was mended."""
+    from dynident.errors import LogMismatch
+    from dynident.experiment.formats import read_log, write_log, written_columns
+
+    if examination.mended is None:
+        raise LogMismatch(examination.path, "it cannot be read", examination.findings[0].remedy)
+    log = examination.mended.recording.log
+    write_log(log, out)
+    try:
+        read_log(out, written_columns(log))
+    except Exception:
+        Path(out).unlink()
+        raise
+    read = "it is in SI units under t, q1, ...; a case that reads it needs no units, columns and gains"
+    return (*(examination.mended.mends or ("nothing was to be mended",)), read)
+
+
+def _figures(case: Case, found: list[Examination], mends: tuple[str, ...] | None) -> dict[str, Any]:
+    return {
+        "robot": case.robot.name,
+        "sound": all(examination.sound for examination in found),
+        "logs": [
+            {
+                "path": examination.path,
+                "sound": examination.sound,
+                "left_out": examination.left_out,
+                "findings": [finding.figures() for finding in examination.findings],
+            }
+            for examination in found
+        ],
+        "mends": None if mends is None else list(mends),
+    }
+
+
+def _show(examination: Examination) -> None:
+    from dynident.cli import console
+
+    counts = {
+        severity: sum(finding.severity == severity for finding in examination.findings)
+        for severity in ("error", "warning", "note")
+    }
+    told = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for word, count in counts.items() if count)
+    console.answer(f"{examination.path}: {told or 'nothing found'}")
+    for finding in examination.findings:
+        of = f" ({finding.joint})" if finding.joint else ""
+        console.answer(f"  {finding.severity}: {finding.name}{of}: {finding.evidence}")
+        console.answer(f"    {finding.remedy}")
+    if examination.left_out:
+        console.answer(f"  {examination.left_out}")

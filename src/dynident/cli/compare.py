@@ -1,0 +1,265 @@
+"""Give one problem to many estimators and compare them on logs that none has seen.
+
+Logs are read, prepared and reduced once; each estimator starts from there with its default options, or with those that
+are named. The order is that of the error on the test logs. A method that fails is a line of the table with its reason.
+Ctrl-C shows what is done.
+
+  dynident compare case.yaml                            all estimators; test part as in the case file
+  dynident compare case.yaml a.csv --test b.csv --estimators wls,consistent,huber,huber:bound=2
+  dynident compare case.yaml --estimators all,abc:iterations=4000 --time-limit 120 --jobs 2 --report page.html
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dynident.cli.jobs import Data
+    from dynident.estimation.contest import Contest, Method, Outcome
+    from dynident.estimation.problem import Problem
+    from dynident.experiment.case import Case
+
+SUMMARY = "many estimators on one problem, by their error on unseen logs"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    from dynident.cli.jobs import add_case_options
+
+    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot description")
+    parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to learn from; default: those of the case file")
+    parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to test on, not used in the fit")
+    method = parser.add_argument_group("estimators")
+    method.add_argument(
+        "--estimators",
+        default="all",
+        metavar="NAMES",
+        help="all (default), or names with commas between them; options behind a name as NAME:KEY=VALUE:KEY=VALUE",
+    )
+    method.add_argument("--seed", type=int, metavar="N", help="seed of the methods that are random; default: their own")
+    method.add_argument("--time-limit", type=float, metavar="S", help="wall-clock time of a method; it fails after it")
+    method.add_argument(
+        "--jobs", type=int, default=1, metavar="N", help="methods that run side by side; default 1, so that times count"
+    )
+    known = parser.add_argument_group("what is known beforehand (a case file states prior and constraints for good)")
+    known.add_argument("--prior", metavar="FILE", help="robot description or estimate whose inertias are the prior")
+    known.add_argument("--constraints", metavar="FILE", help="masses, centres, hulls: YAML as in the case file")
+    known.add_argument(
+        "--truth", metavar="FILE", help="description or estimate of the virtual robot: adds the parameter error"
+    )
+    add_case_options(parser)
+    output = parser.add_argument_group("output")
+    output.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
+    output.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    output.add_argument("--quiet", action="store_true", help="no progress and no remarks")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from dynident.cli import console, jobs
+    from dynident.estimation.compare import ranked
+    from dynident.estimation.identify import pose
+    from dynident.files import check_place
+
+    if options.report:
+        check_place(options.report)
+    case = jobs.with_knowledge(jobs.case_from(options), options.prior, options.constraints)
+    methods = methods_from(case, options.estimators, options.seed)
+    outcomes: list[Outcome] = []
+    with console.progress(5 + len(methods), options.quiet or options.json) as progress:
+        progress.step("reading")
+        logs = [case.find(name) for name in (*options.logs, *options.test)]
+        jobs.check_outputs((options.report,), (options.case, options.truth or "", *case.files, *logs))
+        data = jobs.read_data(case, options.logs, options.test)
+        problem = pose(
+            case.model,
+            data.train,
+            case.preprocessing,
+            progress.step,
+            case.choose_friction,
+            case.constraints,
+            jobs.prior_of(case),
+        )
+        contest = _contest(case, problem, data, options.truth)
+        stopped = _solve(contest, methods, options, progress.step, outcomes)
+        table = ranked(outcomes)
+        if options.report and not stopped:
+            progress.step("writing the report")
+            _report(options.report, case, table, data)
+    if options.json:
+        console.answer_json(_figures(contest, table, stopped))
+    else:
+        _show(contest, table)
+    if stopped:
+        console.remark(f"stopped: {len(outcomes)} of {len(methods)} methods done")
+        return 130
+    return 0
+
+
+def methods_from(case: Case, text: str, seed: int | None = None) -> list[Method]:
+    """Return the methods that a text names, each once, in its order.
+
+    Names are separated by commas; ``all`` is the whole family. Options follow as ``:key=value``; a comma within a value
+    stands before no letter, or in brackets. Options of the case's own estimator hold for its name.
+
+    Args:
+        case: Where the options of one estimator may stand.
+        text: Such as ``all`` or ``wls,huber:bound=2,didim:kp=100,80:kd=9,7``.
+        seed: For the methods that have one and do not state it.
+
+    Raises:
+        BadOption: An empty name, a negative seed or an option that a method does not have.
+        UnknownChoice: No such estimator.
+    """
+    from dynident.cli.jobs import estimator_from
+    from dynident.errors import BadOption
+    from dynident.estimation.contest import Method
+    from dynident.estimation.estimators import ESTIMATORS
+
+    if seed is not None and seed < 0:
+        raise BadOption("--seed", seed, "give 0 or more")
+    found: dict[str, Method] = {}
+    for written in split_names(text):
+        for label in ESTIMATORS.names() if written == "all" else (written,):
+            name, *settings = _cut(label, ":")
+            if not name:
+                raise BadOption("--estimators", text, "write names with commas between them, such as wls,consistent")
+            if name not in ESTIMATORS.names():
+                ESTIMATORS.get(name)  # says which there are
+            if not all("=" in setting for setting in settings):
+                raise BadOption("--estimators", label, "write options behind a name, such as huber:bound=2")
+            stated = [setting.partition("=")[0] for setting in settings]
+            if seed is not None and "seed" not in stated and _has_seed(name):
+                settings.append(f"seed={seed}")
+            found.setdefault(label, Method(label, estimator_from(case, name, settings)))
+    return list(found.values())
+
+
+def _has_seed(name: str) -> bool:
+    from dynident.estimation.estimators import ESTIMATORS
+
+    return any(option.name == "seed" for option in ESTIMATORS.options(name))
+
+
+def split_names(text: str) -> list[str]:
+    """Return the parts of a list whose items begin with a letter; a comma before anything else belongs to a value."""
+    items: list[str] = []
+    for piece in _cut(text, ","):
+        if items and ":" in items[-1] and not piece[:1].isalpha():
+            items[-1] += f",{piece}"
+        else:
+            items.append(piece)
+    return items
+
+
+def _cut(text: str, mark: str) -> list[str]:
+    """Return the text cut at a mark outside brackets, blanks around the parts left out."""
+    parts, depth = [""], 0
+    for character in text:
+        depth += (character in "[(") - (character in ")]")
+        if character == mark and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += character
+    return [part.strip() for part in parts]
+
+
+def _contest(case: Case, problem: Problem, data: Data, truth: str | None) -> Contest:
+    from dynident.estimation.compare import contest_of
+    from dynident.estimation.truth import read_truth
+
+    known = read_truth(case.find(truth), problem.model, case.locked) if truth else None
+    return contest_of(problem, data.test, known)
+
+
+def _solve(contest: Contest, methods: Sequence[Method], options: Any, step: Any, outcomes: list[Outcome]) -> bool:
+    """Fill in the outcomes as they come; return whether the user has broken it off."""
+    from dynident.estimation.compare import compare
+
+    try:
+        step("weighted least squares, the reference")
+        _ = contest.least
+        for outcome in compare(contest, methods, time_limit=options.time_limit, jobs=options.jobs, progress=step):
+            outcomes.append(outcome)
+    except KeyboardInterrupt:
+        return True
+    return False
+
+
+def _report(place: str, case: Case, table: Sequence[Outcome], data: Data) -> None:
+    """Write the report about the case's estimator: the best of the table is chosen by what it would be tested on."""
+    from dynident.cli.jobs import repeat_command
+    from dynident.errors import SolverFailed
+    from dynident.results.comparison import comparison_of
+    from dynident.results.report import write_report
+
+    solved = [outcome for outcome in table if outcome.estimate is not None]
+    if not solved:
+        raise SolverFailed("the comparison", "every method failed", "look at the table without --report")
+    own = [outcome for outcome in solved if outcome.method.partition(":")[0] == case.estimator.name]
+    chosen = (own or solved)[0]
+    assert chosen.estimate is not None
+    write_report(
+        place,
+        chosen.estimate,
+        () if chosen.test is None else (chosen.test,),
+        comparison=comparison_of(table),
+        command=repeat_command(),
+        sources=[log.source for log in data.test],
+    )
+
+
+def _figures(contest: Contest, table: Sequence[Outcome], stopped: bool) -> dict[str, Any]:
+    from dynident.cli.jobs import repeat_command
+    from dynident.estimation.estimate_file import finite, plain
+
+    problem = contest.problem
+    return {
+        "robot": problem.model.robot.name,
+        "samples": problem.samples,
+        "test_samples": sum(len(log.keep) for log in contest.tests),
+        "filter": plain(problem.logs[0].statement()),
+        "base_parameters": [
+            {"name": name, "unit": unit} for name, unit in zip(problem.base.names, problem.base.units, strict=True)
+        ],
+        "truth_error": None if contest.truth_error is None else finite(contest.truth_error),
+        "methods": [_with_rank(outcome, table) for outcome in table],
+        "stopped": stopped,
+        "command": repeat_command(),
+    }
+
+
+def _with_rank(outcome: Outcome, table: Sequence[Outcome]) -> dict[str, Any]:
+    from dynident.estimation.contest import like_the_best
+
+    best = table[0].test
+    same = None if outcome.test is None or best is None else like_the_best(outcome.test, best)
+    return {**outcome.figures(), "as_the_best": same}
+
+
+def _show(contest: Contest, table: Sequence[Outcome]) -> None:
+    from dynident.cli import console
+    from dynident.results.comparison import comparison_rows, percent
+    from dynident.results.text import comparison_table, statement
+
+    problem = contest.problem
+    tested = sum(len(log.keep) for log in contest.tests)
+    console.answer(
+        f"{problem.model.robot.name}: {problem.model.robot.dof} joints, {problem.base.count} base parameters, "
+        f"{problem.samples} samples, {tested} to test on"
+    )
+    console.answer(f"filter {statement(problem.logs[0].statement())}\n")
+    if table:
+        rows = [{key: cell for key, cell in row.items() if key != "remark"} for row in comparison_rows(table)]
+        console.answer_table(comparison_table(rows))
+        console.answer()
+    for outcome in table:
+        if outcome.failure or outcome.verdict:
+            console.answer(f"{outcome.method}: {outcome.failure or outcome.verdict}")
+    if contest.truth_error is not None:
+        console.answer(f"the known truth has a held-out error of {percent(contest.truth_error)}: that is noise")
+    if not contest.tests:
+        console.answer("no test logs: the order is that of the training error, which flatters the freest method")
