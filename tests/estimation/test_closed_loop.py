@@ -101,9 +101,20 @@ def test_smoothing_passes_parabolas_and_halves_the_cut_off():
         assert np.std(smoothed(tone, 0.05)[inside]) / np.std(tone[inside]) == pytest.approx(gain, abs=2e-3)
 
 
+def test_a_reference_that_is_followed_exactly_is_not_integrated(cell):
+    """What integration finds, the reference says; and no mass matrix is asked for."""
+    problem, truth, _ = cell
+    loop = closed_loop(problem, LoopOptions(feedforward="computed"), truth)
+    (course,) = loop.courses
+    assert loop.is_exact(course) and not closed_loop(problem, KNOWN, truth).is_exact(course)
+    integrated = np.concatenate([segment.out for segment in loop.follow(course, truth, tangent=False)])
+    np.testing.assert_allclose(loop.along(course, truth), integrated, atol=3e-4 * np.abs(integrated).max())
+    loop.check(-truth)
+
+
 def test_what_cannot_be_simulated_is_mixed_with_what_can(cell):
     problem, truth, _ = cell
-    loop = closed_loop(problem, LoopOptions(), truth)
+    loop = closed_loop(problem, LoopOptions(feedforward="measured"), truth)
     same, own = possible_beta(loop, truth, truth)
     assert own and same is not None
     with pytest.raises(NotConsistent):

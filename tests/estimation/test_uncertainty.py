@@ -128,11 +128,15 @@ def test_half_widths_are_those_of_student() -> None:
     np.testing.assert_allclose(found.half_widths(), [2 * 2.2281, 1.95996], rtol=1e-4)
 
 
+def first_order(white: Array, memory: float) -> Array:
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -memory], white, axis=0))
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.5, 0.8])
 def test_long_run_covariance_of_a_first_order_process(memory: float) -> None:
     """Closed form: variance times (1 + rho) / (1 - rho)."""
     white = np.random.default_rng(0).normal(size=(100_000, 2)) * [1.0, 3.0]
-    series = scipy.signal.lfilter([1.0], [1.0, -memory], white, axis=0)
+    series = first_order(white, memory)
     found = long_run_covariance(series)
     np.testing.assert_allclose(np.diag(found), np.array([1.0, 9.0]) / (1 - memory) ** 2, rtol=0.15)
     assert abs(found[0, 1]) < 0.2 * np.sqrt(found[0, 0] * found[1, 1])
@@ -160,7 +164,7 @@ def test_the_rivals_agree_on_a_long_log(bench: Bench) -> None:
 
 def test_blocks_grow_with_memory() -> None:
     white = np.random.default_rng(0).normal(size=(5000, 1))
-    lengths = [automatic_block(scipy.signal.lfilter([1.0], [1.0, -p], white, axis=0)) for p in (0.0, 0.5, 0.9)]
+    lengths = [automatic_block(first_order(white, p)) for p in (0.0, 0.5, 0.9)]
     assert lengths[0] < lengths[1] < lengths[2] and lengths[0] < 8
     assert automatic_block(np.zeros((50, 2))) == 1.0
 

@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _fixed(case: Case, examination: Examination, out: str) -> tuple[str, ...]:
     """Write the mended log, read it back, and return what was mended."""
-    from dynident.errors import LogMismatch
+    from dynident.errors import DynidentError, LogMismatch
     from dynident.experiment.formats import read_log, write_log, written_columns
 
     if examination.mended is None:
@@ -76,7 +76,7 @@ def _fixed(case: Case, examination: Examination, out: str) -> tuple[str, ...]:
     write_log(log, out)
     try:
         read_log(out, written_columns(log))
-    except Exception:
+    except DynidentError:
         Path(out).unlink()
         raise
     read = "it is in SI units under t, q1, ...; a case that reads it needs no units, columns and gains"

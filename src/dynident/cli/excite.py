@@ -143,6 +143,8 @@ def _case(options: argparse.Namespace) -> tuple[Case, str | None]:
         raise BadOption("--seed", options.seed, "give 0 or more")
     if not 0 < options.rate < float("inf"):
         raise BadOption("--rate", options.rate, "give samples a second, above 0")
+    if not 0 < options.period < float("inf"):
+        raise BadOption("--period", options.period, "give the period in s, above 0")
     if options.repeats < 1:
         raise BadOption("--repeats", options.repeats, "give 1 or more")
     return case, resume

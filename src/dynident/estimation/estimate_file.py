@@ -162,6 +162,9 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
     columns = {name: _tuples(value) for name, value in data["columns"].items()}
     units: Any = {name: _tuples(value) for name, value in data["columns"]["units"].items()}
     columns["units"] = Units(**units)
+    signals: dict[str, Any] = {
+        name: _array(train["signals"][name], (rows,) if name == "time" else (rows, joints), name) for name in _SIGNALS
+    }
     return Estimate(
         model=model,
         base=base,
@@ -187,10 +190,7 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
             filter=train["filter"],
             logs=tuple(train["logs"]),
             starts=tuple(train["starts"]),
-            **{
-                name: _array(train["signals"][name], (rows,) if name == "time" else (rows, joints), name)
-                for name in _SIGNALS
-            },
+            **signals,
         ),
         preprocessing=Preprocessing(
             filter=FILTERS.make(kind, **options), **{k: v for k, v in how.items() if k != "filter"}

@@ -67,11 +67,6 @@ def first_that_starts(problem: DesignProblem, found: list[Candidate]) -> Candida
     raise InfeasibleTrajectory(f"the {Label(worst.joint, worst.quantity).text}", evidence, step)
 
 
-def shifted(motion: FourierSeries, phase: float) -> FourierSeries:
-    """Return the series that begins ``phase`` seconds later in its period: q(t + phase)."""
-    return motion.shifted(phase)
-
-
 def _no_harsher(limits: MotionLimits, motion: FourierSeries, samples: int) -> MotionLimits:
     """Return the limits with the motion's own largest acceleration and jerk where none are stated."""
     time = np.arange(samples) * motion.period / samples

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import queue
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -207,9 +208,18 @@ class _Stopped(Exception):
 def _begin(problem: DesignProblem, seed: int, news: Any, stop: Any) -> None:
     """Set a worker process up: one thread, and Ctrl-C left to the process that the user sees."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     news.cancel_join_thread()  # news that nobody reads any more must not keep the process alive
     threadpool_limits(1)
     _Worker.problem, _Worker.seed, _Worker.news, _Worker.stop = problem, seed, news, stop
+
+
+def _end_with_parent() -> None:
+    """End this worker when the process that began it is gone, even one that was killed and could tell nobody."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _work(number: int, seconds: float) -> StartResult:

@@ -77,7 +77,8 @@ def examine_recording(case: Case, recording: Recording) -> Examination:
     for stage in _STAGES:
         for check in checks:
             if check.stage == stage:
-                found += check.findings(subject)
+                told = {finding.name for finding in found}  # two checks may see one thing: the first one tells it
+                found += [finding for finding in check.findings(subject) if finding.name not in told]
         lasting = [each.name for each in found if each.severity == "error" and each.name not in _MENDABLE]
         if lasting and stage < _STAGES[-1]:
             left_out = f"checks that need sound {'signals' if stage == 0 else 'units'} were left out: mend {lasting[0]}"

@@ -26,6 +26,7 @@ from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.reduction import triangle_of
+from dynident.model.robot import Robot
 
 #: Cut-off of both sides in Hz at most, and rows kept a second per Hz of it.
 CUTOFF_HZ, ROWS_PER_HZ = 5.0, 8.0
@@ -109,11 +110,16 @@ class QuickFit:
         """The rows as the case reads them."""
         return self.rows_of(self.log)
 
+    @cached_property
+    def observer(self) -> Observer:
+        """What makes the rows of the robot as the case has it."""
+        return Observer(self.model, self.base)
+
     def rows_of(self, log: Log, model: DynamicModel | None = None) -> Rows:
         """Return the rows of another reading of the log, or of a robot that differs in its gravity alone."""
         prepared = preprocess(log, self.how)
+        observer = self.observer if model is None else Observer(model, self.base)
         model = model or self.model
-        observer = Observer(model, self.base)
         blocks = tuple(np.asarray(part[:-1]).T for part in observer.rows(prepared))
         torque = np.asarray(prepared.log.torque)[prepared.keep]
         known = torque - target_torque(model, prepared)[prepared.keep]
@@ -233,9 +239,11 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
     """Return the fit of a sound log; None where it has no torques or is too short for one."""
     if log.torque is None:
         return None
-    asked = [part for part in case.friction if FRICTION.name_of(part) == "rotor_inertia"]
+    known = bool(np.any(case.robot.reflected_inertia))
+    wanted = known or any(FRICTION.name_of(part) == "rotor_inertia" for part in case.friction)
+    asked = [FRICTION.make("rotor_inertia")] if wanted else []
     friction = (FRICTION.make("coulomb", width=0.02), FRICTION.make("viscous"), FRICTION.make("offset"), *asked)
-    model = DynamicModel(case.robot, friction)
+    model = DynamicModel(_without_rotors(case.robot) if known else case.robot, friction)
     cutoff = min(CUTOFF_HZ, case.preprocessing.filter.bandwidth() or CUTOFF_HZ)
     how = Preprocessing(
         FILTERS.make("butterworth", cutoff_hz=cutoff),
@@ -250,6 +258,12 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
     except DynidentError:
         return None
     return found if enough else None
+
+
+def _without_rotors(robot: Robot) -> Robot:
+    """Return the robot with no known rotor inertia: a known torque would not go with torques of another unit."""
+    drives = {joint.name: replace(joint.drive, rotor_inertia=0.0) for joint in robot.active}
+    return robot.with_drives(drives, robot.coupling)
 
 
 def thinned_log(log: Log, rate: float) -> Log:

@@ -28,8 +28,11 @@ class Cells(Check):
     stage: ClassVar[int] = 0
 
     def findings(self, subject: Subject) -> Sequence[Finding]:
+        missing = _not_finite(subject)
+        if broken_rows(subject.sound.log).any():  # too many to leave out: nothing else can be said
+            return missing
         flips = _flips(subject)
-        return [*_not_finite(subject), *flips, *([] if flips else _spikes(subject))]
+        return [*missing, *flips, *([] if flips else _spikes(subject))]
 
 
 def _not_finite(subject: Subject) -> list[Finding]:

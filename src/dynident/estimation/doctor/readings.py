@@ -61,7 +61,7 @@ class Readings(Check):
         if not found:
             return []
         best = max(found, key=lambda reading: reading.gain)
-        explains = ("torque scale", "gravity tilt", "spring", "drift", "torque delay", "zero of a joint", "payload")
+        explains = ("torque scale", "torque unit", "spring", "drift", "torque delay")
         numbers = {"gain": best.gain}
         return [Finding("error", best.name, listed(best.joints), best.evidence, best.remedy, numbers, explains)]
 
@@ -69,7 +69,7 @@ class Readings(Check):
 def _all_signs(subject: Subject, share: Array, z: Array, fit: QuickFit) -> Finding:
     evidence = f"friction drives every joint instead of braking it (z-scores {z.min():.0f} to {z.max():.0f})"
     remedy = "all torques have the wrong sign: negate their columns, or the gains (drives: {JOINT: {gain: ...}})"
-    explains = ("gravity tilt", "spring", "drift", "torque scale", "payload", "torque delay")
+    explains = ("spring", "drift", "torque scale", "torque unit", "torque delay")
     joints = listed(fit.model.robot.joint_names)
     return Finding("error", "torque sign", joints, evidence, remedy, {"share": float(share.min())}, explains)
 
@@ -143,14 +143,14 @@ def _mountings(fit: QuickFit) -> Iterator[Reading]:
     size = float(np.linalg.norm(gravity))
     if not size:
         return
-    axes = [sign * size * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
+    axes = [sign * size * axis + 0.0 for axis in np.eye(3) for sign in (1.0, -1.0)]
     for other in (np.zeros(3), *axes):
         if other.any() and other @ gravity > 0.9 * size**2:
             continue
         model = replace(fit.model, robot=fit.model.robot.with_gravity(other))
         gain = fit.plain.score - fit.solve(fit.triangles_of(fit.rows_of(fit.log, model))).score
         if gain > GAIN:
-            text = ", ".join(f"{value:.3g}" for value in other)
+            text = ", ".join(f"{value + 0.0:.3g}" for value in other)
             evidence = f"gravity [{text}] explains the torques better by {gain:.1f} in log variance"
             remedy = f"state how the arm is mounted (gravity: [{text}] in the frame of the base)"
             if not other.any():

@@ -1,4 +1,4 @@
-"""What the residual of a quick fit still follows: springs, drift, a tilted base, joints off their zero."""
+"""What the residual of a quick fit still follows: springs and drift."""
 
 from __future__ import annotations
 
@@ -61,22 +61,22 @@ def _trend(fit: QuickFit, columns: Array) -> dict[str, float]:
         live = norms > 0
         if not live[-1]:
             continue
-        coefficients, variance, before = _own_fit(matrix[:, live] / norms[live], target)
-        value = coefficients[0] / norms[-1]
+        coefficient, variance, before = _own_fit(matrix[:, live] / norms[live], target)
+        value = coefficient / norms[-1]
         size = abs(value) * float(np.std(columns[mask, i]))
         share = 1.0 - variance / before if before > 0 else 0.0
         matters = size > MATTERS * float(np.sqrt(np.mean(target**2)))
         rows = fit.independent_rows[i]
         sure = share * rows / max(1.0 - share, 1e-9) > SURE**2
         if matters and sure and share > EXPLAINED:
-            found[name] = value
+            found[name] = float(value)
     return found
 
 
-def _own_fit(matrix: Array, target: Array) -> tuple[tuple[float], float, float]:
-    """Return the coefficient of the last column, and the residual variances with and without it."""
+def _own_fit(matrix: Array, target: Array) -> tuple[float, float, float]:
+    """Return the coefficient of the last column, and the residual variances with it and without."""
     with_it = np.linalg.lstsq(matrix, target, rcond=1e-8)[0]
     without = np.linalg.lstsq(matrix[:, :-1], target, rcond=1e-8)[0]
     after = float(np.mean((matrix @ with_it - target) ** 2))
     before = float(np.mean((matrix[:, :-1] @ without - target) ** 2))
-    return (float(with_it[-1]),), after, before
+    return float(with_it[-1]), after, before

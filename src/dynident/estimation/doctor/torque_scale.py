@@ -16,8 +16,8 @@ from dynident.estimation.problem import motion_of
 #: Gain of the score from which one torque has another scale, and the least factor told.
 GAIN, FACTOR = 1.5, 1.25
 
-#: Factors that are tried on the torque of one joint.
-FACTORS = np.geomspace(1 / 200, 200, 95)
+#: Factors that are tried on the torque of one joint, 1/155 to 155.
+FACTORS = 1.4 ** np.arange(-15.0, 16.0)
 
 #: Correlation with the torque of the description's masses from which they are worth a comparison, and how far off one
 #: the ratio must be before a unit is suspected: descriptions of the makers are off by less.

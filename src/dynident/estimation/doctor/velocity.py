@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 import scipy.signal
 
-from dynident.arrays import Array
+from dynident.arrays import Array, BoolArray
 from dynident.estimation.doctor.base import Check, Finding, Subject, listed
 from dynident.experiment.log import Log
 
@@ -69,7 +69,7 @@ def _compared(log: Log) -> tuple[Array, Array] | None:
 
 
 def _told(
-    subject: Subject, log: Log, pair: tuple[Array, Array], alike: Array, ratio: Array, moving: Array
+    subject: Subject, log: Log, pair: tuple[Array, Array], alike: Array, ratio: Array, moving: BoolArray
 ) -> list[Finding]:
     names, own = log.joints, np.diagonal(alike)
     found, odd = [], np.zeros(len(names), bool)
@@ -100,7 +100,7 @@ def _told(
     return [*found, *_lag(subject, log, pair, good & ~scaled)] if not found else found
 
 
-def _scale(names: Sequence[str], ratio: Array, scaled: Array, moving: Array) -> list[Finding]:
+def _scale(names: Sequence[str], ratio: Array, scaled: BoolArray, moving: BoolArray) -> list[Finding]:
     if not scaled.any():
         return []
     joints = [name for name, wrong in zip(names, scaled, strict=True) if wrong]
@@ -126,7 +126,7 @@ def _scale(names: Sequence[str], ratio: Array, scaled: Array, moving: Array) -> 
     return [Finding(severity, "velocity scale", listed(joints), evidence, remedy, numbers)]
 
 
-def _lag(subject: Subject, log: Log, pair: tuple[Array, Array], good: Array) -> list[Finding]:
+def _lag(subject: Subject, log: Log, pair: tuple[Array, Array], good: BoolArray) -> list[Finding]:
     """Return the lag of dq behind the derivative of q, the least-squares shift of one onto the other."""
     stated, slope = pair[0][:, good], pair[1][:, good]
     if not good.any():

@@ -1,0 +1,81 @@
+"""The command check: lines, JSON, exit codes, and the mended file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynident.cli.main import main
+from dynident.experiment.formats import read_log
+
+
+def recorded(path: Path, torque_sign: float = 1.0) -> np.ndarray:
+    """Write a log of the SCARA that ships: positions and torques that have nothing to do with a fault of the file."""
+    t = np.arange(1200) / 100.0
+    phase = t[:, None] * 2 * np.pi * np.array([0.3, 0.4, 0.5, 0.7]) + np.array([0.0, 1.0, 2.0, 3.0])
+    q = np.array([1.0, 1.0, 0.08, 2.0]) * np.sin(phase) + np.array([0.0, 0.0, 0.09, 0.0])
+    values = np.column_stack([t, q, torque_sign * np.cos(phase) + 0.01 * np.sin(40 * phase)])
+    header = ",".join(["t", *(f"q{k}" for k in range(1, 5)), *(f"tau{k}" for k in range(1, 5))])
+    np.savetxt(path, values, "%.9g", ",", header=header, comments="")
+    return values
+
+
+def doubled(path: Path) -> None:
+    """Repeat a row and put another one out of order."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    lines[500:500] = [lines[499]]
+    lines[700], lines[701] = lines[701], lines[700]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def test_faults_of_the_file_are_told_and_fixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, out = tmp_path / "run.csv", tmp_path / "mended.csv"
+    values = recorded(log)
+    doubled(log)
+    assert main(["check", "generic-scara", str(log), "--fix", str(out), "--quiet"]) == 1
+    told = capsys.readouterr().out
+    assert "error: repeated rows: 1 of 1201 rows" in told and "line 501" in told
+    assert "error: rows out of order" in told
+    assert f"{out}: 1 repeated rows left out" in told
+    mended = read_log(out)
+    assert np.array_equal(mended.time, values[:, 0])
+    assert np.allclose(mended.q, values[:, 1:5], atol=1e-8)
+
+
+def test_json_is_one_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "run.csv"
+    recorded(log)
+    doubled(log)
+    assert main(["check", "generic-scara", str(log), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["robot"] and found["sound"] is False and found["mends"] is None
+    (one,) = found["logs"]
+    assert {"repeated rows", "rows out of order"} <= {finding["name"] for finding in one["findings"]}
+    assert set(one["findings"][0]) == {"severity", "name", "joint", "evidence", "remedy", "numbers"}
+    assert not log.with_name("mended.csv").exists()
+
+
+def test_an_output_never_takes_the_place_of_the_log(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "run.csv"
+    recorded(log)
+    before = log.read_bytes()
+    assert main(["check", "generic-scara", str(log), "--fix", str(log)]) == 1
+    assert "would be overwritten" in capsys.readouterr().err
+    assert log.read_bytes() == before
+
+
+def test_a_log_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "generic-scara"]) == 1
+    assert "name a log" in capsys.readouterr().err
+
+
+def test_a_broken_cell_is_a_finding_and_cannot_be_fixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "run.csv"
+    log.write_text("t,q1,q2,q3,q4,tau1,tau2,tau3,tau4\n0,x,0,0,0,0,0,0,0\n", encoding="utf-8")
+    assert main(["check", "generic-scara", str(log), "--quiet"]) == 1
+    assert "error: unreadable" in capsys.readouterr().out
+    assert main(["check", "generic-scara", str(log), "--quiet", "--fix", str(tmp_path / "out.csv")]) == 1
+    assert not (tmp_path / "out.csv").exists()
