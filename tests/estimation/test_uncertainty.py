@@ -79,10 +79,10 @@ def test_white_noise_has_the_covariance_of_the_textbook(bench: Bench) -> None:
 def test_unequal_logs_have_their_own_noise(bench: Bench) -> None:
     """Ten times the noise in one of two logs: the true covariance is a sandwich over the logs."""
     size = np.where(np.arange(1200) < 600, 0.01, 0.1)[:, None]
+    weights = 1.0 / bench.size
     stated = []
     for seed in range(12):
         problem = bench.problem(bench.white(seed, 1.0) * size, cuts=(600,))
-        weights = np.array([1.0, 1.0]) / bench.size
         beta = least_squares(problem.reduced(weights)).beta
         stated.append(spectral_uncertainty(problem, weights, beta).covariance)
     problem = bench.problem(np.zeros((1200, 2)), cuts=(600,))

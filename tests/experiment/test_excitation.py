@@ -14,7 +14,6 @@ from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.design_problem import DesignProblem
 from dynident.experiment.excitation import design_excitation
 from dynident.experiment.feasibility import feasible_start, shrunk
-from dynident.experiment.finishing import shifted
 from dynident.experiment.limits import MotionLimits, check_limits, limits_of
 from dynident.experiment.multistart import SearchState
 from dynident.experiment.observation import Observation
@@ -237,7 +236,7 @@ def test_a_shifted_series_begins_later() -> None:
     generator = np.random.default_rng(0)
     motion = FourierSeries(generator.normal(size=2), *generator.normal(size=(2, 2, 4)), 5.0)
     time = np.linspace(0, 5, 20)
-    np.testing.assert_allclose(shifted(motion, 1.3).evaluate(time), motion.evaluate(time + 1.3), atol=1e-10)
+    np.testing.assert_allclose(motion.shifted(1.3).evaluate(time), motion.evaluate(time + 1.3), atol=1e-10)
 
 
 def test_the_time_limit_ends_the_search_with_a_feasible_plan(planar_2r: Robot) -> None:

@@ -84,6 +84,20 @@ def test_a_joint_without_a_speed_limit_is_named(planar_2r: Robot) -> None:
         limits_of(limited(planar_2r, JointLimits(velocity=1.0), JointLimits(-1.0, 1.0)))
 
 
+@pytest.mark.parametrize(
+    ("limit", "message"),
+    [
+        (JointLimits(velocity=0.0), r"velocity of joint2 = 0.0 .*lock the joint in the case file \(locked: {joint2: VAL"),
+        (JointLimits(0.0, 0.0, 1.0), r"position of joint2 = \[0.0, 0.0\] .*leaves it no range.*locked: {joint2: VALUE}"),
+        (JointLimits(velocity=1.0, effort=0.0), r"effort of joint2 = 0.0 .*state the limit in the robot description"),
+        (JointLimits(velocity=1.0, jerk=0.0), r"jerk of joint2 = 0.0 .*or leave it out there: then it is not checked"),
+    ],
+)
+def test_limits_of_zero_are_named_with_the_way_out(planar_2r: Robot, limit: JointLimits, message: str) -> None:
+    with pytest.raises(BadOption, match=message):
+        limits_of(limited(planar_2r, JointLimits(velocity=1.0), limit))
+
+
 def test_a_slide_without_ends_is_named(sliding_arm: Robot) -> None:
     with pytest.raises(BadOption, match=r"position of joint2 = \[-inf, inf\].*a slide has some"):
         limits_of(limited(sliding_arm, *[JointLimits(velocity=1.0)] * 3))

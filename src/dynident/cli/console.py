@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     from dynident.results.text import Table
@@ -16,20 +17,28 @@ if TYPE_CHECKING:
 NAME_WIDTH = 60
 
 
+def _say(text: str, stream: TextIO) -> None:
+    """Print a line; where its reader (head, less) has gone, the rest goes nowhere and the command does its work."""
+    try:
+        print(text, file=stream)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
 def answer(text: str = "") -> None:
     """Print an answer."""
-    print(text)
+    _say(text, sys.stdout)
 
 
 def remark(text: str, quiet: bool = False) -> None:
     """Print a remark that is no answer."""
     if not quiet:
-        print(text, file=sys.stderr)
+        _say(text, sys.stderr)
 
 
 def answer_json(data: Mapping[str, Any]) -> None:
     """Print one JSON object."""
-    print(json.dumps(data, indent=1, allow_nan=False))
+    _say(json.dumps(data, indent=1, allow_nan=False), sys.stdout)
 
 
 def answer_table(table: Table, title: str = "") -> None:
@@ -38,8 +47,8 @@ def answer_table(table: Table, title: str = "") -> None:
 
     if not sys.stdout.isatty():
         if title:
-            print(title)
-        print(plain(table))
+            answer(title)
+        answer(plain(table))
         return
     from rich.console import Console
     from rich.table import Table as RichTable
@@ -81,7 +90,7 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, description=text, completed=self._done - 1)
         elif not self._quiet:
-            print(f"  {text}", file=sys.stderr)
+            _say(f"  {text}", sys.stderr)
 
     def update(self, text: str) -> None:
         """Say how far the work is between two steps; on a terminal only."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import multiprocessing
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
@@ -15,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from dynident.errors import BadOption, SolverFailed
 from dynident.estimation.contest import Contest, Method, Outcome
+from dynident.workers import end_with_parent
 
 #: What a worker says when it stands ready.
 _READY = "ready"
@@ -137,7 +137,7 @@ def _serve(pipe: Connection, contest: Contest) -> None:
     """Solve in a worker process: one thread, and Ctrl-C left to the process that the user sees."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(1)
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+    end_with_parent()
     _ = contest.least  # compiles what all methods share before the clock of the first one begins
     pipe.send(_READY)
     while True:
@@ -146,11 +146,3 @@ def _serve(pipe: Connection, contest: Contest) -> None:
         except EOFError:
             return
         pipe.send(contest.attempt(method))
-
-
-def _end_with_the_parent() -> None:
-    """End this process when the one that wants its answer is no more, however that ended."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        signal.raise_signal(signal.SIGTERM)

@@ -77,7 +77,7 @@ def _power_root(residual: Array, mask: BoolArray) -> Array:
     power = spectrum[:, :, None] * spectrum[:, None, :].conj() / count
     width = min(2 * round(0.5 * np.sqrt(count)) + 1, len(power))
     for part in (power.real, power.imag):
-        part[:] = scipy.ndimage.uniform_filter1d(part, width, axis=0, mode="nearest")
+        part[:] = scipy.ndimage.uniform_filter1d(part, width, axis=0, mode="mirror")
     # Samples that do not count take power from the residual; the rest stands for all.
     live = np.sqrt(np.maximum(mask.mean(axis=0), 1.0 / count))
     values, vectors = np.linalg.eigh(power / np.outer(live, live))

@@ -178,20 +178,15 @@ def limits_of(robot: Robot, margin: float = 0.05, torque_margin: float = 0.2) ->
             of the torque is left as it is stated.
 
     Raises:
-        BadOption: A margin outside 0..1, a joint without a speed limit, a sliding joint with no ends, or a follower
-            that leaves its leader no range.
+        BadOption: A margin outside 0..1, a joint without a speed limit or with a limit of 0, a sliding joint with no
+            ends, or a follower that leaves its leader no range.
     """
     for name, value in (("margin", margin), ("torque_margin", torque_margin)):
         if not 0 <= value < 1:
             raise BadOption(name, value, "give a share from 0 to less than 1")
     limits = [_with_followers(robot, joint) for joint in robot.active]
     for joint, limit in zip(robot.active, limits, strict=True):
-        if not np.isfinite(limit.velocity):
-            step = "state its speed limit in the robot description; without one the best motion is the fastest"
-            raise BadOption(f"velocity of {joint.name}", limit.velocity, step)
-        if joint.kind == "prismatic" and not (np.isfinite(limit.lower) and np.isfinite(limit.upper)):
-            step = "state both ends in the robot description; a slide has some"
-            raise BadOption(f"position of {joint.name}", [limit.lower, limit.upper], step)
+        _check_stated(joint, limit)
     lower, upper = (np.array([getattr(limit, name) for limit in limits]) for name in ("lower", "upper"))
     width = np.where(np.isfinite(lower) & np.isfinite(upper), upper - lower, 0.0)
     spare = 0.5 * margin * width
@@ -204,6 +199,27 @@ def limits_of(robot: Robot, margin: float = 0.05, torque_margin: float = 0.2) ->
     kinds = tuple(joint.kind == "revolute" for joint in robot.active)
     ends = (lower + spare, upper - spare)
     return MotionLimits(robot.joint_names, kinds, *ends, torque=torque, torque_rate=rate, **rest)
+
+
+def _check_stated(joint: Joint, limit: JointLimits) -> None:
+    """Refuse limits of a description that leave no motion, or no slowest one."""
+    still = f"or lock the joint in the case file (locked: {{{joint.name}: VALUE}})"
+    if not np.isfinite(limit.velocity):
+        step = "state its speed limit in the robot description; without one the best motion is the fastest"
+        raise BadOption(f"velocity of {joint.name}", limit.velocity, step)
+    if joint.kind == "prismatic" and not (np.isfinite(limit.lower) and np.isfinite(limit.upper)):
+        step = "state both ends in the robot description; a slide has some"
+        raise BadOption(f"position of {joint.name}", [limit.lower, limit.upper], step)
+    if limit.lower == limit.upper:
+        step = f"the robot description leaves it no range: state one, {still}"
+        raise BadOption(f"position of {joint.name}", [limit.lower, limit.upper], step)
+    if limit.velocity == 0.0:
+        step = f"the robot description lets it stand still only: state its speed limit there, {still}"
+        raise BadOption(f"velocity of {joint.name}", limit.velocity, step)
+    for name in ("acceleration", "jerk", "effort", "effort_rate"):
+        if getattr(limit, name) == 0.0:
+            step = "state the limit in the robot description, above 0, or leave it out there: then it is not checked"
+            raise BadOption(f"{name} of {joint.name}", 0.0, step)
 
 
 def _with_followers(robot: Robot, leader: Joint) -> JointLimits:

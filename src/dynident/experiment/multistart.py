@@ -6,7 +6,6 @@ import multiprocessing
 import os
 import queue
 import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -19,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from dynident.errors import BadOption, SolverFailed
 from dynident.experiment.design_problem import DesignProblem
 from dynident.experiment.start import News, StartResult, run_start
+from dynident.workers import end_with_parent
 
 #: Time in s between two looks at the news of the workers.
 _LOOK = 0.1
@@ -35,7 +35,7 @@ class SearchState:
         evaluations: Evaluations so far, over all starts.
         objective: Smoothed objective of the last iterate of this start.
         figure: The criterion itself at the best motion of this start so far that keeps its bounds; NaN before.
-        used: Greatest share of a bound that the last iterate uses.
+        used: Greatest share of a bound that the last iterate uses; of a start that is done, its best motion.
         worst: What that bound is about, such as ``torque of joint2``.
         seconds: Time since the search began.
     """
@@ -94,9 +94,9 @@ def run_starts(
     jobs = min(search.jobs, len(missing))
     for result in _in_processes(search, missing, jobs, watch) if jobs > 1 else _here(search, missing, watch):
         found[result.start] = result
-        watch.finished(result)
-        if result.whole:
+        if result.whole:  # kept before it is told: who stops the search at the news does not lose the start
             keep(result)
+        watch.finished(result)
     return [found[k] for k in sorted(found)]
 
 
@@ -125,8 +125,9 @@ class _Watch:
         larger = self._search.problem.criterion.larger_is_better
         figures = [-one.figure if larger else one.figure for one in result.candidates]
         best = (max if larger else min)(figures) if figures else float("nan")
-        last = self._last.get(result.start, News(result.start, 0, float("nan"), 0.0, "", best))
-        self._progress(self._state(News(result.start, result.evaluations, last.objective, last.used, last.worst, best)))
+        last = self._last.get(result.start)
+        objective = float("nan") if last is None else last.objective
+        self._progress(self._state(News(result.start, result.evaluations, objective, result.used, result.worst, best)))
 
     def _state(self, news: News) -> SearchState:
         return SearchState(
@@ -208,18 +209,10 @@ class _Stopped(Exception):
 def _begin(problem: DesignProblem, seed: int, news: Any, stop: Any) -> None:
     """Set a worker process up: one thread, and Ctrl-C left to the process that the user sees."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     news.cancel_join_thread()  # news that nobody reads any more must not keep the process alive
     threadpool_limits(1)
     _Worker.problem, _Worker.seed, _Worker.news, _Worker.stop = problem, seed, news, stop
-
-
-def _end_with_parent() -> None:
-    """End this worker when the process that began it is gone, even one that was killed and could tell nobody."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _work(number: int, seconds: float) -> StartResult:

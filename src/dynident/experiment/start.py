@@ -18,6 +18,9 @@ from dynident.experiment.finishing import FINER, Candidate
 #: Time in s between two news of one start.
 PAUSE = 0.2
 
+#: The bounds of a motion do not depend on how sharp the objective is.
+_ANY_SHARPNESS = 4.0
+
 
 @dataclass(frozen=True)
 class News:
@@ -51,6 +54,8 @@ class StartResult:
         evaluations: Evaluations of objective and bounds.
         whole: Whether it ended by itself; a time limit did not cut it.
         failure: Why it found no feasible motion to begin with; None where it did.
+        used: Greatest share of a bound that the best candidate uses on the fine grid; 0 where that is not known.
+        worst: What that bound is about; empty where that is not known.
     """
 
     start: int
@@ -58,6 +63,8 @@ class StartResult:
     evaluations: int
     whole: bool
     failure: DynidentError | None = None
+    used: float = 0.0
+    worst: str = ""
 
 
 def run_start(
@@ -89,7 +96,22 @@ def run_start(
         if kept is not None and np.isfinite(figure):
             found.append(Candidate(kept, figure, number))
             reporter.keep(sign * figure)
-    return StartResult(number, tuple(found), reporter.evaluations, not trail.cut)
+    result = StartResult(number, tuple(found), reporter.evaluations, not trail.cut)
+    if not found:
+        return result
+    used, words = _nearest_bound(dense, min(found, key=lambda one: one.figure).free)
+    return replace(result, used=used, worst=words)
+
+
+def _nearest_bound(problem: DesignProblem, x: Array) -> tuple[float, str]:
+    """Return the greatest share of a bound that a motion uses, and what that bound is about."""
+    return _worst(problem, problem.point(x, _ANY_SHARPNESS))
+
+
+def _worst(problem: DesignProblem, point: Point) -> tuple[float, str]:
+    worst = int(np.argmax(point.used))
+    label = problem.labels[worst]
+    return float(point.used[worst]), f"{label.quantity} of {label.owner}"
 
 
 class _Reporter:
@@ -107,11 +129,8 @@ class _Reporter:
         self._next = now + PAUSE
         if point.used.max() <= 1.0:
             self.keep(self._problem.figure(self._problem.motion(x)))
-        worst = int(np.argmax(point.used))
-        label = self._problem.labels[worst]
-        words = f"{label.quantity} of {label.owner}"
-        news = News(self._number, self.evaluations, point.objective, float(point.used[worst]), words, self._figure)
-        self._tell(news)
+        used, words = _worst(self._problem, point)
+        self._tell(News(self._number, self.evaluations, point.objective, used, words, self._figure))
 
     def keep(self, figure: float) -> None:
         """Keep the better of two figures."""

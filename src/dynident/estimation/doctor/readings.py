@@ -55,7 +55,7 @@ class Readings(Check):
             return []
         share, z = fit.friction_power(fit.plain)
         feeds = (z < FEEDS) & (share < FEEDS_SHARE)
-        if feeds.any() and (feeds | (z < -FEEDS)).all() and feeds.sum() > fit.model.robot.dof / 2:
+        if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
             return [_all_signs(subject, share, z, fit)]
         found = list(_candidates(fit, feeds))
         if not found:
