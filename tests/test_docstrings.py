@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 import dynident
+from dynident.estimation.doctor import CHECKS
 from dynident.estimation.estimators import ESTIMATORS
 from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.formats import FORMATS
@@ -33,6 +34,7 @@ FAMILIES: tuple[Family[Any], ...] = (
     ESTIMATORS,
     FORMATS,
     PROFILES,
+    CHECKS,
     FILTERS,
     TRAJECTORIES,
     CRITERIA,

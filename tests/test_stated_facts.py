@@ -13,6 +13,7 @@ import pytest
 import yaml
 
 from dynident.cli.main import main
+from dynident.estimation.doctor import CHECKS
 from dynident.estimation.estimators import ESTIMATORS
 from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.formats import FORMATS
@@ -34,6 +35,7 @@ FAMILIES: dict[str, Family[Any]] = {
     "FILTERS": FILTERS,
     "FORMATS": FORMATS,
     "PROFILES": PROFILES,
+    "CHECKS": CHECKS,
     "TRAJECTORIES": TRAJECTORIES,
     "CRITERIA": CRITERIA,
     "DESCRIPTIONS": DESCRIPTIONS,

@@ -210,3 +210,16 @@ def test_a_robot_without_speed_limits_is_refused(robot: str, capsys: pytest.Capt
     Path(robot).write_text(URDF.format(effort=200).replace('velocity="4" ', ""))
     assert main(["excite", robot, "--quiet"]) == 1
     assert "elbow" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("period", ["0", "-3", "nan"])
+def test_a_period_that_is_none(robot: str, period: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["excite", robot, "--period", period]) == 1
+    assert "--period" in (said := capsys.readouterr().err) and "give the period in s, above 0" in said
+
+
+def test_a_plan_is_no_robot(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("old.json").write_text('{"kind": "dynident plan"}')
+    assert main(["excite", "old.json", "-o", "plan.json"]) == 1
+    assert "old.json: it is a plan; give the case or robot to design for" in capsys.readouterr().err
+    assert not Path("plan.json").exists()

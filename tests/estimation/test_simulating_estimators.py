@@ -164,6 +164,19 @@ def test_scores_of_coloured_and_dependent_residuals():
     )
 
 
+def test_what_an_offset_takes_at_zero_frequency_is_not_copied_beside():
+    """The residual of a fit with an offset has no mean; slow rows are as uncertain as before."""
+    generator = np.random.default_rng(0)
+    rows = np.sin(2 * np.pi * np.outer([1.0, 2.0], np.arange(600) / 600))
+    found = []
+    for _ in range(200):
+        error = generator.normal(size=(600, 1))
+        part = ([rows], error - error.mean(), np.ones((600, 1), bool))
+        scores = score_triangle(iter([part]), [np.arange(2)], 2, np.ones(1))
+        found.append(np.diag(scores.T @ scores))
+    np.testing.assert_allclose(np.mean(found, axis=0), 300.0, rtol=0.1)
+
+
 def test_spectral_covariance_of_white_noise_is_the_plain_one(planar_2r, exact_log):
     model = DynamicModel(planar_2r, (Viscous(),))
     theta = np.append(planar_2r.nominal, [0.5, 0.5])

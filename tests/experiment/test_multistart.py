@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import pickle
+import subprocess
+import sys
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -68,6 +71,34 @@ def test_ctrl_c_ends_the_workers_at_once(model: DynamicModel) -> None:
         design_excitation(model, **{**QUICK, "starts": 200}, jobs=2, progress=stop)
     assert not [thread for thread in set(threading.enumerate()) - before if "QueueFeeder" in thread.name]
     assert not multistart.multiprocessing.active_children()
+
+
+_PARENT = """
+import multiprocessing, time
+from dynident.experiment.multistart import _begin
+
+def work(news, stop):
+    _begin(None, 0, news, stop)
+    print("ready", flush=True)
+    time.sleep(60)
+
+if __name__ == "__main__":
+    context = multiprocessing.get_context("spawn")
+    news, stop = context.Queue(), context.Event()
+    context.Process(target=work, args=(news, stop)).start()
+    time.sleep(60)
+"""
+
+
+def test_workers_end_when_the_search_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "parent.py"
+    script.write_text(_PARENT)
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None and parent.stdout.readline() == "ready\n"
+        parent.kill()
+        began = time.monotonic()
+        assert parent.stdout.read() == ""  # the end of the pipe comes when the worker, who holds it too, has ended
+        assert time.monotonic() - began < 30
 
 
 def test_an_error_of_a_worker_is_the_error_of_the_search(model: DynamicModel) -> None:

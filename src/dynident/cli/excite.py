@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from dynident.cli.knowledge import Knowledge
     from dynident.experiment.case import Case
     from dynident.experiment.clearance import Clearance
-    from dynident.experiment.limits import ToolLimit
     from dynident.experiment.multistart import SearchState
     from dynident.experiment.plan import Plan
 
@@ -125,10 +124,14 @@ def _case(options: argparse.Namespace) -> tuple[Case, str | None]:
     """Return the case and the file of finished starts, all names of files checked."""
     from dynident.cli.jobs import check_outputs
     from dynident.cli.knowledge import files_of
-    from dynident.errors import BadOption
+    from dynident.cli.plans import is_plan
+    from dynident.errors import BadOption, FileError
     from dynident.experiment.case import read_case
     from dynident.files import check_place
 
+    if is_plan(options.case):
+        step = "give the case or robot to design for; 'dynident inspect' shows a plan, 'dynident export' writes it"
+        raise FileError(options.case, "it is a plan", step)
     case = read_case(options.case)
     resume = options.resume
     if resume == "":
@@ -159,22 +162,13 @@ def _clearance(case: Case) -> Clearance | None:
     return clearance_of(case.robot, case.workspace)
 
 
-def _tool(case: Case) -> ToolLimit | None:
-    """Return the largest speed of the tool point; None where the case states none."""
-    if case.workspace is None or case.workspace.tool_speed == float("inf"):
-        return None
-    from dynident.experiment.limits import ToolLimit
-    from dynident.experiment.tool_speed import tool_point_of
-
-    return ToolLimit(tool_point_of(case.robot, case.workspace), case.workspace.tool_speed)
-
-
 def _design(
     options: argparse.Namespace, case: Case, known: Knowledge, clearance: Clearance | None, resume: str | None
 ) -> Plan:
     from dataclasses import replace
 
     from dynident.cli import console
+    from dynident.cli.plans import tool_limit
     from dynident.experiment.excitation import ROWS_A_SECOND, design_excitation
     from dynident.experiment.limits import limits_of
 
@@ -193,7 +187,7 @@ def _design(
             theta=known.theta,
             uncertainty=known.uncertainty,
             clearance=clearance,
-            tool=_tool(case),
+            tool=tool_limit(case),
             earlier=known.earlier,
             rows=rate * options.period * options.repeats if options.rows is None else options.rows,
             time_limit=options.time_limit,
@@ -232,8 +226,8 @@ def _teller(progress: Progress, criterion: str) -> Callable[[SearchState], None]
 
 def _show(plan: Plan, clearance: Clearance | None, earlier: bool) -> None:
     from dynident.cli import console
-    from dynident.experiment.criteria import CRITERIA
-    from dynident.results.text import Column, Table, format_number, label
+    from dynident.results.plan_view import figures_table
+    from dynident.results.text import label
 
     facts = plan.settings
     console.answer(
@@ -242,11 +236,7 @@ def _show(plan: Plan, clearance: Clearance | None, earlier: bool) -> None:
     )
     where = f"run-in and run-out of {plan.run_in:g} s" if plan.run_in else "starts and ends at rest"
     console.answer(f"{where}; noise: {facts['noise_source']}; torque limits: {facts['torque_limits']}\n")
-    figures = tuple(
-        (name, format_number(value), "larger" if CRITERIA.get(name).larger_is_better else "smaller")
-        for name, value in plan.values.items()
-    )
-    console.answer_table(Table((Column("criterion"), Column("value", numeric=True), Column("better")), figures))
+    console.answer_table(figures_table(plan))
     if earlier:
         _show_outlook(plan)
     console.answer()
@@ -257,25 +247,12 @@ def _show(plan: Plan, clearance: Clearance | None, earlier: bool) -> None:
 
 def _show_limits(plan: Plan) -> None:
     from dynident.cli import console
-    from dynident.results.text import Column, Table, format_given, format_number, label, pretty_unit
+    from dynident.results.plan_view import rows_table
 
-    heads = ("joint", "quantity", "worst", "bound", "unit", "used [%]", "at [s]")
-    columns = tuple(Column(head, numeric=head in (*heads[2:4], *heads[5:])) for head in heads)
     pairs = sorted((row for row in plan.rows if row.quantity == "clearance"), key=lambda row: -row.used)
     shown = [row for row in plan.rows if row.quantity != "clearance"] + pairs[:PAIRS]
-    rows = tuple(
-        (
-            label(row.joint),
-            row.quantity,
-            format_number(row.value),
-            format_given(row.limit),
-            pretty_unit(row.unit),
-            f"{100 * row.used:.1f}" if row.used else "–",
-            f"{row.time:.2f}",
-        )
-        for row in shown
-    )
-    console.answer_table(Table(columns, rows), f"limits, checked at {plan.samples} samples, margins taken off")
+    table = rows_table(shown, f"limits, checked at {plan.samples} samples, margins taken off")
+    console.answer_table(table, table.note)
     if len(pairs) > PAIRS:
         console.answer(f"and {len(pairs) - PAIRS} pairs that stay further apart")
 

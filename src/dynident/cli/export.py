@@ -36,7 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     motion.add_argument(
         "--from-posture",
         metavar="Q1,Q2,..",
-        help="where the robot stands, or 'start': at the first posture (before a minus sign: --from-posture=-1,..)",
+        help="where the robot stands, or 'start': at the first posture",
     )
     motion.add_argument(
         "--units", choices=("rad", "deg"), default="rad", help="of turning joints in --from-posture (rad); others: m"
@@ -104,27 +104,15 @@ def _posture(text: str | None, plan: Plan, units: str) -> Any:
 
 def _show(export: Export) -> None:
     from dynident.cli import console
-    from dynident.results.text import Column, Table, format_given, format_number, label, pretty_unit
+    from dynident.results.plan_view import rows_table
+    from dynident.results.text import label
 
     points = f"{export.points} points" + (f" at {export.rate:g} Hz" if export.rate else "")
     length = f"{export.duration:.6g} s at {100 * export.speed:g} % speed"
     console.answer(f"{label(export.robot)} to {export.exporter}: {length}, {points}")
     console.answer(f"approach: {export.approach}\n")
-    heads = ("joint", "quantity", "worst", "bound", "unit", "used [%]", "at [s]")
-    columns = tuple(Column(head, numeric=head in (*heads[2:4], *heads[5:])) for head in heads)
-    rows = tuple(
-        (
-            label(row.joint),
-            row.quantity,
-            format_number(row.value),
-            format_given(row.limit),
-            pretty_unit(row.unit),
-            f"{100 * row.used:.1f}" if row.used else "–",
-            f"{row.time:.2f}",
-        )
-        for row in export.rows
-    )
-    console.answer_table(Table(columns, rows), "limits at this speed, margins taken off")
+    table = rows_table(export.rows, "limits at this speed, margins taken off")
+    console.answer_table(table, table.note)
     console.answer(f"\nlargest round-off of a position: {max(export.round_off.values()):.2g} rad or m")
     for key, value in export.facts.items():
         worst = max(value.values()) if isinstance(value, dict) else value

@@ -17,6 +17,7 @@ FAMILIES = (
     "filters",
     "formats",
     "profiles",
+    "checks",
     "trajectories",
     "criteria",
     "exporters",
@@ -54,6 +55,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _parts(name: str) -> list[dict]:
+    from dynident.estimation.doctor import CHECKS
     from dynident.estimation.estimators import ESTIMATORS
     from dynident.experiment.criteria import CRITERIA
     from dynident.experiment.formats import FORMATS
@@ -75,6 +77,7 @@ def _parts(name: str) -> list[dict]:
         "filters": FILTERS,
         "formats": FORMATS,
         "profiles": PROFILES,
+        "checks": CHECKS,
         "trajectories": TRAJECTORIES,
         "criteria": CRITERIA,
         "exporters": EXPORTERS,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import re
 import signal
 import sys
 import traceback
@@ -16,6 +17,9 @@ from typing import Any
 COMMANDS = ("demo", "inspect", "excite", "export", "init", "check", "identify", "validate", "compare", "report", "list")
 
 _MODULES = {"list": "list_parts"}
+
+#: Numbers with commas between them of which the first is negative; argparse knows only single ones.
+_NEGATIVE_LIST = re.compile(r"-[\d.][^\s=]*,")
 
 _DESCRIPTION = """\
 Dynamic model identification of robot arms: from a robot description and a motion log to a model that is
@@ -61,7 +65,7 @@ def _module(name: str) -> Any:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     parser = build_parser()
-    options = parser.parse_args(arguments)
+    options = parser.parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
     if options.command is None:
         parser.print_help()
         return 2
@@ -78,6 +82,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             traceback.print_exc()
         code = _reported(error)
     return code
+
+
+def _joined(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments with lists such as -1,0.5 as the value of the option before them, not as options."""
+    found: list[str] = []
+    for one in arguments:
+        if found and found[-1].startswith("--") and "=" not in found[-1] and _NEGATIVE_LIST.match(one):
+            found[-1] += f"={one}"
+        else:
+            found.append(one)
+    return found
 
 
 def _reported(error: BaseException) -> int:

@@ -1,4 +1,4 @@
-"""What inspect and report share: a plan with its case, checked again, and its tables in the terminal."""
+"""What excite, inspect and report share: a plan with its case, checked again, and its tables in the terminal."""
 
 from __future__ import annotations
 
@@ -81,13 +81,13 @@ def plan_view(
     known = knowledge_of(argparse.Namespace(model=estimate, sigmas=sigmas, **nothing), case, model)
     theta = model.nominal() if known.theta is None else known.theta
     clearance = None if case.workspace is None else clearance_of(case.robot, case.workspace)
-    check = recheck(plan, model, theta=theta, uncertainty=known.uncertainty, clearance=clearance, tool=_tool(case))
+    check = recheck(plan, model, theta=theta, uncertainty=known.uncertainty, clearance=clearance, tool=tool_limit(case))
     free = f", {known.uncertainty.sigmas:g} sigmas free" if known.uncertainty else ""
     torques = "" if theta is None else f"{known.model or 'the masses of the description'}{free}"
     return PlanView(plan, check, case.robot, model, theta, case.workspace, clearance, torques, path)
 
 
-def _tool(case: Case) -> ToolLimit | None:
+def tool_limit(case: Case) -> ToolLimit | None:
     """Return the limit on the speed of the tool; None where the case states none."""
     from dynident.experiment.limits import ToolLimit
     from dynident.experiment.tool_speed import tool_point_of

@@ -184,6 +184,9 @@ def filter_log(
         found[row] = innovation @ np.linalg.solve(seen, innovation)
         change = gain @ innovation
         state, beta = ahead.state + change[:own], beta + change[own:]
+        if not np.all(np.isfinite(beta)):
+            step = "state a smaller spread, or position_noise and torque_noise"
+            raise SolverFailed("the Kalman filter", f"the parameters are lost at row {row + 1}", step)
         kept = np.eye(size)
         kept[:, :joints] -= gain  # Joseph's form: symmetric and non-negative whatever the rounding
         covariance = kept @ covariance @ kept.T + (gain * tuning.position**2) @ gain.T

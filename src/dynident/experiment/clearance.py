@@ -248,10 +248,10 @@ def _reachable(pairs: list[Pair], distances: Array, moves: BoolArray) -> tuple[l
             stuck.append(f"{pair.name} ({farthest:.3g} of {pair.required:g} m)")
     if stuck:
         step = (
-            f"no posture keeps this far apart, of {len(distances)} tried: {', '.join(stuck)}; "
+            f"no posture keeps this far apart, of {len(distances)} tried; "
             "mend the shapes or obstacles, require less, or list these pairs under ignore"
         )
-        raise BadOption("clearance", len(stuck), step)
+        raise BadOption("workspace", ", ".join(stuck), step)
     return kept, ignored
 
 

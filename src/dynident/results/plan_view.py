@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -128,15 +128,20 @@ def verdict(view: PlanView) -> str:
 
 def criteria_table(view: PlanView) -> Table:
     """Return the figures of all criteria: those of the file, those computed again, and which way is better."""
-    known, again = CRITERIA.names(), view.check.values
+    return figures_table(view.plan, view.check.values)
+
+
+def figures_table(plan: Plan, again: Mapping[str, float] | None = None) -> Table:
+    """Return the figures of a plan, which way is better, and beside them those computed again where there are some."""
+    known = CRITERIA.names()
     rows = tuple(
         (
-            label(name) + (" (designed for)" if name == view.plan.criterion else ""),
+            label(name) + (" (designed for)" if name == plan.criterion else ""),
             format_number(value),
             *([format_number(again[name]) if name in again else MISSING] if again else []),
             MISSING if name not in known else "larger" if CRITERIA.get(name).larger_is_better else "smaller",
         )
-        for name, value in view.plan.values.items()
+        for name, value in plan.values.items()
     )
     columns = [Column("criterion"), Column("value", numeric=True), Column("better")]
     if again:
@@ -145,10 +150,25 @@ def criteria_table(view: PlanView) -> Table:
 
 
 def limits_table(view: PlanView) -> Table:
-    """Return the worst of every quantity of every joint, and of the tool."""
+    """Return the worst of every quantity of every joint, and of the tool, with which were checked again."""
+    shown = [
+        (row, own) for row, own in zip(view.check.rows, view.check.again, strict=True) if row.quantity != "clearance"
+    ]
+    note = f"Checked at {view.plan.samples} samples from rest to rest, margins taken off."
+    return rows_table([row for row, _ in shown], note, ["again" if own else "by the file" for _, own in shown])
+
+
+def rows_table(rows: Sequence[LimitRow], note: str, checked: Sequence[str] | None = None) -> Table:
+    """Return the rows of a check of limits as a table.
+
+    Args:
+        rows: The worst of each quantity.
+        note: What the table is of.
+        checked: How each row was checked, as a last column; None leaves it out.
+    """
     heads = ("joint", "quantity", "worst", "bound", "unit", "used [%]", "at [s]", "checked")
     columns = tuple(Column(head, numeric=head in (*heads[2:4], *heads[5:7])) for head in heads)
-    rows = tuple(
+    cells = tuple(
         (
             label(row.joint),
             row.quantity,
@@ -157,12 +177,12 @@ def limits_table(view: PlanView) -> Table:
             pretty_unit(row.unit),
             f"{100 * row.used:.1f}" if row.used else MISSING,
             f"{row.time:.2f}",
-            "again" if again else "by the file",
         )
-        for row, again in zip(view.check.rows, view.check.again, strict=True)
-        if row.quantity != "clearance"
+        for row in rows
     )
-    return Table(columns, rows, f"Checked at {view.plan.samples} samples from rest to rest, margins taken off.")
+    if checked is None:
+        return Table(columns[:-1], cells, note)
+    return Table(columns, tuple((*cell, how) for cell, how in zip(cells, checked, strict=True)), note)
 
 
 def nearest(view: PlanView) -> tuple[LimitRow, ...]:

@@ -17,6 +17,9 @@ from dynident.estimation.robust import FINEST, huber_loss, robust_fit, robust_sc
 from dynident.estimation.row_passes import RowPasses
 from dynident.model.reduction import least_squares, reduce
 
+#: Fits after which a row that is left out stays out: some at the threshold would come and go for ever.
+COMING_AND_GOING = 20
+
 
 @dataclass(frozen=True)
 class IRLS(Estimator):
@@ -68,8 +71,11 @@ class IRLS(Estimator):
         passes = RowPasses(problem)
         start = robust_fit(passes, huber_loss(1.345), least_squares(problem.reduced()).beta, None, 200, 1e-2)
         beta, covariance, done, change = start.beta, np.diag(start.scale**2), 0, np.inf
+        before = passes.counting
         while done < self.iterations:
             keep, size = self._counting(passes, beta, covariance)
+            keep = keep & before if done >= COMING_AND_GOING else keep
+            before = keep
             white = self._whitening(passes, beta, keep, size)
             reduced = reduce(white.triangles(np.sqrt(size)), problem.base.count, np.ones(len(start.scale)))
             check_rank(reduced, problem.base)

@@ -1,0 +1,49 @@
+"""Output whose reader has gone, and values that look like options."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from typing import TextIO
+
+import pytest
+
+from dynident.cli import console
+from dynident.cli.main import main
+from dynident.results.text import Column, Table
+
+
+@pytest.fixture
+def broken() -> Iterator[TextIO]:
+    """Yield a pipe that nobody reads, as after ``| head``."""
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w", buffering=1) as stream:
+        yield stream
+
+
+def test_the_work_goes_on_when_nobody_reads_the_answer(broken: TextIO, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdout", broken)
+    console.answer("first")
+    console.answer_table(Table((Column("a"),), (("1",),)), "title")
+    console.answer_json({"b": 1})
+    broken.write("no error any more")
+
+
+def test_the_work_goes_on_when_nobody_reads_its_progress(broken: TextIO, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", broken)
+    with console.progress(2) as progress:
+        progress.step("one")
+        progress.step("two")
+    console.remark("saved")
+    broken.flush()
+
+
+def test_a_list_that_begins_with_a_minus_sign_is_a_value(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["export", "none.json", "--to", "csv", "-o", "motion.csv", "--from-posture", "-1.5,0,.2"]
+    assert main(words) == 1
+    assert "none.json: there is no such file" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["export", "none.json", "--to", "csv", "-o", "motion.csv", "--from-posture", "--check"])
+    assert "--from-posture: expected one argument" in capsys.readouterr().err
