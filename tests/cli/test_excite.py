@@ -127,7 +127,9 @@ def test_what_to_record_next(robot: str, capsys: pytest.CaptureFixture[str]) -> 
     shown = capsys.readouterr().out
     assert "noise: residuals of run.csv" in shown and "before: run.csv; nominal model within 50 %" in shown
     same = [item["std_before"] for item in read_plan("logs.json").settings["outlook"]["parameters"]]
-    assert np.all(np.array(same) < 1.2 * np.array(before))  # the nominal model is known as well
+    # The nominal model is known as well; a correlation factor per joint here, the colour of each score in the estimate.
+    share = np.array(same) / np.array(before)
+    assert np.median(share) < 1.1 and np.all(share < 2.0)
     assert main([*command, "other.json", "--friction", "viscous", "--earlier", "estimate.json"]) == 1
     assert "an estimate of other base parameters" in capsys.readouterr().err
     assert main([*command, "one.json", "--noise-from", "estimate.json"]) == 0

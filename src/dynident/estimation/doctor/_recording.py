@@ -71,7 +71,7 @@ def read_recording(case: Case, name: str) -> Recording:
 
 
 def _at_joints(case: Case, log: Log) -> Log:
-    """Return the log at the joints of the robot in its order, as :func:`dynident.experiment.case.read_with` does."""
+    """Return the log at the joints of the robot, in its order, as ``read_with`` of the case does."""
     zero = dict(zip(log.joints, case.columns.zero, strict=True)) if case.columns.zero else {}
     log = log.ordered(case.robot.joint_names)
     if case.columns.motor:

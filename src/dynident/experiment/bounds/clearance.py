@@ -15,8 +15,8 @@ from dynident.experiment.limits import DISTANCE_SCALE
 class ClearanceBound(Bound):
     """1 + (required - distance) / 0.1 m of every pair at its nearest sample; what holds between samples is checked.
 
-    On the grid of a search the samples alone count; :func:`~dynident.experiment.distances.least_distances` gives what
-    is certain between them before a motion is kept.
+    On the grid of a search the samples alone count; ``least_distances`` gives what is certain between them before a
+    motion is kept.
 
     Attributes:
         distances: The pairs.
