@@ -236,6 +236,7 @@ def _read_yaml(block: Block, after: Block, workshop: Path) -> None:
     [
         ".",
         "drives.shoulder",
+        "limits",
         "log",
         "log.columns",
         "log.units",

@@ -376,3 +376,28 @@ def test_any_text_is_a_split_or_a_named_error(text: str) -> None:
         Split.parse(text)
     except DynidentError as error:
         assert "write first:0.67" in str(error)
+
+
+def test_limits_of_the_case_take_the_place_of_the_description(tmp_path: Path) -> None:
+    path = tmp_path / "case.yaml"
+    path.write_text("case: 1\nrobot: er16\nlimits: {acceleration: 8, jerk: [1, 2, 3, 4, 5, 6], effort: 100}\n")
+    plain, bounded = read_case("er16").robot, read_case(path).robot
+    for k, (before, after) in enumerate(zip(plain.active, bounded.active, strict=True), start=1):
+        expected = dataclasses.replace(before.limits, acceleration=8.0, jerk=float(k), effort=100.0)
+        assert after.limits == expected and dataclasses.replace(after, limits=before.limits) == before
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ("{accelleration: 8}", "acceleration"),
+        ("{jerk: [1, 2]}", "6 numbers"),
+        ("{velocity: -1}", "velocity limit is -1"),
+        ("{lower: 9, upper: 1}", "above the upper limit"),
+    ],
+)
+def test_limits_that_cannot_be(tmp_path: Path, limits: str, words: str) -> None:
+    path = tmp_path / "case.yaml"
+    path.write_text(f"case: 1\nrobot: er16\nlimits: {limits}\n")
+    with pytest.raises(DescriptionError, match=words):
+        read_case(path)

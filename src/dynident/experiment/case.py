@@ -1,8 +1,8 @@
 """The case file: the one place where a user describes their robot, their log and how the two are used.
 
-Format 1, YAML. Keys: case (the format), robot, gravity, locked, joints, coupling, drives, friction, log (profile,
-format, columns, units, ...), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, train, test, split,
-workspace, note. Unknown keys are errors that name the nearest known one. docs/case-file.md describes each.
+Format 1, YAML. Keys: case (the format), robot, gravity, limits, locked, joints, coupling, drives, friction, log
+(profile, format, columns, units, ...), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, train,
+test, split, workspace, note. Unknown keys are errors that name the nearest known one. docs/case-file.md describes each.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from dynident.experiment.case_values import guarded, part_of, texts
 from dynident.experiment.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.experiment.constraints_file import constraints_of
 from dynident.experiment.formats import ColumnMap, read_log
+from dynident.experiment.limits_section import robot_with_limits
 from dynident.experiment.log import Log, torque_from_current
 from dynident.experiment.log_section import read_columns
 from dynident.experiment.motor_side import joint_side, with_zero
@@ -52,7 +53,19 @@ DEFAULT_FRICTION = ("coulomb", "viscous", "offset")
 #: What stands for a friction or a delay that is to be found from the logs.
 AUTO = "auto"
 
-_KEYS = ("case", "robot", "gravity", "locked", "joints", "coupling", "drives", "friction", "log", "preprocessing")
+_KEYS = (
+    "case",
+    "robot",
+    "gravity",
+    "limits",
+    "locked",
+    "joints",
+    "coupling",
+    "drives",
+    "friction",
+    "log",
+    "preprocessing",
+)
 _KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "workspace", "note")
 _PREPROCESSING_KEYS = ("filter", "rate_hz", "trim_s", "standstill", "rest", "delay_s")
 
@@ -226,9 +239,11 @@ def _find(name: str, case: str) -> Path:
 
 
 def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
-    """Apply gravity, drives, coupling and locked joints, in this order; return also the locked positions."""
+    """Apply gravity, limits, drives, coupling and locked joints, in this order; return also the locked positions."""
     if top.has("gravity"):
         robot = robot.with_gravity(top.numbers("gravity", 3))
+    if top.has("limits"):
+        robot = robot_with_limits(top, robot)
     names = robot.joint_names
     drives: dict[str, Drive] = {}
     if top.has("drives"):
