@@ -18,6 +18,7 @@ from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import estimate_of, identify, pose, validate
 from dynident.estimation.load import agrees, with_load
 from dynident.estimation.problem import Observer, make_problem, motion_of
+from dynident.estimation.propagation import mass_matrix_deviations, torque_deviations
 from dynident.estimation.scale import BodyPrior
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess
@@ -29,6 +30,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.load import Load
+from dynident.model.friction.offset import Offset
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
@@ -126,6 +128,21 @@ def test_fewer_parameters_leave_the_load_of_the_others(spatial_3r: Robot, exact_
     assert problem.load is not None
     unused = replace(problem, load=np.where(keep, problem.load, 0.0))
     np.testing.assert_allclose(restricted(unused, keep).rows.matrix, unused.rows.matrix[:, keep], atol=1e-9)
+
+
+def test_covariances_that_follow_know_the_load(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """The load is part of what is uncertain; the mass matrix has no friction."""
+    model = DynamicModel(spatial_3r, PARTS)
+    log = exact_log(model, truth(model), noise=0.5, samples=600)
+    estimate = identify(model, [log], "wls", GIVEN)
+    few, observer = log.rows(slice(0, 60), "few"), Observer(model, estimate.base)
+    draws = np.random.default_rng(0).multivariate_normal(estimate.beta, estimate.covariance, 1000)
+    torques = [observer.predict(few, beta) for beta in draws]
+    np.testing.assert_allclose(torque_deviations(estimate, few), np.std(torques, axis=0), rtol=0.1)
+    plain = DynamicModel(spatial_3r, (*PARTS[:3], Offset()))  # as many coefficients, at the same places
+    q = np.array([0.3, -0.8, 0.5])
+    expected = mass_matrix_deviations(replace(estimate, model=plain), q)
+    np.testing.assert_allclose(mass_matrix_deviations(estimate, q), expected, rtol=1e-9)
 
 
 def test_a_problem_without_its_load_is_refused(spatial_3r: Robot, exact_log: MakeLog) -> None:

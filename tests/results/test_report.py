@@ -74,8 +74,9 @@ def whole(case: tuple[Estimate, Validation]) -> str:
     rows: list[dict[str, Any]] = [{"method": "abc", "gap": "5 %"}, {"method": "ols", "gap": "1 %"}]
     found = {"delays": [{"log": "train.csv", "seconds": 2.95e-3, "deviation": 8.8e-4, "applied": 2.95e-3}]}
     plan = plan_of(estimate.model.robot)
+    trust = {"verdicts": ["noise is white before the filter"], "joints": [], "parts": [], "cross_validation": []}
     return build_report(
-        replace(estimate, extras={**estimate.extras, **found}),
+        replace(estimate, extras={**estimate.extras, **found}, diagnostics=trust),
         [test],
         comparison=rows,
         traces={"another": [5.0, 4.0, 3.0]},
@@ -160,7 +161,7 @@ def test_sections_with_nothing_to_show_leave_themselves_out() -> None:
     bare = replace(estimate, extras={}, provenance={})
     page = check_inert(build_report(bare))
     assert set(ORDER) - set(page.sections) == {
-        "excitation", "bodies", "friction", "choices", "convergence", "comparison",
+        "excitation", "bodies", "trust", "friction", "choices", "convergence", "comparison",
     }  # fmt: skip
     without_rows = replace(
         bare.train, **{name: np.zeros((0, 3)) for name in ("q", "dq", "measured", "unfiltered", "predicted")}

@@ -73,7 +73,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     search.add_argument("--seed", type=int, default=0, help="seed of the starts (0)")
     search.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="longest search in s (60)")
     search.add_argument(
-        "--jobs", type=int, metavar="N", help="processes for the starts; default: one a core; the plan is the same"
+        "--jobs", type=int, default=1, metavar="N", help="processes for the starts (1); the plan is the same"
     )
     search.add_argument(
         "--resume",

@@ -56,11 +56,12 @@ def torque_deviations(estimate: Estimate, log: Log) -> Array:
     Raises:
         LogMismatch: The log has no velocities or accelerations yet.
     """
-    observer = Observer(estimate.model, estimate.base)
-    zero = observer.predict(log, np.zeros(len(estimate.beta)))
+    observer, beta = Observer(estimate.model, estimate.base), estimate.beta
     values, vectors = np.linalg.eigh(estimate.covariance)
     roots = (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    return np.sqrt(sum((observer.predict(log, root) - zero) ** 2 for root in roots))
+    # With friction that depends on the load the torque is not linear in beta: slopes by central differences.
+    slopes = (0.5 * (observer.predict(log, beta + root) - observer.predict(log, beta - root)) for root in roots)
+    return np.sqrt(sum(slope**2 for slope in slopes))
 
 
 def mass_matrix_deviations(estimate: Estimate, q: Array) -> Array:
@@ -75,7 +76,8 @@ def mass_matrix_deviations(estimate: Estimate, q: Array) -> Array:
     """
     joints = estimate.model.robot.dof
     ddq = np.concatenate([np.eye(joints), np.zeros((1, joints))])
-    motion = Motion(np.tile(np.asarray(q, dtype=float), (joints + 1, 1)), np.zeros_like(ddq), ddq)
+    none = np.zeros_like(ddq)  # at rest no friction depends on load or temperature
+    motion = Motion(np.tile(np.asarray(q, dtype=float), (joints + 1, 1)), none, ddq, torque=none, temperature=none)
     columns = estimate.model.regressor(motion)[..., estimate.base.independent]
     slopes = columns[:-1] - columns[-1]  # (j, i, b)
     return np.sqrt(np.maximum(np.einsum("jib,bc,jic->ij", slopes, estimate.covariance, slopes), 0.0))
