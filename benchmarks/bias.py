@@ -17,19 +17,19 @@ from dataclasses import replace
 import numpy as np
 
 from dynident import DynamicModel, FourierSeries, Preprocessing, read_robot
-from dynident.estimation.closed_loop import simulated_logs
 from dynident.estimation.estimators.didim import DIDIM
 from dynident.estimation.estimators.iv import IV
 from dynident.estimation.estimators.ols import OLS
 from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.exogeneity import durbin_wu_hausman
 from dynident.estimation.identify import estimate_of, pose
-from dynident.estimation.instruments import instruments
-from dynident.estimation.iteration import started
-from dynident.experiment.plant import plant
+from dynident.estimation.simulated.closed_loop import simulated_logs
+from dynident.estimation.simulated.instruments import instruments
+from dynident.estimation.simulated.iteration import started
+from dynident.estimation.uncertainty.exogeneity import durbin_wu_hausman
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.experiment.preprocessing.butterworth import central_differences
-from dynident.experiment.virtual_robot import Controller, Noise, simulate
+from dynident.experiment.simulation.plant import plant
+from dynident.experiment.simulation.virtual_robot import Controller, Noise, simulate
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.robots.er16_article import LOCKED

@@ -16,9 +16,9 @@ import scipy.sparse
 from scipy.optimize import linprog
 from threadpoolctl import threadpool_limits
 
-from dynident.estimation.colony import search
-from dynident.estimation.landscape import absolute_landscape, box_optimum, square_landscape
 from dynident.estimation.problem import make_problem
+from dynident.estimation.search.colony import search
+from dynident.estimation.search.landscape import absolute_landscape, box_optimum, square_landscape
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess
 from dynident.experiment.preprocessing.fourier_fit import FourierFit

@@ -17,12 +17,12 @@ import numpy as np
 
 from dynident import DynamicModel, Preprocessing, read_case
 from dynident.cli.compare import methods_from
-from dynident.estimation.compare import compare, contest_of, ranked
+from dynident.estimation.comparison.compare import compare, contest_of, ranked
 from dynident.estimation.identify import pose
 from dynident.estimation.reproduction import POSITION_NOISE, er16_three_joints, trajectories
-from dynident.experiment.case import case_of_robot
+from dynident.experiment.case_file.case import case_of_robot
 from dynident.experiment.preprocessing.fourier_fit import FourierFit
-from dynident.experiment.virtual_robot import Noise, simulate
+from dynident.experiment.simulation.virtual_robot import Noise, simulate
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous

@@ -14,12 +14,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from dynident import DynamicModel, base_parameters, read_robot
-from dynident.estimation.barrier import inside, solve_barrier
-from dynident.estimation.conic import solve_conic, solve_whitened
-from dynident.estimation.consistency import broken_conditions
-from dynident.estimation.consistent_fit import METRICS, consistent_fit, pose_program
-from dynident.estimation.log_cholesky_fit import descend
-from dynident.estimation.scale import natural_scale
+from dynident.estimation.consistency.barrier import inside, solve_barrier
+from dynident.estimation.consistency.conic import solve_conic, solve_whitened
+from dynident.estimation.consistency.consistent_fit import METRICS, consistent_fit, pose_program
+from dynident.estimation.consistency.log_cholesky_fit import descend
+from dynident.estimation.consistency.scale import natural_scale
+from dynident.estimation.consistency.verdicts import broken_conditions
 from dynident.model.reduction import Reduced, triangle_of
 
 ROWS, REPEATS, PROBLEMS = 12_000, 15, 40

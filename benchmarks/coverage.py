@@ -17,14 +17,14 @@ import scipy.signal
 import scipy.stats
 
 from dynident import DynamicModel, FourierSeries, Log, Preprocessing, base_parameters, preprocess, read_robot
-from dynident.estimation.bootstrap import errors_drawn
-from dynident.estimation.covariance import FEWEST_FREE, correlation_factors
-from dynident.estimation.hac import covariance_of_scores
 from dynident.estimation.problem import make_problem
-from dynident.estimation.row_passes import RowPasses
-from dynident.estimation.stretches import stretches
-from dynident.estimation.uncertainty import bands, covariance_of
-from dynident.experiment.case import default_preprocessing
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.residuals.stretches import stretches
+from dynident.estimation.uncertainty.bootstrap import errors_drawn
+from dynident.estimation.uncertainty.coloured import bands, covariance_of
+from dynident.estimation.uncertainty.covariance import FEWEST_FREE, correlation_factors
+from dynident.estimation.uncertainty.hac import covariance_of_scores
+from dynident.experiment.case_file.case import default_preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.model.friction import Motion
 from dynident.robots.er16_article import LOCKED

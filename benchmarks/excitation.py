@@ -22,19 +22,19 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.simulation import as_pinocchio
 from dynident import DynamicModel, FourierSeries, base_parameters, identify, read_robot, simulate
-from dynident.experiment.clearance import clearance_of
 from dynident.experiment.criteria import CRITERIA
-from dynident.experiment.design_problem import GUARD, DesignProblem
-from dynident.experiment.design_search import Trail, candidates
-from dynident.experiment.excitation import design_excitation
-from dynident.experiment.feasibility import feasible_start, shrunk
-from dynident.experiment.finishing import FINER
-from dynident.experiment.limits import MotionLimits, limits_of
-from dynident.experiment.observation import Observation
-from dynident.experiment.parametrisation import parametrise
-from dynident.experiment.prior import Prior, deviations_of
-from dynident.experiment.virtual_robot import Noise
-from dynident.experiment.workspace import HalfSpace, Workspace
+from dynident.experiment.design.design_problem import GUARD, DesignProblem
+from dynident.experiment.design.design_search import Trail, candidates
+from dynident.experiment.design.excitation import design_excitation
+from dynident.experiment.design.feasibility import feasible_start, shrunk
+from dynident.experiment.design.finishing import FINER
+from dynident.experiment.design.limits import MotionLimits, limits_of
+from dynident.experiment.design.observation import Observation
+from dynident.experiment.design.parametrisation import parametrise
+from dynident.experiment.design.prior import Prior, deviations_of
+from dynident.experiment.room.clearance import clearance_of
+from dynident.experiment.room.workspace import HalfSpace, Workspace
+from dynident.experiment.simulation.virtual_robot import Noise
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from dynident.estimation.doctor import examine
-from dynident.experiment.case import Case, read_case
+from dynident.experiment.case_file.case import Case, read_case
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
 

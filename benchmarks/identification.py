@@ -17,9 +17,9 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.simulation import as_pinocchio
 from dynident import DynamicModel, FourierSeries, Log, Preprocessing, base_parameters, preprocess, read_robot
-from dynident.estimation.consistent_fit import consistent_fit
+from dynident.estimation.consistency.consistent_fit import consistent_fit
+from dynident.estimation.consistency.scale import natural_scale
 from dynident.estimation.problem import Observer, make_problem
-from dynident.estimation.scale import natural_scale
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.model.friction import Motion
 from dynident.model.parameters import to_pinocchio

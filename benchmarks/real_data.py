@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from dynident import identify, read_case, validate
+from dynident.experiment.case_file.split import Split
 from dynident.experiment.preprocessing import FILTERS
-from dynident.experiment.split import Split
 from dynident.model.friction import FRICTION
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"

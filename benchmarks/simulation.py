@@ -11,9 +11,9 @@ import time
 import numpy as np
 import pinocchio
 
-from dynident.experiment.plant import plant
+from dynident.experiment.simulation.plant import plant
+from dynident.experiment.simulation.virtual_robot import Controller, simulate
 from dynident.experiment.trajectories.fourier import FourierSeries
-from dynident.experiment.virtual_robot import Controller, simulate
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 

@@ -19,8 +19,8 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.colony import article_problem, report
 from dynident.estimation.estimators import ESTIMATORS
-from dynident.estimation.landscape import absolute_landscape, box_optimum, square_landscape
-from dynident.estimation.population import values
+from dynident.estimation.search.landscape import absolute_landscape, box_optimum, square_landscape
+from dynident.estimation.search.population import values
 from dynident.model.reduction import least_squares
 
 SEEDS = (0, 1, 2)

@@ -16,22 +16,22 @@ if TYPE_CHECKING:
     from dynident.estimation.identify import identify as identify
     from dynident.estimation.identify import validate as validate
     from dynident.estimation.validation import Validation as Validation
-    from dynident.experiment.case import Case as Case
-    from dynident.experiment.case import read_case as read_case
-    from dynident.experiment.excitation import design_excitation as design_excitation
+    from dynident.experiment.case_file.case import Case as Case
+    from dynident.experiment.case_file.case import read_case as read_case
+    from dynident.experiment.design.excitation import design_excitation as design_excitation
+    from dynident.experiment.design.limits import limits_of as limits_of
+    from dynident.experiment.design.plan import read_plan as read_plan
+    from dynident.experiment.design.plan import write_plan as write_plan
     from dynident.experiment.formats import ColumnMap as ColumnMap
     from dynident.experiment.formats import Units as Units
     from dynident.experiment.formats import read_log as read_log
     from dynident.experiment.formats import write_log as write_log
-    from dynident.experiment.limits import limits_of as limits_of
     from dynident.experiment.log import Log as Log
-    from dynident.experiment.plan import read_plan as read_plan
-    from dynident.experiment.plan import write_plan as write_plan
     from dynident.experiment.preprocessing import FILTERS as FILTERS
     from dynident.experiment.preprocessing import Preprocessing as Preprocessing
     from dynident.experiment.preprocessing import preprocess as preprocess
+    from dynident.experiment.simulation.virtual_robot import simulate as simulate
     from dynident.experiment.trajectories.fourier import FourierSeries as FourierSeries
-    from dynident.experiment.virtual_robot import simulate as simulate
     from dynident.model.base_parameters import BaseParameters as BaseParameters
     from dynident.model.base_parameters import base_parameters as base_parameters
     from dynident.model.descriptions import read_robot as read_robot
@@ -52,15 +52,15 @@ _HOMES = {
     "estimation.estimators": ("ESTIMATORS",),
     "estimation.identify": ("identify", "validate"),
     "estimation.validation": ("Validation",),
-    "experiment.case": ("Case", "read_case"),
-    "experiment.excitation": ("design_excitation",),
+    "experiment.case_file.case": ("Case", "read_case"),
+    "experiment.design.excitation": ("design_excitation",),
     "experiment.formats": ("ColumnMap", "Units", "read_log", "write_log"),
-    "experiment.limits": ("limits_of",),
+    "experiment.design.limits": ("limits_of",),
     "experiment.log": ("Log",),
-    "experiment.plan": ("read_plan", "write_plan"),
+    "experiment.design.plan": ("read_plan", "write_plan"),
     "experiment.preprocessing": ("FILTERS", "Preprocessing", "preprocess"),
     "experiment.trajectories.fourier": ("FourierSeries",),
-    "experiment.virtual_robot": ("simulate",),
+    "experiment.simulation.virtual_robot": ("simulate",),
     "model.base_parameters": ("BaseParameters", "base_parameters"),
     "model.descriptions": ("read_robot",),
     "model.dynamic_model": ("DynamicModel",),

@@ -14,7 +14,7 @@ import pytest
 from dynident.cli.list_parts import FAMILIES
 from dynident.cli.main import COMMANDS, main
 from dynident.estimation.estimate_file import read_estimate
-from dynident.experiment.case import read_case
+from dynident.experiment.case_file.case import read_case
 from dynident.experiment.formats import write_log
 from dynident.experiment.log import Log
 from dynident.model.descriptions.native import robot_to_dict
@@ -107,7 +107,7 @@ def test_stopped_by_the_user(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("dynident.experiment.case.read_case", stop)
+    monkeypatch.setattr("dynident.experiment.case_file.case.read_case", stop)
     assert main(["inspect", "arm.json"]) == 130
     assert capsys.readouterr().err == "stopped\n"
 

@@ -19,7 +19,7 @@ from dynident.estimation.estimators import ESTIMATORS
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import identify
 from dynident.estimation.problem import Problem
-from dynident.experiment.case import read_case
+from dynident.experiment.case_file.case import read_case
 from dynident.experiment.formats import write_log
 from dynident.experiment.log import Log
 from dynident.model.descriptions.native import robot_to_dict

@@ -10,11 +10,11 @@ import pytest
 
 from dynident.cli.main import main
 from dynident.estimation.estimate_file import read_estimate
-from dynident.experiment.case import read_case
+from dynident.experiment.case_file.case import read_case
+from dynident.experiment.design.plan import read_plan
 from dynident.experiment.formats import write_log
 from dynident.experiment.log import Log
-from dynident.experiment.plan import read_plan
-from dynident.experiment.virtual_robot import Noise, simulate
+from dynident.experiment.simulation.virtual_robot import Noise, simulate
 
 URDF = """<robot name="arm2">
   <link name="stand"/>

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from dynident.cli.main import main
-from dynident.experiment.limits import MotionLimits, check_limits
-from dynident.experiment.plan import Plan, write_plan
+from dynident.experiment.design.limits import MotionLimits, check_limits
+from dynident.experiment.design.plan import Plan, write_plan
 from dynident.experiment.trajectories.rest_fourier import RestFourier
 from dynident.results.exporters import EXPORTERS
 

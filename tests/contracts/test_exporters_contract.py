@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from dynident.errors import BadOption, DynidentError, FileError
-from dynident.experiment.limits import MotionLimits, check_limits
-from dynident.experiment.plan import Plan
+from dynident.experiment.design.limits import MotionLimits, check_limits
+from dynident.experiment.design.plan import Plan
 from dynident.experiment.trajectories.rest_fourier import RestFourier
 from dynident.results.exporters import EXPORTERS, Export, Exporter, MotionExporter, export, export_data
 from dynident.results.exporters import base as exporters_base

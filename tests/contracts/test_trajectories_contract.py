@@ -12,7 +12,14 @@ from hypothesis import strategies as st
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.parametrisation import Parametrisation, designable, kind_of, kinds, of_table, parametrise
+from dynident.experiment.design.parametrisation import (
+    Parametrisation,
+    designable,
+    kind_of,
+    kinds,
+    of_table,
+    parametrise,
+)
 from dynident.experiment.trajectories.base import Designable
 
 KINDS = kinds()

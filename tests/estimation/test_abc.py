@@ -7,11 +7,11 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.estimation.colony import Draws, draw, search
 from dynident.estimation.estimators import ESTIMATORS
 from dynident.estimation.estimators.abc import ArtificialBeeColony
-from dynident.estimation.landscape import Landscape, absolute_landscape, box_optimum, square_landscape
 from dynident.estimation.problem import Problem, make_problem
+from dynident.estimation.search.colony import Draws, draw, search
+from dynident.estimation.search.landscape import Landscape, absolute_landscape, box_optimum, square_landscape
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing
 from dynident.experiment.preprocessing.fourier_fit import FourierFit

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from dynident.errors import BadOption, LogMismatch, NotConsistent
-from dynident.estimation.closed_loop import closed_loop, possible_beta
-from dynident.estimation.course import LoopOptions, smoothed
 from dynident.estimation.estimators.iv import IV
 from dynident.estimation.identify import pose
-from dynident.estimation.sensitivities import sensitivities
+from dynident.estimation.simulated.closed_loop import closed_loop, possible_beta
+from dynident.estimation.simulated.course import LoopOptions, smoothed
+from dynident.estimation.simulated.sensitivities import sensitivities
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.butterworth import Butterworth
+from dynident.experiment.simulation.virtual_robot import Controller, Noise, simulate
 from dynident.experiment.trajectories.fourier import FourierSeries
-from dynident.experiment.virtual_robot import Controller, Noise, simulate
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous

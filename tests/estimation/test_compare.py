@@ -11,9 +11,9 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch, SolverFailed
-from dynident.estimation.compare import compare, contest_of, ranked
-from dynident.estimation.contest import Contest, Method, Outcome, like_the_best
-from dynident.estimation.culprit import culprit
+from dynident.estimation.comparison.compare import compare, contest_of, ranked
+from dynident.estimation.comparison.contest import Contest, Method, Outcome, like_the_best
+from dynident.estimation.consistency.culprit import culprit
 from dynident.estimation.estimators import ESTIMATORS
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from dynident.arrays import Array
-from dynident.estimation.consistency import (
+from dynident.estimation.consistency.scale import natural_scale
+from dynident.estimation.consistency.verdicts import (
     broken_conditions,
     deepest_consistent,
     describe_reasons,
     judge,
     smallest_inertia,
 )
-from dynident.estimation.scale import natural_scale
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION

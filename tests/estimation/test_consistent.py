@@ -11,13 +11,13 @@ import scipy.optimize
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.estimation.consistency import broken_conditions
-from dynident.estimation.consistent_fit import MARGIN, consistent_fit, scale_of
+from dynident.estimation.consistency.consistent_fit import MARGIN, consistent_fit, scale_of
+from dynident.estimation.consistency.scale import natural_scale
+from dynident.estimation.consistency.verdicts import broken_conditions
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import estimate_of, pose
-from dynident.estimation.scale import natural_scale
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven

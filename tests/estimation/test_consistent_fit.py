@@ -11,15 +11,15 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import ContradictoryConstraints, SolverFailed, UnknownChoice
-from dynident.estimation import consistent_fit as fitting
-from dynident.estimation.barrier import inside, solve_barrier
-from dynident.estimation.certificate import check_room, deepest
-from dynident.estimation.conditions import conditions_of
-from dynident.estimation.conic import Candidate, solve_conic, solve_whitened
-from dynident.estimation.consistency import broken_conditions
-from dynident.estimation.consistent_fit import METRICS, ConsistentFit, Metric, consistent_fit, pose_program
-from dynident.estimation.program import Multipliers, Program, optimality
-from dynident.estimation.scale import Scale, natural_scale
+from dynident.estimation.consistency import consistent_fit as fitting
+from dynident.estimation.consistency.barrier import inside, solve_barrier
+from dynident.estimation.consistency.certificate import check_room, deepest
+from dynident.estimation.consistency.conditions import conditions_of
+from dynident.estimation.consistency.conic import Candidate, solve_conic, solve_whitened
+from dynident.estimation.consistency.consistent_fit import METRICS, ConsistentFit, Metric, consistent_fit, pose_program
+from dynident.estimation.consistency.program import Multipliers, Program, optimality
+from dynident.estimation.consistency.scale import Scale, natural_scale
+from dynident.estimation.consistency.verdicts import broken_conditions
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.body_constraints import BodyConstraints, Box, Constraints, Ellipsoid, Range
 from dynident.model.dynamic_model import DynamicModel

@@ -10,10 +10,10 @@ import pytest
 from noisy_arms import Bench
 
 from dynident.errors import BadOption
-from dynident.estimation.cross_validation import cross_validate
 from dynident.estimation.estimators import ESTIMATORS
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.ols import OLS
+from dynident.estimation.uncertainty.cross_validation import cross_validate
 from dynident.experiment.log import Log
 from dynident.model.robot import Robot
 

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.errors import BadOption
-from dynident.estimation.delay import Delay, common_delay
 from dynident.estimation.estimate_file import read_estimate, write_estimate
+from dynident.estimation.friction.delay import Delay, common_delay
 from dynident.estimation.identify import identify, validate
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess

@@ -10,11 +10,11 @@ import pytest
 from noisy_arms import GIVEN, Bench
 
 from dynident.arrays import Array
-from dynident.estimation.diagnostics import diagnose
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import identify, pose
-from dynident.estimation.propagation import mass_matrix_deviations, standard_covariance, torque_deviations
+from dynident.estimation.uncertainty.diagnostics import diagnose
+from dynident.estimation.uncertainty.propagation import mass_matrix_deviations, standard_covariance, torque_deviations
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven

@@ -11,9 +11,9 @@ import pytest
 from dynident.errors import BadOption
 from dynident.estimation.earlier import check_same, noise_of, prior_of_estimate, prior_of_logs
 from dynident.estimation.identify import identify
-from dynident.experiment.case import default_preprocessing
+from dynident.experiment.case_file.case import default_preprocessing
+from dynident.experiment.design.prior import deviations_of
 from dynident.experiment.log import Log
-from dynident.experiment.prior import deviations_of
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from noisy_arms import GIVEN, Bench
 
-from dynident.estimation.envelope import envelope_of, torque_bands
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimate_file import read_estimate, summary, write_estimate
 from dynident.estimation.identify import identify, pose, validate
+from dynident.estimation.uncertainty.envelope import envelope_of, torque_bands
 from dynident.estimation.warnings import warnings_of
 from dynident.experiment.log import Log
 from dynident.model.robot import Robot

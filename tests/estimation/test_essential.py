@@ -14,7 +14,7 @@ from dynident.estimation.estimators.essential import Essential, restricted, wald
 from dynident.estimation.estimators.ols import OLS
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import estimate_of
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.experiment.log import Log
 from dynident.model.robot import Robot
 

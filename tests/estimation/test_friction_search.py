@@ -11,11 +11,11 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
-from dynident.estimation.column_pool import fit, loss, make_pool
 from dynident.estimation.estimate_file import read_estimate, summary, write_estimate
-from dynident.estimation.friction_choice import choose_friction
+from dynident.estimation.friction.column_pool import fit, loss, make_pool
+from dynident.estimation.friction.friction_choice import choose_friction
+from dynident.estimation.friction.variable_projection import vary_fields
 from dynident.estimation.identify import identify, validate
-from dynident.estimation.variable_projection import vary_fields
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven

@@ -12,9 +12,9 @@ from noisy_arms import Bench
 from dynident.arrays import Array, BoolArray
 from dynident.estimation.estimators.irls import IRLS
 from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.joint_covariance import JointWhitening, joint_covariance, whitener
 from dynident.estimation.problem import Problem
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.joint_covariance import JointWhitening, joint_covariance, whitener
+from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.experiment.log import Log
 from dynident.model.reduction import least_squares, reduce
 from dynident.model.robot import Robot

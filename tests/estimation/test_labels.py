@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from dynident.errors import DescriptionError, NotConsistent, UnknownChoice
+from dynident.estimation.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_line, labels_of
+from dynident.estimation.consistency.prior_file import read_prior
+from dynident.estimation.consistency.scale import BodyPrior
 from dynident.estimation.estimate_file import read_estimate, summary, write_estimate
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.identify import identify, pose
-from dynident.estimation.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_line, labels_of
-from dynident.estimation.prior_file import read_prior
-from dynident.estimation.scale import BodyPrior
 from dynident.estimation.warnings import warnings_of
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
@@ -59,7 +59,7 @@ def test_a_share_is_the_variance_that_data_took(made: tuple[DynamicModel, Log]) 
     model, log = made
     problem = pose(model, [log], GIVEN)
     found = Consistent(pull=1e4).solve(problem)
-    from dynident.estimation.consistent_fit import pose_program, scale_of
+    from dynident.estimation.consistency.consistent_fit import pose_program, scale_of
 
     scale = scale_of(problem)
     program = pose_program(model, problem.base, problem.reduced(found.weights), scale, 1e4)

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from dynident.errors import SolverFailed
-from dynident.estimation import least_absolute as module
-from dynident.estimation.least_absolute import GAP, dual_bound, least_absolute
+from dynident.estimation.search import least_absolute as module
+from dynident.estimation.search.least_absolute import GAP, dual_bound, least_absolute
 
 
 def random_fit(seed, rows=200, columns=6, noise=1.0):

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from dynident.errors import BadOption, LogMismatch
+from dynident.estimation.consistency.scale import BodyPrior
 from dynident.estimation.estimate_file import read_estimate, write_estimate
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.essential import restricted
 from dynident.estimation.estimators.rls import RLS
 from dynident.estimation.estimators.wls import WLS
+from dynident.estimation.friction.load import agrees, with_load
 from dynident.estimation.identify import estimate_of, identify, pose, validate
-from dynident.estimation.load import agrees, with_load
 from dynident.estimation.problem import Observer, make_problem, motion_of
-from dynident.estimation.propagation import mass_matrix_deviations, torque_deviations
-from dynident.estimation.scale import BodyPrior
+from dynident.estimation.uncertainty.propagation import mass_matrix_deviations, torque_deviations
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven

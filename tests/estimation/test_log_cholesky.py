@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from dynident.errors import BadOption
-from dynident.estimation.consistency import broken_conditions
+from dynident.estimation.consistency.log_cholesky_fit import BOUNDARY, CONVERGED, UNFINISHED, _bodies
+from dynident.estimation.consistency.verdicts import broken_conditions
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.log_cholesky import LogCholesky
 from dynident.estimation.identify import pose
-from dynident.estimation.log_cholesky_fit import BOUNDARY, CONVERGED, UNFINISHED, _bodies
 from dynident.estimation.problem import Problem
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing

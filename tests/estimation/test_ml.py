@@ -13,9 +13,9 @@ from noisy_arms import Bench
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, SolverFailed
-from dynident.estimation.colour import best_order, colour_of, unbroken_runs, with_white_part
 from dynident.estimation.estimators.ml import ML
 from dynident.estimation.estimators.wls import WLS
+from dynident.estimation.residuals.colour import best_order, colour_of, unbroken_runs, with_white_part
 from dynident.experiment.log import Log
 from dynident.model.robot import Robot
 

@@ -21,8 +21,8 @@ from dynident.estimation.estimators.l1 import L1
 from dynident.estimation.estimators.tukey import Tukey
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
-from dynident.estimation.robust import Loss, biweight_loss, huber_loss, robust_fit, robust_scales
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.robust import Loss, biweight_loss, huber_loss, robust_fit, robust_scales
+from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.experiment.log import Log
 from dynident.model.reduction import least_squares
 from dynident.model.robot import Robot

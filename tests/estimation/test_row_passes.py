@@ -10,7 +10,7 @@ import pytest
 from noisy_arms import Bench
 
 from dynident.estimation.problem import Problem, make_problem
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess
 from dynident.experiment.preprocessing.butterworth import Butterworth

@@ -10,11 +10,11 @@ import pytest
 from noisy_arms import Bench
 
 from dynident.errors import BadOption, SolverFailed
-from dynident.estimation.covariance import residual_factors, shared_rows
 from dynident.estimation.estimators.map import MAP, prior_sizes
 from dynident.estimation.estimators.ridge import Ridge, cross_validated
 from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.uncertainty.covariance import residual_factors, shared_rows
 from dynident.experiment.log import Log
 from dynident.model.robot import Robot
 

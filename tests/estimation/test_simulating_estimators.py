@@ -8,26 +8,26 @@ import numpy as np
 import pytest
 
 from dynident.errors import SolverFailed
-from dynident.estimation.closed_loop import closed_loop, simulated_logs
-from dynident.estimation.course import LoopOptions
 from dynident.estimation.estimators.clie import CLIE
 from dynident.estimation.estimators.cloe import CLOE
 from dynident.estimation.estimators.didim import DIDIM
 from dynident.estimation.estimators.iv import IV
 from dynident.estimation.estimators.kalman import Kalman
 from dynident.estimation.estimators.ols import OLS
-from dynident.estimation.exogeneity import durbin_wu_hausman
 from dynident.estimation.identify import pose
-from dynident.estimation.instruments import instruments, spectral_covariance
-from dynident.estimation.iteration import started
-from dynident.estimation.joint_filter import position_noise
 from dynident.estimation.problem import Observer
-from dynident.estimation.spectral import score_triangle
+from dynident.estimation.simulated.closed_loop import closed_loop, simulated_logs
+from dynident.estimation.simulated.course import LoopOptions
+from dynident.estimation.simulated.instruments import instruments, spectral_covariance
+from dynident.estimation.simulated.iteration import started
+from dynident.estimation.simulated.joint_filter import position_noise
+from dynident.estimation.uncertainty.exogeneity import durbin_wu_hausman
+from dynident.estimation.uncertainty.spectral import score_triangle
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.experiment.preprocessing.butterworth import central_differences
+from dynident.experiment.simulation.virtual_robot import Controller, Noise, simulate
 from dynident.experiment.trajectories.fourier import FourierSeries
-from dynident.experiment.virtual_robot import Controller, Noise, simulate
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous

@@ -13,17 +13,17 @@ from scipy.stats import kstest
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.estimation import colony
-from dynident.estimation.box_search import BoxSearch
 from dynident.estimation.estimators import ESTIMATORS
 from dynident.estimation.estimators.abc import ArtificialBeeColony
 from dynident.estimation.estimators.de import DifferentialEvolution, three_others
 from dynident.estimation.estimators.ga import GeneticAlgorithm, crossed, mutated, winners
 from dynident.estimation.estimators.pso import ParticleSwarm
-from dynident.estimation.landscape import Landscape, Optimum, absolute_landscape, box_optimum, square_landscape
-from dynident.estimation.population import values
 from dynident.estimation.problem import Problem, make_problem
-from dynident.estimation.swarm import Ground, Rules, Stage, run
+from dynident.estimation.search import colony
+from dynident.estimation.search.box_search import BoxSearch
+from dynident.estimation.search.landscape import Landscape, Optimum, absolute_landscape, box_optimum, square_landscape
+from dynident.estimation.search.population import values
+from dynident.estimation.search.swarm import Ground, Rules, Stage, run
 from dynident.experiment.preprocessing import Prepared, Preprocessing
 from dynident.experiment.preprocessing.fourier_fit import FourierFit
 from dynident.model.base_parameters import base_parameters
@@ -322,7 +322,7 @@ def test_no_point_outside_the_box_is_tried(name, monkeypatch):
 def test_a_search_below_the_solver_is_the_optimum(problem, monkeypatch):
     """The solver is exact to a millionth: where a search goes lower, the gap is 0 and polish keeps the search."""
     worse = Optimum(np.zeros(problem.base.count), 1e9, 0.0)
-    monkeypatch.setattr("dynident.estimation.box_search.box_optimum", lambda *a: worse)
+    monkeypatch.setattr("dynident.estimation.search.box_search.box_optimum", lambda *a: worse)
     solution = ParticleSwarm(iterations=5, polish=True).solve(problem)
     assert solution.extras["gap"] == 0.0 and solution.extras["optimum"] == solution.extras["objective"] < 1e9
     np.testing.assert_array_equal(solution.beta, ParticleSwarm(iterations=5).solve(problem).beta)
@@ -357,7 +357,7 @@ def test_a_search_that_stalls_ends(name):
 
 def test_time_ends_a_search(monkeypatch):
     clock = iter(np.arange(100.0))
-    monkeypatch.setattr("dynident.estimation.swarm.time.monotonic", lambda: next(clock))
+    monkeypatch.setattr("dynident.estimation.search.swarm.time.monotonic", lambda: next(clock))
     found = ParticleSwarm(max_seconds=7.0).search(random_landscape(2, (60,)), LOWER, UPPER)
     assert found.stopped == "seconds" and len(found.trace) == 7
 

@@ -11,16 +11,21 @@ from noisy_arms import Bench
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.estimation.bootstrap import Draws, automatic_block, block_bootstrap
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.hac import automatic_bandwidth, hac_covariance, long_run_covariance, quadratic_spectral
 from dynident.estimation.identify import estimate_of, pose
 from dynident.estimation.problem import Problem
-from dynident.estimation.row_passes import RowPasses
-from dynident.estimation.stretches import stretches
-from dynident.estimation.trust import consistent_draws, with_diagnostics
-from dynident.estimation.uncertainty import Uncertainty, bands, filter_power, spectral_uncertainty
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.residuals.stretches import stretches
+from dynident.estimation.uncertainty.bootstrap import Draws, automatic_block, block_bootstrap
+from dynident.estimation.uncertainty.coloured import Uncertainty, bands, filter_power, spectral_uncertainty
+from dynident.estimation.uncertainty.hac import (
+    automatic_bandwidth,
+    hac_covariance,
+    long_run_covariance,
+    quadratic_spectral,
+)
+from dynident.estimation.uncertainty.trust import consistent_draws, with_diagnostics
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess
 from dynident.experiment.preprocessing.butterworth import Butterworth

@@ -10,11 +10,11 @@ import numpy.typing as npt
 
 from dynident.arrays import Array
 from dynident.experiment.criteria import CRITERIA
-from dynident.experiment.design_problem import DesignProblem
-from dynident.experiment.limits import limits_of
-from dynident.experiment.observation import Observation
-from dynident.experiment.parametrisation import parametrise
-from dynident.experiment.torque_uncertainty import TorqueUncertainty
+from dynident.experiment.design.design_problem import DesignProblem
+from dynident.experiment.design.limits import limits_of
+from dynident.experiment.design.observation import Observation
+from dynident.experiment.design.parametrisation import parametrise
+from dynident.experiment.design.torque_uncertainty import TorqueUncertainty
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import JointLimits, Robot

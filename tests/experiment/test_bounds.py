@@ -10,13 +10,13 @@ from motion_problems import TipWalls, model_of, problem_of
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.bounds import smooth_parameters
-from dynident.experiment.design_problem import DesignProblem
-from dynident.experiment.feasibility import feasible_start
-from dynident.experiment.limits import ToolLimit, check_limits
-from dynident.experiment.parametrisation import kinds
-from dynident.experiment.tool_speed import ToolPoint
-from dynident.experiment.torque_uncertainty import TorqueUncertainty
+from dynident.experiment.design.bounds import smooth_parameters
+from dynident.experiment.design.design_problem import DesignProblem
+from dynident.experiment.design.feasibility import feasible_start
+from dynident.experiment.design.limits import ToolLimit, check_limits
+from dynident.experiment.design.parametrisation import kinds
+from dynident.experiment.design.torque_uncertainty import TorqueUncertainty
+from dynident.experiment.room.tool_speed import ToolPoint
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb

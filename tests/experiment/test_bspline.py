@@ -9,8 +9,8 @@ import pytest
 from scipy.interpolate import BSpline as Curve
 
 from dynident.errors import BadOption, UnknownChoice
-from dynident.experiment.parametrisation import designable, kinds, parametrise
-from dynident.experiment.rest_to_rest import RestToRest
+from dynident.experiment.design.parametrisation import designable, kinds, parametrise
+from dynident.experiment.design.rest_to_rest import RestToRest
 from dynident.experiment.trajectories.bspline import BSpline
 
 

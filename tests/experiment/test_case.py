@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dynident.errors import BadOption, DescriptionError, DynidentError, FileError, LogMismatch
-from dynident.experiment import case as case_module
-from dynident.experiment.case import Split, case_of_robot, default_preprocessing, read_case, read_with
+from dynident.experiment.case_file import case as case_module
+from dynident.experiment.case_file.case import Split, case_of_robot, default_preprocessing, read_case, read_with
 from dynident.experiment.formats import ColumnMap, Units
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing

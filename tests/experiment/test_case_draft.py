@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from dynident.errors import LogFormatError
-from dynident.experiment.case import read_case
-from dynident.experiment.case_draft import WORDS, draft_case, find_columns
+from dynident.experiment.case_file.case import read_case
+from dynident.experiment.case_file.case_draft import WORDS, draft_case, find_columns
 from dynident.experiment.formats import Units
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.robot import Joint, JointLimits, Robot

@@ -10,8 +10,8 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, UnknownChoice
-from dynident.experiment.clearance import Clearance, clearance_of
-from dynident.experiment.workspace import HalfSpace, Tool, Workspace
+from dynident.experiment.room.clearance import Clearance, clearance_of
+from dynident.experiment.room.workspace import HalfSpace, Tool, Workspace
 from dynident.model.kernels.batched import link_poses
 from dynident.model.robot import Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
 from dynident.model.shapes import Box, Capsule, Shape

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dynident.errors import DescriptionError, FileError
-from dynident.experiment.constraints_file import read_constraints
+from dynident.experiment.case_file.constraints_file import read_constraints
 from dynident.model.body_constraints import Range
 from dynident.model.robot import Robot
 

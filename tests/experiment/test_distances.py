@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from motion_problems import TipWalls, model_of, problem_of
 
 from dynident.arrays import Array
-from dynident.experiment.distances import least_distances
-from dynident.experiment.feasibility import feasible_start, shrunk
-from dynident.experiment.limits import MotionLimits, check_limits
-from dynident.experiment.rest_to_rest import RestToRest
+from dynident.experiment.design.distances import least_distances
+from dynident.experiment.design.feasibility import feasible_start, shrunk
+from dynident.experiment.design.limits import MotionLimits, check_limits
+from dynident.experiment.design.rest_to_rest import RestToRest
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.model.robot import Robot
 

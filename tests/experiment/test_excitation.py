@@ -11,14 +11,14 @@ import pytest
 from dynident.arrays import Array
 from dynident.errors import BadOption, InfeasibleTrajectory, UnknownChoice
 from dynident.experiment.criteria import CRITERIA
-from dynident.experiment.design_problem import DesignProblem
-from dynident.experiment.excitation import design_excitation
-from dynident.experiment.feasibility import feasible_start, shrunk
-from dynident.experiment.limits import MotionLimits, check_limits, limits_of
-from dynident.experiment.multistart import SearchState
-from dynident.experiment.observation import Observation
-from dynident.experiment.parametrisation import parametrise
-from dynident.experiment.plan import Plan
+from dynident.experiment.design.design_problem import DesignProblem
+from dynident.experiment.design.excitation import design_excitation
+from dynident.experiment.design.feasibility import feasible_start, shrunk
+from dynident.experiment.design.limits import MotionLimits, check_limits, limits_of
+from dynident.experiment.design.multistart import SearchState
+from dynident.experiment.design.observation import Observation
+from dynident.experiment.design.parametrisation import parametrise
+from dynident.experiment.design.plan import Plan
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions import read_robot

@@ -10,12 +10,12 @@ from motion_problems import LIMITS, TipWalls, model_of, problem_of
 
 from dynident.arrays import Array
 from dynident.errors import InfeasibleTrajectory
-from dynident.experiment.design_problem import GUARD, DesignProblem
-from dynident.experiment.feasibility import feasible_start, model_uses, posture_shares, shrunk
-from dynident.experiment.finishing import FINER, Candidate, checked_plan, first_that_starts
-from dynident.experiment.limits import check_limits
-from dynident.experiment.parametrisation import kinds
-from dynident.experiment.rest_to_rest import RestToRest
+from dynident.experiment.design.design_problem import GUARD, DesignProblem
+from dynident.experiment.design.feasibility import feasible_start, model_uses, posture_shares, shrunk
+from dynident.experiment.design.finishing import FINER, Candidate, checked_plan, first_that_starts
+from dynident.experiment.design.limits import check_limits
+from dynident.experiment.design.parametrisation import kinds
+from dynident.experiment.design.rest_to_rest import RestToRest
 from dynident.model.robot import JointLimits, Robot
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dynident.errors import BadOption
-from dynident.experiment.limits import MotionLimits, check_limits, limits_of, worst_row
-from dynident.experiment.rest_to_rest import RestToRest
+from dynident.experiment.design.limits import MotionLimits, check_limits, limits_of, worst_row
+from dynident.experiment.design.rest_to_rest import RestToRest
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.experiment.trajectories.quintic import Quintic
 from dynident.model.descriptions import read_robot

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dynident.errors import LogMismatch
-from dynident.experiment.case import read_case
+from dynident.experiment.case_file.case import read_case
 from dynident.experiment.formats import write_log
 from dynident.experiment.log import Log
 from dynident.experiment.motor_side import joint_side

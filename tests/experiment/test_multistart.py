@@ -17,11 +17,11 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, FileError, InfeasibleTrajectory
-from dynident.experiment import multistart
-from dynident.experiment.excitation import design_excitation
-from dynident.experiment.multistart import SearchState
-from dynident.experiment.plan import Plan
-from dynident.experiment.prior import Prior, prior_of_covariance
+from dynident.experiment.design import multistart
+from dynident.experiment.design.excitation import design_excitation
+from dynident.experiment.design.multistart import SearchState
+from dynident.experiment.design.plan import Plan
+from dynident.experiment.design.prior import Prior, prior_of_covariance
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import JointLimits, Robot
@@ -75,7 +75,7 @@ def test_ctrl_c_ends_the_workers_at_once(model: DynamicModel) -> None:
 
 _PARENT = """
 import multiprocessing, time
-from dynident.experiment.multistart import _begin
+from dynident.experiment.design.multistart import _begin
 
 def work(news, stop):
     _begin(None, 0, news, stop)

@@ -13,10 +13,10 @@ import pytest
 from scipy.interpolate import BSpline as Curve
 
 from dynident.errors import BadOption, FileError
+from dynident.experiment.design.limits import LimitRow, MotionLimits, check_limits
+from dynident.experiment.design.parametrisation import parametrise
+from dynident.experiment.design.plan import FORMAT, Plan, plan_data, read_plan, sampled, write_plan, write_samples
 from dynident.experiment.formats import ColumnMap, read_log
-from dynident.experiment.limits import LimitRow, MotionLimits, check_limits
-from dynident.experiment.parametrisation import parametrise
-from dynident.experiment.plan import FORMAT, Plan, plan_data, read_plan, sampled, write_plan, write_samples
 from dynident.experiment.trajectories.base import Designable
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.experiment.trajectories.rest_fourier import RestFourier

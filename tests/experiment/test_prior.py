@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.prior import (
+from dynident.experiment.design.prior import (
     Outlook,
     Prior,
     deviations_of,

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from dynident.errors import BadOption, DescriptionError, LogFormatError, UnknownChoice
-from dynident.experiment.case import read_case
+from dynident.experiment.case_file.case import read_case
+from dynident.experiment.case_file.profile_columns import profile_columns
 from dynident.experiment.formats import ColumnMap, read_log
 from dynident.experiment.formats.base import NUMBERED, QUANTITY, UNITS
-from dynident.experiment.profile_columns import profile_columns
 from dynident.experiment.profiles import PROFILES, Channel, pattern_names, unmeasured
 
 ROWS = 20

@@ -10,14 +10,14 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.clearance import clearance_of
-from dynident.experiment.limits import LimitRow, MotionLimits, ToolLimit, check_limits, limits_of
-from dynident.experiment.plan import Plan
-from dynident.experiment.recheck import Recheck, recheck, with_friction_of
-from dynident.experiment.tool_speed import tool_point_of
-from dynident.experiment.torque_uncertainty import TorqueUncertainty
+from dynident.experiment.design.limits import LimitRow, MotionLimits, ToolLimit, check_limits, limits_of
+from dynident.experiment.design.plan import Plan
+from dynident.experiment.design.recheck import Recheck, recheck, with_friction_of
+from dynident.experiment.design.torque_uncertainty import TorqueUncertainty
+from dynident.experiment.room.clearance import clearance_of
+from dynident.experiment.room.tool_speed import tool_point_of
+from dynident.experiment.room.workspace import HalfSpace, Tool, Workspace
 from dynident.experiment.trajectories.rest_fourier import RestFourier
-from dynident.experiment.workspace import HalfSpace, Tool, Workspace
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.parametrisation import kind_of, of_table, parametrise
+from dynident.experiment.design.parametrisation import kind_of, of_table, parametrise
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.experiment.trajectories.rest_fourier import RestFourier, rest_map
 

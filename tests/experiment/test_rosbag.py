@@ -19,7 +19,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from dynident.errors import BadOption, DynidentError, LogFormatError, UnknownChoice
-from dynident.experiment.case import read_case
+from dynident.experiment.case_file.case import read_case
 from dynident.experiment.formats import ColumnMap, read_header, read_log
 from dynident.experiment.formats._mcap_salvage import MAGIC
 from dynident.experiment.formats.rosbag import Rosbag

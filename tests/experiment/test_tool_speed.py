@@ -9,8 +9,8 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import UnknownChoice
-from dynident.experiment.tool_speed import ToolPoint, tool_point_of
-from dynident.experiment.workspace import Tool, Workspace
+from dynident.experiment.room.tool_speed import ToolPoint, tool_point_of
+from dynident.experiment.room.workspace import Tool, Workspace
 from dynident.model.robot import Frame, Joint, Link, Mimic, Robot, rotation_about
 
 X, Y, Z = np.eye(3)

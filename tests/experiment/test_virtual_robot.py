@@ -10,9 +10,9 @@ import pytest
 
 from dynident.errors import BadOption, NotConsistent, SolverFailed, UnknownChoice
 from dynident.experiment.log import torque_from_current
+from dynident.experiment.simulation.virtual_robot import Controller, Noise, free_motion, simulate
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.experiment.trajectories.quintic import Quintic
-from dynident.experiment.virtual_robot import Controller, Noise, free_motion, simulate
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from dynident.errors import BadOption, DescriptionError, FileError
-from dynident.experiment.case import read_case
-from dynident.experiment.clearance import clearance_of
-from dynident.experiment.workspace import HalfSpace, Tool, Workspace
+from dynident.experiment.case_file.case import read_case
+from dynident.experiment.room.clearance import clearance_of
+from dynident.experiment.room.workspace import HalfSpace, Tool, Workspace
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.robot import Frame, Robot, rotation_about
 from dynident.model.shapes import Box, Capsule, Mesh

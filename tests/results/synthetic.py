@@ -11,9 +11,9 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.estimation.estimate import Consistency, Estimate
 from dynident.estimation.validation import Validation, compare_torques
-from dynident.experiment.limits import MotionLimits, check_limits
+from dynident.experiment.design.limits import MotionLimits, check_limits
+from dynident.experiment.design.plan import Plan
 from dynident.experiment.log import Log, Source
-from dynident.experiment.plan import Plan
 from dynident.experiment.preprocessing import FILTERS, Preprocessing
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.model.base_parameters import base_parameters

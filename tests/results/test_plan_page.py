@@ -12,10 +12,10 @@ from drawings import check_labels
 from synthetic import HOSTILE, arm, plan_of, subject_of
 
 from dynident.errors import BadOption
-from dynident.experiment.clearance import clearance_of
-from dynident.experiment.limits import LimitRow
-from dynident.experiment.recheck import recheck
-from dynident.experiment.workspace import HalfSpace, Workspace
+from dynident.experiment.design.limits import LimitRow
+from dynident.experiment.design.recheck import recheck
+from dynident.experiment.room.clearance import clearance_of
+from dynident.experiment.room.workspace import HalfSpace, Workspace
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.shapes import Box
 from dynident.results.plan_view import (

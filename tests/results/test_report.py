@@ -20,8 +20,8 @@ from synthetic import HOSTILE, arm, plan_of, renamed, subject_of
 from dynident.errors import FileError, LogMismatch
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.validation import Validation
+from dynident.experiment.design.recheck import recheck
 from dynident.experiment.log import Log, Source
-from dynident.experiment.recheck import recheck
 from dynident.model.robot import Robot
 from dynident.results.plan_view import PlanView
 from dynident.results.report import Comparison, Subject, build_report, builder, write_report

@@ -13,8 +13,8 @@ from synthetic import arm, predicted, recorded, subject_of
 
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
+from dynident.estimation.consistency.labels import labels_of
 from dynident.estimation.estimate import Consistency, Estimate
-from dynident.estimation.labels import labels_of
 from dynident.estimation.validation import Validation
 from dynident.experiment.log import Source
 from dynident.model.base_parameters import base_parameters

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dynident.estimation.doctor import Examination
-    from dynident.experiment.case import Case
+    from dynident.experiment.case_file.case import Case
 
 SUMMARY = "look at logs before a fit: what is wrong with them and what to do"
 
@@ -37,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.errors import BadOption
     from dynident.estimation.doctor import examine
-    from dynident.experiment.case import read_case
+    from dynident.experiment.case_file.case import read_case
     from dynident.files import check_place
 
     case = read_case(options.case)

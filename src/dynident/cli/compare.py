@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from dynident.cli.jobs import Data
-    from dynident.estimation.contest import Contest, Method, Outcome
+    from dynident.estimation.comparison.contest import Contest, Method, Outcome
     from dynident.estimation.problem import Problem
-    from dynident.experiment.case import Case
+    from dynident.experiment.case_file.case import Case
 
 SUMMARY = "many estimators on one problem, by their error on unseen logs"
 
@@ -60,7 +60,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.cli import console, jobs
-    from dynident.estimation.compare import ranked
+    from dynident.estimation.comparison.compare import ranked
     from dynident.estimation.identify import pose
     from dynident.files import check_place
 
@@ -116,7 +116,7 @@ def methods_from(case: Case, text: str, seed: int | None = None) -> list[Method]
     """
     from dynident.cli.jobs import estimator_from
     from dynident.errors import BadOption
-    from dynident.estimation.contest import Method
+    from dynident.estimation.comparison.contest import Method
     from dynident.estimation.estimators import ESTIMATORS
 
     if seed is not None and seed < 0:
@@ -168,8 +168,8 @@ def _cut(text: str, mark: str) -> list[str]:
 
 
 def _contest(case: Case, problem: Problem, data: Data, truth: str | None) -> Contest:
-    from dynident.estimation.compare import contest_of
-    from dynident.estimation.truth import read_truth
+    from dynident.estimation.comparison.compare import contest_of
+    from dynident.estimation.comparison.truth import read_truth
 
     known = read_truth(case.find(truth), problem.model, case.locked) if truth else None
     return contest_of(problem, data.test, known)
@@ -177,7 +177,7 @@ def _contest(case: Case, problem: Problem, data: Data, truth: str | None) -> Con
 
 def _solve(contest: Contest, methods: Sequence[Method], options: Any, step: Any, outcomes: list[Outcome]) -> bool:
     """Fill in the outcomes as they come; return whether the user has broken it off."""
-    from dynident.estimation.compare import compare
+    from dynident.estimation.comparison.compare import compare
 
     try:
         step("weighted least squares, the reference")
@@ -233,7 +233,7 @@ def _figures(contest: Contest, table: Sequence[Outcome], stopped: bool) -> dict[
 
 
 def _with_rank(outcome: Outcome, table: Sequence[Outcome]) -> dict[str, Any]:
-    from dynident.estimation.contest import like_the_best
+    from dynident.estimation.comparison.contest import like_the_best
 
     best = table[0].test
     same = None if outcome.test is None or best is None else like_the_best(outcome.test, best)

@@ -26,10 +26,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dynident.cli.console import Progress
     from dynident.cli.knowledge import Knowledge
-    from dynident.experiment.case import Case
-    from dynident.experiment.clearance import Clearance
-    from dynident.experiment.multistart import SearchState
-    from dynident.experiment.plan import Plan
+    from dynident.experiment.case_file.case import Case
+    from dynident.experiment.design.multistart import SearchState
+    from dynident.experiment.design.plan import Plan
+    from dynident.experiment.room.clearance import Clearance
 
 SUMMARY = "design the motion to record"
 
@@ -97,7 +97,7 @@ def run(options: argparse.Namespace) -> int:
 
     from dynident.cli import console
     from dynident.cli.knowledge import knowledge_of
-    from dynident.experiment.plan import plan_data, write_plan, write_samples
+    from dynident.experiment.design.plan import plan_data, write_plan, write_samples
     from dynident.model.friction import FRICTION
 
     case, resume = _case(options)
@@ -126,7 +126,7 @@ def _case(options: argparse.Namespace) -> tuple[Case, str | None]:
     from dynident.cli.knowledge import files_of
     from dynident.cli.plans import is_plan
     from dynident.errors import BadOption, FileError
-    from dynident.experiment.case import read_case
+    from dynident.experiment.case_file.case import read_case
     from dynident.files import check_place
 
     if is_plan(options.case):
@@ -157,7 +157,7 @@ def _clearance(case: Case) -> Clearance | None:
     """Return the distances to be kept; None where the case states no workspace."""
     if case.workspace is None:
         return None
-    from dynident.experiment.clearance import clearance_of
+    from dynident.experiment.room.clearance import clearance_of
 
     return clearance_of(case.robot, case.workspace)
 
@@ -169,8 +169,8 @@ def _design(
 
     from dynident.cli import console
     from dynident.cli.plans import tool_limit
-    from dynident.experiment.excitation import ROWS_A_SECOND, design_excitation
-    from dynident.experiment.limits import limits_of
+    from dynident.experiment.design.excitation import ROWS_A_SECOND, design_excitation
+    from dynident.experiment.design.limits import limits_of
 
     rate = case.preprocessing.rate_hz or ROWS_A_SECOND
     with console.progress(max(options.starts, 1), options.quiet or options.json) as progress:

@@ -15,7 +15,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dynident.experiment.plan import Plan
+    from dynident.experiment.design.plan import Plan
     from dynident.results.exporters import Export
 
 SUMMARY = "a plan as a program or as messages for a controller"
@@ -50,7 +50,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.cli import console, jobs
-    from dynident.experiment.plan import read_plan
+    from dynident.experiment.design.plan import read_plan
     from dynident.results.exporters import EXPORTERS, export, export_data
 
     plan = read_plan(options.plan)

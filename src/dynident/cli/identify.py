@@ -101,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _show(estimate: Estimate, test: Validation | None) -> None:
     from dynident.cli import console
-    from dynident.estimation.labels import labels_line
+    from dynident.estimation.consistency.labels import labels_line
     from dynident.estimation.warnings import warnings_of
     from dynident.results.choices import choice_tables
     from dynident.results.text import fits_table, format_number, format_percent, parameters_table, statement
@@ -136,7 +136,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
 
 def consistency_line(estimate: Estimate) -> str:
     """Return in one line whether a possible robot stands behind the estimate."""
-    from dynident.estimation.consistency import describe_reasons
+    from dynident.estimation.consistency.verdicts import describe_reasons
 
     verdict = estimate.consistency
     if verdict.consistent:

@@ -27,7 +27,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli import console
     from dynident.cli.jobs import check_outputs
     from dynident.errors import FileError
-    from dynident.experiment.case_draft import draft_case
+    from dynident.experiment.case_file.case_draft import draft_case
     from dynident.files import write_atomically
 
     if Path(options.output).exists() and not options.force:

@@ -83,7 +83,7 @@ def _run_robot(options: argparse.Namespace) -> int:
 
     from dynident.cli import console
     from dynident.errors import BadOption
-    from dynident.experiment.case import read_case
+    from dynident.experiment.case_file.case import read_case
     from dynident.model.base_parameters import base_parameters
     from dynident.model.friction import FRICTION
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dynident.estimation.consistency.scale import BodyPrior
     from dynident.estimation.estimate import Estimate
     from dynident.estimation.estimators import Estimator
-    from dynident.estimation.scale import BodyPrior
-    from dynident.experiment.case import Case
+    from dynident.experiment.case_file.case import Case
     from dynident.experiment.log import Log
 
 
@@ -48,9 +48,9 @@ def case_from(options: argparse.Namespace) -> Case:
         DynidentError: Any fault of the case or of an option.
     """
     from dynident.errors import BadOption
-    from dynident.experiment.case import AUTO, DEFAULT_FRICTION, read_case
+    from dynident.experiment.case_file.case import AUTO, DEFAULT_FRICTION, read_case
+    from dynident.experiment.case_file.split import Split
     from dynident.experiment.preprocessing import FILTERS
-    from dynident.experiment.split import Split
     from dynident.model.friction import FRICTION
 
     case = read_case(options.case)
@@ -92,7 +92,7 @@ def with_knowledge(case: Case, prior: str | None, constraints: str | None) -> Ca
     Raises:
         DynidentError: A fault of the constraints file.
     """
-    from dynident.experiment.constraints_file import read_constraints
+    from dynident.experiment.case_file.constraints_file import read_constraints
 
     if prior:
         case = replace(case, prior=prior)
@@ -105,7 +105,7 @@ def prior_of(case: Case) -> BodyPrior | None:
     Raises:
         DynidentError: The file is no description or estimate, or of another robot.
     """
-    from dynident.estimation.prior_file import read_prior
+    from dynident.estimation.consistency.prior_file import read_prior
 
     return read_prior(case.find(case.prior), case.robot, case.locked) if case.prior else None
 

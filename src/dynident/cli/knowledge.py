@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dynident.arrays import Array
-    from dynident.experiment.case import Case
-    from dynident.experiment.prior import Prior
-    from dynident.experiment.torque_uncertainty import TorqueUncertainty
+    from dynident.experiment.case_file.case import Case
+    from dynident.experiment.design.prior import Prior
+    from dynident.experiment.design.torque_uncertainty import TorqueUncertainty
     from dynident.model.dynamic_model import DynamicModel
 
 
@@ -144,7 +144,7 @@ def _model(options: argparse.Namespace, model: DynamicModel) -> tuple[Array | No
     from dynident.errors import BadOption
     from dynident.estimation.earlier import check_same
     from dynident.estimation.estimate_file import read_estimate
-    from dynident.experiment.torque_uncertainty import TorqueUncertainty
+    from dynident.experiment.design.torque_uncertainty import TorqueUncertainty
 
     estimate = read_estimate(options.model)
     check_same(estimate, model, options.model)

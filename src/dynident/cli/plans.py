@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dynident.experiment.case import Case
-    from dynident.experiment.limits import ToolLimit
+    from dynident.experiment.case_file.case import Case
+    from dynident.experiment.design.limits import ToolLimit
     from dynident.model.robot import Robot
     from dynident.results.plan_view import PlanView
 
 
 def is_plan(path: str) -> bool:
     """Return whether a file says of itself that it is a plan."""
-    from dynident.experiment.plan import KIND
+    from dynident.experiment.design.plan import KIND
 
     if Path(path).suffix.lower() != ".json":
         return False
@@ -35,7 +35,7 @@ def files_of(case_path: str | None) -> list[str | Path]:
     """
     if case_path is None:
         return []
-    from dynident.experiment.case import read_case
+    from dynident.experiment.case_file.case import read_case
 
     return [case_path, *read_case(case_path).files]
 
@@ -60,8 +60,8 @@ def plan_view(
         DynidentError: A fault of a file, a robot with other joints, or an estimate without a case.
     """
     from dynident.errors import BadOption
-    from dynident.experiment.plan import read_plan
-    from dynident.experiment.recheck import recheck
+    from dynident.experiment.design.plan import read_plan
+    from dynident.experiment.design.recheck import recheck
     from dynident.results.plan_view import PlanView
 
     plan = read_plan(path)
@@ -71,9 +71,9 @@ def plan_view(
                 raise BadOption(name, value, "it needs --case, the robot whose torques it is about")
         return PlanView(plan, recheck(plan), robot, source=path)
     from dynident.cli.knowledge import knowledge_of
-    from dynident.experiment.case import read_case
-    from dynident.experiment.clearance import clearance_of
-    from dynident.experiment.recheck import with_friction_of
+    from dynident.experiment.case_file.case import read_case
+    from dynident.experiment.design.recheck import with_friction_of
+    from dynident.experiment.room.clearance import clearance_of
 
     case = read_case(case_path)
     model = with_friction_of(plan, case.model)
@@ -89,8 +89,8 @@ def plan_view(
 
 def tool_limit(case: Case) -> ToolLimit | None:
     """Return the limit on the speed of the tool; None where the case states none."""
-    from dynident.experiment.limits import ToolLimit
-    from dynident.experiment.tool_speed import tool_point_of
+    from dynident.experiment.design.limits import ToolLimit
+    from dynident.experiment.room.tool_speed import tool_point_of
 
     if case.workspace is None or case.workspace.tool_speed == float("inf"):
         return None
@@ -104,7 +104,7 @@ def check_kept(view: PlanView, path: str) -> None:
         FileError: A bound is passed.
     """
     from dynident.errors import FileError
-    from dynident.experiment.bounds import Label
+    from dynident.experiment.design.bounds import Label
 
     if not view.check.kept:
         worst = view.check.worst

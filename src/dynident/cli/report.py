@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.errors import BadOption
     from dynident.estimation.estimate_file import read_estimate
     from dynident.estimation.identify import validate
-    from dynident.experiment.case import read_with
+    from dynident.experiment.case_file.case import read_with
     from dynident.results.report import write_report
 
     estimate = read_estimate(options.estimate)

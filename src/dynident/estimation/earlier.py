@@ -8,12 +8,12 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.estimation.covariance import correlation_factors
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.problem import Observer, counting_rows
+from dynident.estimation.uncertainty.covariance import correlation_factors
+from dynident.experiment.design.prior import Prior, prior_of_covariance
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
-from dynident.experiment.prior import Prior, prior_of_covariance
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.reduction import Triangle, reduce

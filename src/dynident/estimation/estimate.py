@@ -10,7 +10,7 @@ import numpy as np
 import scipy.stats
 
 from dynident.arrays import Array
-from dynident.estimation.envelope import Envelope
+from dynident.estimation.uncertainty.envelope import Envelope
 from dynident.estimation.validation import Validation
 from dynident.experiment.formats import ColumnMap
 from dynident.experiment.preprocessing import Preprocessing

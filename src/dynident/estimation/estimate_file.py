@@ -12,9 +12,9 @@ import numpy as np
 
 from dynident.arrays import Array, frozen
 from dynident.errors import DynidentError, EstimateFormatError
-from dynident.estimation.envelope import Envelope
+from dynident.estimation.consistency.labels import labels_of
 from dynident.estimation.estimate import Consistency, Estimate
-from dynident.estimation.labels import labels_of
+from dynident.estimation.uncertainty.envelope import Envelope
 from dynident.estimation.validation import Fit, Validation
 from dynident.estimation.warnings import warnings_of
 from dynident.experiment.formats import ColumnMap, Units

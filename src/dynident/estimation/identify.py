@@ -13,21 +13,21 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
-from dynident.estimation.consistency import judge
-from dynident.estimation.covariance import correlation_factors
-from dynident.estimation.delay import common_delay, find_delays
-from dynident.estimation.envelope import departure_of, envelope_of
+from dynident.estimation.consistency.scale import BodyPrior
+from dynident.estimation.consistency.verdicts import judge
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators import ESTIMATORS, Estimator
-from dynident.estimation.friction_choice import choose_friction
-from dynident.estimation.load import PASSES, agrees, loaded_problem, with_load, without_load
+from dynident.estimation.friction.delay import common_delay, find_delays
+from dynident.estimation.friction.friction_choice import choose_friction
+from dynident.estimation.friction.load import PASSES, agrees, loaded_problem, with_load, without_load
+from dynident.estimation.friction.variable_projection import has_varying, vary_fields
 from dynident.estimation.problem import Observer, Problem, counting_rows, make_problem
-from dynident.estimation.scale import BodyPrior
-from dynident.estimation.trust import with_diagnostics
-from dynident.estimation.uncertainty import spectral_uncertainty
+from dynident.estimation.uncertainty.coloured import spectral_uncertainty
+from dynident.estimation.uncertainty.covariance import correlation_factors
+from dynident.estimation.uncertainty.envelope import departure_of, envelope_of
+from dynident.estimation.uncertainty.trust import with_diagnostics
 from dynident.estimation.validation import Validation, compare_torques
-from dynident.estimation.variable_projection import has_varying, vary_fields
-from dynident.experiment.case import DEFAULT_FRICTION, default_preprocessing
+from dynident.experiment.case_file.case import DEFAULT_FRICTION, default_preprocessing
 from dynident.experiment.formats import ColumnMap
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess

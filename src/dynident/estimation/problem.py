@@ -11,7 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import LogMismatch, PoorExcitation
-from dynident.estimation.scale import BodyPrior
+from dynident.estimation.consistency.scale import BodyPrior
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, at_rest
 from dynident.model.base_parameters import BaseParameters

@@ -26,8 +26,8 @@ from dynident.experiment.log import Log, Source
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.experiment.preprocessing.fourier_fit import FourierFit
+from dynident.experiment.simulation.virtual_robot import Noise, simulate
 from dynident.experiment.trajectories.fourier import FourierSeries
-from dynident.experiment.virtual_robot import Noise, simulate
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel

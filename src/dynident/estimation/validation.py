@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.estimation.envelope import Departure
+from dynident.estimation.uncertainty.envelope import Departure
 from dynident.experiment.log import Log
 
 

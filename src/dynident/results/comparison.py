@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.estimation.contest import Outcome, like_the_best
+from dynident.estimation.comparison.contest import Outcome, like_the_best
 from dynident.estimation.validation import Validation
 from dynident.results.report.subject import Comparison
 from dynident.results.text import format_number

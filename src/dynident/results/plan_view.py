@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.bounds import Label
-from dynident.experiment.clearance import Clearance
 from dynident.experiment.criteria import CRITERIA
-from dynident.experiment.limits import LimitRow
-from dynident.experiment.parametrisation import kind_of
-from dynident.experiment.plan import Plan
-from dynident.experiment.recheck import Recheck
-from dynident.experiment.workspace import Workspace
+from dynident.experiment.design.bounds import Label
+from dynident.experiment.design.limits import LimitRow
+from dynident.experiment.design.parametrisation import kind_of
+from dynident.experiment.design.plan import Plan
+from dynident.experiment.design.recheck import Recheck
+from dynident.experiment.room.clearance import Clearance
+from dynident.experiment.room.workspace import Workspace
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
 from dynident.results.text import (

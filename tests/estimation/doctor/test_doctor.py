@@ -17,7 +17,7 @@ from dynident.estimation.doctor._recording import read_recording
 from dynident.estimation.doctor.base import SEVERITIES
 from dynident.estimation.doctor.resolution import steps_of
 from dynident.estimation.doctor.saturation import flat_share
-from dynident.experiment.case import DEFAULT_FRICTION, Case, default_preprocessing
+from dynident.experiment.case_file.case import DEFAULT_FRICTION, Case, default_preprocessing
 from dynident.experiment.formats import ColumnMap
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Robot

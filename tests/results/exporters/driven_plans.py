@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.limits import MotionLimits, check_limits
-from dynident.experiment.plan import Plan
+from dynident.experiment.design.limits import MotionLimits, check_limits
+from dynident.experiment.design.plan import Plan
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.experiment.trajectories.rest_fourier import RestFourier
 

@@ -14,8 +14,8 @@ import yaml
 from driven_plans import designed, plan_of
 
 from dynident.errors import BadOption, FileError, MissingDependency
+from dynident.experiment.design.plan import sampled, write_plan, write_samples
 from dynident.experiment.formats import ColumnMap, read_log
-from dynident.experiment.plan import sampled, write_plan, write_samples
 from dynident.files import sha256_of
 from dynident.results.exporters import export
 

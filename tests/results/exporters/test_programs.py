@@ -12,7 +12,7 @@ from driven_plans import plan_of
 from robot_programs import Module, run_krl, run_rapid, run_urscript
 
 from dynident.errors import BadOption, FileError, UnknownChoice
-from dynident.experiment.plan import Plan
+from dynident.experiment.design.plan import Plan
 from dynident.results.exporters import export
 
 HOSTILE = ("a\nend\nset_digital_out(0, True)", "b;HALT", "c!]]", "{d}", 'e"', "f#" + "x" * 200)

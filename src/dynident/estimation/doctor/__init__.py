@@ -14,7 +14,7 @@ from dynident.errors import LogFormatError, LogMismatch
 from dynident.estimation.doctor._mending import Mended, mend
 from dynident.estimation.doctor._recording import Recording, read_recording
 from dynident.estimation.doctor.base import SEVERITIES, Check, Finding, Subject
-from dynident.experiment.case import Case
+from dynident.experiment.case_file.case import Case
 from dynident.plugins import Family
 
 CHECKS: Family[Check] = Family("dynident.estimation.doctor", Check, "check")  # type: ignore[type-abstract]

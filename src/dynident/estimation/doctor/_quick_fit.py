@@ -17,9 +17,9 @@ import scipy.signal
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import DynidentError
-from dynident.estimation.covariance import correlation_factors
 from dynident.estimation.problem import Observer, counting_rows, motion_of, target_torque
-from dynident.experiment.case import Case
+from dynident.estimation.uncertainty.covariance import correlation_factors
+from dynident.experiment.case_file.case import Case
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import FILTERS, Prepared, Preprocessing, preprocess, resample
 from dynident.model.base_parameters import BaseParameters, base_parameters

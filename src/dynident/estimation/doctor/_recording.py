@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import BoolArray, IntArray
-from dynident.experiment.case import Case
+from dynident.experiment.case_file.case import Case
 from dynident.experiment.formats import _chosen, _form
 from dynident.experiment.formats._table import Table
 from dynident.experiment.formats._text_table import TextTable

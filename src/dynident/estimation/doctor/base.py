@@ -12,7 +12,7 @@ import numpy as np
 
 from dynident.estimation.doctor._quick_fit import QuickFit, quick_fit
 from dynident.estimation.doctor._recording import Recording
-from dynident.experiment.case import Case
+from dynident.experiment.case_file.case import Case
 
 Severity = Literal["error", "warning", "note"]
 

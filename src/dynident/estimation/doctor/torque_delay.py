@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.errors import DynidentError
-from dynident.estimation.delay import find_delays
 from dynident.estimation.doctor.base import Check, Finding, Subject
+from dynident.estimation.friction.delay import find_delays
 
 #: A delay is told from this many of its standard deviations and this share of a sample on.
 SURE, SHARE = 5.0, 0.3

@@ -8,9 +8,9 @@ from typing import Any
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.estimation.box_search import BoxSearch
-from dynident.estimation.landscape import Landscape
-from dynident.estimation.swarm import Stage, Swarm
+from dynident.estimation.search.box_search import BoxSearch
+from dynident.estimation.search.landscape import Landscape
+from dynident.estimation.search.swarm import Stage, Swarm
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class ArtificialBeeColony(BoxSearch):
         return self.colony, self.colony + 1
 
     def stages(self, land: Landscape, lower: Array, upper: Array) -> Iterator[Stage]:
-        from dynident.estimation.colony import stages
+        from dynident.estimation.search.colony import stages
 
         cycles, stride = self.rules.affordable(*self.costs), self.rules.stride
         return stages(land, lower, upper, self.colony, self.limit, cycles, self.seed, stride)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dynident.estimation.course import LoopOptions
 from dynident.estimation.estimators.base import Estimator, Solution
-from dynident.estimation.iteration import check_iteration, started
-from dynident.estimation.output_error import output_error
 from dynident.estimation.problem import Problem
+from dynident.estimation.simulated.course import LoopOptions
+from dynident.estimation.simulated.iteration import check_iteration, started
+from dynident.estimation.simulated.output_error import output_error
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,15 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dynident.errors import BadOption
-from dynident.estimation.consistent_fit import MARGIN, METRICS, PULL, Metric, consistent_fit, facts_of, scale_of
+from dynident.estimation.consistency.consistent_fit import (
+    MARGIN,
+    METRICS,
+    PULL,
+    Metric,
+    consistent_fit,
+    facts_of,
+    scale_of,
+)
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem

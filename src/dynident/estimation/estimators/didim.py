@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from dynident.arrays import Array
-from dynident.estimation.closed_loop import simulated_logs
-from dynident.estimation.course import LoopOptions
 from dynident.estimation.estimators.base import Estimator, Solution
-from dynident.estimation.instruments import spectral_covariance, with_states
-from dynident.estimation.iteration import Round, check_iteration, fixed_point, least_squares_round, started
 from dynident.estimation.problem import Problem
+from dynident.estimation.simulated.closed_loop import simulated_logs
+from dynident.estimation.simulated.course import LoopOptions
+from dynident.estimation.simulated.instruments import spectral_covariance, with_states
+from dynident.estimation.simulated.iteration import Round, check_iteration, fixed_point, least_squares_round, started
 
 
 @dataclass(frozen=True)

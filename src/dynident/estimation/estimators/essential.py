@@ -9,10 +9,10 @@ from scipy.stats import f as fisher
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import BadOption
-from dynident.estimation.covariance import residual_factors, weighted_covariance
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.problem import Problem
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.uncertainty.covariance import residual_factors, weighted_covariance
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.reduction import Triangle
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption
-from dynident.estimation.box_search import BoxSearch, check_population
-from dynident.estimation.landscape import Landscape
-from dynident.estimation.swarm import Ground, Stage
+from dynident.estimation.search.box_search import BoxSearch, check_population
+from dynident.estimation.search.landscape import Landscape
+from dynident.estimation.search.swarm import Ground, Stage
 
 #: Difference of two parents, as a share of the box, below which they are the same.
 SAME = 1e-14

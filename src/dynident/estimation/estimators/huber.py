@@ -9,8 +9,8 @@ import numpy as np
 from dynident.errors import BadOption
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.problem import Problem
-from dynident.estimation.robust import huber_loss, outlier_counts, robust_covariance, robust_fit
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.robust import huber_loss, outlier_counts, robust_covariance, robust_fit
+from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.model.reduction import least_squares
 
 

@@ -9,12 +9,12 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.errors import BadOption, SolverFailed
-from dynident.estimation.covariance import correlation_factors, sandwich, shared_rows
 from dynident.estimation.estimators.base import Estimator, Solution
-from dynident.estimation.joint_covariance import JointWhitening, joint_covariance
 from dynident.estimation.problem import Problem, check_rank
-from dynident.estimation.robust import FINEST, huber_loss, robust_fit, robust_scales
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.joint_covariance import JointWhitening, joint_covariance
+from dynident.estimation.residuals.robust import FINEST, huber_loss, robust_fit, robust_scales
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.uncertainty.covariance import correlation_factors, sandwich, shared_rows
 from dynident.model.reduction import least_squares, reduce
 
 #: Fits after which a row that is left out stays out: some at the threshold would come and go for ever.

@@ -9,14 +9,14 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.estimation.consistent_fit import scale_of
-from dynident.estimation.course import Course, LoopOptions, course_of
+from dynident.estimation.consistency.consistent_fit import scale_of
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.iteration import start_of
-from dynident.estimation.joint_filter import Belief, Predictor, Tuning, filter_log, position_noise
 from dynident.estimation.problem import Observer, Problem
-from dynident.experiment.observation import Observation
+from dynident.estimation.simulated.course import Course, LoopOptions, course_of
+from dynident.estimation.simulated.iteration import start_of
+from dynident.estimation.simulated.joint_filter import Belief, Predictor, Tuning, filter_log, position_noise
+from dynident.experiment.design.observation import Observation
 
 #: Torques of a joint at rest are this many times less certain: its static friction is not known.
 AT_REST = 100.0

@@ -9,13 +9,13 @@ from scipy.stats import norm
 
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption, SolverFailed
-from dynident.estimation.covariance import correlation_factors, sandwich, shared_rows
 from dynident.estimation.estimators.base import Estimator, Solution
-from dynident.estimation.landscape import absolute_landscape
-from dynident.estimation.least_absolute import LeastAbsolute, least_absolute
 from dynident.estimation.problem import Problem, check_rank
-from dynident.estimation.robust import FINEST
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.robust import FINEST
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.search.landscape import absolute_landscape
+from dynident.estimation.search.least_absolute import LeastAbsolute, least_absolute
+from dynident.estimation.uncertainty.covariance import correlation_factors, sandwich, shared_rows
 from dynident.model.reduction import least_squares
 
 #: Width of the first box, in the size that is proven to hold the optimum; wider ones follow only where it is touched.

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dynident.errors import BadOption
-from dynident.estimation.consistent_fit import PULL, consistent_fit, data_shares, pose_program, scale_of
+from dynident.estimation.consistency.consistent_fit import PULL, consistent_fit, data_shares, pose_program, scale_of
+from dynident.estimation.consistency.log_cholesky_fit import BOUNDARY, UNFINISHED, descend
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.log_cholesky_fit import BOUNDARY, UNFINISHED, descend
 from dynident.estimation.problem import Problem
 from dynident.model.threads import one_blas_thread
 

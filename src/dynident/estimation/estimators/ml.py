@@ -8,13 +8,13 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption, SolverFailed
-from dynident.estimation.colour import Colour, best_order, colour_of, unbroken_runs, with_white_part
-from dynident.estimation.covariance import correlation_factors, sandwich
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem, check_rank
-from dynident.estimation.robust import FINEST
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.colour import Colour, best_order, colour_of, unbroken_runs, with_white_part
+from dynident.estimation.residuals.robust import FINEST
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.uncertainty.covariance import correlation_factors, sandwich
 from dynident.model.reduction import CHUNK, Triangle, absorb, least_squares, reduce
 
 

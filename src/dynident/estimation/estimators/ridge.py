@@ -10,11 +10,11 @@ from scipy.optimize import minimize_scalar
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.estimation.covariance import residual_factors, shared_rows
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.uncertainty.covariance import residual_factors, shared_rows
 
 #: Range in which generalised cross-validation looks for the strength, unit columns taken as 1, and its grid.
 WEAKEST, STRONGEST, GRID = 1e-14, 1.0, 57

@@ -9,12 +9,12 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption
-from dynident.estimation.covariance import residual_factors
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
 from dynident.estimation.recursive import RecursiveLeastSquares
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.uncertainty.covariance import residual_factors
 
 #: Rows of each joint that are taken at a time.
 BATCH = 256

@@ -8,11 +8,11 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.errors import BadOption, SolverFailed
-from dynident.estimation.covariance import residual_factors, shared_rows
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem, check_rank
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.uncertainty.covariance import residual_factors, shared_rows
 from dynident.model.reduction import triangle_of
 
 

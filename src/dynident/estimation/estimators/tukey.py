@@ -9,8 +9,14 @@ import numpy as np
 from dynident.errors import BadOption
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.problem import Problem
-from dynident.estimation.robust import biweight_loss, huber_loss, outlier_counts, robust_covariance, robust_fit
-from dynident.estimation.row_passes import RowPasses
+from dynident.estimation.residuals.robust import (
+    biweight_loss,
+    huber_loss,
+    outlier_counts,
+    robust_covariance,
+    robust_fit,
+)
+from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.model.reduction import least_squares
 
 #: Bound of the Huber fit that Tukey's begins at.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy.typing as npt
 
 from dynident.errors import BadOption, FileError
-from dynident.experiment.plan import Plan, refuse_breach
+from dynident.experiment.design.plan import Plan, refuse_breach
 from dynident.files import check_place, write_atomically
 from dynident.plugins import Family
 from dynident.results.exporters._motion import DrivenMotion

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from dynident.arrays import Array, frozen
 from dynident.errors import BadOption
-from dynident.experiment.plan import MAX_ROWS, Plan, plan_data, sampled
+from dynident.experiment.design.plan import MAX_ROWS, Plan, plan_data, sampled
 from dynident.experiment.trajectories.base import Trajectory, times
 from dynident.experiment.trajectories.quintic import Quintic
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dynident.errors import FileError
-from dynident.experiment.limits import TOLERANCE, LimitRow, check_limits
+from dynident.experiment.design.limits import TOLERANCE, LimitRow, check_limits
 from dynident.results.exporters._motion import DrivenMotion
 from dynident.results.exporters.base import Printed
 

@@ -7,7 +7,7 @@ import io
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.plan import samples_text
+from dynident.experiment.design.plan import samples_text
 from dynident.results.exporters.base import Printed
 
 #: Largest relative error of a number with twelve digits.

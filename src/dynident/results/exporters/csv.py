@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.limits import UNITS
+from dynident.experiment.design.limits import UNITS
 from dynident.results.exporters._motion import DrivenMotion
 from dynident.results.exporters._tables import table
 from dynident.results.exporters.base import Content, MotionExporter

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import UnknownChoice
-from dynident.experiment.tool_speed import ToolPoint
+from dynident.experiment.room.tool_speed import ToolPoint
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
 from dynident.results.figures import svg

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.workspace import HalfSpace, Workspace
+from dynident.experiment.room.workspace import HalfSpace, Workspace
 from dynident.model.shapes import Box
 from dynident.results.figures import svg
 from dynident.results.figures.view import Place, View, put_label

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.estimation.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
+from dynident.estimation.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import TEN_UNITS
 from dynident.results.report.sections.base import Section

@@ -1,0 +1,1 @@
+"""Many estimators on one problem, side by side."""

@@ -1,0 +1,71 @@
+"""compare: one problem, many estimators, one figure of each on logs that none has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+
+from dynident.arrays import Array
+from dynident.errors import LogMismatch
+from dynident.estimation.comparison.contest import Contest, Method, Outcome
+from dynident.estimation.comparison.method_processes import in_processes
+from dynident.estimation.identify import preparation_of
+from dynident.estimation.problem import Problem
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing import preprocess
+
+
+def contest_of(problem: Problem, tests: Sequence[Log] = (), truth: Array | None = None) -> Contest:
+    """Return a contest with test logs prepared as those of the problem.
+
+    Args:
+        problem: The problem, of :func:`dynident.estimation.identify.pose`.
+        tests: Raw logs that the fit has not seen.
+        truth: Standard parameters behind the logs, shape (p,), where they are known.
+
+    Raises:
+        LogMismatch: A test log does not fit the robot, is too short, or has no torques.
+    """
+    how = preparation_of(problem)
+    prepared = tuple(preprocess(log.ordered(problem.model.robot.joint_names), how) for log in tests)
+    for log in prepared:
+        if log.log.torque is None:
+            raise LogMismatch(log.log.name, "no torques to compare with", "map torque columns in the case file")
+    return Contest(problem, prepared, truth)
+
+
+def compare(
+    contest: Contest,
+    methods: Sequence[Method],
+    *,
+    time_limit: float | None = None,
+    jobs: int = 1,
+    progress: Callable[[str], None] = lambda step: None,
+) -> Generator[Outcome, None, None]:
+    """Yield the outcome of each method when it is done; what is done stays done when the rest is broken off.
+
+    Without a time limit and with one job all methods run in this process, one after the other. Else each runs in a
+    process of its own kind, that is ended at the limit; figures are the same, times are those of processes that run
+    side by side, and every process holds the problem.
+
+    Args:
+        contest: What they are given.
+        methods: Who takes part.
+        time_limit: Wall-clock time in s of a method, in which it is fitted and tested.
+        jobs: Processes that run at a time.
+        progress: Told each step in words.
+
+    Raises:
+        BadOption: A time limit or a number of jobs that cannot be.
+        SolverFailed: Worker processes cannot be started.
+    """
+    if time_limit is None and jobs == 1:
+        for number, method in enumerate(methods, start=1):
+            progress(f"{method.label} ({number} of {len(methods)})")
+            yield contest.attempt(method)
+        return
+    yield from in_processes(contest, methods, time_limit, jobs, progress)
+
+
+def ranked(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Return outcomes by their error on test logs (on training logs where there are none), failures last."""
+    return sorted(outcomes, key=lambda outcome: outcome.figure)

@@ -1,0 +1,1 @@
+"""Physical consistency: conditions, priors, the convex program and its proof, verdicts and labels."""

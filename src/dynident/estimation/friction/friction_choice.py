@@ -1,0 +1,245 @@
+"""Friction chosen joint by joint: forward selection on held-out blocks of the training logs, as simple as they allow.
+
+Parts are added one by one to a drive, or exchanged, while that lowers the held-out error; then the shortest list is
+kept whose error is within one standard error of the best (Breiman, Friedman, Olshen and Stone 1984, section 3.4.3; the
+error of the difference, block by block). Of lists as long and as good the most usual one is taken. No test log has a
+part in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array, IntArray
+from dynident.errors import LogMismatch
+from dynident.estimation.friction.column_pool import Pool, fit, loss, make_pool
+from dynident.estimation.friction.load import default_load
+from dynident.experiment.preprocessing import Prepared
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION, Friction
+
+#: What a drive can have, the most usual first; non-linear fields on a small grid.
+CANDIDATES: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("coulomb", {"width": 0.02}),
+    ("viscous", {}),
+    ("offset", {}),
+    ("rotor_inertia", {}),
+    ("coulomb", {"width": 0.005}),
+    ("coulomb", {"width": 0.08}),
+    ("load", {}),
+    ("degressive", {}),
+    ("stribeck", {"velocity": 0.1}),
+    ("stribeck", {"velocity": 0.03}),
+    ("stribeck", {"velocity": 0.3}),
+    ("polynomial", {}),
+    ("asymmetric", {}),
+    ("temperature", {}),
+    ("periodic", {}),
+)
+
+#: What the drives have before their turn comes.
+START = ("coulomb", "viscous", "offset")
+
+#: Parts that say the same in two ways.
+RIVALS = ({"coulomb", "asymmetric"},)
+
+#: A part that takes less than this share off the held-out error is none.
+NOTHING = 5e-3
+
+#: Blocks of rows at least; parts of a drive at most; rounds over the drives.
+BLOCKS, LONGEST, ROUNDS = 8, 8, 2
+
+#: How often a list may be improved by exchanging one of its parts, before it grows.
+EXCHANGES = 2
+
+
+@dataclass(frozen=True)
+class Step:
+    """One model of a drive on the way.
+
+    Attributes:
+        parts: Its parts, in the order in which they came.
+        score: Held-out mean squared residual over all joints, each in units of its own in the fit; smaller is better.
+        error: Standard error of the difference to the best step.
+        chosen: Whether this is the one.
+    """
+
+    parts: tuple[str, ...]
+    score: float
+    error: float
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class FrictionChoice:
+    """The friction of a robot and how it was found.
+
+    Attributes:
+        friction: Parts, for some joints or all.
+        steps: By joint, the models on the way.
+        blocks: Number of held-out blocks.
+    """
+
+    friction: tuple[Friction, ...]
+    steps: dict[str, tuple[Step, ...]]
+    blocks: int
+
+    def figures(self) -> dict[str, Any]:
+        """Return the choice as plain data for JSON and reports."""
+        joints = {
+            name: [
+                {"parts": list(s.parts), "held_out": s.score, "standard_error": s.error, "chosen": s.chosen}
+                for s in own
+            ]
+            for name, own in self.steps.items()
+        }
+        return {"blocks": self.blocks, "joints": joints}
+
+
+def choose_friction(
+    model: DynamicModel,
+    logs: Sequence[Prepared],
+    progress: Callable[[str], None] = lambda step: None,
+) -> FrictionChoice:
+    """Choose the friction of each drive from training logs.
+
+    Args:
+        model: The robot; its friction is left aside.
+        logs: Preprocessed training logs.
+        progress: Told each step in words.
+
+    Raises:
+        LogMismatch: Too few rows to hold some out.
+    """
+    parts = tuple(FRICTION.make(name, **options) for name, options in CANDIDATES)
+    if any(log.log.temperature is None for log in logs):
+        parts = tuple(part for part in parts if "temperature" not in part.needs)
+    progress("friction: candidates")
+    start = replace(model, friction=tuple(FRICTION.make(name) for name in START))
+    pool = make_pool(model, parts, logs, max(BLOCKS, len(logs)), default_load(start, logs))
+    if len(pool.products) < 3 or np.min(pool.rows.sum(axis=1)) < 2 * pool.inertial:
+        rows = int(pool.rows.sum())
+        raise LogMismatch(logs[0].log.name, f"{rows} rows are too few to choose friction", "give longer logs")
+    search = _Search(pool, _positions(parts, start.friction))
+    for turn in range(ROUNDS):
+        for joint, name in enumerate(model.robot.joint_names):
+            progress(f"friction: {name}, round {turn + 1} of {ROUNDS}")
+            search.improve(joint)
+    names = model.robot.joint_names
+    return FrictionChoice(
+        _gathered(parts, search.sets, names), dict(zip(names, search.steps, strict=True)), search.blocks
+    )
+
+
+def _positions(parts: Sequence[Friction], wanted: Sequence[Friction]) -> tuple[int, ...]:
+    return tuple(parts.index(part) for part in wanted)
+
+
+def _gathered(parts: Sequence[Friction], sets: Sequence[Sequence[int]], names: Sequence[str]) -> tuple[Friction, ...]:
+    """Return the parts with the joints that they are for; None where that is all."""
+    found = []
+    for p, part in enumerate(parts):
+        own = tuple(name for name, chosen in zip(names, sets, strict=True) if p in chosen)
+        if own:
+            found.append(part if len(own) == len(names) else replace(part, joints=own))
+    return tuple(found)
+
+
+def label(part: Friction) -> str:
+    """Return a part as the table of the choice names it: ``stribeck (velocity 0.1)``."""
+    name = FRICTION.name_of(part)
+    options = dict(next((o for p, o in CANDIDATES if p == name and FRICTION.make(p, **o) == part), {}))
+    return name + (f" ({', '.join(f'{key} {value:g}' for key, value in options.items())})" if options else "")
+
+
+def _without(own: tuple[int, ...], place: int) -> tuple[int, ...]:
+    return own[:place] + own[place + 1 :]
+
+
+def _as_good(scores: Array, others: Array, share: float = np.inf) -> bool:
+    """Return whether scores of blocks (B,) are within one standard error, and a share, of others, or below."""
+    gap = scores - others
+    return bool(np.mean(gap) <= min(np.std(gap, ddof=1) / np.sqrt(len(gap)), share * np.mean(others)))
+
+
+class _Search:
+    """Sets of parts, one a drive, and what is held out."""
+
+    def __init__(self, pool: Pool, start: tuple[int, ...]) -> None:
+        self.pool, self.start = pool, start
+        self.sets: list[tuple[int, ...]] = [start] * pool.products.shape[1]
+        self.steps: list[tuple[Step, ...]] = [()] * len(self.sets)
+        self.blocks = len(pool.products)
+        self._held = pool.weighted(pool.weights(self.sets))
+        self._all = self._held.sum(axis=0)
+        self._rest = self._all - self._held
+        self._rows = pool.rows.sum(axis=1)
+        self._known: dict[bytes, Array] = {}
+
+    def improve(self, joint: int) -> None:
+        """Choose the parts of one drive, those of the others held."""
+        path: list[tuple[int, ...]] = [()]
+        scores = [self._scores(joint, ())]
+        while len(path[-1]) < LONGEST:
+            usual = self.start[: len(path[-1]) + 1]  # two parts may stand in for the usual two: exchanges miss these
+            best = self._best(joint, [*self._longer(path[-1]), *([usual] if len(usual) > len(path[-1]) else [])])
+            if best is None or np.mean(best[1]) >= (1.0 - NOTHING) * np.mean(scores[-1]):
+                break
+            for _ in range(EXCHANGES):  # what came first need not be in the best of this length
+                other = self._best(
+                    joint, [new for k in range(len(best[0])) for new in self._longer(_without(best[0], k))]
+                )
+                if other is None or not _as_good(other[1], best[1], NOTHING) or other[0] == best[0]:
+                    break
+                if _as_good(best[1], other[1], NOTHING) and sorted(best[0]) <= sorted(other[0]):
+                    break
+                best = other
+            path.append(best[0])
+            scores.append(best[1])
+        lowest = int(np.argmin([np.mean(each) for each in scores]))
+        errors = [np.std(each - scores[lowest], ddof=1) / np.sqrt(self.blocks) for each in scores]
+        pick = next(k for k, each in enumerate(scores) if _as_good(each, scores[lowest]))
+        self.sets[joint] = path[pick]
+        self.steps[joint] = tuple(
+            Step(tuple(label(self.pool.parts[p]) for p in own), float(np.mean(each)), float(error), k == pick)
+            for k, (own, each, error) in enumerate(zip(path, scores, errors, strict=True))
+        )
+
+    def _longer(self, own: tuple[int, ...]) -> list[tuple[int, ...]]:
+        return [(*own, p) for p in range(len(self.pool.parts)) if self._fits(own, p)]
+
+    def _best(self, joint: int, tried: Sequence[tuple[int, ...]]) -> tuple[tuple[int, ...], Array] | None:
+        """Return the best of several lists of parts of a drive, with its scores (B,); None where none is possible."""
+        found = [(own, self._scores(joint, own)) for own in tried if self._is_possible(joint, own)]
+        if not found:
+            return None
+        lowest = min((scores for _, scores in found), key=lambda scores: float(np.mean(scores)))
+        return min((each for each in found if _as_good(each[1], lowest, NOTHING)), key=lambda each: sorted(each[0]))
+
+    def _fits(self, own: Sequence[int], new: int) -> bool:
+        """Return whether a part can stand beside others: not twice the same kind, no rivals."""
+        names = {FRICTION.name_of(self.pool.parts[p]) for p in own}
+        name = FRICTION.name_of(self.pool.parts[new])
+        return name not in names and not any(name in rivals and names & rivals for rivals in RIVALS)
+
+    def _keep(self, joint: int, own: Sequence[int]) -> IntArray:
+        return self.pool.chosen([own if j == joint else other for j, other in enumerate(self.sets)])
+
+    def _is_possible(self, joint: int, own: Sequence[int]) -> bool:
+        """Return whether all coefficients of the drive have the sign that physics wants, in a fit of all rows."""
+        keep = self._keep(joint, own)
+        beta = fit(self._all, keep)
+        mine = np.isin(keep, np.concatenate([self.pool.columns[p][joint] for p in own]))
+        return bool(np.all(beta[mine & self.pool.nonnegative[keep]] >= 0))
+
+    def _scores(self, joint: int, own: Sequence[int]) -> Array:
+        """Return the mean squared residual of each block, in a fit of the others, shape (B,)."""
+        keep = np.sort(self._keep(joint, own))
+        if keep.tobytes() not in self._known:
+            squares = [loss(held, keep, fit(rest, keep)) for held, rest in zip(self._held, self._rest, strict=True)]
+            self._known[keep.tobytes()] = np.array(squares) / np.maximum(self._rows, 1)
+        return self._known[keep.tobytes()]

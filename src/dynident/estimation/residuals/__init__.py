@@ -1,0 +1,1 @@
+"""Passes over rows and residuals: outliers, colour, what joints share, stretches of time."""

@@ -1,0 +1,1 @@
+"""The case file: its sections, its value, and its draft."""

@@ -1,0 +1,332 @@
+"""The case file: the one place where a user describes their robot, their log and how the two are used.
+
+Format 1, YAML. Keys: case (the format), robot, gravity, limits, locked, joints, coupling, drives, friction, log
+(profile, format, columns, units, ...), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, train,
+test, split, workspace, note. Unknown keys are errors that name the nearest known one. docs/case-file.md describes each.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynident.errors import LogMismatch
+from dynident.experiment.case_file.case_values import guarded, part_of, texts
+from dynident.experiment.case_file.constraints_file import KEYS as CONSTRAINT_KEYS
+from dynident.experiment.case_file.constraints_file import constraints_of
+from dynident.experiment.case_file.limits_section import robot_with_limits
+from dynident.experiment.case_file.log_section import read_columns
+from dynident.experiment.case_file.split import Split
+from dynident.experiment.case_file.workspace_section import read_workspace
+from dynident.experiment.formats import ColumnMap, read_log
+from dynident.experiment.log import Log, torque_from_current
+from dynident.experiment.motor_side import joint_side, with_zero
+from dynident.experiment.preprocessing import FILTERS, Preprocessing
+from dynident.experiment.preprocessing.base import Filter
+from dynident.experiment.room.workspace import Workspace
+from dynident.files import unreadable
+from dynident.model.body_constraints import Constraints
+from dynident.model.descriptions import read_robot
+from dynident.model.documents.numbers import Place
+from dynident.model.documents.sections import Section
+from dynident.model.documents.strict_yaml import load_yaml
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION, Friction
+from dynident.model.robot import Drive, Robot
+from dynident.plugins import Family
+
+FORMAT = 1
+
+#: The folder under which logs and robots are looked for when they are neither beside the case file nor where it says.
+DATA_VARIABLE = "DYNIDENT_DATA"
+
+#: How far, in rad or m, a locked joint may stand from where the case says it does.
+LOCKED_TOLERANCE = 0.05
+
+DEFAULT_FRICTION = ("coulomb", "viscous", "offset")
+
+#: What stands for a friction or a delay that is to be found from the logs.
+AUTO = "auto"
+
+_KEYS = (
+    "case",
+    "robot",
+    "gravity",
+    "limits",
+    "locked",
+    "joints",
+    "coupling",
+    "drives",
+    "friction",
+    "log",
+    "preprocessing",
+)
+_KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "workspace", "note")
+_PREPROCESSING_KEYS = ("filter", "rate_hz", "trim_s", "standstill", "rest", "delay_s")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A part by name with its options as text."""
+
+    name: str
+    options: Mapping[str, str | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot, how its logs are read and prepared, and what is asked.
+
+    Attributes:
+        robot: With locked joints, gravity, drives and coupling applied.
+        friction: Friction parts.
+        choose_friction: Whether the parts of each joint are to be chosen from the logs in their place.
+        columns: How columns become signals.
+        preprocessing: How logs become rows.
+        estimator: Name and options.
+        train: Logs to learn from, as written.
+        test: Logs to test on, as written.
+        split: How a single log is split; None where it is not.
+        locked: Positions of the joints that do not move, by name.
+        workspace: What the robot must keep clear of; None where the case does not say.
+        constraints: What is known about bodies beforehand.
+        prior: Robot description or estimate file with inertias known beforehand, as written; empty for none.
+        path: The case file; empty for a case made from a robot alone.
+        robot_path: The robot description.
+    """
+
+    robot: Robot
+    friction: tuple[Friction, ...]
+    columns: ColumnMap
+    preprocessing: Preprocessing
+    estimator: Choice = field(default_factory=lambda: Choice("consistent"))
+    train: tuple[str, ...] = ()
+    test: tuple[str, ...] = ()
+    split: Split | None = None
+    locked: Mapping[str, float] = field(default_factory=dict)
+    workspace: Workspace | None = None
+    path: str = ""
+    robot_path: str = ""
+    choose_friction: bool = False
+    constraints: Constraints = field(default_factory=Constraints)
+    prior: str = ""
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that the case stands on: itself, its robot and the logs it names."""
+        own = [Path(name) for name in (self.path, self.robot_path) if name]
+        return (*own, *(self.find(name) for name in (*self.train, *self.test, *filter(None, [self.prior]))))
+
+    @property
+    def model(self) -> DynamicModel:
+        """The dynamic model of the case."""
+        return DynamicModel(self.robot, self.friction)
+
+    def find(self, name: str) -> Path:
+        """Return a file named in the case: as it is, beside the case file, or under the folder DYNIDENT_DATA."""
+        return _find(name, self.path)
+
+    def read(self, name: str | Path) -> Log:
+        """Return a log with torques, from its currents where it has no torques.
+
+        Raises:
+            LogMismatch: A joint is missing, currents have no gain, or a locked joint moves.
+        """
+        return read_with(self.find(str(name)), self.columns, self.robot, self.locked)
+
+
+def read_with(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
+    """Return a log with the joints of a robot and with torques, currents times drive gains where it has none.
+
+    Raises:
+        LogFormatError: The file is no sound log.
+        LogMismatch: A joint is missing, currents have no gain, or a locked joint moves or stands elsewhere.
+    """
+    log = read_log(path, columns)
+    zero = dict(zip(log.joints, columns.zero, strict=True)) if columns.zero else {}
+    if columns.motor:
+        known = [name for name in locked or {} if name in log.joints]
+        if known:
+            step = "leave locked joints out of joints and of the columns"
+            raise LogMismatch(log.name, f"{known[0]} is locked, and a log of the motors' side has it", step)
+        log = joint_side(log.ordered(robot.joint_names), robot, columns.motor)
+    if zero:
+        log = with_zero(log, zero)
+    for name, position in (locked or {}).items():
+        if name in log.joints:
+            away = float(np.abs(log.q[:, log.joints.index(name)] - position).max())
+            if away > LOCKED_TOLERANCE:
+                step = f"lock it where it stands (locked: {{{name}: ...}}), or do not lock it"
+                raise LogMismatch(log.name, f"{name} is locked at {position:g} but up to {away:.3g} away", step)
+    log = log.ordered(robot.joint_names)
+    if log.torque is not None or log.current is None:
+        return log
+    gains = {joint.name: joint.drive.gain for joint in robot.active if joint.drive.gain is not None}
+    return torque_from_current(log, gains, robot.coupling if robot.is_coupled else None)
+
+
+def default_preprocessing() -> Preprocessing:
+    """Return the stated default: zero-phase Butterworth at 5 Hz, order 4, on both sides; rows at rest left out."""
+    return Preprocessing(FILTERS.make("butterworth", cutoff_hz=5.0), rate_hz=200.0, trim_s=0.5, standstill=0.02)
+
+
+def case_of_robot(path: str) -> Case:
+    """Return the case that stands for a robot description alone: its joints, default friction and filter."""
+    robot = read_robot(path)
+    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing(), robot_path=path)
+
+
+def read_case(path: str | Path) -> Case:
+    """Read a case file, or a robot description as a case with all defaults.
+
+    Raises:
+        FileError: No such file.
+        DescriptionError: A fault in the case file or the robot description, with the key.
+        UnknownChoice: A part that does not exist.
+        BadOption: An option of a part with a value it cannot take.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in (".yaml", ".yml") or not file.is_file():
+        return case_of_robot(str(path))
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from error
+    value, lines = load_yaml(path, data)
+    if isinstance(value, dict) and not {"case", "robot"} & value.keys():
+        return case_of_robot(str(path))  # a DH table, or meant to be one
+    top = Section.top(path, value, _KEYS, lines)
+    version = top.text("case")
+    if version != str(FORMAT):
+        raise top.place("case").error(f"format {version}", f"this version reads format {FORMAT}")
+    robot_path = str(_find(top.text("robot"), str(path)))
+    full = read_robot(robot_path)
+    choose = top.has("friction") and top.value("friction") == AUTO
+    robot, locked = _robot(top, full)
+    return Case(
+        robot=robot,
+        friction=tuple(map(FRICTION.make, DEFAULT_FRICTION)) if choose else _friction(top, robot),
+        choose_friction=choose,
+        columns=read_columns(top, full),
+        preprocessing=_preprocessing(top),
+        estimator=_choice(top, "estimator", "consistent"),
+        train=texts(top, "train"),
+        test=texts(top, "test"),
+        split=guarded(top.place("split"), lambda: Split.parse(top.text("split"))) if top.has("split") else None,
+        locked=locked,
+        workspace=read_workspace(top, robot, robot_path),
+        constraints=constraints_of(top.section("constraints", CONSTRAINT_KEYS), robot),
+        prior=top.text("prior", ""),
+        path=str(path),
+        robot_path=robot_path,
+    )
+
+
+def _find(name: str, case: str) -> Path:
+    """Return where a file named in a case file is; the name itself where it is nowhere, for the reader to refuse."""
+    written = Path(name).expanduser()
+    if written.is_absolute():
+        return written
+    roots = [Path(case).parent] if case else []
+    roots += [Path()] + ([Path(os.environ[DATA_VARIABLE])] if os.environ.get(DATA_VARIABLE) else [])
+    return next((root / written for root in roots if (root / written).exists()), written)
+
+
+def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
+    """Apply gravity, limits, drives, coupling and locked joints, in this order; return also the locked positions."""
+    if top.has("gravity"):
+        robot = robot.with_gravity(top.numbers("gravity", 3))
+    if top.has("limits"):
+        robot = robot_with_limits(top, robot)
+    names = robot.joint_names
+    drives: dict[str, Drive] = {}
+    if top.has("drives"):
+        section = top.section("drives", names)
+        for name, joint in zip(names, robot.active, strict=True):
+            if section.has(name):
+                own = section.section(name, ("gear_ratio", "rotor_inertia", "gain", "bias"))
+                drives[name] = guarded(section.place(name), lambda own=own, joint=joint: _drive(own, joint.drive))
+    coupling = top.matrix("coupling", len(names), len(names)) if top.has("coupling") else None
+    robot = guarded(top.place("coupling"), lambda: robot.with_drives(drives, coupling))
+    if not top.has("locked"):
+        return robot, {}
+    if top.value("locked") == "rest":
+        positions = dict.fromkeys((name for name in names if name not in texts(top, "joints")), 0.0)
+    else:
+        section = top.section("locked", names)
+        positions = {name: section.number(name) for name in names if section.has(name)}
+    return guarded(top.place("locked"), lambda: robot.locked(positions)), positions
+
+
+def _drive(section: Section, stated: Drive) -> Drive:
+    return replace(
+        stated,
+        gear_ratio=section.number("gear_ratio", stated.gear_ratio),
+        rotor_inertia=section.number("rotor_inertia", stated.rotor_inertia),
+        gain=section.number("gain") if section.has("gain") else stated.gain,
+        bias=section.number("bias", stated.bias),
+    )
+
+
+def _preprocessing(top: Section) -> Preprocessing:
+    stated = default_preprocessing()
+    if not top.has("preprocessing"):
+        return stated
+    section = top.section("preprocessing", _PREPROCESSING_KEYS)
+    how = Preprocessing(
+        filter=_part(section, "filter", FILTERS) if section.has("filter") else stated.filter,
+        rate_hz=stated.rate_hz,
+    )
+    delay = section.value("delay_s") if section.has("delay_s") else "0"
+    rate = section.value("rate_hz") if section.has("rate_hz") else stated.rate_hz
+    return guarded(
+        section.place(),
+        lambda: replace(
+            how,
+            rate_hz=None if rate in (None, "all") else section.number("rate_hz", stated.rate_hz),
+            trim_s=section.number("trim_s", stated.trim_s),
+            standstill=section.number("standstill", stated.standstill),
+            rest=section.choice("rest", ("mask", "keep"), stated.rest),
+            delay_s=None if delay == AUTO else section.number("delay_s", 0.0),
+        ),
+    )
+
+
+def _friction(top: Section, robot: Robot) -> tuple[Friction, ...]:
+    """Return the friction parts; the joints that they name are those of the robot."""
+    parts = tuple(_parts(top, "friction", FRICTION, DEFAULT_FRICTION))
+    guarded(top.place("friction"), lambda: DynamicModel(robot, parts))
+    return parts
+
+
+def _parts(top: Section, key: str, family: Family[Any], default: Sequence[str]) -> list[Any]:
+    if not top.has(key):
+        return [family.make(name) for name in default]
+    value = top.value(key)
+    if not isinstance(value, list):
+        raise top.place(key).error("not a list", f"write a list such as [{', '.join(default)}]")
+    return [_made(top.place(f"{key}.{i}"), item, family) for i, item in enumerate(value, start=1)]
+
+
+def _part(section: Section, key: str, family: Family[Filter]) -> Any:
+    return _made(section.place(key), section.value(key), family)
+
+
+def _made(place: Place, value: object, family: Family[Any]) -> Any:
+    choice = _choice_of(place, value)
+    return guarded(place, lambda: family.make_from_text(choice.name, choice.options))
+
+
+def _choice(top: Section, key: str, default: str) -> Choice:
+    return _choice_of(top.place(key), top.value(key)) if top.has(key) else Choice(default)
+
+
+def _choice_of(place: Place, value: object) -> Choice:
+    """Return a part written as ``name`` or as ``name: {option: value}``."""
+    return Choice(*part_of(place, value))

@@ -1,0 +1,1 @@
+"""The virtual robot: its plant, and the compiled loops that drive it."""
