@@ -35,8 +35,9 @@ class Data(Section):
         if not subject.datasets:
             return {}
         filters = {dataset.name: _facts(dataset.validation.filter) for dataset in subject.datasets}
-        # The rate of the rows kept follows from that of the log and changes no figure by itself.
-        told = [{k: v for k, v in data.validation.filter.items() if k != "rate_hz"} for data in subject.datasets]
+        # The rate of the rows kept and the delay follow from the logs and change no figure by themselves.
+        own = ("rate_hz", "delay_s")
+        told = [{k: v for k, v in data.validation.filter.items() if k not in own} for data in subject.datasets]
         same = all(facts == told[0] for facts in told)
         return {
             "logs": _logs(subject),
