@@ -235,7 +235,8 @@ def _reachable(pairs: list[Pair], distances: Array, moves: BoolArray) -> tuple[l
         if nearest >= pair.required and not can_move:
             ignored[pair.name] = "kept in every posture: no joint changes the distance"
         elif pair.near and farthest < pair.required + ROOM:
-            ignored[pair.name] = f"one link apart and never farther than {max(farthest, 0.0):.3g} m: too coarse to tell"
+            most = max(round(farthest, 4), 0.0)
+            ignored[pair.name] = f"one link apart and never farther than {most:.3g} m: too coarse to tell"
         elif farthest >= pair.required:
             kept.append(pair)
         elif pair.mounting:

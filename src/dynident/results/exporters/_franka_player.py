@@ -8,7 +8,7 @@ _SOURCE = r"""// Drives a table t, q1..q7, dq1..dq7, ddq1..ddq7 of 1 kHz with li
 // Written by dynident; checked against stand-ins of the libfranka headers only, never run on a robot.
 // Build with C++17 and libfranka, run: player ROBOT-ADDRESS TABLE.csv LOG.csv
 // The arm first goes slowly, in joint space, from where it is to the first row: look at that way before.
-// The approach is not checked for obstacles; the motion as far as its plan says. Keep a hand on the stop.
+// The approach is not checked for obstacles, the motion as far as its plan says. Keep a hand on the stop.
 #include <algorithm>
 #include <array>
 #include <cmath>

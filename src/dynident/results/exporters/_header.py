@@ -17,7 +17,7 @@ def header_lines(motion: DrivenMotion, *own: str) -> list[str]:
         f"{motion.repeats} x {motion.plan.trajectory.duration:.6g} s, {motion.motion.duration:.6g} s from rest to rest",
         f"speed: {100 * share:.6g} % of the design: same path, speeds x {share:.6g}, accelerations x {share**2:.6g}",
         "A speed override of the controller stretches time further: identify from measured time and positions only.",
-        "The approach is not checked for obstacles; the motion as far as its plan says. Keep a hand on the stop.",
+        "The approach is not checked for obstacles, the motion as far as its plan says. Keep a hand on the stop.",
         *own,
     ]
     cut = [line[i : i + 110] for line in map(str, lines) for i in range(0, max(len(line), 1), 110)]
