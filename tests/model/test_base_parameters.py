@@ -238,16 +238,3 @@ def test_map_is_read_only(pendulum: Robot) -> None:
     base = base_parameters(model_of(pendulum))
     with pytest.raises(ValueError, match="read-only"):
         base.matrix[0, 0] = 2.0
-
-
-@pytest.mark.parametrize("length", [1e-3, 1e-2, 1e2])
-def test_small_and_large_arms_lose_no_terms(length: float, scaled: Callable[..., Robot]) -> None:
-    """K theta gives the torque of theta at every size of the arm."""
-    robot = scaled(read_robot("generic-6r"), 1.0, length)
-    model = DynamicModel(robot, ("viscous",))
-    base = base_parameters(model)
-    assert base.count == base_parameters(DynamicModel(read_robot("generic-6r"), ("viscous",))).count
-    theta = np.append(robot.nominal, np.full(robot.dof, length**2))  # type: ignore[arg-type]
-    regressor = model.regressor(model.random_motion(50, 3))
-    torque, found = regressor @ theta, regressor[..., base.independent] @ base.from_standard(theta)
-    np.testing.assert_allclose(found, torque, atol=1e-9 * np.abs(torque).max())

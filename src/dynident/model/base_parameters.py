@@ -23,7 +23,7 @@ from dynident.model.reduction import triangle_of
 #: tilt axes by 4e-6 rad; what that lets through is no information, while true columns keep a tenth and more.
 TOLERANCE = 1e-5
 
-#: A column this much smaller than the largest of its kind is zero but for such rounding.
+#: A column this much smaller than the largest is zero but for such rounding.
 ZERO = 5e-6
 
 IDENTIFIABLE, COMBINED, NOT_IDENTIFIABLE = "identifiable", "only in combination", "not identifiable"
@@ -108,7 +108,7 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     size = model.inertial_count if inertial_only else regressor.shape[-1]
     triangle = triangle_of(regressor[..., :size].reshape(-1, size))
     norms = np.linalg.norm(triangle, axis=0)
-    live = _live(norms, model)
+    live = norms > ZERO * norms.max(initial=0.0)  # against the largest column, before any scaling
     scaled = np.where(live, triangle / np.where(live, norms, 1.0), 0.0)
     rank = _rank(scaled[:, live])
     order = [k for k in _preference(model, size) if live[k]]
@@ -120,20 +120,6 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     matrix[:, chosen] = np.eye(rank)
     matrix.setflags(write=False)
     return BaseParameters(model.parameters[:size], chosen, matrix, (largest >= 1e-7) & (matrix != 0))
-
-
-def _live(norms: Array, model: DynamicModel) -> BoolArray:
-    """Return which columns are not zero, against the largest of their kind.
-
-    A link of the arm's size has second moments of its mass times length^2: columns count by what they then add to the
-    torque, so that an arm of millimetres loses none.
-    """
-    distances = np.linalg.norm(model.robot.chain.translation, axis=1)
-    length = float(distances[distances > 0].mean()) if np.any(distances > 0) else 1.0
-    ten = np.array([length**2] * 6 + [length] * 3 + [1.0])
-    count = model.inertial_count
-    inertial, drives = norms[:count] * np.tile(ten, count // 10), norms[count:]
-    return np.concatenate([part > ZERO * part.max(initial=0.0) for part in (inertial, drives)])
 
 
 def _rank(scaled: Array) -> int:
