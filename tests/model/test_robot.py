@@ -149,6 +149,15 @@ def test_not_all_joints_can_be_locked(planar_2r: Robot) -> None:
     assert str(caught.value) == "locked = ['joint1', 'joint2'] is not possible; leave at least one joint free"
 
 
+def test_a_motor_that_turns_with_a_free_joint_is_not_lost(coupled_arm: Robot) -> None:
+    second, third = coupled_arm.joint_names[1:]
+    with pytest.raises(BadOption, match=f"the motor of '{third}' turns with '{second}' too"):
+        coupled_arm.locked({third: 0.1})
+    alone = coupled_arm.locked({second: 0.2})  # its own motor stands still; that of the third turns with the third only
+    np.testing.assert_allclose(alone.reflected_inertia, coupled_arm.reflected_inertia[np.ix_([0, 2], [0, 2])])
+    assert coupled_arm.locked({second: 0.0, third: 0.0}).dof == 1
+
+
 def held(robot: Robot, positions: dict[str, float], samples: int, seed: int) -> tuple[list[int], list[np.ndarray]]:
     """Return the free columns, and a motion of the whole robot in which the others stand where they are locked."""
     generator = np.random.default_rng(seed)

@@ -293,7 +293,7 @@ class Robot:
 
         Raises:
             UnknownChoice: No such joint.
-            BadOption: All joints locked.
+            BadOption: All joints locked, or one whose motor turns with a free joint.
         """
         self._check_names(positions)
         followers = {
@@ -304,7 +304,13 @@ class Robot:
         keep = [i for i, name in enumerate(self.joint_names) if name not in positions]
         if not keep:
             raise BadOption("locked", list(positions), "leave at least one joint free")
-        return _merge(self, {**positions, **followers}, np.asarray(self.coupling)[np.ix_(keep, keep)])
+        coupling = np.asarray(self.coupling)
+        for i, j in ((i, j) for i, name in enumerate(self.joint_names) if name in positions for j in keep):
+            if coupling[i, j]:
+                held, moved = self.joint_names[i], self.joint_names[j]
+                step = f"the motor of '{held}' turns with '{moved}' too (coupling): leave it free, or lock both"
+                raise BadOption("locked", held, step)
+        return _merge(self, {**positions, **followers}, coupling[np.ix_(keep, keep)])
 
     def _check_names(self, names: Mapping[str, object]) -> None:
         for name in names:
