@@ -115,7 +115,7 @@ def test_what_to_record_next(robot: str, capsys: pytest.CaptureFixture[str]) -> 
     assert main([*command, "next.json", *known, "--repeats", "2"]) == 0
     shown = capsys.readouterr().out
     assert "noise: residuals of estimate.json; torque limits: estimate.json, 2 sigmas free" in shown
-    assert "least known after this run of 2400 rows a joint; before: estimate.json" in shown
+    assert "Expected from 2400 independent rows of each joint, " in shown and "known before: estimate.json." in shown
     speed = next(line.split() for line in shown.splitlines() if line.split()[1:3] == ["tool", "speed"])
     assert speed[4] == "1.5" and float(speed[6]) <= 100.0
     assert "clearance: at least 0.05 m: " in shown and " | floor" in shown and "not checked: floor" not in shown
@@ -125,7 +125,7 @@ def test_what_to_record_next(robot: str, capsys: pytest.CaptureFixture[str]) -> 
     assert all(item["std_after"] < item["std_before"] for item in outlook["parameters"])
     assert main([*command, "logs.json", "--earlier-logs", "run.csv", "--criterion", "bayesian_d"]) == 0
     shown = capsys.readouterr().out
-    assert "noise: residuals of run.csv" in shown and "before: run.csv; nominal model within 50 %" in shown
+    assert "noise: residuals of run.csv" in shown and "known before: run.csv; nominal model within 50 %" in shown
     same = [item["std_before"] for item in read_plan("logs.json").settings["outlook"]["parameters"]]
     # The nominal model is known as well; a correlation factor per joint here, the colour of each score in the estimate.
     share = np.array(same) / np.array(before)

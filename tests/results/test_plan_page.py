@@ -102,12 +102,12 @@ def test_tables_have_the_rows_of_the_check(whole: PlanView) -> None:
 
 
 def test_expected_deviations_are_sorted_and_say_what_was_known(whole: PlanView, alone: PlanView) -> None:
-    table = outlook_table(whole)
+    table = outlook_table(whole.plan)
     assert table is not None
     assert [row[0] for row in table.rows] == ["Izz[b]", "mx[a]", "Fv[a]"]
     assert [row[-2:] for row in table.rows] == [("unknown", "unknown"), ("unknown", "10"), ("25", "1.0")]
     assert table.note == "Expected from 800 independent rows of each joint, all; known before: first.json."
-    assert outlook_table(alone) is None
+    assert outlook_table(alone.plan) is None
 
 
 def test_a_bound_that_is_passed_is_said_first(alone: PlanView) -> None:

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 SUMMARY = "design the motion to record"
 
-#: Rows of the table for the pairs that come nearest, and for the parameters that stay least known.
-PAIRS, WORST = 6, 5
+#: Rows of the table for the pairs that come nearest.
+PAIRS = 6
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -226,7 +226,7 @@ def _teller(progress: Progress, criterion: str) -> Callable[[SearchState], None]
 
 def _show(plan: Plan, clearance: Clearance | None, earlier: bool) -> None:
     from dynident.cli import console
-    from dynident.results.plan_view import figures_table
+    from dynident.results.plan_view import figures_table, outlook_table
     from dynident.results.text import label
 
     facts = plan.settings
@@ -237,8 +237,10 @@ def _show(plan: Plan, clearance: Clearance | None, earlier: bool) -> None:
     where = f"run-in and run-out of {plan.run_in:g} s" if plan.run_in else "starts and ends at rest"
     console.answer(f"{where}; noise: {facts['noise_source']}; torque limits: {facts['torque_limits']}\n")
     console.answer_table(figures_table(plan))
-    if earlier:
-        _show_outlook(plan)
+    outlook = outlook_table(plan, console.NAME_WIDTH) if earlier else None
+    if outlook is not None:
+        console.answer()
+        console.answer_table(outlook, outlook.note)
     console.answer()
     _show_limits(plan)
     for line in _not_checked(plan, clearance):
@@ -255,34 +257,6 @@ def _show_limits(plan: Plan) -> None:
     console.answer_table(table, table.note)
     if len(pairs) > PAIRS:
         console.answer(f"and {len(pairs) - PAIRS} pairs that stay further apart")
-
-
-def _show_outlook(plan: Plan) -> None:
-    """Show what the run would buy: the parameters that stay least known."""
-    from dynident.cli import console
-    from dynident.results.text import Column, Table, format_percent, shorten
-
-    outlook = plan.settings["outlook"]
-
-    def relative(item: dict[str, float | None], key: str) -> float:
-        value, deviation = item["value"], item[key]
-        return float("inf") if not value or deviation is None else abs(deviation / value)
-
-    worst = sorted(outlook["parameters"], key=lambda item: -relative(item, "std_after"))[:WORST]
-    rows = tuple(
-        (
-            shorten(item["name"], console.NAME_WIDTH),
-            *(
-                format_percent(relative(item, key), sign=False) if relative(item, key) < float("inf") else "unknown"
-                for key in ("std_before", "std_after")
-            ),
-        )
-        for item in worst
-    )
-    columns = (Column("base parameter"), Column("before [%]", numeric=True), Column("after [%]", numeric=True))
-    console.answer()
-    title = f"least known after this run of {outlook['rows']:.0f} rows a joint; before: {outlook['before']}"
-    console.answer_table(Table(columns, rows), title)
 
 
 def _not_checked(plan: Plan, clearance: Clearance | None) -> list[str]:

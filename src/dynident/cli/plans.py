@@ -131,7 +131,7 @@ def show_plan(view: PlanView) -> None:
     for table in (
         shown.limits_table(view),
         shown.clearance_table(view) if view.check.clearances else None,
-        shown.outlook_table(view, console.NAME_WIDTH),
+        shown.outlook_table(view.plan, console.NAME_WIDTH),
     ):
         if table is not None:
             console.answer()

@@ -209,14 +209,14 @@ def clearance_table(view: PlanView) -> Table:
     return Table(columns, rows, f"The distance is what is certain, between the samples too.{further}")
 
 
-def outlook_table(view: PlanView, width: int | None = None) -> Table | None:
+def outlook_table(plan: Plan, width: int | None = None) -> Table | None:
     """Return the standard deviations that are expected after the run, the least known first; None where none are known.
 
     Args:
-        view: The plan.
+        plan: The plan.
         width: Columns of a terminal that a name may take; None shows all.
     """
-    outlook = view.plan.settings.get("outlook")
+    outlook = plan.settings.get("outlook")
     if not (isinstance(outlook, Mapping) and outlook.get("parameters")):
         return None
     before = outlook.get("before", "nothing") != "nothing"

@@ -48,7 +48,7 @@ def plan_context(view: PlanView) -> dict[str, Any]:
         "limits": limits_table(view),
         "clearances": clearance_table(view) if view.check.clearances else None,
         "criteria": criteria_table(view),
-        "outlook": outlook_table(view),
+        "outlook": outlook_table(view.plan),
         "remarks": plan_remarks(view),
     }
 
