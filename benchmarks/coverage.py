@@ -3,27 +3,33 @@
 Arms of 3, 6 and 7 joints follow one motion; only the noise is new in each run: white, or of first order with 0.9 from
 sample to sample, at 200 Hz. Rows are taken as they are, or filtered at 5 Hz with the default preprocessing. Printed per
 arm, length, filter and noise, for each method: share of intervals over all base parameters and runs that hold the truth
-(``pooled``), the smallest share of one parameter, and stated over true deviation (median over the parameters).
-Run: python -m benchmarks.coverage [runs] [seconds of log, ...]
+(``pooled``), the smallest share of one parameter, stated over true deviation (median over the parameters) and, for
+estimators, the largest bias in true deviations and the seconds a run.
+Run: python -m benchmarks.coverage [--runs N] [--seconds S ...] for the ways to a covariance of least squares, or with
+--estimators all (or names) for the estimators' own on the arm of 3 joints.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
+import time
+from dataclasses import replace
 
 import numpy as np
 import scipy.signal
 import scipy.stats
 
 from dynident import DynamicModel, FourierSeries, Log, Preprocessing, base_parameters, preprocess, read_robot
-from dynident.estimation.problem import make_problem
+from dynident.estimation.estimators import ESTIMATORS
+from dynident.estimation.estimators.map import MAP
+from dynident.estimation.problem import Observer, make_problem
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.estimation.residuals.stretches import stretches
+from dynident.estimation.uncertainty.bands import bands
 from dynident.estimation.uncertainty.bootstrap import errors_drawn
-from dynident.estimation.uncertainty.coloured import bands, covariance_of
+from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, spectral_uncertainty, uncertainty_of
 from dynident.estimation.uncertainty.covariance import FEWEST_FREE, correlation_factors
-from dynident.estimation.uncertainty.hac import covariance_of_scores
 from dynident.experiment.case_file.case import default_preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.model.friction import Motion
@@ -31,10 +37,16 @@ from dynident.robots.er16_article import LOCKED
 
 RATE, PERIOD, PAST, RENEWALS = 200.0, 10.0, 400, 4
 
-METHODS = ("integrated", "spectral", "hac", "bootstrap")
+METHODS = ("integrated", "spectral", "bootstrap")
 
 #: Of so many runs the slow methods see one.
-SLOW = {"hac": 4, "bootstrap": 10}
+SLOW = {"bootstrap": 10}
+
+#: All estimators of base parameters; the Kalman filter, seconds a run, only by name.
+ESTIMATORS_OF_BASE = (
+    *("ols", "wls", "ridge", "map", "huber", "tukey", "irls", "l1", "tls", "ml", "two_step", "essential"),
+    *("iv", "didim"),
+)
 
 
 class Bench:
@@ -43,12 +55,14 @@ class Bench:
     def __init__(self, robot, seconds, how):
         model = DynamicModel(robot, ("coulomb", "viscous", "offset"))
         sine, cosine = 0.3 * np.random.default_rng(1).normal(size=(2, robot.dof, 5))
-        time = np.arange(int(seconds * RATE)) / RATE
-        q, dq, ddq = FourierSeries(np.zeros(robot.dof), sine, cosine, PERIOD).evaluate(time)
+        times = np.arange(int(seconds * RATE)) / RATE
+        q, dq, ddq = FourierSeries(np.zeros(robot.dof), sine, cosine, PERIOD).evaluate(times)
         theta = np.concatenate([robot.nominal, np.tile([2.0, 3.0, 1.0], robot.dof)])
         torque = model.torque(Motion(q, dq, ddq), theta)
-        self.log = preprocess(Log(robot.joint_names, time, q, dq, ddq, torque), how)
-        problem = make_problem(model, base_parameters(model), [self.log])
+        self.log = preprocess(Log(robot.joint_names, times, q, dq, ddq, torque), how)
+        self.base = base_parameters(model)
+        self.truth, self.model = self.base.from_standard(theta), model
+        problem = make_problem(model, self.base, [self.log])
         self.passes = RowPasses(problem)
         self.mask, self.counts, self.columns = self.passes.counting, problem.counts, self.passes.columns
         self.size = problem.base.count
@@ -89,11 +103,11 @@ class Bench:
     def stated(self, method, residual, weights, deviations, inverse):
         """Return standard deviations and half widths of 95 % intervals by a method."""
         if method == "spectral":
-            found = covariance_of(self.bands, residual, weights, inverse)
+            meat = np.einsum("i,ijk->jk", weights**4 * deviations**2, self.grams)
+            gains = (weights**2)[:, None, None] * inverse
+            influence = Influence(gains, inverse @ meat @ inverse, np.eye(len(weights)))
+            found = uncertainty_of(self.bands, residual, influence)
             return found.deviations, found.half_widths()
-        if method == "hac":
-            found = covariance_of_scores(self.stretches, self.columns, residual, weights, inverse)
-            return _normal(np.sqrt(np.diag(found)))
         factors = correlation_factors([residual], [self.mask])
         independent = np.sum(self.counts / factors)
         if method == "bootstrap":
@@ -133,18 +147,63 @@ def coverage(bench, memory, runs, methods=METHODS):
     }
 
 
+def posed(bench, generator, memory):
+    """Return the problem of torques that are those of the model at the truth plus noise, filtered alike."""
+    joints = len(bench.columns)
+    white = generator.normal(size=(joints, bench.log.log.samples + PAST)) * np.linspace(1, 3, joints)[:, None]
+    noise = scipy.signal.lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=1)[:, PAST:]
+    raw = Observer(bench.model, bench.base).predict(bench.log.log, bench.truth) + noise.T
+    log = replace(bench.log.log, torque=bench.log.smooth(raw.T).T, raw_torque=raw)
+    return make_problem(bench.model, bench.base, [replace(bench.log, log=log)])
+
+
+def estimator_coverage(bench, memory, runs, name):
+    """Return the figures of one estimator with the covariance that it states itself."""
+    part = MAP(share=10.0) if name == "map" else ESTIMATORS.make(name)  # a prior that is flat enough
+    generator = np.random.default_rng(5)
+    errors, deviations, inside, start = [], [], [], time.perf_counter()
+    for _ in range(runs):
+        problem = posed(bench, generator, memory)
+        solution = part.solve(problem)
+        if solution.covariance is None:
+            found = spectral_uncertainty(problem, solution.weights, solution.beta)
+        else:
+            degrees = np.full(len(solution.beta), np.inf) if solution.degrees is None else solution.degrees
+            found = Uncertainty(solution.covariance, degrees)
+        errors.append(solution.beta - bench.truth)
+        deviations.append(found.deviations)
+        inside.append(np.abs(errors[-1]) < found.half_widths())
+    true = np.std(errors, axis=0)
+    return {
+        "pooled": round(float(np.mean(inside)), 4),
+        "smallest": round(float(np.mean(inside, axis=0).min()), 3),
+        "stated_over_true": round(float(np.median(np.sqrt(np.mean(np.square(deviations), axis=0)) / true)), 3),
+        "largest_bias": round(float(np.max(np.abs(np.mean(errors, axis=0)) / true)), 2),
+        "seconds": round((time.perf_counter() - start) / runs, 3),
+    }
+
+
 def main() -> None:
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
-    lengths = [float(text) for text in sys.argv[2:]] or [10.0, 30.0]
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--runs", type=int, default=1000)
+    parser.add_argument("--seconds", type=float, nargs="+", default=[10.0, 30.0])
+    parser.add_argument("--estimators", nargs="+", default=[], metavar="NAME")
+    given = parser.parse_args()
+    names = ESTIMATORS_OF_BASE if given.estimators == ["all"] else given.estimators
     arms = (read_robot("er16").locked(LOCKED), read_robot("generic-6r"), read_robot("generic-7r"))
     preparations = {"none": Preprocessing(AsGiven(), rest="keep"), "5 Hz": default_preprocessing()}
-    for robot in arms:
-        for seconds in lengths:
-            for name, how in preparations.items():
+    for robot in arms[:1] if names else arms:
+        for seconds in given.seconds:
+            for filtered, how in preparations.items():
                 bench = Bench(robot, seconds, how)
                 for memory in (0.0, 0.9):
-                    told = {"joints": robot.dof, "seconds": seconds, "filter": name, "memory": memory, "runs": runs}
-                    print(json.dumps({**told, "base": bench.size, **coverage(bench, memory, runs)}), flush=True)
+                    told = {"joints": robot.dof, "seconds": seconds, "filter": filtered, "memory": memory}
+                    told |= {"runs": given.runs, "base": bench.size}
+                    for name in names:
+                        found = estimator_coverage(bench, memory, given.runs, name)
+                        print(json.dumps({**told, "estimator": name, **found}), flush=True)
+                    if not names:
+                        print(json.dumps({**told, **coverage(bench, memory, given.runs)}), flush=True)
 
 
 if __name__ == "__main__":

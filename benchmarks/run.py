@@ -11,7 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-ORDER = ("regressor", "identification", "consistency", "simulation", "bias", "colony", "swarm", "real_data")
+ORDER = ("regressor", "identification", "consistency", "simulation", "bias", "colony", "swarm", "readers", "real_data")
 
 
 def main() -> None:

@@ -26,11 +26,13 @@ from dynident.model.descriptions.base import DESCRIPTIONS
 from dynident.model.friction import FRICTION
 from dynident.plugins import Family
 from dynident.results.exporters import EXPORTERS
+from dynident.results.model_exporters import MODEL_EXPORTERS
 
 ROOT = Path(inspect.getfile(dynident)).parent
 FILES = sorted(ROOT.rglob("*.py"))
 FAMILIES: tuple[Family[Any], ...] = (
     EXPORTERS,
+    MODEL_EXPORTERS,
     ESTIMATORS,
     FORMATS,
     PROFILES,

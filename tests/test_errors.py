@@ -73,6 +73,10 @@ GOLDEN = [
         errors.EstimateFormatError("e.json", "format 2", "identify again"),
         "e.json: format 2; identify again",
     ),
+    (
+        errors.TriangleFileError("all.tri", "format 2", "reduce the logs again"),
+        "all.tri: format 2; reduce the logs again",
+    ),
 ]
 
 

@@ -43,6 +43,8 @@ if TYPE_CHECKING:
     from dynident.model.robot import Robot as Robot
     from dynident.results.exporters import EXPORTERS as EXPORTERS
     from dynident.results.exporters import export as export
+    from dynident.results.model_exporters import MODEL_EXPORTERS as MODEL_EXPORTERS
+    from dynident.results.model_exporters import export_model as export_model
     from dynident.results.report import write_report as write_report
 
 _HOMES = {
@@ -68,6 +70,7 @@ _HOMES = {
     "model.inertia": ("Inertia",),
     "model.robot": ("Joint", "Link", "Robot"),
     "results.exporters": ("EXPORTERS", "export"),
+    "results.model_exporters": ("MODEL_EXPORTERS", "export_model"),
     "results.report": ("write_report",),
 }
 _HOME_OF = {name: f"dynident.{module}" for module, names in _HOMES.items() for name in names}

@@ -134,3 +134,11 @@ class EstimateFormatError(DynidentError):
     def __init__(self, path: object, evidence: str, step: str) -> None:
         self.path, self.evidence, self.step = str(path), evidence, step
         super().__init__(f"{path}: {evidence}; {step}")
+
+
+class TriangleFileError(DynidentError):
+    """A triangle file that is not one, is damaged, or does not go with others."""
+
+    def __init__(self, path: object, evidence: str, step: str) -> None:
+        self.path, self.evidence, self.step = str(path), evidence, step
+        super().__init__(f"{path}: {evidence}; {step}")

@@ -134,7 +134,7 @@ def _attribute_lines(doc: str) -> dict[str, str]:
 
 def _from_text(name: str, kind: str, text: str | None) -> Any:
     """Return the value that ``text`` writes for a field annotated ``kind``."""
-    if text is None or text.strip().lower() in ("none", "null"):
+    if text is None or text.strip().lower() in ("none", "null", "auto"):
         if "None" in kind:
             return None
         raise BadOption(name, text, f"give a value of the kind {kind}")

@@ -171,3 +171,19 @@ def test_absurd_options_are_refused(name: str) -> None:
 def test_defaults_written_out_are_the_defaults(name: str) -> None:
     texts = {o.name: None if o.default is None else str(o.default) for o in FILTERS.options(name)}
     assert FILTERS.make_from_text(name, texts) == FILTERS.make(name)
+
+
+def test_a_window_with_the_stated_span_to_either_side_is_filtered_as_the_whole(part: Filter) -> None:
+    time = np.arange(6000) / RATE
+    noise = np.random.default_rng(0).normal(size=(2, 6000, 2))
+    log = Log(("a", "b"), time, np.sin(np.outer(time, [1.0, 1.7])) + 1e-3 * noise[0], torque=noise[1])
+    log = log.with_step("derivatives", dq=np.gradient(log.q, axis=0) * RATE, ddq=0.0 * log.q)
+    span = part.span(RATE)
+    if span is None:
+        pytest.skip("it needs the whole log")
+    start, stop = 2500, 3000
+    window = log.rows(slice(start - span, stop + span), "window")
+    whole, found = part.apply(log), part.apply(replace(window, time=np.arange(window.samples) / RATE))
+    for name in ("q", "dq", "ddq", "torque"):
+        wanted, got = getattr(whole, name)[start:stop], getattr(found, name)[span : span + stop - start]
+        assert np.abs(got - wanted).max() <= 1e-9 * np.abs(wanted).max()

@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.estimation.problem import Problem, make_problem
+from dynident.estimation.problem import Observer, Problem, make_problem
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.experiment.preprocessing.butterworth import Butterworth
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
@@ -44,6 +45,14 @@ class Bench:
         edges = [0, *cuts, log.samples]
         parts = [log.rows(slice(a, b), f"part {a}") for a, b in itertools.pairwise(edges)]
         return make_problem(self.model, self.base, [preprocess(part, GIVEN) for part in parts])
+
+    def filtered(self, noise: Array, cutoff_hz: float) -> Problem:
+        """Return the problem whose torque is that of the model plus noise (N, n), both low-passed, of all rows."""
+        prepared = preprocess(self.log, Preprocessing(Butterworth(cutoff_hz), rest="keep"))
+        exact = Observer(self.model, self.base).predict(prepared.log, self.truth)
+        torque = prepared.smooth((exact + noise).T).T
+        log = replace(prepared.log, torque=torque, raw_torque=exact + noise)
+        return make_problem(self.model, self.base, [replace(prepared, log=log)])
 
     def white(self, seed: int, share: float = 0.02) -> Array:
         """Return white noise of a share of each joint's torque, shape (N, n)."""

@@ -10,6 +10,7 @@ import pytest
 from dynident.errors import BadOption, LogMismatch, NotConsistent
 from dynident.estimation.estimators.iv import IV
 from dynident.estimation.identify import pose
+from dynident.estimation.simulated import closed_loop as module
 from dynident.estimation.simulated.closed_loop import closed_loop, possible_beta
 from dynident.estimation.simulated.course import LoopOptions, smoothed
 from dynident.estimation.simulated.sensitivities import sensitivities
@@ -89,6 +90,65 @@ def test_sensitivities_are_those_of_the_discrete_simulation(cell, options):
         rise = (loop.simulate(beta + step)[0] - loop.simulate(beta - step)[0]) / (2 * step[k])
         np.testing.assert_allclose(by_q[:, :, k], rise[:, 0], atol=1e-6 * np.abs(by_q).max() + 1e-9)
         np.testing.assert_allclose(by_torque[:, :, k], rise[:, 3], atol=2e-6 * np.abs(by_torque).max())
+
+
+@pytest.fixture
+def stiff(planar_2r):
+    """Return a problem and its truth whose friction turns its sign within 0.02 rad/s."""
+    model = DynamicModel(planar_2r, (Coulomb(0.02), Viscous()))
+    theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
+    controller = Controller(rate=500.0, stiffness=KP, damping=KD, gravity=False)
+    run = simulate(model, theta, wave(2), rate=250.0, duration=0.6, controller=controller, noise=Noise(), lead_in=0.2)
+    problem = pose(model, [run.log], HOW)
+    return problem, problem.base.from_standard(theta)
+
+
+@pytest.mark.parametrize("options", [KNOWN, LoopOptions(feedforward="measured")], ids=["held", "continuous"])
+def test_implicit_steps_find_what_small_explicit_ones_find(stiff, options, monkeypatch):
+    problem, truth = stiff
+    loop = closed_loop(problem, options, truth)
+    (course,) = loop.courses
+    monkeypatch.setattr(module, "IMPLICIT_COST", 0.0)
+    implicit = list(loop.follow(course, truth))
+    assert all(segment.implicit for segment in implicit)
+    monkeypatch.setattr(module, "IMPLICIT_COST", np.inf)
+    explicit = list(loop.follow(course, truth))
+    assert not any(segment.implicit for segment in explicit)
+    found, expected = (np.concatenate([segment.out for segment in way]) for way in (implicit, explicit))
+    for k, tolerance in enumerate((1e-6, 1e-4, 2e-2, 1e-4)):
+        np.testing.assert_allclose(found[:, k], expected[:, k], atol=tolerance * np.abs(expected[:, k]).max())
+
+
+@pytest.mark.parametrize("options", [KNOWN, LoopOptions(feedforward="measured")], ids=["held", "continuous"])
+def test_derivatives_of_implicit_steps_are_exact(stiff, options, monkeypatch):
+    problem, truth = stiff
+    monkeypatch.setattr(module, "IMPLICIT_COST", 0.0)
+    beta = truth * np.linspace(0.9, 1.1, len(truth))
+    loop = closed_loop(problem, options, truth)
+    assert next(iter(loop.follow(loop.courses[0], beta))).implicit
+    rows, by_q = sensitivities(loop, loop.courses[0], beta, "q")
+    _, by_torque = sensitivities(loop, loop.courses[0], beta, "torque")
+    np.testing.assert_array_equal(rows, loop.simulate(beta)[0])
+    for k in range(0, len(beta), 3):
+        step = np.zeros_like(beta)
+        step[k] = 1e-6 * max(1.0, abs(beta[k]))
+        rise = (loop.simulate(beta + step)[0] - loop.simulate(beta - step)[0]) / (2 * step[k])
+        np.testing.assert_allclose(by_q[:, :, k], rise[:, 0], atol=1e-5 * np.abs(by_q).max() + 1e-9)
+        np.testing.assert_allclose(by_torque[:, :, k], rise[:, 3], atol=1e-4 * np.abs(by_torque).max() + 1e-6)
+
+
+def test_a_stiff_robot_is_integrated_by_implicit_steps(planar_2r, scaled):
+    """A light last link: explicit steps would follow the decay of its friction."""
+    light = replace(planar_2r, links=(planar_2r.links[0], scaled(planar_2r, 1e-2, 1.0).links[1]))
+    model = DynamicModel(light, (Coulomb(0.1), Viscous()))
+    theta = np.append(light.nominal, [1.0, 0.5, 0.5, 0.2])
+    run = simulate(model, theta, wave(2), rate=250.0, duration=0.4, noise=Noise())
+    problem = pose(model, [run.log], HOW)
+    beta = problem.base.from_standard(theta)
+    loop = closed_loop(problem, LoopOptions(feedforward="measured", reference="measured"), beta)
+    segments = list(loop.follow(loop.courses[0], beta, tangent=False))
+    assert all(segment.implicit and segment.counts[0] <= 10 for segment in segments)
+    assert all(np.all(np.isfinite(segment.out)) for segment in segments)
 
 
 def test_smoothing_passes_parabolas_and_halves_the_cut_off():

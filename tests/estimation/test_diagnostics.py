@@ -12,14 +12,21 @@ from noisy_arms import GIVEN, Bench
 from dynident.arrays import Array
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.identify import identify, pose
+from dynident.estimation.identify import identify, pose, validate
+from dynident.estimation.problem import Observer
 from dynident.estimation.uncertainty.diagnostics import diagnose
-from dynident.estimation.uncertainty.propagation import mass_matrix_deviations, standard_covariance, torque_deviations
+from dynident.estimation.uncertainty.propagation import (
+    mass_matrix,
+    prediction_deviations,
+    standard_covariance,
+    torque_deviations,
+)
 from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import Preprocessing
+from dynident.experiment.preprocessing import Preprocessing, preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.experiment.preprocessing.butterworth import Butterworth, central_differences
 from dynident.model.friction import Motion
+from dynident.model.kernels import batched
 from dynident.model.robot import Robot
 
 MakeLog = Callable[..., Log]
@@ -119,12 +126,39 @@ def test_covariances_that_follow(bench: Bench) -> None:
     rest = Motion(np.tile(q, (3, 1)), np.zeros((3, 2)), np.array([[1.0, 0], [0, 1.0], [0, 0]]))
     rows = bench.model.regressor(rest)[..., estimate.base.independent]
     masses = draws @ (rows[:joints] - rows[joints]).reshape(-1, len(estimate.beta)).T
+    theta = bench.model.robot.nominal
+    assert theta is not None
+    exact = replace(estimate, beta=bench.truth)
     np.testing.assert_allclose(
-        mass_matrix_deviations(estimate, q), masses.std(axis=0).reshape(joints, joints).T, rtol=0.06
+        mass_matrix(exact, q)[0], batched.mass_matrix(bench.model.robot.chain, theta, q[None])[0]
     )
+    np.testing.assert_allclose(mass_matrix(estimate, q)[1], masses.std(axis=0).reshape(joints, joints).T, rtol=0.06)
     few = bench.log.rows(slice(0, 20), "few")
     torques = np.einsum("nib,db->dni", _rows(bench, few), draws)
     np.testing.assert_allclose(torque_deviations(estimate, few), torques.std(axis=0), rtol=0.06)
+
+
+def test_bands_hold_the_share_of_rows_that_they_state(bench: Bench) -> None:
+    """95 % of the rows of another run lie in the band; that of the parameters holds 95 % of the true torques."""
+    shares, held = [], []
+    for seed in range(20):
+        estimate = identify(bench.model, [noisy(bench, bench.white(seed, 0.2))], "wls", GIVEN, diagnose=True, folds=0)
+        found = validate(estimate, [noisy(bench, bench.white(100 + seed, 0.2))])
+        shares += [joint["inside"] for joint in found.bands()]
+        widths, truth = found.half_widths(), validate(estimate, [bench.log]).measured
+        assert widths is not None and found.deviations is not None
+        held.append(np.mean(np.abs(found.predicted - truth) <= widths[0]))
+        train = estimate.train
+        assert train.deviations is not None and train.deviations.shape == train.measured.shape
+        np.testing.assert_array_equal(np.asarray(train.noise), estimate.joint_deviations)
+    assert 0.94 < np.mean(shares) < 0.96
+    assert 0.90 < np.mean(held) < 0.99
+    observer, few = Observer(bench.model, bench.base), preprocess(bench.log, GIVEN)
+    np.testing.assert_allclose(
+        prediction_deviations(observer, few, np.eye(bench.base.count))[:5],
+        np.linalg.norm(_rows(bench, bench.log)[:5], axis=2),
+        rtol=1e-9,
+    )
 
 
 def _rows(bench: Bench, log: Log) -> Array:

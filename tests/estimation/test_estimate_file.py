@@ -77,6 +77,17 @@ def test_signals_come_back_to_seven_digits(estimate: Estimate, written: Path) ->
     assert read.starts == estimate.train.starts
 
 
+def test_deviations_of_torques_and_standard_parameters_come_back(estimate: Estimate, tmp_path: Path) -> None:
+    spread = np.abs(np.random.default_rng(0).normal(size=estimate.train.measured.shape))
+    known = replace(estimate.train, deviations=spread, noise=estimate.joint_deviations)
+    theirs = np.linspace(0.1, 2.0, len(estimate.model.parameters))
+    write_estimate(replace(estimate, train=known, standard_deviations=theirs), tmp_path / "e.json")
+    read = read_estimate(tmp_path / "e.json")
+    np.testing.assert_array_equal(np.asarray(read.standard_deviations), theirs)
+    np.testing.assert_allclose(np.asarray(read.train.deviations), spread, rtol=1e-6)
+    assert len(read.train.bands()) == estimate.model.robot.dof and not estimate.train.bands()
+
+
 def test_an_estimate_that_was_read_predicts_the_same(estimate: Estimate, written: Path, log: Log) -> None:
     ours, read = validate(estimate, [log]), validate(read_estimate(written), [log])
     np.testing.assert_array_equal(read.predicted, ours.predicted)

@@ -12,6 +12,7 @@ import pytest
 from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
 from dynident.estimation.estimate_file import read_estimate, summary, write_estimate
+from dynident.estimation.friction.alike import same_for_all
 from dynident.estimation.friction.column_pool import fit, loss, make_pool
 from dynident.estimation.friction.friction_choice import choose_friction
 from dynident.estimation.friction.variable_projection import vary_fields
@@ -20,7 +21,6 @@ from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
@@ -65,9 +65,10 @@ def test_the_friction_of_each_joint_is_chosen(
     other_log = exact_log(mixed, with_friction(mixed, TRUTH), noise=0.3, samples=1000, rate=70.0, size=0.8, seed=5)
     bare = DynamicModel(mixed.robot)
     estimate = identify(bare, [mixed_log], "wls", GIVEN, choose=True)
+    chosen = estimate.extras["friction_choice"]
     on = {
-        name: {FRICTION.name_of(part) for part in estimate.model.friction if name in (part.joints or (name,))}
-        for name in mixed.robot.joint_names
+        name: {part.split()[0] for step in steps if step["chosen"] for part in step["parts"]}
+        for name, steps in chosen["joints"].items()
     }
     assert {"load", "degressive"} <= on["joint2"] and "viscous" not in on["joint2"]
     for name in ("joint1", "joint3"):
@@ -82,8 +83,42 @@ def test_the_friction_of_each_joint_is_chosen(
     np.testing.assert_array_equal(read.beta, estimate.beta)
     steps = summary(read)["extras"]["friction_choice"]["joints"]["joint2"]
     assert sum(step["chosen"] for step in steps) == 1 and steps[0]["parts"] == []
-    ((title, table),) = choice_tables(read.extras)
+    (title, table), (other, alike) = choice_tables(read.extras)
     assert title == "Friction chosen joint by joint" and "+ load" in plain(table)
+    assert other == "One friction for all joints, or each its own" and plain(alike).count("yes") == 1
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_stribeck_friction_is_chosen_where_the_log_has_slow_motion(
+    spatial_3r: Robot, exact_log: MakeLog, seed: int
+) -> None:
+    truth = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous(), Stribeck(0.1)))
+    values = np.tile([3.0, 1.0, 2.0], 3)
+    log = exact_log(truth, with_friction(truth, values), noise=0.3, samples=3000, rate=100.0, size=0.3, seed=seed)
+    choice = choose_friction(DynamicModel(spatial_3r), [preprocess(log, GIVEN)])
+    for steps in choice.steps.values():
+        (parts,) = (step.parts for step in steps if step.chosen)
+        assert {"coulomb", "viscous", "stribeck"} == {part.split()[0] for part in parts}, parts
+
+
+def test_one_friction_for_all_is_taken_where_it_is_as_good(mixed: DynamicModel, exact_log: MakeLog) -> None:
+    """Drives that are alike get one list, whatever lists they were given; one that differs much keeps its own."""
+    robot = mixed.robot
+    plain_drives = DynamicModel(robot, (Coulomb(0.02), Viscous()))
+    log = exact_log(
+        plain_drives, with_friction(plain_drives, np.tile([3.0, 1.5], 3)), noise=0.3, samples=2000, rate=100.0
+    )
+    given = (Coulomb(0.02), Viscous(joints=("joint1", "joint2")), Degressive(joints=("joint3",)))
+    found, compared = same_for_all(replace(plain_drives, friction=given), [preprocess(log, GIVEN)])
+    assert all(part.joints is None for part in found.friction)
+    assert sum(each.chosen for each in compared) == 1 and compared[0].parts == ("each its own",)
+    sticky = DynamicModel(robot, (Coulomb(0.02), Viscous(), Stribeck(0.1, joints=("joint1",))))
+    values = np.array([3.0, 1.5, 4.0, 3.0, 1.5, 3.0, 1.5])
+    assert len(sticky.parameters) == sticky.inertial_count + len(values)
+    log = exact_log(sticky, with_friction(sticky, values), noise=0.05, samples=2000, rate=100.0, size=0.3)
+    kept, compared = same_for_all(sticky, [preprocess(log, GIVEN)])
+    assert kept.friction == sticky.friction and compared[0].chosen
+    assert same_for_all(plain_drives, [preprocess(log, GIVEN)]) == (plain_drives, ())
 
 
 def test_too_short_a_log_chooses_nothing(mixed: DynamicModel, exact_log: MakeLog) -> None:

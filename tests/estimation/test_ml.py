@@ -144,7 +144,7 @@ def test_ml_is_generalised_least_squares_with_its_colour(bench: Bench) -> None:
     assert solution.covariance is not None
     fisher = np.sqrt(np.diag(np.linalg.inv(gram)))
     ratio = np.sqrt(np.diag(solution.covariance)) / fisher
-    assert np.all(ratio > 0.999) and np.all(ratio < 1.6)
+    assert np.all(ratio > 0.7) and np.all(ratio < 1.6) and 0.85 < np.median(ratio) < 1.2
 
 
 def test_order_zero_is_weighted_least_squares(bench: Bench) -> None:

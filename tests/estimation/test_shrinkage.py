@@ -14,7 +14,7 @@ from dynident.estimation.estimators.map import MAP, prior_sizes
 from dynident.estimation.estimators.ridge import Ridge, cross_validated
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.covariance import residual_factors, shared_rows
+from dynident.estimation.uncertainty.covariance import residual_factors
 from dynident.experiment.log import Log
 from dynident.model.robot import Robot
 
@@ -44,7 +44,7 @@ def test_ridge_is_the_closed_form_with_unit_columns(strength: float, bench: Benc
     # White noise: the covariance is nearly s^2 (W'W + pull)^-1, with s = 1 in these weights.
     assert solution.covariance is not None
     ratio = np.sqrt(np.diag(solution.covariance) / np.diag(inverse))
-    assert np.all(ratio > 0.97) and np.all(ratio < 1.6)
+    assert np.all(ratio > 0.75) and np.all(ratio < 1.5) and 0.9 < np.median(ratio) < 1.1
 
 
 def test_generalised_cross_validation_is_its_definition() -> None:
@@ -100,14 +100,17 @@ def test_map_on_standard_parameters_is_the_closed_form(short: Bench) -> None:
     theta = theta0 + deviation * np.linalg.solve(gram, scaled.T @ target)
     np.testing.assert_allclose(solution.beta, short.base.from_standard(theta), rtol=1e-5, atol=1e-5)
     mapped = short.base.matrix * deviation
-    np.testing.assert_allclose(solution.covariance, mapped @ np.linalg.solve(gram, mapped.T), rtol=1e-4, atol=1e-6)
+    posterior = np.sqrt(np.diag(mapped @ np.linalg.solve(gram, mapped.T)))
+    ratio = np.sqrt(np.diag(solution.covariance)) / posterior
+    # The posterior's but for the colour of the noise, which 25 samples tell roughly.
+    assert np.all((ratio > 0.5) & (ratio < 2.0)) and 0.8 < np.median(ratio) < 1.25
 
 
 def test_a_wide_prior_is_weighted_least_squares_and_a_narrow_one_the_description(bench: Bench) -> None:
     problem = bench.problem(bench.white(0))
     wide, plain = MAP(share=1e5).solve(problem), WLS(iterations=30, tolerance=1e-10).solve(problem)
     factors = residual_factors(RowPasses(problem), plain.beta)
-    assert np.all(wide.weights <= 1.001 * plain.weights / np.sqrt(factors * shared_rows(problem, factors)))
+    np.testing.assert_allclose(wide.weights, plain.weights / np.sqrt(factors), rtol=2e-3)
     assert wide.covariance is not None
     assert np.all(np.abs(wide.beta - plain.beta) < 0.5 * np.sqrt(np.diag(wide.covariance)))
     for on in ("standard", "base"):

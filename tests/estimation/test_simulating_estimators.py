@@ -18,11 +18,10 @@ from dynident.estimation.identify import pose
 from dynident.estimation.problem import Observer
 from dynident.estimation.simulated.closed_loop import closed_loop, simulated_logs
 from dynident.estimation.simulated.course import LoopOptions
-from dynident.estimation.simulated.instruments import instruments, spectral_covariance
+from dynident.estimation.simulated.instruments import instruments
 from dynident.estimation.simulated.iteration import started
 from dynident.estimation.simulated.joint_filter import position_noise
 from dynident.estimation.uncertainty.exogeneity import durbin_wu_hausman
-from dynident.estimation.uncertainty.spectral import score_triangle
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.experiment.preprocessing.butterworth import central_differences
@@ -137,55 +136,6 @@ def test_instruments_solve_the_dense_equations(cell):
         right[columns] += weight**2 * ours[:-1] @ theirs[-1]
     np.testing.assert_allclose(made.solve(weights), np.linalg.solve(left, right), rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(made.influence(weights) @ left, np.eye(size), atol=1e-7)
-
-
-def test_scores_of_coloured_and_dependent_residuals():
-    """The covariance of X'e of a known process, against a sample of it."""
-    generator = np.random.default_rng(0)
-    time = np.arange(600) / 100
-    rows = [np.sin(2 * np.pi * np.outer([0.5, 1.0], time)), np.cos(2 * np.pi * np.outer([0.7], time))]
-    mixing = np.array([[1.0, 0.8], [0.0, 0.6]])
-
-    def residual():
-        white = generator.normal(size=(601, 2)) @ mixing
-        return white[1:] + 0.9 * white[:-1]
-
-    columns = [np.array([0, 1]), np.array([2])]
-    mask = np.ones((600, 2), bool)
-    whole, found = [], []
-    for _ in range(400):
-        error = residual()
-        whole.append(np.concatenate([block @ error[:, i] for i, block in enumerate(rows)]))
-        scores = score_triangle(iter([(rows, error, mask)]), columns, 3, np.ones(2))
-        found.append(scores.T @ scores)
-    expected, mean = np.cov(np.transpose(whole)), np.mean(found, axis=0)
-    np.testing.assert_allclose(
-        mean, expected, atol=0.15 * np.sqrt(np.outer(np.diag(expected), np.diag(expected))).max()
-    )
-
-
-def test_what_an_offset_takes_at_zero_frequency_is_not_copied_beside():
-    """The residual of a fit with an offset has no mean; slow rows are as uncertain as before."""
-    generator = np.random.default_rng(0)
-    rows = np.sin(2 * np.pi * np.outer([1.0, 2.0], np.arange(600) / 600))
-    found = []
-    for _ in range(200):
-        error = generator.normal(size=(600, 1))
-        part = ([rows], error - error.mean(), np.ones((600, 1), bool))
-        scores = score_triangle(iter([part]), [np.arange(2)], 2, np.ones(1))
-        found.append(np.diag(scores.T @ scores))
-    np.testing.assert_allclose(np.mean(found, axis=0), 300.0, rtol=0.1)
-
-
-def test_spectral_covariance_of_white_noise_is_the_plain_one(planar_2r, exact_log):
-    model = DynamicModel(planar_2r, (Viscous(),))
-    theta = np.append(planar_2r.nominal, [0.5, 0.5])
-    problem = pose(model, [exact_log(model, theta, noise=0.1, samples=3000)], Preprocessing(AsGiven(), rest="keep"))
-    solution = OLS().solve(problem)
-    weights = 1.0 / problem.joint_deviations(solution.beta)
-    inverse = np.linalg.inv(problem.reduced(weights).r)
-    found = np.sqrt(np.diag(spectral_covariance(problem, weights, solution.beta)))
-    np.testing.assert_allclose(found, np.linalg.norm(inverse, axis=1), rtol=0.25)
 
 
 def test_an_iteration_that_does_not_settle_says_so(cell):

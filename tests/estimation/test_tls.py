@@ -68,16 +68,14 @@ def test_ratio_zero_is_weighted_least_squares(bench: Bench) -> None:
 
 
 def test_tls_removes_the_bias_of_noisy_columns_where_its_assumption_holds(
-    pendulum: Robot, exact_log: Callable[..., Log], monkeypatch: pytest.MonkeyPatch
+    pendulum: Robot, exact_log: Callable[..., Log]
 ) -> None:
     """Errors of 15 % of each column's norm, independent of each other: wls is biased towards zero, tls is not."""
-    # The noisy rows exist as a triangle only; their errors are white.
-    monkeypatch.setattr("dynident.estimation.estimators.tls.residual_factors", lambda passes, beta: np.ones(1))
     bench = Bench(pendulum, exact_log, samples=4000, friction=("viscous",))
     exact = bench.problem(np.zeros((4000, 1)))
     rows, share = exact.rows, 0.15
     spread = share * np.sqrt(np.mean(rows.matrix**2, axis=0))
-    errors, scores = [], []
+    errors = []
     for seed in range(20):
         generator = np.random.default_rng(seed)
         matrix = rows.matrix + spread * generator.normal(size=rows.matrix.shape)
@@ -87,13 +85,10 @@ def test_tls_removes_the_bias_of_noisy_columns_where_its_assumption_holds(
         noisy = replace(exact, triangles=(Triangle(own.columns, factor, own.rows),))
         solution = TLS().solve(noisy)
         errors.append([s.beta - bench.truth for s in (WLS().solve(noisy), solution)])
-        assert solution.covariance is not None
-        scores.append(errors[-1][1] / np.sqrt(np.diag(solution.covariance)))
     norms = np.linalg.norm(rows.matrix, axis=0) / np.linalg.norm(rows.torque)
     plain, total = np.linalg.norm(np.mean(errors, axis=0) * norms, axis=1)
     assert plain > 0.015
     assert total < 0.25 * plain
-    assert 0.5 < np.sqrt(np.mean(np.square(scores))) < 1.6
 
 
 def test_a_fit_that_belongs_to_the_columns_is_refused() -> None:

@@ -17,13 +17,14 @@ from dynident.estimation.identify import estimate_of, pose
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.estimation.residuals.stretches import stretches
+from dynident.estimation.uncertainty.bands import bands, bands_of_rows, filter_power
 from dynident.estimation.uncertainty.bootstrap import Draws, automatic_block, block_bootstrap
-from dynident.estimation.uncertainty.coloured import Uncertainty, bands, filter_power, spectral_uncertainty
-from dynident.estimation.uncertainty.hac import (
-    automatic_bandwidth,
-    hac_covariance,
-    long_run_covariance,
-    quadratic_spectral,
+from dynident.estimation.uncertainty.coloured import (
+    Influence,
+    Uncertainty,
+    error_root,
+    spectral_uncertainty,
+    uncertainty_of,
 )
 from dynident.estimation.uncertainty.trust import consistent_draws, with_diagnostics
 from dynident.experiment.log import Log
@@ -137,29 +138,52 @@ def first_order(white: Array, memory: float) -> Array:
     return np.asarray(scipy.signal.lfilter([1.0], [1.0, -memory], white, axis=0))
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.5, 0.8])
-def test_long_run_covariance_of_a_first_order_process(memory: float) -> None:
-    """Closed form: variance times (1 + rho) / (1 - rho)."""
-    white = np.random.default_rng(0).normal(size=(100_000, 2)) * [1.0, 3.0]
-    series = first_order(white, memory)
-    found = long_run_covariance(series)
-    np.testing.assert_allclose(np.diag(found), np.array([1.0, 9.0]) / (1 - memory) ** 2, rtol=0.15)
-    assert abs(found[0, 1]) < 0.2 * np.sqrt(found[0, 0] * found[1, 1])
-    assert automatic_bandwidth(series) == pytest.approx(automatic_bandwidth(series * [5.0, 0.1]), rel=1e-9)
+def test_errors_of_coloured_and_dependent_residuals() -> None:
+    """The covariance of sum_i G_i X_i' e_i of a known process, against a sample of it."""
+    generator = np.random.default_rng(0)
+    time = np.arange(600) / 100
+    waves = np.stack([np.sin(np.pi * time), np.sin(2 * np.pi * time), np.cos(1.4 * np.pi * time)], axis=1)
+    rows = np.stack([waves * [1, 1, 0], waves * [0, 0, 1]], axis=1)
+    mixing = np.array([[1.0, 0.8], [0.0, 0.6]])
+    gains = np.stack([np.array([[1.0, 0.5, 0.0], [0.0, 0.0, 2.0]])] * 2)
+    made = Influence(np.tile(np.eye(3) * 1e-9, (2, 1, 1)), np.zeros((3, 3)), np.eye(2))  # takes nothing from e
+    whole, found = [], []
+    for _ in range(300):
+        white = generator.normal(size=(601, 2)) @ mixing
+        error = white[1:] + 0.9 * white[:-1]
+        whole.append(sum(gains[i] @ rows[:, i].T @ error[:, i] for i in range(2)))
+        found.append(uncertainty_of(bands_of_rows([rows]), error, made, gains).covariance)
+        root = error_root(bands_of_rows([rows]), error, made, gains)
+        np.testing.assert_allclose(root.T @ root, found[-1], rtol=1e-9, atol=1e-9 * np.abs(found[-1]).max())
+    expected, mean = np.cov(np.transpose(whole)), np.mean(found, axis=0)
+    size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(mean / size, expected / size, atol=0.15)
 
 
-def test_the_kernel_is_one_at_zero_and_has_its_closed_form() -> None:
-    x = np.array([0.0, 1e-6, 0.7, 2.0])
-    z = 6 * np.pi * x[2:] / 5
-    expected = 25 / (12 * np.pi**2 * x[2:] ** 2) * (np.sin(z) / z - np.cos(z))
-    np.testing.assert_allclose(quadratic_spectral(x), [1.0, 1.0, *expected], atol=1e-6)
+def test_what_a_fit_takes_at_some_frequencies_is_given_back() -> None:
+    """A fit of waves leaves nothing of the noise at their frequencies; its errors are as large as ever."""
+    generator, time = np.random.default_rng(0), np.arange(400) / 400
+    waves = np.stack([wave(2 * np.pi * k * time) for k in range(2, 82, 4) for wave in (np.sin, np.cos)], axis=1)
+    rows, inverse = waves[:, None], np.eye(40) / 200
+    ratios = []
+    for _ in range(100):
+        error = generator.normal(size=400)
+        residual = (error - waves @ (inverse @ waves.T @ error))[:, None]
+        made = Influence(inverse[None], inverse, np.eye(1))
+        ratios.append(np.diag(uncertainty_of(bands_of_rows([rows]), residual, made).covariance) * 200)
+    assert 0.95 < np.mean(ratios) < 1.05
 
 
-def test_the_rivals_agree_on_a_long_log(bench: Bench) -> None:
+def test_an_error_that_is_known_beside_it_adds_and_is_sure() -> None:
+    found = Uncertainty(np.diag([4.0, 1.0]), np.array([10.0, 10.0])).with_prior(np.diag([0.0, 3.0]))
+    np.testing.assert_allclose(found.deviations, [2.0, 2.0])
+    np.testing.assert_allclose(found.degrees, [10.0, 160.0])  # Satterthwaite: (4 / 1)^2 as many
+
+
+def test_the_bootstrap_agrees_on_a_long_log(bench: Bench) -> None:
     problem = bench.problem(bench.white(1))
     beta, weights = weights_of(problem)
     found = spectral_uncertainty(problem, weights, beta).deviations
-    np.testing.assert_allclose(np.sqrt(np.diag(hac_covariance(problem, weights, beta))) / found, 1.0, atol=0.35)
     draws = block_bootstrap(problem, weights, beta, draws=400)
     np.testing.assert_allclose(np.sqrt(np.diag(draws.covariance)) / found, 1.0, atol=0.35)
     np.testing.assert_array_equal(draws.beta, block_bootstrap(problem, weights, beta, draws=400).beta)

@@ -84,9 +84,19 @@ def test_a_case_of_two_lines_has_all_defaults(write: Write, spatial_3r: Robot) -
 
 
 def test_the_stated_default_preparation() -> None:
+    chosen = Butterworth(cutoff_hz=None, order=4, torque="same")
     assert default_preprocessing() == Preprocessing(
-        Butterworth(cutoff_hz=5.0, order=4, torque="same"), rate_hz=200.0, trim_s=0.5, standstill=0.02, rest="mask"
+        chosen, rate_hz=200.0, trim_s=0.5, standstill=0.02, rest="mask", rows_per_period=8.0
     )
+
+
+def test_cut_off_and_rate_are_stated_or_chosen(write: Write) -> None:
+    """Stated rates hold; ``auto``, also where nothing is said, takes so many rows a period of the cut-off."""
+    stated = read_case(write("preprocessing: {filter: {butterworth: {cutoff_hz: 7}}, rate_hz: 50}")).preprocessing
+    assert stated.filter == Butterworth(7.0) and stated.rows_hz(1000.0) == 50.0
+    assert read_case(write("preprocessing: {rate_hz: all}")).preprocessing.rows_hz(1000.0) is None
+    for text in ("{filter: {butterworth: {cutoff_hz: auto}}, rate_hz: auto}", "{filter: butterworth}", "{trim_s: 0.5}"):
+        assert read_case(write(f"preprocessing: {text}")).preprocessing == default_preprocessing()
 
 
 def test_every_key(write: Write) -> None:

@@ -1,194 +1,385 @@
-"""Drafted case files: columns told by their names, doubts said aloud, and a file that the reader takes."""
+"""Drafted case files: what is told, what is asked, and a file that the reader takes once it is answered."""
 
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from drafted_logs import joints_called, moved, named, numbered, read, write_log, write_robot
 
-from dynident.errors import LogFormatError
-from dynident.experiment.case_file.case import read_case
-from dynident.experiment.case_file.case_draft import WORDS, draft_case, find_columns
+from dynident.arrays import Array
+from dynident.errors import BadOption, DescriptionError, FileError, LogFormatError, UnknownChoice
+from dynident.experiment.case_file.case_draft import draft_case, draft_summary
 from dynident.experiment.formats import Units
-from dynident.model.descriptions.native import robot_to_dict
-from dynident.model.robot import Joint, JointLimits, Robot
+from dynident.model.descriptions import read_robot
+from dynident.model.robot import Drive, Robot
+
+
+@pytest.fixture(scope="module")
+def six() -> Robot:
+    """Six joints with limits, masses and no known gains."""
+    robot = read_robot("generic-6r")
+    return robot.with_drives(dict.fromkeys(robot.joint_names, Drive()))
 
 
 @pytest.fixture
-def arm(tmp_path: Path, planar_2r: Robot) -> Path:
-    return write_robot(tmp_path, planar_2r)
+def arm(tmp_path: Path, six: Robot) -> str:
+    return write_robot(tmp_path / "arm.json", six)
 
 
-def write_robot(folder: Path, robot: Robot) -> Path:
-    path = folder / "arm.json"
-    path.write_text(json.dumps(robot_to_dict(robot)))
-    return path
+@pytest.fixture(scope="module")
+def motion(six: Robot) -> dict[str, Array]:
+    return moved(six)
 
 
-def write_csv(folder: Path, names: list[str], columns: np.ndarray | None = None, name: str = "run.csv") -> Path:
-    """Write a log of 50 samples, 10 ms apart; the first column is the time."""
-    values = np.sin(np.outer(np.arange(50), np.linspace(0.1, 0.4, len(names) - 1))) if columns is None else columns
-    rows = [",".join(names)] + [",".join([str(0.01 * k), *map(repr, row)]) for k, row in enumerate(values.tolist())]
-    (folder / name).write_text("\n".join(rows) + "\n")
-    return folder / name
+def test_a_plain_log_asks_for_nothing(arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path) -> None:
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(motion)), tmp_path)
+    assert draft.needed == () and draft.remarks == ()
+    case = read(draft, tmp_path)
+    log = case.read(case.train[0])
+    np.testing.assert_allclose(log.q, motion["q"])
+    np.testing.assert_allclose(np.asarray(log.torque), motion["torque"])
+    assert case.robot.joint_names == six.joint_names and case.estimator.name == "consistent"
+    assert case.columns.units == Units(position="rad", torque="N m")
+    assert case.split is not None and case.preprocessing.delay_s is None and case.preprocessing.rate_hz is None
+    for words in ("rad   # within the limits as rad", "times the torque of the description's masses", "agree with it"):
+        assert words in draft.text
 
 
-def joints_called(robot: Robot, *names: str) -> Robot:
-    return replace(robot, joints=tuple(replace(j, name=n) for j, n in zip(robot.joints, names, strict=True)))
+NAMES = {
+    "numbers from 0": ("timestamp", "actual_q_{0}", "joint_torque_{0}"),
+    "brackets": ("time", "pos[{0}]", "effort[{0}]"),
+    "words": ("Time", "joint {} position", "joint {} torque"),
+    "measured": ("t", "q{}_meas", "tau_meas_{}"),
+    "camel": ("stamp", "jointPos{}", "jointTorque{}"),
+    "joints": ("t", "{joint}/position", "{joint}/effort"),
+    "padded": ("t", "q_0{}", "tau_0{}"),
+    "German": ("Zeit", "Winkel Äx {}", "Drehmoment {}"),
+    "hostile": ("t", "# ask: q{}", "ask: tau '\"{}"),
+    "braces": ("t", "{{q}}{}", "{{tau}}{}"),
+}
 
 
-HEADERS = [
-    (["t", "q1", "q2", "tau1", "tau2"], {"q": ("q1", "q2"), "torque": ("tau1", "tau2")}),
-    (["timestamp", "actual_q_0", "actual_q_1", "actual_current_0", "actual_current_1"],
-     {"q": ("actual_q_0", "actual_q_1"), "current": ("actual_current_0", "actual_current_1")}),
-    (["Time", "Position 2", "Position 1", "Velocity 1", "Velocity 2", "Torque 1", "Torque 2"],
-     {"q": ("Position 1", "Position 2"), "dq": ("Velocity 1", "Velocity 2"), "torque": ("Torque 1", "Torque 2")}),
-    (["stamp", "elbow_position", "shoulder_position", "effort_shoulder", "effort_elbow"],
-     {"q": ("shoulder_position", "elbow_position"), "torque": ("effort_shoulder", "effort_elbow")}),
-    (["t", "q_1", "q_2", "qd_1", "qd_2", "i1", "i2", "temp"],
-     {"q": ("q_1", "q_2"), "dq": ("qd_1", "qd_2"), "current": ("i1", "i2")}),
-    (["t", "q1", "q2"], {"q": ("q1", "q2")}),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("header", "signals"), HEADERS, ids=lambda value: str(value)[:30])
+@pytest.mark.parametrize("names", NAMES.values(), ids=NAMES)
 def test_columns_are_told_by_their_names(
-    header: list[str], signals: dict[str, tuple[str, ...]], planar_2r: Robot
+    names: tuple[str, str, str], arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path
 ) -> None:
-    found = find_columns(header, joints_called(planar_2r, "shoulder", "elbow"), "run.csv")
-    assert found.time == header[0] and dict(found.signals) == signals
+    def spelt(pattern: str, k: int, joint: str) -> str:
+        plain = pattern.replace("{0}", str(k)).replace("{joint}", joint)
+        return re.sub(r"(?<!\{)\{\}", str(k + 1), plain).replace("{{", "{").replace("}}", "}")
+
+    time, *patterns = names
+    columns = [[spelt(pattern, k, joint) for k, joint in enumerate(six.joint_names)] for pattern in patterns]
+    signals = dict(zip(("q", "torque"), columns, strict=True))
+    shuffled = named(motion, time, {key: signals[key] for key in ("torque", "q")})
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", shuffled, separator="\t"), tmp_path)
+    assert draft.needed == (), draft.text
+    case = read(draft, tmp_path)
+    assert case.columns.time == time and case.columns.q == tuple(columns[0])
+    np.testing.assert_allclose(np.asarray(case.read(case.train[0]).torque), motion["torque"])
 
 
-@pytest.mark.parametrize(
-    ("header", "missing"),
-    [
-        (["q1", "q2", "tau1", "tau2"], "time"),
-        (["t", "tau1", "tau2"], "positions"),
-        (["t", "q1", "tau1", "tau2"], "positions"),  # one joint too few
-        (["t", "q1", "q2", "q3", "tau1"], "positions"),  # one too many: which two?
-    ],
-)
-def test_what_cannot_be_told_is_asked_for(header: list[str], missing: str, planar_2r: Robot) -> None:
-    with pytest.raises(LogFormatError) as caught:
-        find_columns(header, planar_2r, "run.csv")
-    assert str(caught.value) == (
-        f"run.csv:1: no columns for the {missing} of 2 joints can be told; the header has {', '.join(header)}; "
-        "write the case file by hand (docs/case-file.md) and name the columns there"
-    )
-
-
-@pytest.mark.parametrize("signal", [signal for signal in WORDS if signal != "time"])
-def test_every_word_is_found(signal: str, planar_2r: Robot) -> None:
-    for word in WORDS[signal]:
-        header = ["t", "q1", "q2", f"{word.upper()}_1", f"{word.upper()}_2"]
-        if signal == "q":
-            header = ["t", f"{word.upper()}_1", f"{word.upper()}_2"]
-        if word == "q":
-            continue
-        found = find_columns(header, planar_2r, "run.csv")
-        assert found.signals[signal] == (f"{word.upper()}_1", f"{word.upper()}_2")
-
-
-@pytest.mark.parametrize(("header", "signals"), HEADERS[:3], ids=lambda value: str(value)[:30])
-def test_the_draft_is_a_case_that_reads_its_log(
-    header: list[str], signals: dict[str, tuple[str, ...]], arm: Path, tmp_path: Path
+def test_joints_in_another_order_are_matched_by_name(
+    arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path
 ) -> None:
-    log = write_csv(tmp_path, header)
-    text = draft_case(str(arm), str(log), tmp_path).text
-    if "current" in signals:
-        text = text.replace("{gain: }", "{gain: 2}")
-    (tmp_path / "case.yaml").write_text(text)
-    case = read_case(tmp_path / "case.yaml")
-    assert case.train == ("run.csv",) and case.estimator.name == "consistent" and case.split is not None
-    read = case.read(case.train[0])
-    values = np.loadtxt(log, delimiter=",", skiprows=1)
-    np.testing.assert_allclose(read.q, values[:, [header.index(name) for name in signals["q"]]])
-    source, factor = ("torque", 1.0) if "torque" in signals else ("current", 2.0)
-    expected = factor * values[:, [header.index(name) for name in signals[source]]]
-    np.testing.assert_allclose(np.asarray(read.torque), expected)
+    order = list(reversed(range(6)))
+    turned = {key: values if key == "time" else values[:, order] for key, values in motion.items()}
+    names = [six.joint_names[k] for k in order]
+    signals = {"position": "q", "velocity": "dq", "effort": "torque"}
+    columns = {signal: [f"{name}.{word}" for name in names] for word, signal in signals.items()}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", named(turned, "t", columns)), tmp_path)
+    assert [fit.name for fit in draft.found.profiles] == ["joint_states"] and draft.needed == ()
+    assert "is the effort a torque in N m? Drivers differ" in draft.text
+    case = read(draft, tmp_path)
+    np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
 
 
-def test_the_text_says_what_was_found(arm: Path, tmp_path: Path) -> None:
-    draft = draft_case(str(arm), str(write_csv(tmp_path, ["t", "q1", "q2", "tau1", "tau2"])), tmp_path)
-    lines = draft.text.splitlines()
-    assert lines[0] == "# Case file of dynident; docs/case-file.md describes every key."
-    assert lines[1:3] == [
-        "# Drafted from run.csv: 50 samples, 0.49 s,",
-        "# 100 Hz, steps of 10 to 10 ms.",
-    ]
-    assert {"case: 1", "robot: arm.json", "train: run.csv", "# locked: {joint6: 0}"} <= set(lines)
-    assert "    torque: N m" in lines and "    position: rad" in lines
-    assert draft.remarks == ()
+def test_degrees_are_asked_for_with_the_likely_answer(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    turned = {**motion, "q": np.rad2deg(motion["q"])}
+    log = write_log(tmp_path / "run.csv", numbered(turned))
+    draft = draft_case(arm, log, tmp_path)
+    (question,) = draft.needed
+    assert question.text.startswith("the unit of q1 to q6") and question.text.endswith("likely deg")
+    with pytest.raises(DescriptionError, match=rf"line {question.line} asks for the unit of q1 to q6"):
+        read(draft, tmp_path)
+    case = read(draft, tmp_path, {"the unit of q1 to q6": "deg"})
+    np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
 
 
-def test_paths_are_relative_to_the_case(arm: Path, tmp_path: Path) -> None:
-    log = write_csv(tmp_path, ["t", "q1", "q2", "tau1", "tau2"])
+@pytest.mark.parametrize("unit", ["[deg]", "(deg)", "[°]"])
+def test_a_unit_in_the_header_is_taken_where_the_limits_agree(
+    unit: str, arm: str, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    turned = {**motion, "q": np.rad2deg(motion["q"])}
+    columns = numbered(turned, f"q{{}} {unit}", "tau{} [Nm]", "Time [ms]")
+    columns["Time [ms]"] = 1e3 * motion["time"]
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    assert draft.needed == ()
+    case = read(draft, tmp_path)
+    assert case.columns.units == Units("ms", "deg", torque="N m")
+    np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
+
+
+def test_a_header_that_the_limits_contradict_is_asked(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    turned = {**motion, "q": 100 * np.rad2deg(motion["q"])}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(turned, "q{} [deg]")), tmp_path)
+    assert draft.needed[0].text.startswith("the unit of q1 [deg]")
+    assert draft.found.units["position"].words == ()
+
+
+def test_other_units_of_time_and_torque_are_asked(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    scaled = {**motion, "time": 1e3 * motion["time"], "torque": 1e3 * motion["torque"]}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(scaled)), tmp_path)
+    assert [q.text.rpartition("likely ")[2] for q in draft.needed] == ["ms", "mN m"]
+    case = read(draft, tmp_path, {"the unit of t ": "ms", "the unit of tau1": "mN m"})
+    np.testing.assert_allclose(np.asarray(case.read(case.train[0]).torque), motion["torque"])
+
+
+def test_currents_ask_for_gains_and_say_roughly(arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path) -> None:
+    gains = np.array([12.0, -11.0, 10.0, 9.0, 8.0, 7.0])
+    amperes = {**motion, "torque": motion["torque"] / gains}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(amperes, torque="i{}")), tmp_path)
+    assert [q.text.partition(",")[0] for q in draft.needed] == [f"the drive gain of {j}" for j in six.joint_names]
+    assert "dynident gains" in draft.text
+    for question, gain in zip(draft.needed, gains, strict=True):
+        if "roughly" in question.text:
+            assert float(question.text.partition("roughly ")[2].split()[0]) == pytest.approx(gain, rel=0.2)
+    assert "roughly -1" in draft.text
+    answers = {f"gain of {name},": f"{gain}" for name, gain in zip(six.joint_names, gains, strict=True)}
+    case = read(draft, tmp_path, answers)
+    np.testing.assert_allclose(np.asarray(case.read(case.train[0]).torque), motion["torque"])
+
+
+def test_torques_are_taken_before_currents_and_commands_never(
+    arm: str, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    columns = numbered(motion) | {f"i{k}": motion["time"] for k in range(1, 7)}
+    columns |= {f"tau_des{k}": motion["time"] for k in range(1, 7)}
+    columns |= {f"q_ref{k}": motion["q"][:, k - 1] for k in range(1, 7)}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    case = read(draft, tmp_path)
+    assert case.columns.torque == tuple(f"tau{k}" for k in range(1, 7)) and not case.columns.current
+    assert case.columns.q_ref == tuple(f"q_ref{k}" for k in range(1, 7))
+    assert "# current: i1 to i6 are there as well" in draft.text
+    assert "# not read: tau_des1 to tau_des6, commanded" in draft.text
+
+
+def test_two_groups_that_fit_equally_are_asked(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    columns = numbered(motion, torque="left_tau{}") | numbered(motion, torque="right_tau{}")
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    (question,) = draft.needed
+    assert question.text == "which columns are the measured joint torques: 'left_tau{}' or 'right_tau{}'"
+    case = read(draft, tmp_path, {"which columns": "'right_tau{}'"})
+    assert case.columns.torque == tuple(f"right_tau{k}" for k in range(1, 7))
+
+
+def test_velocities_in_another_unit_are_left_out(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    for factor, there in ((1.0, True), (57.3, False)):
+        columns = numbered(motion) | {f"dq{k}": factor * motion["dq"][:, k - 1] for k in range(1, 7)}
+        draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+        case = read(draft, tmp_path)
+        assert (case.read(case.train[0]).dq is not None) == there
+        assert ("57.3 times the derivative of the positions" in draft.text) != there
+
+
+def test_a_joint_that_stands_is_locked_where_it_stands(
+    arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    q = motion["q"].copy()
+    q[:, 1] = 0.7
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered({**motion, "q": q})), tmp_path)
+    name = six.joint_names[1]
+    assert f"locked: {{{name}: 0.7}}" in draft.text and f"# CHECK: {name} never moves" in draft.text
+    case = read(draft, tmp_path, {"the unit of tau": "N m"})
+    assert name not in case.robot.joint_names and case.locked == {name: 0.7}
+
+
+def test_fewer_columns_than_joints_ask_which_they_are(
+    arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    four = {key: values if key == "time" else values[:, 1:5] for key, values in motion.items()}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(four)), tmp_path)
+    assert draft.needed[0].text.startswith("the joints of the 4 columns q1 to q4, in their order")
+    names = f"[{', '.join(six.joint_names[1:5])}]"
+    case = read(draft, tmp_path, {"the joints of the 4": names, "the unit of tau": "N m"})
+    assert case.robot.joint_names == six.joint_names[1:5]
+    assert case.locked == {six.joint_names[0]: 0.0, six.joint_names[5]: 0.0}
+    np.testing.assert_allclose(case.read(case.train[0]).q, four["q"])
+
+
+def test_named_joints_that_are_missing_are_locked(
+    arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    names = six.joint_names[:4]
+    four = {key: values if key == "time" else values[:, :4] for key, values in motion.items()}
+    columns = {"q": [f"{n}_position" for n in names], "torque": [f"{n}_torque" for n in names]}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", named(four, "t", columns)), tmp_path)
+    assert "locked: rest   # ask: where do the 2 joints stand" in draft.text
+    case = read(draft, tmp_path, {"the unit of": "N m"})
+    assert case.robot.joint_names == names and set(case.locked) == set(six.joint_names[4:])
+
+
+def test_motors_ask_for_gears_and_units(arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path) -> None:
+    turned = {**motion, "q": 50 * motion["q"], "torque": motion["torque"] / 50}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(turned, "qm{}", "taum{}")), tmp_path)
+    assert sum("gear ratio" in q.text for q in draft.needed) == 6 and "side: {q: motor, torque: motor}" in draft.text
+    case = read(draft, tmp_path, {"gear ratio": "50", "the unit of qm": "rad", "the unit of taum": "N m"})
+    np.testing.assert_allclose(np.asarray(case.read(case.train[0]).torque), motion["torque"])
+    np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
+
+
+def test_a_turned_torque_is_remarked(arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path) -> None:
+    torque = motion["torque"].copy()
+    torque[:, 1] *= -1
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered({**motion, "torque": torque})), tmp_path)
+    assert any(f"the torque of {six.joint_names[1]} goes against" in remark for remark in draft.remarks)
+    assert "does the base stand upright?" in draft.text
+
+
+def test_a_vertical_slide_asks_what_carries_its_weight(tmp_path: Path) -> None:
+    robot = read_robot("generic-scara")
+    robot = robot.with_drives(dict.fromkeys(robot.joint_names, Drive()))
+    arm, motion = write_robot(tmp_path / "scara.json", robot), moved(robot)
+    slide = next(joint.name for joint in robot.active if joint.kind == "prismatic")
+    motion["q"][:, [j.kind == "prismatic" for j in robot.active]] *= 0.1
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(motion, torque="i{}")), tmp_path)
+    assert any(q.text.startswith(f"the bias of {slide}: force in N") for q in draft.needed)
+
+
+def test_only_positions_and_no_time_still_say_what_is_there(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    columns = {name: values for name, values in numbered(motion).items() if not name.startswith("tau")}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns | {"odd": motion["time"]}), tmp_path)
+    assert "no torques and no currents" in draft.remarks[0]
+    (question,) = draft.needed
+    assert question.text.endswith("the log also has odd") and "position: rad" in draft.text
+    timeless = {name: values for name, values in numbered(motion).items() if name != "t"}
+    draft = draft_case(arm, write_log(tmp_path / "b.csv", {"odd": motion["time"], **timeless}), tmp_path)
+    (question,) = draft.needed
+    assert question.text.startswith("the column of the time; the log has odd, q1")
+    case = read(draft, tmp_path, {"the column of the time": "odd"})
+    np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
+
+
+def test_nothing_but_odd_columns(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    columns = {"t": motion["time"]} | {f"{chr(97 + k % 26)}x{k}": motion["time"] for k in range(300)}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    assert len(draft.needed) == 2 and "(300 in all)" in draft.needed[0].text
+    assert max(map(len, draft.text.splitlines())) < 1500
+    with pytest.raises(DescriptionError, match="asks for the measured positions"):
+        read(draft, tmp_path)
+
+
+def test_several_logs_and_their_parts(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    (tmp_path / "logs").mkdir()
     (tmp_path / "cases").mkdir()
-    text = draft_case(str(arm), str(log), tmp_path / "cases").text
-    assert "robot: ../arm.json" in text and "train: ../run.csv" in text
-    (tmp_path / "cases" / "case.yaml").write_text(text)
-    case = read_case(tmp_path / "cases" / "case.yaml")
-    assert case.read("../run.csv").samples == 50
+    paths = [
+        write_log(tmp_path / "logs" / f"{name}.csv", {k: v[: 600 - 10 * n] for k, v in numbered(motion).items()})
+        for n, name in enumerate("abc")
+    ]
+    draft = draft_case(arm, paths, tmp_path / "cases")
+    assert "which logs train and which test? Taken: the last of 3 tests" in draft.text
+    case = read(draft, tmp_path / "cases")
+    assert case.train == ("../logs/a.csv", "../logs/b.csv") and case.test == ("../logs/c.csv",) and not case.split
+    assert case.read(case.test[0]).samples == 580
+    stated = read(draft_case(arm, paths[:2], tmp_path / "cases", test=paths[2:]), tmp_path / "cases")
+    assert (stated.train, stated.test) == (case.train, case.test)
+    other = write_log(tmp_path / "d.csv", numbered(motion, torque="moment{}"))
+    with pytest.raises(LogFormatError, match="no column 'tau1' as in the first log"):
+        draft_case(arm, [paths[0], other], tmp_path)
 
 
-def test_a_robot_that_ships_keeps_its_name(tmp_path: Path) -> None:
-    names = ["t", *(f"{word}{k}" for word in ("q", "tau") for k in range(1, 5))]
-    text = draft_case("generic-scara", str(write_csv(tmp_path, names)), tmp_path).text
-    assert "robot: generic-scara" in text
-    (tmp_path / "case.yaml").write_text(text)
-    case = read_case(tmp_path / "case.yaml")
-    assert case.columns.units == Units(position=("rad", "rad", "m", "rad"), torque=("N m", "N m", "N", "N m"))
+def test_decimal_commas_are_stated_and_not_guessed(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    log = write_log(tmp_path / "run.csv", numbered(motion), separator=";", decimal=",")
+    draft = draft_case(arm, log, tmp_path)
+    case = read(draft, tmp_path)
+    assert case.columns.decimal == "," and case.read("run.csv").samples == 600
 
 
-def test_a_joint_that_stands_is_locked_where_it_stands(arm: Path, tmp_path: Path) -> None:
-    values = np.column_stack([np.sin(np.arange(50.0)), np.full(50, 0.7), np.arange(50.0), np.ones(50)])
-    draft = draft_case(str(arm), str(write_csv(tmp_path, ["t", "q1", "q2", "tau1", "tau2"], values)), tmp_path)
-    assert draft.remarks == ("joint2 never moves; lock it (locked:) or record a motion of all joints",)
-    assert "# CHECK: joint2 never moves; lock it (locked:) or record a motion of all joints" in draft.text
-    (tmp_path / "case.yaml").write_text(draft.text)
-    case = read_case(tmp_path / "case.yaml")
-    assert case.robot.joint_names == ("joint1",)
-    assert case.robot.links[0].fixed == ("link2",)
-    assert "locked: {joint2: 0.7}" in draft.text
+def test_vectors_in_archives(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    np.savez(tmp_path / "run.npz", time=motion["time"], joint_positions=motion["q"], joint_torques=motion["torque"])
+    case = read(draft_case(arm, str(tmp_path / "run.npz"), tmp_path), tmp_path)
+    np.testing.assert_allclose(case.read("run.npz").q, motion["q"])
 
 
-def test_degrees_are_suspected_and_never_converted(arm: Path, tmp_path: Path) -> None:
-    values = 90.0 * np.sin(np.outer(np.arange(50), [0.1, 0.2, 0.3, 0.4]))
-    draft = draft_case(str(arm), str(write_csv(tmp_path, ["t", "q1", "q2", "tau1", "tau2"], values)), tmp_path)
-    assert draft.remarks == (
-        f"positions reach {np.abs(values[:, :2]).max():.4g}: if they are degrees, set units: position: deg",
-    )
-    assert "    position: rad" in draft.text
+def test_faulty_rows_are_told_and_left_to_the_doctor(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    columns = {name: values.copy() for name, values in numbered(motion).items()}
+    columns["tau3"][5] = np.nan
+    columns["t"][9] = columns["t"][8]
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    assert [remark.partition(":")[0] for remark in draft.remarks] == [
+        "1 of 600 rows hold values that are not finite",
+        "time repeats or runs back in 1 rows",
+    ]
 
 
-def test_positions_beyond_the_limits_are_remarked(planar_2r: Robot, tmp_path: Path) -> None:
-    limited: tuple[Joint, ...] = (replace(planar_2r.joints[0], limits=JointLimits(-0.5, 0.5)), planar_2r.joints[1])
-    arm = write_robot(tmp_path, replace(planar_2r, joints=limited))
-    log = write_csv(tmp_path, ["t", "q1", "q2", "tau1", "tau2"])
-    (remark,) = draft_case(str(arm), str(log), tmp_path).remarks
-    assert remark.startswith("joint1 leaves its limits (") and "limits -0.5 to 0.5)" in remark
-    assert remark.endswith("check units, sign and order of the columns")
+def test_what_is_no_log_is_refused(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "header.csv").write_text("t,q1,tau1\n")
+    (tmp_path / "text.csv").write_text("hello world\nthis is\nno log\n")
+    one = write_log(tmp_path / "one.csv", {k: v[:1] for k, v in numbered(motion).items()})
+    for name, words in (
+        ("empty.csv", "the file is empty"),
+        ("header.csv", "a header and no rows"),
+        ("text.csv", "which is not a number"),
+        (one, "only 1 rows that can be used"),
+        ("none.bag2", "no log format has the suffix"),
+    ):
+        with pytest.raises(LogFormatError, match=words):
+            draft_case(arm, str(tmp_path / name), tmp_path)
+    with pytest.raises(FileError, match="there is no such file"):
+        draft_case(arm, str(tmp_path / "none.csv"), tmp_path)
+    log = write_log(tmp_path / "run.csv", numbered(motion))
+    with pytest.raises(BadOption, match="franka"):
+        draft_case(arm, log, tmp_path, profile="franka")
+    with pytest.raises(UnknownChoice):
+        draft_case(arm, log, tmp_path, profile="fanka")
 
 
-def test_missing_torques_and_gains_are_remarked(arm: Path, tmp_path: Path) -> None:
-    only_currents = draft_case(str(arm), str(write_csv(tmp_path, ["t", "q1", "q2", "i1", "i2"])), tmp_path)
-    assert only_currents.remarks == ("currents only: fill in the drive gains",)
-    assert "  joint1: {gain: }" in only_currents.text and "    current: A" in only_currents.text
-    neither = draft_case(str(arm), str(write_csv(tmp_path, ["t", "q1", "q2"])), tmp_path)
-    assert neither.remarks == ("no torques and no currents",)
-
-
-@pytest.mark.parametrize("name", ["null", "yes", "1", "a: b", "it's", "#1", "a,b", "{x}", "-", "~", "ünï"])
+@pytest.mark.parametrize("name", ["null", "yes", "1", "a: b", "it's", "#1", "a,b", "{x}", "-", "~", "ünï", "ask"])
 def test_odd_names_are_quoted(name: str, planar_2r: Robot, tmp_path: Path) -> None:
-    arm = write_robot(tmp_path, joints_called(planar_2r, name, "plain"))
-    header = ["t", "q1", "q2", "tau1", "tau2"]
-    (tmp_path / "case.yaml").write_text(draft_case(str(arm), str(write_csv(tmp_path, header)), tmp_path).text)
-    assert read_case(tmp_path / "case.yaml").robot.joint_names == (name, "plain")
+    robot = joints_called(planar_2r, name, "plain")
+    arm = write_robot(tmp_path / "arm.json", robot)
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(moved(robot))), tmp_path)
+    assert read(draft, tmp_path).robot.joint_names == (name, "plain")
 
 
-def test_the_same_files_give_the_same_draft(arm: Path, tmp_path: Path) -> None:
-    log = write_csv(tmp_path, ["t", "q1", "q2", "tau1", "tau2"])
-    assert draft_case(str(arm), str(log), tmp_path) == draft_case(str(arm), str(log), tmp_path)
+def test_units_of_each_joint_where_they_differ(tmp_path: Path) -> None:
+    robot = read_robot("generic-scara")
+    motion = moved(robot)
+    motion["q"][:, [j.kind == "prismatic" for j in robot.active]] *= 0.2
+    draft = draft_case("generic-scara", write_log(tmp_path / "run.csv", numbered(motion)), tmp_path)
+    assert "robot: generic-scara" in draft.text
+    case = read(draft, tmp_path, {"the unit of tau": "[N m, N m, N, N m]", "the unit of q": "[rad, rad, m, rad]"})
+    units = case.columns.units
+    assert units.of("position", 4) == ("rad", "rad", "m", "rad") and units.of("torque", 4) == ("N m", "N m", "N", "N m")
+
+
+def test_the_summary_says_how_sure_it_is(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    turned = {**motion, "q": np.rad2deg(motion["q"])}
+    log = write_log(tmp_path / "run.csv", numbered(turned))
+    draft = draft_case(arm, log, tmp_path)
+    data = json.loads(json.dumps(draft_summary(draft), allow_nan=False))
+    assert data["units"]["position"]["confidence"] == "likely, asked" and data["units"]["position"]["unit"] == "deg"
+    assert data["units"]["time"]["confidence"] == data["joints"]["confidence"] == "certain"
+    assert data["logs"] == [
+        {"path": log, "rows": 600, "duration_s": pytest.approx(5.99), "rate_hz": pytest.approx(100), "faults": []}
+    ]
+    (question,) = data["questions"][:1]
+    lines = draft.text.splitlines()
+    assert all(lines[q["line"] - 1].endswith(q["asks_for"]) for q in data["questions"]) and "line" in question
+    assert draft.text == draft_case(arm, log, tmp_path).text
+
+
+def test_the_cut_off_follows_the_band_of_the_motion(arm: str, six: Robot, tmp_path: Path) -> None:
+    time = np.arange(6000) / 200
+    q = 0.5 * np.sin(2 * np.pi * np.outer(time, np.full(6, 0.8)) + np.arange(6))
+    columns = numbered({"time": time, "q": q, "torque": np.cos(q)})
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    assert draft.found.band_hz == pytest.approx(0.8, abs=0.1)
+    case = read(draft, tmp_path, {"the unit of tau": "N m"})
+    assert 7 <= float(str(case.preprocessing.filter.statement()["cutoff_hz"])) <= 9.5
+    assert replace(case.preprocessing, delay_s=0.0).rate_hz is None

@@ -293,7 +293,7 @@ def test_a_foreign_byte_far_into_the_file_is_found_across_blocks(tmp_path, monke
 def test_a_file_over_the_cap_is_refused_before_it_is_read(tmp_path, monkeypatch):
     path = saved(tmp_path, table())
     monkeypatch.setattr(_text_table, "MAX_BYTES", 16)
-    with pytest.raises(LogFormatError, match="are read at once; split it into several logs"):
+    with pytest.raises(LogFormatError, match="are read at once; reduce it as a stream: dynident reduce"):
         read_log(path)
 
 

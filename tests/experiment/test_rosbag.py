@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from dynident.errors import BadOption, DynidentError, LogFormatError, UnknownChoice
 from dynident.experiment.case_file.case import read_case
-from dynident.experiment.formats import ColumnMap, read_header, read_log
+from dynident.experiment.formats import ColumnMap, read_header, read_log, stream_log
 from dynident.experiment.formats._mcap_salvage import MAGIC
 from dynident.experiment.formats.rosbag import Rosbag
 from dynident.experiment.log import Log
@@ -419,3 +419,75 @@ def test_damage_in_the_middle_is_an_error_or_the_rest(tmp_path: Path) -> None:
             read_log(path, COLUMNS)
         except DynidentError as error:
             assert "\n" not in str(error)
+
+
+def streamed(path: Path, columns: ColumnMap = COLUMNS, rows: int = 20) -> tuple[list[Log], Any]:
+    """Return the blocks of a recording and where it comes from."""
+    stream = stream_log(path, columns, folder=path.parent)
+    blocks = stream.blocks(rows)
+    return list(blocks), blocks.result
+
+
+def test_blocks_of_a_recording_are_the_whole_though_messages_come_late_twice_or_without_numbers(tmp_path: Path) -> None:
+    messages = [list(message) for message in states()]
+    messages[40], messages[41] = messages[41], messages[40]
+    messages[90:90] = [messages[90]]
+    messages[130][2] = state(FIRST + 129 * STEP + 1, NAMES, Q[130] * np.nan, DQ[130], TAU[130])
+    messages.insert(20, ["/joint_states", 0, state(FIRST + 20 * STEP, NAMES, Q[20], DQ[20])])  # without efforts
+    for k, message in enumerate(messages):
+        message[1] = FIRST + k * STEP
+    path = mcap(tmp_path, [tuple(message) for message in messages])
+    whole = read_log(path, COLUMNS)
+    logs, source = streamed(path)
+    assert len(logs) > 1 or STEP * N < 2e9
+    np.testing.assert_array_equal(np.concatenate([log.time for log in logs]), whole.time)
+    for name in ("q", "dq", "torque"):
+        np.testing.assert_array_equal(np.concatenate([getattr(log, name) for log in logs]), getattr(whole, name))
+    assert source.rows == whole.samples
+    for words in ("1 of 201 messages left out", "1 messages put into the order", "1 messages left out that repeat"):
+        assert any(words in step for step in source.steps) and any(words in step for step in whole.source.steps)
+    assert any("with 4 of the columns only left out" in step for step in source.steps)
+
+
+def test_blocks_do_not_wait_for_the_end_of_a_recording(tmp_path: Path) -> None:
+    messages = [
+        ("/joint_states", FIRST + k * 10**8, state(FIRST + k * 10**8, NAMES, Q[k], DQ[k], TAU[k])) for k in range(N)
+    ]
+    logs, _ = streamed(mcap(tmp_path, messages))
+    assert len(logs) >= 5 and sum(log.samples for log in logs) == N and max(log.samples for log in logs) <= 40
+
+
+def test_faults_of_a_recording_are_found_in_blocks_too(tmp_path: Path) -> None:
+    (tmp_path / "zero").mkdir()
+    zero = [(topic, received, state(0, NAMES, Q[0], DQ[0], TAU[0])) for topic, received, _ in states()]
+    with pytest.raises(LogFormatError, match="stamps in the headers are all 0"):
+        streamed(mcap(tmp_path / "zero", zero))
+    (tmp_path / "nan").mkdir()
+    broken = [
+        (topic, received, state(received, NAMES, Q[k] * (np.nan if k % 5 else 1), DQ[k], TAU[k]))
+        for k, (topic, received, _) in enumerate(states())
+    ]
+    with pytest.raises(LogFormatError, match="is not finite in 160 of 200 messages"):
+        streamed(mcap(tmp_path / "nan", broken))
+
+
+def test_topics_that_are_put_together_are_streamed_as_a_whole(tmp_path: Path) -> None:
+    def half(joint: int) -> Messages:
+        return [
+            (
+                "/joint_states",
+                FIRST + k * STEP + joint,
+                state(
+                    FIRST + k * STEP,
+                    NAMES[joint : joint + 1],
+                    *[values[k, joint : joint + 1] for values in (Q, DQ, TAU)],
+                ),
+            )
+            for k in range(N)
+        ]
+
+    path = mcap(tmp_path, sorted([*half(0), *half(1)], key=lambda message: message[1]))
+    logs, source = streamed(path)
+    whole = read_log(path, COLUMNS)
+    np.testing.assert_array_equal(np.concatenate([log.q for log in logs]), whole.q)
+    assert source == whole.source

@@ -17,6 +17,7 @@ from dynident.model.descriptions import read_robot
 from dynident.model.descriptions.dh import read_dh
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
+from dynident.model.identifiability import structure
 from dynident.model.robot import Joint, Link, Robot, rotation_about
 
 # Table 1 of the article: alpha, a, d and offset of each joint, modified DH.
@@ -238,3 +239,57 @@ def test_map_is_read_only(pendulum: Robot) -> None:
     base = base_parameters(model_of(pendulum))
     with pytest.raises(ValueError, match="read-only"):
         base.matrix[0, 0] = 2.0
+
+
+DRIVES = ("viscous", "offset", "rotor_inertia")
+
+
+def check_size(robot: Robot, friction: tuple[str, ...]) -> None:
+    """The count is the exact one, and K theta gives the torque of theta on every joint."""
+    model = model_of(robot, *friction)
+    base = base_parameters(model)
+    assert base.count == structure(model).count
+    assert robot.nominal is not None
+    torques = model.regressor(model.random_motion(50, 3))
+    scale = float(np.abs(torques[..., : model.inertial_count] @ robot.nominal).max())
+    theta = np.append(robot.nominal, np.full(len(model.parameters) - model.inertial_count, scale))
+    torque, found = torques @ theta, torques[..., base.independent] @ base.from_standard(theta)
+    assert np.all(np.abs(found - torque).max(axis=0) <= 1e-9 * np.abs(torque).max(axis=0))
+
+
+@pytest.mark.parametrize("friction", [(), DRIVES])
+@pytest.mark.parametrize(("length", "mass"), [(1e-3, 1e-3), (5e-3, 1e-2), (1e-2, 1.0), (10.0, 1e3)])
+@pytest.mark.parametrize("name", ["generic-6r", "generic-7r", "generic-scara"])
+def test_small_and_large_arms_lose_no_terms(
+    name: str, length: float, mass: float, friction: tuple[str, ...], scaled: Callable[..., Robot]
+) -> None:
+    """From arms of a millimetre and a gram to ten metres and a ton, in the gravity of the earth."""
+    check_size(scaled(read_robot(name), mass, length, 1.0), friction)
+
+
+@settings(deadline=None, max_examples=25)
+@given(seed=st.integers(0, 10_000), links=st.integers(1, 5), length=st.sampled_from([1e-3, 1e-2, 0.1, 10.0]))
+def test_trees_of_every_size_lose_no_terms(
+    random_tree: Callable[..., Robot], scaled: Callable[..., Robot], seed: int, links: int, length: float
+) -> None:
+    tree = scaled(random_tree(seed, links), 1.0, length, 1.0)
+    own = base_parameters(model_of(tree, *DRIVES))
+    assert own.count == structure(model_of(tree, *DRIVES)).count
+    unit = base_parameters(model_of(random_tree(seed, links), *DRIVES))
+    np.testing.assert_array_equal(own.independent, unit.independent)
+
+
+def test_an_axis_that_lies_almost_across_still_counts(random_tree: Callable[..., Robot]) -> None:
+    """Ixx of its second link adds axis_x^2 = 2e-5 of what Izz does: a true column, however small."""
+    base = base_parameters(model_of(random_tree(1997, 2)))
+    assert any("Ixx[link2]" in name for name in base.names)
+
+
+@pytest.mark.parametrize("length", [5e-3, 1.0])
+def test_rounded_angles_add_no_parameters(length: float, scaled: Callable[..., Robot]) -> None:
+    """Right angles written as 1.5708, at any size: gravity along a tilted axis is no parameter of its own."""
+    robot = read_robot("generic-6r")
+    tilt = rotation_about(np.array([1.0, 0.0, 0.0]), 1.5708 - np.pi / 2)
+    joints = tuple(replace(joint, rotation=joint.rotation @ tilt) for joint in robot.joints)
+    rounded = scaled(replace(robot, joints=joints), 1.0, length, 1.0)
+    assert base_parameters(model_of(rounded)).count == 36

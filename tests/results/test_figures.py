@@ -17,6 +17,7 @@ from synthetic import HOSTILE
 
 from dynident.arrays import Array
 from dynident.results.figures import (
+    TorqueBands,
     convergence_chart,
     deviation_chart,
     friction_chart,
@@ -104,6 +105,21 @@ def test_measured_and_predicted_share_a_scale_and_the_residual_stands_below() ->
     assert extent == pytest.approx(np.ptp(SIGNAL), rel=0.02)
     assert (second[:, 1].max() - second[:, 1].min()) / unit == pytest.approx(60.0, rel=0.02)
     assert third[:, 1].min() > first[:, 1].max()
+
+
+def test_bands_lie_about_the_zero_of_the_residual() -> None:
+    half = np.full(len(TIME), 3.0)
+    wide, narrow = 2 * half, half
+    root = parsed(torque_chart("j", "N m", TIME, SIGNAL, MODEL, (0, 1000), TorqueBands(narrow, wide)))
+    residual = np.concatenate([points(data)[0] for data in lines(root, "c3")])
+    spans = []
+    for name in ("d0", "d1"):
+        found = [node.get("d", "") for node in root.iter() if node.get("class") == name]
+        areas = [points(data.rstrip("z"))[0] for data in found if "h" not in data]  # the sign of the legend has one
+        assert len(areas) == 2
+        spans.append([np.ptp(area[:, 1]) for area in areas])
+    assert spans[0] == pytest.approx(2 * np.array(spans[1]), abs=0.3)
+    assert np.ptp(residual[:, 1]) / spans[1][0] == pytest.approx(np.ptp(SIGNAL - MODEL) / 6.0, rel=0.05)
 
 
 def test_a_gap_stands_between_logs() -> None:

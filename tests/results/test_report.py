@@ -161,14 +161,14 @@ def test_sections_with_nothing_to_show_leave_themselves_out() -> None:
     bare = replace(estimate, extras={}, provenance={})
     page = check_inert(build_report(bare))
     assert set(ORDER) - set(page.sections) == {
-        "excitation", "bodies", "trust", "friction", "choices", "convergence", "comparison",
+        "log_quality", "excitation", "bodies", "trust", "friction", "choices", "convergence", "comparison",
     }  # fmt: skip
     without_rows = replace(
         bare.train, **{name: np.zeros((0, 3)) for name in ("q", "dq", "measured", "unfiltered", "predicted")}
     )
     empty = replace(bare, train=replace(without_rows, time=np.zeros(0), samples=0))
     page = check_inert(build_report(empty))
-    assert page.sections == ["verdict", "robot", "parameters", "provenance"]
+    assert page.sections == ["verdict", "robot", "parameters", "mass_matrix", "provenance"]
 
 
 def hostile() -> tuple[Estimate, Validation]:

@@ -87,15 +87,7 @@ def _figures(case: Case, found: list[Examination], mends: tuple[str, ...] | None
     return {
         "robot": case.robot.name,
         "sound": all(examination.sound for examination in found),
-        "logs": [
-            {
-                "path": examination.path,
-                "sound": examination.sound,
-                "left_out": examination.left_out,
-                "findings": [finding.figures() for finding in examination.findings],
-            }
-            for examination in found
-        ],
+        "logs": [examination.figures() for examination in found],
         "mends": None if mends is None else list(mends),
     }
 

@@ -1,12 +1,22 @@
-"""Write a plan for a controller: tables, ROS 2 messages and bags, programs for UR, KUKA and ABB, libfranka.
+"""Write a plan for a controller, or an identified model for a simulator, a controller or a paper.
 
-PLAN is a file of 'dynident excite -o'. The path is never changed; --speed slows it down for a first run. The motion
-begins and ends at rest, after a slow approach to its first posture: from the posture that is stated, or by a move of
-the controller's own. A plan that passes a bound is not written. --check tells what would be written.
+FILE is a plan of 'dynident excite -o' or an estimate of 'dynident identify -o'; which of the two it is says its
+content, and that says which targets there are: 'dynident list exporters' and 'dynident list model_exporters'.
+
+A plan keeps its path; --speed slows it down for a first run. The motion begins and ends at rest, after a slow approach
+to its first posture: from the posture that is stated, or by a move of the controller's own. A plan that passes a bound
+is not written.
+
+A model is written with possible bodies only. The files are loaded again in every engine that is installed (Pinocchio,
+MuJoCo, Drake, dynident's own readers), and torques are compared on 1000 random states: nothing is written where one
+differs by more than a millionth. What a format cannot hold stands in FILE.dynident.json, and is told.
 
   dynident export plan.json --to urscript -o excite.script --speed 20
   dynident export plan.json --to joint_trajectory -o excite.yaml --from-posture 0,-1.57,0,-1.57,0,0
   dynident export plan.json --to csv -o motion.csv --rate 250 --from-posture start --option degrees=true
+  dynident export estimate.json --to urdf -o identified.urdf --description robot.urdf
+  dynident export estimate.json --to mjcf -o robot.xml
+  dynident export estimate.json --to csv -o parameters.csv
 """
 
 from __future__ import annotations
@@ -17,30 +27,42 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dynident.experiment.design.plan import Plan
     from dynident.results.exporters import Export
+    from dynident.results.model_exporters import ModelExport
 
-SUMMARY = "a plan as a program or as messages for a controller"
+SUMMARY = "a plan for a controller, or an identified model for a simulator, a controller or a paper"
+
+#: Options of one kind of file, by destination, with the value that stands for one that is not given.
+_PLAN_ONLY = {"rate": None, "repeats": None, "speed": None, "from_posture": None, "units": None}
+_MODEL_ONLY = {"description": None, "no_proof": False}
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("plan", metavar="PLAN", help="file that 'dynident excite -o' has written")
-    parser.add_argument("--to", required=True, metavar="NAME", help="the target; see 'dynident list exporters'")
+    parser.add_argument(
+        "file", metavar="FILE", help="plan of 'dynident excite -o', or estimate of 'dynident identify -o'"
+    )
+    parser.add_argument(
+        "--to", required=True, metavar="NAME", help="the target; see 'dynident list exporters' and 'model_exporters'"
+    )
     parser.add_argument("-o", "--output", required=True, metavar="FILE", help="file (for a bag: folder) to write")
     parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the exporter")
-    motion = parser.add_argument_group("motion")
+    motion = parser.add_argument_group("a plan")
     motion.add_argument("--rate", type=float, metavar="HZ", help="samples a second; default: those of the target")
-    motion.add_argument("--repeats", type=int, default=1, metavar="N", help="periods (1)")
-    motion.add_argument(
-        "--speed", type=float, default=100.0, metavar="PERCENT", help="10 to 100 per cent of the designed speed (100)"
-    )
+    motion.add_argument("--repeats", type=int, metavar="N", help="periods (1)")
+    motion.add_argument("--speed", type=float, metavar="PERCENT", help="10 to 100 per cent of the designed speed (100)")
     motion.add_argument(
         "--from-posture",
         metavar="Q1,Q2,..",
         help="where the robot stands, or 'start': at the first posture",
     )
-    motion.add_argument(
-        "--units", choices=("rad", "deg"), default="rad", help="of turning joints in --from-posture (rad); others: m"
+    motion.add_argument("--units", choices=("rad", "deg"), help="of turning joints in --from-posture (rad); others: m")
+    model = parser.add_argument_group("a model")
+    model.add_argument(
+        "--description",
+        metavar="FILE",
+        help="the URDF whose inertias and friction change; default: that of the identification, where it is unchanged",
     )
+    model.add_argument("--no-proof", action="store_true", help="do not load the files again; saves a second or two")
     output = parser.add_argument_group("output")
     output.add_argument("--check", action="store_true", help="write nothing, tell what would be written")
     output.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
@@ -49,17 +71,52 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.errors import BadOption
+
+    is_estimate = _is_estimate(options.file)
+    for name, default in (_PLAN_ONLY if is_estimate else _MODEL_ONLY).items():
+        if getattr(options, name) != default:
+            option, kind = f"--{name.replace('_', '-')}", "an estimate" if is_estimate else "a plan"
+            other = "a plan" if is_estimate else "an estimate"
+            raise BadOption(option, getattr(options, name), f"{options.file} is {kind}, and this goes with {other}")
+    return _export_model(options) if is_estimate else _export_plan(options)
+
+
+def _is_estimate(path: str) -> bool:
+    """Return whether a file states that it is an estimate; a file of neither kind is left to the reader of plans."""
+    import json
+
+    from dynident.estimation.estimate_file import KIND
+    from dynident.files import unreadable
+
+    try:
+        with open(path, "rb") as stream:
+            data = json.loads(stream.read())
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(data, dict) and data.get("kind") == KIND
+
+
+def _export_plan(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.experiment.design.plan import read_plan
     from dynident.results.exporters import EXPORTERS, export, export_data
+    from dynident.results.model_exporters import MODEL_EXPORTERS
 
-    plan = read_plan(options.plan)
+    plan = read_plan(options.file)
+    _check_target(options.to, EXPORTERS.names(), MODEL_EXPORTERS.names(), "plan")
     part = EXPORTERS.make_from_text(options.to, _pairs(options.option))
-    posture = _posture(options.from_posture, plan, options.units)
-    asked: dict[str, Any] = {"rate": options.rate, "repeats": options.repeats, "speed": options.speed}
-    jobs.check_outputs((options.output,), (options.plan,))
+    posture = _posture(options.from_posture, plan, options.units or "rad")
+    asked: dict[str, Any] = {
+        "rate": options.rate,
+        "repeats": 1 if options.repeats is None else options.repeats,
+        "speed": 100.0 if options.speed is None else options.speed,
+    }
+    jobs.check_outputs((options.output,), (options.file,))
     found = export(plan, part, options.output, **asked, from_posture=posture, write=False)
-    jobs.check_outputs(found.files, (options.plan,))
+    jobs.check_outputs(found.files, (options.file,))
     if not options.json:
         _show(found)
     if not options.check:
@@ -67,9 +124,51 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         console.answer_json(export_data(found))
         return 0
-    for file in found.files:
-        console.remark(f"{'would write' if options.check else 'saved'} {file}", options.quiet)
+    _remark(options, found.files)
     return 0
+
+
+def _export_model(options: argparse.Namespace) -> int:
+    from dynident.cli import console, jobs
+    from dynident.estimation.estimate_file import read_estimate
+    from dynident.results.exporters import EXPORTERS
+    from dynident.results.model_exporters import MODEL_EXPORTERS, export_model, model_export_data
+
+    estimate = read_estimate(options.file)
+    _check_target(options.to, MODEL_EXPORTERS.names(), EXPORTERS.names(), "estimate")
+    part = MODEL_EXPORTERS.make_from_text(options.to, _pairs(options.option))
+    robot = str(estimate.provenance.get("robot", {}).get("path", ""))
+    inputs = (options.file, options.description or "", robot, *jobs.files_behind(estimate))
+    jobs.check_outputs((options.output,), inputs)
+    asked: dict[str, Any] = {"description": options.description}
+    found = export_model(estimate, part, options.output, **asked, proof=not options.no_proof, write=False)
+    jobs.check_outputs(found.files, inputs)
+    if not options.check:
+        export_model(estimate, part, options.output, **asked, proof=False)
+    if options.json:
+        console.answer_json(model_export_data(found))
+        return 0
+    _show_model(found)
+    _remark(options, found.files)
+    return 0
+
+
+def _check_target(name: str, own: tuple[str, ...], others: tuple[str, ...], kind: str) -> None:
+    """Refuse a target that takes the other kind of file."""
+    from dynident.errors import BadOption
+
+    if name in others and name not in own:
+        takes = "a plan" if kind == "estimate" else "an estimate"
+        raise BadOption(
+            "--to", name, f"it takes {takes}; the file is another one, for which there are: {', '.join(own)}"
+        )
+
+
+def _remark(options: argparse.Namespace, files: tuple[str, ...]) -> None:
+    from dynident.cli import console
+
+    for file in files:
+        console.remark(f"{'would write' if options.check else 'saved'} {file}", options.quiet)
 
 
 def _pairs(items: list[str]) -> dict[str, str | None]:
@@ -117,5 +216,25 @@ def _show(export: Export) -> None:
     for key, value in export.facts.items():
         worst = max(value.values()) if isinstance(value, dict) else value
         console.answer(f"{key.replace('_', ' ')}: {worst:.4g}" if isinstance(worst, float) else f"{key}: {worst}")
+    for note in export.notes:
+        console.answer(f"note: {label(note)}")
+
+
+def _show_model(export: ModelExport) -> None:
+    from dynident.cli import console
+    from dynident.results.model_export_view import left_out_lines, not_proved_lines, proofs_table
+    from dynident.results.text import label
+
+    parameters = f"standard parameters: {export.parameters}"
+    console.answer(f"{label(export.robot)} to {export.exporter}: estimate of '{export.estimator}', {parameters}\n")
+    if export.proofs:
+        table = proofs_table(export.proofs)
+        console.answer_table(table, table.note)
+        for line in not_proved_lines(export.proofs):
+            console.answer(line)
+    else:
+        console.answer("not loaded again: nothing is proved")
+    for line in left_out_lines(export):
+        console.answer(line)
     for note in export.notes:
         console.answer(f"note: {label(note)}")

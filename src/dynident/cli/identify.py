@@ -2,21 +2,27 @@
 
 CASE is a case file (see 'dynident init') or a robot description: a URDF, a DH table in YAML or a robot that ships.
 Without a case file the model has Coulomb and viscous friction and an offset; columns are t, q1.., tau1.. (or i1.. with
-drive gains) in chain order, in SI units; the filter is a zero-phase Butterworth at 5 Hz on both sides.
+drive gains) in chain order, in SI units; the filter is a zero-phase Butterworth on both sides, its cut-off chosen.
 
   dynident identify panda.urdf run.csv --split first:0.67
   dynident identify case.yaml -o estimate.json --report report.html
   dynident identify case.yaml a.csv b.csv --test c.csv --estimator wls --json
+  dynident identify case.yaml --from all.tri
+
+Logs of more than 512 MiB together are reduced as a stream where case and estimator allow it ('dynident reduce').
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dynident.estimation.estimate import Estimate
     from dynident.estimation.validation import Validation
+    from dynident.experiment.case_file.case import Case
+    from dynident.experiment.log import Log
 
 SUMMARY = "from logs to a physically consistent dynamic model"
 
@@ -28,6 +34,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot description")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to learn from; default: those of the case file")
     parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to test on, not used in the fit")
+    parser.add_argument(
+        "--from", dest="triangles", metavar="FILE", help="triangles of 'dynident reduce' or 'merge' in place of logs"
+    )
     method = parser.add_argument_group("estimator")
     method.add_argument("--estimator", metavar="NAME", help="see 'dynident list estimators'; default: consistent")
     method.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the estimator")
@@ -40,6 +49,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--cross-validate", type=int, metavar="N", help="parts of the logs, each left out once; 0: none; default: 5"
     )
     trust.add_argument("--bootstrap", type=int, default=0, metavar="N", help="intervals by N fits of noise drawn anew")
+    trust.add_argument(
+        "--no-sensitivity", action="store_true", help="leave out the fits at half and at double the cut-off"
+    )
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="FILE", help="write the estimate (JSON) here")
     output.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
@@ -51,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.cli import console, jobs
     from dynident.estimation.estimate_file import summary, write_estimate
-    from dynident.estimation.identify import identify, validate
+    from dynident.estimation.identify import validate
     from dynident.files import check_place
 
     for place in filter(None, (options.output, options.report)):
@@ -60,34 +72,17 @@ def run(options: argparse.Namespace) -> int:
         progress.step("reading")
         case = jobs.with_knowledge(jobs.case_from(options), options.prior, options.constraints)
         logs = [case.find(name) for name in (*options.logs, *options.test)]
-        jobs.check_outputs(
-            (options.output, options.report), (options.case, options.constraints or "", *case.files, *logs)
-        )
-        data = jobs.read_data(case, options.logs, options.test)
-        estimator = jobs.estimator_from(case, options.estimator, options.option)
-        estimate = identify(
-            case.model,
-            data.train,
-            estimator,
-            case.preprocessing,
-            columns=case.columns,
-            provenance=jobs.provenance_of(case),
-            progress=progress.step,
-            choose=case.choose_friction,
-            constraints=case.constraints,
-            prior=jobs.prior_of(case),
-            diagnose=True,
-            folds=5 if options.cross_validate is None else options.cross_validate,
-            bootstrap=options.bootstrap,
-        )
+        inputs = (options.case, options.constraints or "", options.triangles or "", *case.files, *logs)
+        jobs.check_outputs((options.output, options.report), inputs)
+        estimate, tests = _estimate(case, options, progress.step)
         progress.step("validating")
-        test = validate(estimate, data.test) if data.test else None
+        test = validate(estimate, tests) if tests else None
         if options.report:
             from dynident.results.report import write_report
 
             progress.step("writing the report")
-            tests, sources = () if test is None else (test,), [log.source for log in data.test]
-            write_report(options.report, estimate, tests, command=jobs.repeat_command(), sources=sources)
+            found, sources = () if test is None else (test,), [log.source for log in tests]
+            write_report(options.report, estimate, found, command=jobs.repeat_command(), sources=sources)
     if options.output:
         write_estimate(estimate, options.output)
     if options.json:
@@ -99,9 +94,48 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _estimate(
+    case: Case, options: argparse.Namespace, progress: Callable[[str], None]
+) -> tuple[Estimate, tuple[Log, ...]]:
+    """Return the estimate, from logs in memory or from triangles, and the logs to test it on."""
+    from dynident.cli import jobs, streams
+    from dynident.estimation.identify import identify
+
+    estimator = jobs.estimator_from(case, options.estimator, options.option)
+    prior, provenance = jobs.prior_of(case), jobs.provenance_of(case)
+    digest = streams.digest_for(case, options, estimator, progress)
+    if digest is not None:
+        from dynident.estimation.streaming.estimate import identify_digest
+
+        estimate = identify_digest(digest, estimator, case.constraints, prior, provenance, progress)
+        return estimate, streams.test_logs(case, options, digest)
+    data = jobs.read_data(case, options.logs, options.test)
+    if options.report:
+        progress("looking at the logs")
+        provenance["log_quality"] = jobs.log_quality(case, options.logs)
+    estimate = identify(
+        case.model,
+        data.train,
+        estimator,
+        case.preprocessing,
+        columns=case.columns,
+        provenance=provenance,
+        progress=progress,
+        choose=case.choose_friction,
+        constraints=case.constraints,
+        prior=prior,
+        diagnose=True,
+        folds=5 if options.cross_validate is None else options.cross_validate,
+        bootstrap=options.bootstrap,
+        sensitivity=not options.no_sensitivity,
+    )
+    return estimate, data.test
+
+
 def _show(estimate: Estimate, test: Validation | None) -> None:
     from dynident.cli import console
     from dynident.estimation.consistency.labels import labels_line
+    from dynident.estimation.cutoff.sensitivity import cutoff_lines
     from dynident.estimation.warnings import warnings_of
     from dynident.results.choices import choice_tables
     from dynident.results.text import fits_table, format_number, format_percent, parameters_table, statement
@@ -126,6 +160,8 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
     console.answer(consistency_line(estimate))
     if labels_line(estimate):
         console.answer(labels_line(estimate))
+    for line in cutoff_lines(estimate.extras):
+        console.answer(line)
     if estimate.diagnostics is not None:
         console.answer("\nhow far to trust this")
         for sentence in estimate.diagnostics["verdicts"]:

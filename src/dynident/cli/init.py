@@ -1,23 +1,36 @@
-"""Write a commented case file from a robot description and a log.
+"""Write a commented case file from a robot description and logs.
 
-What is found is filled in; what no log can tell (units, gains, mounting) stands there to be checked.
+The columns are told by the profiles of makers and by their names, units by profiles, headers and what the values
+support. A comment '# ask' asks for what no log can tell (drive gains, couplings, mounting, which joints the columns
+are); where the value is the word 'ask', the case cannot be used before it is answered. Nothing is converted on a guess.
 
   dynident init robot.urdf run.csv -o case.yaml
+  dynident init robot.urdf monday.csv tuesday.csv --test friday.csv -o case.yaml
+  dynident init robot.urdf robot_data.csv --profile ur_rtde --json
 """
 
 from __future__ import annotations
 
 import argparse
 
-SUMMARY = "a commented case file from a robot and a log"
+SUMMARY = "a commented case file from a robot and its logs"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument("robot", metavar="ROBOT", help="robot description or a robot that ships")
-    parser.add_argument("log", metavar="LOG", help="log of a motion")
-    parser.add_argument("-o", "--output", metavar="FILE", default="case.yaml", help="default: case.yaml")
-    parser.add_argument("--force", action="store_true", help="write over a file that is there")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs of motions, all with the same columns")
+    parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to test on, not learned from")
+    kind = parser.add_argument_group("kind of log (found from the columns and the suffix where not stated)")
+    kind.add_argument("--profile", default="", metavar="NAME", help="profile of its maker: 'dynident list profiles'")
+    kind.add_argument("--format", default="", metavar="NAME", help="format of the file: 'dynident list formats'")
+    kind.add_argument(
+        "--format-option", action="append", default=[], metavar="KEY=VALUE", help="such as topics=/joint_states"
+    )
+    output = parser.add_argument_group("output")
+    output.add_argument("-o", "--output", metavar="FILE", default="case.yaml", help="default: case.yaml")
+    output.add_argument("--force", action="store_true", help="write over a file that is there")
+    output.add_argument("--json", action="store_true", help="print what was recognised, with how sure it is")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -27,15 +40,44 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli import console
     from dynident.cli.jobs import check_outputs
     from dynident.errors import FileError
-    from dynident.experiment.case_file.case_draft import draft_case
+    from dynident.experiment.case_file.case_draft import draft_case, draft_summary
     from dynident.files import write_atomically
 
     if Path(options.output).exists() and not options.force:
         raise FileError(options.output, "it is there already", "choose another name with -o, or give --force")
-    check_outputs((options.output,), (options.robot, options.log))
-    draft = draft_case(options.robot, options.log, Path(options.output).parent)
+    check_outputs((options.output,), (options.robot, *options.logs, *options.test))
+    draft = draft_case(
+        options.robot,
+        options.logs,
+        Path(options.output).parent,
+        test=options.test,
+        profile=options.profile,
+        form=options.format,
+        form_options=_format_options(options),
+    )
     write_atomically(options.output, draft.text)
+    lines = ", ".join(str(question.line) for question in draft.needed)
+    follow = f"dynident identify {options.output}"
+    if options.json:
+        console.answer_json({"case": options.output, **draft_summary(draft), "next": follow})
+        return 0
     for finding in draft.remarks:
         console.remark(f"check: {finding}")
-    console.remark(f"wrote {options.output}; next: dynident identify {options.output}")
+    if draft.needed:
+        which = "line" if len(draft.needed) == 1 else "lines"
+        console.remark(f"wrote {options.output}; it asks in {which} {lines}; answer there, then: {follow}")
+    else:
+        console.remark(f"wrote {options.output}; next: {follow}")
     return 0
+
+
+def _format_options(options: argparse.Namespace) -> dict[str, str | None]:
+    from dynident.errors import BadOption
+
+    found: dict[str, str | None] = {}
+    for item in options.format_option:
+        key, equals, value = item.partition("=")
+        if not equals or not options.format:
+            raise BadOption("--format-option", item, "write --format NAME --format-option key=value")
+        found[key] = value
+    return found

@@ -33,7 +33,7 @@ def add_case_options(parser: argparse.ArgumentParser) -> None:
         "--split", metavar="HOW", help="first:0.67, or rows:0:24750,29250:45000: train on one, test on the other"
     )
     data.add_argument(
-        "--cutoff", type=float, metavar="HZ", help="cut-off of the zero-phase Butterworth filter on both sides"
+        "--cutoff", type=_hertz, metavar="HZ", help="cut-off of the Butterworth filter on both sides, or 'auto'"
     )
     data.add_argument("--rate", metavar="HZ", help="rows a second that are used, or 'all'")
     data.add_argument(
@@ -41,8 +41,15 @@ def add_case_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def case_from(options: argparse.Namespace) -> Case:
-    """Return the case named on the command line with its options applied.
+def _hertz(text: str) -> str:
+    """Return a frequency as it was written, or 'auto'."""
+    if text != "auto":
+        float(text)
+    return text
+
+
+def case_from(options: argparse.Namespace, open_gains: bool = False) -> Case:
+    """Return the case named on the command line with its options applied; ``open_gains`` as of :func:`read_case`.
 
     Raises:
         DynidentError: Any fault of the case or of an option.
@@ -53,7 +60,7 @@ def case_from(options: argparse.Namespace) -> Case:
     from dynident.experiment.preprocessing import FILTERS
     from dynident.model.friction import FRICTION
 
-    case = read_case(options.case)
+    case = read_case(options.case, open_gains)
     if options.friction:
         chosen = options.friction == [AUTO]
         names = DEFAULT_FRICTION if chosen else options.friction
@@ -64,10 +71,10 @@ def case_from(options: argparse.Namespace) -> Case:
         case = replace(case, split=Split.parse(options.split) if options.split else None)
     how = case.preprocessing
     if options.cutoff is not None:
-        how = replace(how, filter=FILTERS.make("butterworth", cutoff_hz=options.cutoff))
+        how = replace(how, filter=FILTERS.make_from_text("butterworth", {"cutoff_hz": options.cutoff}))
     if options.rate is not None:
         try:
-            how = replace(how, rate_hz=None if options.rate == "all" else float(options.rate))
+            how = replace(how, rate_hz=None if options.rate == "all" else float(options.rate), rows_per_period=None)
         except ValueError:
             raise BadOption("rate", options.rate, "give rows a second, or 'all'") from None
     if options.delay is not None:
@@ -142,6 +149,13 @@ def _check_distinct(train: Sequence[Log], test: Sequence[Log]) -> None:
             step = "give each log once, and test on logs that are not trained on"
             raise LogMismatch(log.name, f"the same content as {seen[log.source.sha256]}", step)
         seen[log.source.sha256] = log.name
+
+
+def log_quality(case: Case, logs: Sequence[str]) -> list[dict[str, Any]]:
+    """Return what the doctor finds in the logs of the command line, or in those to learn from of the case."""
+    from dynident.estimation.doctor import examine
+
+    return [examine(case, name).figures() for name in tuple(logs) or case.train]
 
 
 def estimator_from(case: Case, name: str | None, options: Sequence[str]) -> Estimator:
@@ -222,4 +236,6 @@ def provenance_of(case: Case) -> dict[str, Any]:
     facts: dict[str, Any] = {"command": repeat_command()}
     if case.path:
         facts["case"] = {"path": case.path, "sha256": sha256_of(case.path)}
+    if Path(case.robot_path).is_file():
+        facts["robot"] = {"path": case.robot_path, "sha256": sha256_of(case.robot_path)}
     return facts

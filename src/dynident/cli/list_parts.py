@@ -21,6 +21,7 @@ FAMILIES = (
     "trajectories",
     "criteria",
     "exporters",
+    "model_exporters",
     "robots",
 )
 
@@ -66,6 +67,7 @@ def _parts(name: str) -> list[dict]:
     from dynident.model.descriptions.base import shipped_robots
     from dynident.model.friction import FRICTION
     from dynident.results.exporters import EXPORTERS
+    from dynident.results.model_exporters import MODEL_EXPORTERS
 
     if name == "robots":
         robots = [read_robot(robot) for robot in shipped_robots()]
@@ -81,6 +83,7 @@ def _parts(name: str) -> list[dict]:
         "trajectories": TRAJECTORIES,
         "criteria": CRITERIA,
         "exporters": EXPORTERS,
+        "model_exporters": MODEL_EXPORTERS,
     }
     family = families[name]
     return [

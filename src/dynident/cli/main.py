@@ -14,7 +14,10 @@ from importlib.metadata import version
 from typing import Any
 
 #: Commands in the order of the work; each is the module of the same name with ``SUMMARY``, ``configure`` and ``run``.
-COMMANDS = ("demo", "inspect", "excite", "export", "init", "check", "identify", "validate", "compare", "report", "list")
+COMMANDS = (
+    "demo", "inspect", "excite", "export", "init", "check", "gains", "identify", "reduce", "merge", "validate",
+    "predict", "payload", "monitor", "compare", "diff", "report", "list",
+)  # fmt: skip
 
 _MODULES = {"list": "list_parts"}
 

@@ -61,6 +61,7 @@ class Estimate:
             method has a covariance of its own.
         envelope: What the logs of the fit have seen; None in files of older versions.
         diagnostics: Tests of the residual and cross-validation; None where they were not asked for.
+        standard_deviations: Of theta by data and prior together, shape (p,); None where they were not asked for.
     """
 
     model: DynamicModel
@@ -84,11 +85,19 @@ class Estimate:
     degrees: Array | None = None
     envelope: Envelope | None = None
     diagnostics: Mapping[str, Any] | None = None
+    standard_deviations: Array | None = None
 
     @property
     def deviations(self) -> Array:
         """Standard deviation of each base parameter, shape (b,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def middle(self) -> Array:
+        """Mean position of the rows of the fit, shape (n,), in rad or m; zero where no row is known."""
+        if self.envelope is not None:
+            return np.asarray(self.envelope.mean)[: self.model.robot.dof]
+        return np.mean(self.train.q, axis=0) if len(self.train.q) else np.zeros(self.model.robot.dof)
 
     @property
     def relative_deviations(self) -> Array:

@@ -15,6 +15,7 @@ from dynident.errors import DynidentError, EstimateFormatError
 from dynident.estimation.consistency.labels import labels_of
 from dynident.estimation.estimate import Consistency, Estimate
 from dynident.estimation.uncertainty.envelope import Envelope
+from dynident.estimation.uncertainty.propagation import mass_matrix
 from dynident.estimation.validation import Fit, Validation
 from dynident.estimation.warnings import warnings_of
 from dynident.experiment.formats import ColumnMap, Units
@@ -46,6 +47,7 @@ def summary(estimate: Estimate, test: Validation | None = None) -> dict[str, Any
         "parameters": estimate.parameters(),
         "degrees_of_freedom": None if estimate.degrees is None else plain(estimate.degrees),
         "standard_parameters": None if estimate.theta is None else _standard(estimate, estimate.theta),
+        "mass_matrix": _mass_matrix(estimate),
         "physically_consistent": estimate.consistency.consistent,
         "inconsistencies": list(estimate.consistency.reasons),
         "warnings": list(warnings_of(estimate, test)),
@@ -62,19 +64,28 @@ def summary(estimate: Estimate, test: Validation | None = None) -> dict[str, Any
 
 
 def _standard(estimate: Estimate, theta: Array) -> list[dict[str, Any]]:
+    count = len(estimate.model.parameters)
+    known = [None] * count if estimate.standard_deviations is None else plain(estimate.standard_deviations)
     return [
         {
             "name": parameter.name,
             "value": float(value),
+            "std": std,
             "unit": parameter.unit,
             "verdict": verdict,
             "label": label.word,
             "data_share": label.data_share,
         }
-        for parameter, value, verdict, label in zip(
-            estimate.model.parameters, theta, estimate.base.verdicts, labels_of(estimate), strict=True
+        for parameter, value, std, verdict, label in zip(
+            estimate.model.parameters, theta, known, estimate.base.verdicts, labels_of(estimate), strict=True
         )
     ]
+
+
+def _mass_matrix(estimate: Estimate) -> dict[str, Any]:
+    """Return the mass matrix in the middle of the motion of the fit as plain data."""
+    value, deviations = mass_matrix(estimate, estimate.middle)
+    return {"q": estimate.middle.tolist(), "value": value.tolist(), "std": deviations.tolist()}
 
 
 def write_estimate(estimate: Estimate, path: str | Path) -> None:
@@ -84,7 +95,7 @@ def write_estimate(estimate: Estimate, path: str | Path) -> None:
         FileError: The file cannot be written.
     """
     train = estimate.train
-    rows = np.linspace(0, train.samples - 1, min(KEPT_ROWS, train.samples)).round().astype(int)
+    rows = np.linspace(0, len(train.time) - 1, min(KEPT_ROWS, len(train.time))).round().astype(int)
     data = {
         "kind": KIND,
         "format": FORMAT,
@@ -107,6 +118,7 @@ def write_estimate(estimate: Estimate, path: str | Path) -> None:
             "total_relative_error": finite(train.total_relative_error),
             "starts": np.searchsorted(rows, train.starts).tolist(),
             "signals": {name: _rounded(np.asarray(getattr(train, name))[rows]) for name in _SIGNALS},
+            "deviations": None if train.deviations is None else _rounded(np.asarray(train.deviations)[rows]),
         },
         "provenance": plain(estimate.provenance),
     }
@@ -191,6 +203,8 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
             logs=tuple(train["logs"]),
             starts=tuple(train["starts"]),
             **signals,
+            deviations=_optional(train.get("deviations"), (rows, joints), "deviations"),
+            noise=_array(facts["joint_deviations"], (joints,), "joint_deviations"),
         ),
         preprocessing=Preprocessing(
             filter=FILTERS.make(kind, **options), **{k: v for k, v in how.items() if k != "filter"}
@@ -201,6 +215,7 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
         degrees=_degrees(facts, base.count),
         envelope=_envelope(data, joints),
         diagnostics=facts.get("diagnostics"),
+        standard_deviations=_optional(_stds(facts), (len(model.parameters),), "standard deviations"),
     )
 
 
@@ -244,6 +259,16 @@ def _array(values: Any, shape: tuple[int, ...], name: str) -> Array:
     if not np.all(np.isfinite(array)):
         raise ValueError(f"{name} holds a value that is not finite")
     return array
+
+
+def _optional(values: Any, shape: tuple[int, ...], name: str) -> Array | None:
+    return None if values is None else _array(values, shape, name)
+
+
+def _stds(facts: Mapping[str, Any]) -> list[float] | None:
+    """Return the deviations of the standard parameters; None where the file states none."""
+    found = [item.get("std") for item in facts.get("standard_parameters") or ()]
+    return None if not found or None in found else found
 
 
 def _with_nan(figures: Mapping[str, Any]) -> dict[str, Any]:

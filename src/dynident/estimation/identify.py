@@ -15,8 +15,12 @@ from dynident.arrays import Array
 from dynident.errors import LogMismatch
 from dynident.estimation.consistency.scale import BodyPrior
 from dynident.estimation.consistency.verdicts import judge
+from dynident.estimation.cutoff.choice import with_cutoff
+from dynident.estimation.cutoff.sensitivity import cutoff_sensitivity
+from dynident.estimation.drive_gains.propagation import gain_facts
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators import ESTIMATORS, Estimator
+from dynident.estimation.friction.alike import same_for_all
 from dynident.estimation.friction.delay import common_delay, find_delays
 from dynident.estimation.friction.friction_choice import choose_friction
 from dynident.estimation.friction.load import PASSES, agrees, loaded_problem, with_load, without_load
@@ -25,6 +29,7 @@ from dynident.estimation.problem import Observer, Problem, counting_rows, make_p
 from dynident.estimation.uncertainty.coloured import spectral_uncertainty
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.estimation.uncertainty.envelope import departure_of, envelope_of
+from dynident.estimation.uncertainty.propagation import prediction_deviations
 from dynident.estimation.uncertainty.trust import with_diagnostics
 from dynident.estimation.validation import Validation, compare_torques
 from dynident.experiment.case_file.case import DEFAULT_FRICTION, default_preprocessing
@@ -52,6 +57,7 @@ def identify(
     diagnose: bool = False,
     folds: int = 5,
     bootstrap: int = 0,
+    sensitivity: bool = False,
 ) -> Estimate:
     """Identify the base parameters of a model from logs.
 
@@ -69,6 +75,7 @@ def identify(
         diagnose: Test the residual and the estimate; ``diagnostics`` of the estimate has the figures.
         folds: Parts of the logs for the cross-validation of the diagnostics; 0: none.
         bootstrap: Draws of the bootstrap of the diagnostics; 0: none.
+        sensitivity: Fit at half and at double the cut-off as well; ``cutoff_sensitivity`` of the extras has the table.
 
     Raises:
         BadOption: One fold, or too few draws.
@@ -80,6 +87,13 @@ def identify(
     part = ESTIMATORS.make(estimator)
     problem = pose(model, logs, preprocessing, progress, choose, constraints, prior)
     estimate = estimate_of(problem, part, columns, provenance, progress)
+    if sensitivity:
+        progress("other cut-offs")
+        ordered = [log.ordered(model.robot.joint_names) for log in logs]
+        found = cutoff_sensitivity(estimate, problem, ordered)
+        estimate = replace(
+            estimate, extras={**estimate.extras, "cutoff_sensitivity": found} if found else estimate.extras
+        )
     if not (diagnose or bootstrap):
         return estimate
     progress("diagnostics")
@@ -102,16 +116,20 @@ def pose(
     if choose:
         model = replace(model, friction=tuple(FRICTION.make(name) for name in DEFAULT_FRICTION))
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
+    how, cutoff = with_cutoff(model, ordered, how, progress)
     prepared, facts = _prepared(model, ordered, how, progress)
     if choose:
         model, choice = _chosen(model, prepared, progress)
         if how.delay_s is None:  # a delay passes for a rotor's inertia where the model has none, so both once more
             prepared, facts = _prepared(model, ordered, how, progress)
             model, choice = _chosen(model, prepared, progress)
+        model, compared = same_for_all(model, prepared, progress)
+        choice["friction_choice"]["alike"] = [each.figures() for each in compared]
         facts = {**facts, **choice}
     if has_varying(model):
         model, found = vary_fields(model, prepared, progress)
         facts = {**facts, "non_linear": [asdict(each) for each in found]}
+    facts = {**facts, **cutoff}
     progress("base parameters")
     base = base_parameters(model)
     progress("reduction")
@@ -182,7 +200,8 @@ def estimate_of(
     deviations = problem.joint_deviations(solution.beta)
     train = validate_prepared(model, base, problem.logs, solution.beta)
     factors = correlation_factors(np.split(train.residual, train.starts[1:]), problem.masks)
-    covariance, degrees = solution.covariance, None
+    covariance, degrees = solution.covariance, solution.degrees
+    facts = {**problem.facts, **gain_facts(problem, solution.weights), **_not_kept(problem, estimator)}
     if covariance is None:
         found = spectral_uncertainty(problem, solution.weights, solution.beta)
         covariance, degrees = found.covariance, found.degrees
@@ -203,7 +222,7 @@ def estimate_of(
         train=train,
         preprocessing=preparation_of(problem),
         columns=columns or ColumnMap(joints=model.robot.joint_names),
-        extras={**solution.extras, **problem.facts, **_not_kept(problem, estimator), "seconds": seconds},
+        extras={**solution.extras, **facts, "seconds": seconds},
         provenance={**versions(), "logs": [asdict(log.kept.source) for log in problem.logs], **(provenance or {})},
         degrees=degrees,
         envelope=envelope_of([log.kept for log in problem.logs], problem.triangles, covariance),
@@ -224,9 +243,11 @@ def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
     how = preprocessing or estimate.preprocessing
     prepared = [preprocess(log.ordered(estimate.model.robot.joint_names), how) for log in logs]
     found = validate_prepared(estimate.model, estimate.base, prepared, estimate.beta)
+    observer = Observer(estimate.model, estimate.base, estimate.beta)
+    deviations = [prediction_deviations(observer, log, estimate.covariance) for log in prepared]
+    found = replace(found, deviations=np.concatenate(deviations), noise=estimate.joint_deviations)
     if estimate.envelope is None:
         return found
-    observer = Observer(estimate.model, estimate.base, estimate.beta)
     parts = [observer.triangles(log, np.ones((len(log.keep), len(log.log.joints)), bool)) for log in prepared]
     triangles = [first.merged(rest) for first, *rest in zip(*parts, strict=True)]
     logs_seen = [log.kept for log in prepared]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -40,6 +40,26 @@ class Rows:
     samples: IntArray
 
 
+class LeftOver(Protocol):
+    """What is still known of rows that were reduced as a stream and are gone; triangles are in the problem.
+
+    Attributes:
+        samples: Number of time samples in all logs.
+        accelerations: Root mean square acceleration of each joint, shape (n,).
+    """
+
+    samples: int
+    accelerations: Array
+
+    def factors(self, beta: Array) -> Array:
+        """Return the correlation factor of each joint's residual at ``beta``, shape (n,)."""
+        ...
+
+    def uncertainty(self, inverse: Array, weights: Array, beta: Array) -> tuple[Array, Array]:
+        """Return covariance and degrees of freedom of a fit with the inverse normal matrix (b, b) and weights (n,)."""
+        ...
+
+
 @dataclass(frozen=True)
 class Problem:
     """All that an estimator may know.
@@ -54,6 +74,7 @@ class Problem:
         facts: What was found out on the way to the problem, such as the delay of each log; goes with the estimate.
         constraints: What is known about bodies beforehand; estimators of possible robots keep it, others do not.
         prior: Standard parameters known beforehand, in place of the description's; None for the description's.
+        left: What is known of rows that are gone; None where logs and rows are there.
     """
 
     model: DynamicModel
@@ -65,6 +86,7 @@ class Problem:
     facts: Mapping[str, Any] = field(default_factory=dict)
     constraints: Constraints = field(default_factory=Constraints)
     prior: BodyPrior | None = None
+    left: LeftOver | None = None
 
     @property
     def observer(self) -> Observer:
@@ -74,7 +96,7 @@ class Problem:
     @property
     def samples(self) -> int:
         """Number of time samples in all logs."""
-        return sum(len(log.keep) for log in self.logs)
+        return self.left.samples if self.left is not None else sum(len(log.keep) for log in self.logs)
 
     @property
     def counts(self) -> IntArray:

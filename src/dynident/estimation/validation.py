@@ -12,6 +12,9 @@ from dynident.arrays import Array, BoolArray
 from dynident.estimation.uncertainty.envelope import Departure
 from dynident.experiment.log import Log
 
+#: Quantile of the normal distribution for 95 % between minus and plus.
+Z_95 = 1.959963984540054
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -63,6 +66,9 @@ class Validation:
         unfiltered: Torque before the filter, shape (N, n).
         predicted: Torque of the model, shape (N, n).
         departure: How the logs lie to those of the fit; None for those of the fit itself.
+        deviations: Standard deviation of ``predicted`` by the covariance of the parameters, shape (N, n); None where
+            it was not computed.
+        noise: Residual standard deviation of each joint in the fit, shape (n,); None where it is not known.
     """
 
     joints: tuple[Fit, ...]
@@ -80,11 +86,38 @@ class Validation:
     unfiltered: Array
     predicted: Array
     departure: Departure | None = None
+    deviations: Array | None = None
+    noise: Array | None = None
 
     @property
     def residual(self) -> Array:
         """Measured less predicted torque, shape (N, n)."""
         return self.measured - self.predicted
+
+    def half_widths(self) -> tuple[Array, Array] | None:
+        """Return half the widths of the 95 % bands about the prediction, shape (N, n) each; None where not known.
+
+        The first is by the deviations of the parameters, the second with the noise of the fit. What the model does not
+        have is in neither: a share of rows inside that is far below 95 % shows it.
+        """
+        if self.deviations is None or self.noise is None:
+            return None
+        return Z_95 * self.deviations, Z_95 * np.hypot(self.deviations, self.noise)
+
+    def bands(self) -> list[dict[str, Any]]:
+        """Return for each joint as plain data how wide its 95 % bands are and which share of rows lies inside.
+
+        Empty where they are not known.
+        """
+        widths = self.half_widths()
+        if widths is None or not len(self.time):
+            return []
+        parameters, whole = (np.sqrt(np.mean(np.square(width), axis=0)) for width in widths)
+        inside = np.mean(np.abs(self.residual) <= widths[1], axis=0)
+        return [
+            {"name": fit.name, "unit": fit.unit, "parameters": float(a), "whole": float(b), "inside": float(c)}
+            for fit, a, b, c in zip(self.joints, parameters, whole, inside, strict=True)
+        ]
 
     def figures(self) -> dict[str, Any]:
         """Return the figures as plain data for JSON; a figure that does not exist is None."""
@@ -94,6 +127,7 @@ class Validation:
             "logs": list(self.logs),
             "joints": [_figures(fit) for fit in self.joints],
             "moving": {"standstill": self.standstill, "joints": [_figures(fit) for fit in self.moving]},
+            "bands": self.bands(),
         }
 
 

@@ -7,11 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from dynident.estimation.cutoff.sensitivity import sensitivity_warning
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.validation import Validation
 
 #: Total relative error of the fit above which a model explains too little.
 POOR_FIT = 0.25
+
+#: R2 of a joint below which its channel says little.
+POOR_JOINT = 0.5
 
 #: How much worse than the free fit a consistent one may be before the data and any possible robot disagree.
 POOR_CONSISTENCY = 0.10
@@ -29,12 +33,16 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     total = estimate.train.total_relative_error
     if total > POOR_FIT:
         found.append(f"the model misses {100 * total:.0f} % of the torques of the fit: check units, gains and gravity")
+    found += _gains(estimate)
     above = estimate.extras.get("residual_above_unconstrained")
     if above is not None and above > POOR_CONSISTENCY:
         found.append(
             f"possible robots fit {100 * above:.0f} % worse than impossible ones: check signs of torques, order of "
             "joints, gravity and gear ratios"
         )
+    moved = sensitivity_warning(estimate.extras.get("cutoff_sensitivity") or {})
+    if moved:
+        found.append(moved)
     if estimate.extras.get("constraints_not_kept"):
         name = estimate.extras["constraints_not_kept"]
         found.append(
@@ -60,6 +68,20 @@ def _gaps(estimate: Estimate) -> list[str]:
     ]
 
 
+def _gains(estimate: Estimate) -> list[str]:
+    """Say how well the drive gains are known, where that is stated: no residual shows their errors."""
+    stated = estimate.extras.get("gain_deviations")
+    if not stated:
+        return []
+    known = [value for value in stated["relative"].values() if value > 0]
+    more = int(np.sum(np.asarray(stated["parameters"]) > estimate.deviations))
+    span = f"{100 * min(known):.2g} to {100 * max(known):.2g} %" if len(known) > 1 else f"{100 * known[0]:.2g} %"
+    return [
+        f"drive gains are known to {span} (std) only, which moves {more} of {estimate.base.count} parameters by more "
+        "than their own deviations, beside them (extras.gain_deviations)"
+    ]
+
+
 def _limits(estimate: Estimate) -> list[str]:
     found: list[str] = []
     if not len(estimate.train.q):
@@ -81,4 +103,7 @@ def _torques(validation: Validation) -> list[str]:
             found.append(f"{fit.name}: the model's torque runs against the measured one: check its sign and column")
         elif np.isfinite(fit.r2) and fit.r2 < 0:
             found.append(f"{fit.name}: the model is worse than a constant (R2 {fit.r2:.2f}): check its column and gain")
+        elif np.isfinite(fit.r2) and fit.r2 < POOR_JOINT:
+            share = f"{100 * fit.r2:.0f} %"
+            found.append(f"{fit.name}: the model explains {share} of how its torque changes: its channel says little")
     return found

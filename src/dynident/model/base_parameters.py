@@ -8,7 +8,7 @@ it and the mass go into the links before.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import SolverFailed
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
 from dynident.model.parameters import Parameter
 from dynident.model.reduction import triangle_of
 
@@ -23,8 +24,15 @@ from dynident.model.reduction import triangle_of
 #: tilt axes by 4e-6 rad; what that lets through is no information, while true columns keep a tenth and more.
 TOLERANCE = 1e-5
 
-#: A column this much smaller than the largest is zero but for such rounding.
+#: A column this much smaller than the largest of its kind is zero but for such rounding. Kinds are second moments,
+#: first moments, masses, each coefficient of the drives: against another unit small arms lose columns that count.
 ZERO = 5e-6
+
+#: Random motions have speeds of 3 rad/s and accelerations of 10 rad/s^2; gravity is made to count like them.
+_ACCELERATION = 10.0
+
+#: Distances in m below this are rounding of a description.
+_POINT = 1e-6
 
 IDENTIFIABLE, COMBINED, NOT_IDENTIFIABLE = "identifiable", "only in combination", "not identifiable"
 
@@ -104,11 +112,11 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
         SolverFailed: The rank is not clear on the random states (a gap of less than a thousand in singular values).
     """
     samples = max(40, 4 * len(model.parameters) // max(model.robot.dof, 1))
-    regressor = model.regressor(model.random_motion(samples, seed))
+    regressor = _balanced(model, model.random_motion(samples, seed))
     size = model.inertial_count if inertial_only else regressor.shape[-1]
     triangle = triangle_of(regressor[..., :size].reshape(-1, size))
     norms = np.linalg.norm(triangle, axis=0)
-    live = norms > ZERO * norms.max(initial=0.0)  # against the largest column, before any scaling
+    live = _live(model, norms)
     scaled = np.where(live, triangle / np.where(live, norms, 1.0), 0.0)
     rank = _rank(scaled[:, live])
     order = [k for k in _preference(model, size) if live[k]]
@@ -120,6 +128,42 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     matrix[:, chosen] = np.eye(rank)
     matrix.setflags(write=False)
     return BaseParameters(model.parameters[:size], chosen, matrix, (largest >= 1e-7) & (matrix != 0))
+
+
+def _balanced(model: DynamicModel, motion: Motion) -> Array:
+    """Return the regressor on a motion with gravity and forces weighed as if the arm were of unit size, (N, n, p).
+
+    Part of what holds at rest is taken off: Y - (1 - k) Y_rest with k > 0 has the null space of Y, since what is zero
+    on all states is zero on those at rest. At arms of millimetres gravity would else drown what only speed shows, and
+    gravity along an axis that is tilted by rounding would pass for a parameter.
+    """
+    length, gravity = _length(model), float(np.linalg.norm(model.robot.gravity))
+    arm = np.array([1.0 if joint.kind == "revolute" else length for joint in model.robot.active])
+    motion = replace(motion, q=motion.q * arm)
+    regressor = model.regressor(motion)
+    if gravity > 0:
+        still = np.zeros_like(motion.q)
+        rest = model.regressor(replace(motion, dq=still, ddq=still))
+        regressor = regressor - (1.0 - length * _ACCELERATION / gravity) * rest
+    return regressor * arm[:, None]
+
+
+def _length(model: DynamicModel) -> float:
+    """Return the typical distance between joints in m, 1 where all axes meet."""
+    distances = np.linalg.norm(model.robot.chain.translation, axis=1)
+    return float(distances[distances > _POINT].mean()) if np.any(distances > _POINT) else 1.0
+
+
+def _live(model: DynamicModel, norms: Array) -> BoolArray:
+    """Return which columns are not zero, by their norms (p,)."""
+    length, links = _length(model), model.inertial_count // 10
+    drive, column = (np.asarray(each) for each in model.terms)
+    slides = np.array([joint.kind != "revolute" for joint in model.robot.active])
+    drives = 3 + 2 * column + slides[drive]  # forces and torques apart, each coefficient by itself
+    kinds = np.concatenate([np.tile([0] * 6 + [1] * 3 + [2], links), drives])[: len(norms)]
+    unit = norms / np.array([1.0, length, length**2, 1.0])[np.minimum(kinds, 3)]  # as if the arm were of unit size
+    floor = 1e-12 * unit.max(initial=0.0)  # a kind of which nothing counts
+    return np.array([x > max(floor, ZERO * unit[kinds == k].max()) for x, k in zip(unit, kinds, strict=True)])
 
 
 def _rank(scaled: Array) -> int:

@@ -87,6 +87,7 @@ def structure(model: DynamicModel) -> Structure:
     tables = _Tables(model, length)
     found = _conditions(chain, length, tables)
     size, scale = model.inertial_count, _scale(model, length)
+    scale[tables.positions] = tables.size
     rows = np.zeros((len(found), len(model.parameters)))
     rows[:, :size] = found[:, :size]
     rows[:, tables.positions] = found[:, size:]
@@ -102,6 +103,7 @@ class _Tables:
         positions: Their positions in theta, e of them.
         inertia: What they add to the mass matrix, lengths in units of ``length``, shape (n, n, e).
         constant: What they add to a constant torque, per unit of gravity where there is some, shape (n, e).
+        size: In what units they count, so that none is larger than 1, shape (e,).
     """
 
     def __init__(self, model: DynamicModel, length: float) -> None:
@@ -121,6 +123,9 @@ class _Tables:
         arm = np.array([length if joint.kind == "revolute" else 1.0 for joint in model.robot.active])
         self.inertia /= np.multiply.outer(arm, arm)[:, :, None]
         self.constant /= arm[:, None] * (float(np.linalg.norm(model.robot.gravity)) or 1.0)
+        largest = np.maximum(np.abs(self.inertia).max(axis=(0, 1)), np.abs(self.constant).max(axis=0))
+        self.size = 1.0 / np.where(largest > 0, largest, 1.0)
+        self.inertia, self.constant = self.inertia * self.size, self.constant * self.size
 
 
 def _length(chain: Chain) -> float:

@@ -92,6 +92,17 @@ class Triangle:
         return float(np.sum(self.factor[:, -1] ** 2))
 
 
+def merged_pairs(factors: Array) -> Array:
+    """Return the triangle of each two that follow each other, shape (m, k, k) to (ceil(m / 2), k, k)."""
+    size = factors.shape[-1]
+    found = np.zeros(((len(factors) + 1) // 2, size, size))
+    with one_blas_thread():
+        for k, own in enumerate(found):
+            factor = triangle_of(np.concatenate(list(factors[2 * k : 2 * k + 2])))
+            own[: len(factor)] = factor
+    return found
+
+
 @dataclass(frozen=True)
 class Reduced:
     """The weighted least-squares problem min |R beta - z|^2 + rest.

@@ -59,12 +59,14 @@ class Drive:
         gain: Joint torque per unit of motor current (16), in N m/A; None where no current is logged.
         bias: Known constant torque that something else than the drive gives (a spring, a counterweight, a controller
             that leaves weight out of its log), in N m or N: torque of the log + bias = torque of the bodies.
+        gain_deviation: Relative standard deviation of the gain; 0 where none is stated.
     """
 
     gear_ratio: float = 1.0
     rotor_inertia: float = 0.0
     gain: float | None = None
     bias: float = 0.0
+    gain_deviation: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.gear_ratio) and self.gear_ratio != 0):
@@ -75,6 +77,8 @@ class Drive:
             raise ValueError(f"the gain is {self.gain:g}")
         if not np.isfinite(self.bias):
             raise ValueError(f"the bias is {self.bias:g}")
+        if not 0 <= self.gain_deviation < 1:
+            raise ValueError(f"the gain deviation is {self.gain_deviation:g}, a share of the gain from 0 to 1")
 
     @property
     def reflected_inertia(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dynident.results.text import MISSING, Column, Table, format_number, format_value, label
+from dynident.results.text import MISSING, Column, Table, format_number, format_percent, format_value, label
 
 
 def choice_tables(extras: Mapping[str, Any]) -> tuple[tuple[str, Table], ...]:
@@ -15,9 +15,22 @@ def choice_tables(extras: Mapping[str, Any]) -> tuple[tuple[str, Table], ...]:
         tables.append(("Delay of the torque behind the positions", _delays(extras["delays"])))
     if extras.get("friction_choice"):
         tables.append(("Friction chosen joint by joint", _friction(extras["friction_choice"])))
+        if extras["friction_choice"].get("alike"):
+            tables.append(("One friction for all joints, or each its own", _alike(extras["friction_choice"]["alike"])))
     if extras.get("non_linear"):
         tables.append(("Fields of friction parts found from the logs", _fields(extras["non_linear"])))
+    if extras.get("gain_deviations"):
+        tables.append(("Drive gains that are known to a deviation", _gains(extras["gain_deviations"])))
     return tuple(tables)
+
+
+def _gains(stated: Mapping[str, Any]) -> Table:
+    rows = tuple((label(joint), format_percent(value, sign=False)) for joint, value in stated["relative"].items())
+    note = (
+        "Parameters carry these errors beside their own deviations, which do not contain them: a gain that is 2 % off "
+        "moves what its drive determines by 2 %. extras.gain_deviations.parameters of the estimate has the figures."
+    )
+    return Table((Column("joint"), Column("rel. std of the gain", "%", numeric=True)), rows, note)
 
 
 def _delays(delays: list[Mapping[str, Any]]) -> Table:
@@ -61,6 +74,29 @@ def _friction(choice: Mapping[str, Any]) -> Table:
         "in units of the start. Chosen is the shortest list within one standard deviation of the best."
     )
     return Table(columns, tuple(rows), note)
+
+
+def _alike(compared: list[Mapping[str, Any]]) -> Table:
+    columns = (
+        Column("parts"),
+        Column("held-out error", numeric=True),
+        Column("std of the gap", numeric=True),
+        Column("chosen"),
+    )
+    rows = tuple(
+        (
+            label(" + ".join(each["parts"])),
+            format_number(each["held_out"], 4),
+            format_number(each["standard_error"], 2) if each["standard_error"] > 0 else MISSING,
+            "yes" if each["chosen"] else "",
+        )
+        for each in compared
+    )
+    note = (
+        "Held out in ten blocks, this time by possible robots. One friction for all joints is taken where it is within "
+        "one standard deviation of the lists of the joints: it errs less on motions that the logs do not have."
+    )
+    return Table(columns, rows, note)
 
 
 def _change(before: list[str], after: list[str]) -> str:

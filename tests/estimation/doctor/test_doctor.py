@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-import importlib.util
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
-from dynident.estimation.doctor import CHECKS, examine, examine_recording
+sys.path.append(str(Path(__file__).parents[3]))  # the benchmark puts the same faults into full-size arms
+
+from benchmarks.faults import injections as put
+from benchmarks.faults.kinds import KINDS, Kind
+from benchmarks.faults.matrix import named
+from benchmarks.faults.trials import Trial, virtual
+
+from dynident.estimation.doctor import CHECKS, Finding, examine, examine_recording
+from dynident.estimation.doctor._causes import SURE
 from dynident.estimation.doctor._mending import mend, sortable, wraps
 from dynident.estimation.doctor._recording import read_recording
 from dynident.estimation.doctor.base import SEVERITIES
@@ -22,20 +29,30 @@ from dynident.experiment.formats import ColumnMap
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Robot
 
+#: Half the rows a second of the benchmark.
+RATE = 100.0
 
-def injections() -> ModuleType:
-    """Return benchmarks/faults.py, which tests every kind at three strengths on full-size arms."""
-    path = Path(__file__).parents[3] / "benchmarks" / "faults.py"
-    spec = importlib.util.spec_from_file_location("fault_injections", path)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["fault_injections"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-faults = injections()
-faults.RATE = 100.0  # half the rows of the benchmark
+#: Strengths of the kinds whose smallest one the benchmark looks for.
+STRENGTHS = {
+    "clock too fast [share]": 0.02,
+    "jitter [samples]": 1.0,
+    "gap in time [s]": 0.4,
+    "two publishers [share]": 0.02,
+    "one spike [range]": 1.0,
+    "five spikes [range]": 1.0,
+    "saturation [share]": 0.05,
+    "coarse torque [range]": 0.05,
+    "coarse position [range]": 0.01,
+    "delay of torque [samples]": 1.0,
+    "spring [of torque]": 0.2,
+    "counterbalance [of torque]": 0.2,
+    "drift [of torque]": 0.2,
+    "friction warms up [of torque]": 0.05,
+    "torque scale of a joint [share]": 0.1,
+    "torque scale of all [share]": 0.05,
+    "payload [kg]": 0.5,
+    "tilt of the base [deg]": 3.0,
+}
 
 
 @pytest.fixture(scope="module")
@@ -47,64 +64,115 @@ def case(spatial_3r: Robot) -> Case:
 
 
 @pytest.fixture(scope="module")
-def columns(case: Case) -> dict[str, np.ndarray]:
-    return faults.clean(case)
+def trial(case: Case) -> Trial:
+    return virtual(case, rate=RATE)
 
 
-def said(case: Case, path: Path) -> dict[str, str]:
-    return {finding.name: finding.joint for finding in examine(case, str(path)).findings}
+@pytest.fixture(scope="module")
+def clean(trial: Trial, tmp_path_factory: pytest.TempPathFactory) -> tuple[Finding, ...]:
+    return trial.examined(tmp_path_factory.mktemp("clean")).findings
+
+
+def write(trial: Trial, path: Path) -> None:
+    """Write the columns as text, whose lines findings name."""
+    columns = trial.columns
+    names = ["t", *(f"{name}{k + 1}" for name in columns if name != "t" for k in range(columns[name].shape[1]))]
+    values = np.column_stack([columns["t"], *(columns[name] for name in columns if name != "t")])
+    np.savetxt(path, values, "%.9g", ",", header=",".join(names), comments="")
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_clean_log_has_neither_errors_nor_warnings(case: Case, seed: int, tmp_path: Path) -> None:
-    faults.write(faults.clean(case, seed), tmp_path / "run.csv")
-    found = examine(case, str(tmp_path / "run.csv"))
+    found = virtual(case, seed, RATE).examined(tmp_path)
     assert found.sound and not found.left_out
     assert not [finding for finding in found.findings if finding.severity != "note"]
     assert found.mended is not None and found.mended.mends == ()
 
 
-@pytest.mark.parametrize("fault", faults.FAULTS, ids=lambda fault: fault.name)
-def test_a_fault_is_named(case: Case, columns: dict[str, np.ndarray], fault, tmp_path: Path) -> None:
-    named, names = faults.tried(case, fault, fault.strengths[1], columns, tmp_path)
-    assert named, names
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_a_fault_is_named(kind: Kind, trial: Trial, clean: tuple[Finding, ...], tmp_path: Path) -> None:
+    strength = STRENGTHS[kind.name] if kind.between else kind.fixed[len(kind.fixed) // 2]
+    found = kind.inject(trial, strength, np.random.default_rng(1)).examined(tmp_path).findings
+    assert named(kind, found, clean), [finding.line() for finding in found]
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2])
-def test_the_joint_whose_torque_is_turned_is_named(case: Case, columns, joint: int, tmp_path: Path) -> None:
-    faults.write(faults.turned(columns, ("tau",), joint), tmp_path / "run.csv")
-    assert said(case, tmp_path / "run.csv") == {"torque sign": case.robot.joint_names[joint]}
+def test_the_joint_whose_torque_is_turned_is_named(trial: Trial, joint: int, tmp_path: Path) -> None:
+    (finding,) = put.turned(trial, ("tau",), joint).examined(tmp_path).findings
+    assert (finding.name, finding.joint) == ("torque sign", trial.case.robot.joint_names[joint])
 
 
 @pytest.mark.parametrize("kind", [0, 1, 2])
-def test_a_wrong_gravity_is_named_with_the_right_one(case: Case, columns, kind: int, tmp_path: Path) -> None:
-    _, wrong = faults.mounted(case)[kind]
-    faults.write(columns, tmp_path / "run.csv")
-    finding = examine(wrong, str(tmp_path / "run.csv")).findings[0]
+def test_a_wrong_gravity_is_named_with_the_right_one(trial: Trial, kind: int, tmp_path: Path) -> None:
+    finding = put.mounted(trial, kind).examined(tmp_path).findings[0]
     assert finding.name == "mounting"
     assert "[0, 0, -9.81]" in finding.remedy
 
 
-@pytest.mark.parametrize("seconds", [0.012, 0.03])
-def test_the_delay_is_right_to_a_fraction_of_a_sample(case: Case, columns, seconds: float, tmp_path: Path) -> None:
-    faults.write(faults.delayed(columns, seconds, np.random.default_rng(0)), tmp_path / "run.csv")
-    found = {finding.name: finding for finding in examine(case, str(tmp_path / "run.csv")).findings}
-    assert found["torque delay"].numbers["delay_s"] == pytest.approx(seconds, abs=0.3 / faults.RATE)
+@pytest.mark.parametrize("samples", [0.3, 1.2, 3.0, 20.0])
+def test_the_delay_is_right_to_a_tenth_of_a_sample(case: Case, samples: float, tmp_path: Path) -> None:
+    found = virtual(case, rate=RATE, delay=samples / RATE).examined(tmp_path).findings
+    (late,) = [finding for finding in found if finding.name == "torque delay"]
+    assert late.numbers["delay_s"] * RATE == pytest.approx(samples, abs=0.1)
 
 
-def test_degrees_explain_what_follows_from_them(case: Case, columns, tmp_path: Path) -> None:
-    faults.write({**columns, "q": np.rad2deg(columns["q"])}, tmp_path / "run.csv")
-    found = examine(case, str(tmp_path / "run.csv"))
+def test_gravity_upside_down_on_a_small_arm_shows_against_the_description(planar_2r: Robot, tmp_path: Path) -> None:
+    """A motion so slow that inertia says nothing: a body on the other side of its joint explains the torque as well."""
+    joints = tuple(replace(joint, damping=0.1, friction=0.05) for joint in planar_2r.joints)
+    robot = replace(planar_2r, joints=joints)
+    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    case = Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
+    found = Trial(
+        replace(case, robot=robot.with_gravity(-np.asarray(robot.gravity))), virtual(case, rate=RATE).columns
+    ).examined(tmp_path)
+    (finding,) = [finding for finding in found.findings if finding.name == "mounting"]
+    assert "gravity: [0, 0, -9.81]" in finding.remedy or "gravity: [0, -9.81, 0]" in finding.remedy
+
+
+def test_a_payload_is_weighed(trial: Trial, tmp_path: Path) -> None:
+    found = put.loaded(trial, 0.8, np.random.default_rng(0)).examined(tmp_path).findings
+    (load,) = [finding for finding in found if finding.name == "load at the flange"]
+    assert load.severity == "warning" and "take it off or describe it" in load.remedy
+    assert load.numbers["mass_kg"] == pytest.approx(0.8, abs=3 * load.numbers["deviation_kg"] + 0.02)
+
+
+def test_a_tilt_is_measured_and_the_right_gravity_stated(trial: Trial, tmp_path: Path) -> None:
+    found = put.tilted(trial, 2.0, np.random.default_rng(0)).examined(tmp_path).findings
+    (tilt,) = [finding for finding in found if finding.name == "tilt"]
+    assert "leans by 2" in tilt.evidence
+    text = tilt.remedy.split("gravity: [")[1].split("]")[0]
+    assert np.allclose([float(word) for word in text.split(",")], [0, 0, -9.81], atol=0.05)
+
+
+def test_a_cause_is_told_once(trial: Trial, tmp_path: Path) -> None:
+    for faulty, name in (
+        (put.sprung(trial, 0.3, 0), "spring"),
+        (put.drifting(trial, 0.3, np.random.default_rng(0)), "drift"),
+        (put.scaled(trial, 0.15, 1), "torque scale"),
+    ):
+        found = faulty.examined(tmp_path).findings
+        assert [finding.name for finding in found] == [name], [finding.line() for finding in found]
+
+
+def test_findings_are_plain_data(trial: Trial, tmp_path: Path) -> None:
+    found = put.drifting(trial, 0.3, np.random.default_rng(0)).examined(tmp_path)
+    figures = json.loads(json.dumps(found.figures(), allow_nan=False))
+    assert figures["sound"] and figures["findings"][0]["name"] == "drift"
+    assert figures["findings"][0]["numbers"]["certainty"] > SURE
+
+
+def test_degrees_explain_what_follows_from_them(trial: Trial, tmp_path: Path) -> None:
+    found = trial.with_columns(q=np.rad2deg(trial.columns["q"])).examined(tmp_path)
     assert [finding.name for finding in found.findings] == ["positions in degrees"]
     assert "units: {position: " in found.findings[0].remedy
     assert found.left_out
 
 
-def test_the_line_of_a_fault_is_that_of_the_file(case: Case, columns, tmp_path: Path) -> None:
-    broken = {**columns, "tau": columns["tau"].copy()}
-    broken["tau"][40, 1] = np.nan
-    faults.write(broken, tmp_path / "run.csv")
-    (finding,) = examine(case, str(tmp_path / "run.csv")).findings
+def test_the_line_of_a_fault_is_that_of_the_file(trial: Trial, tmp_path: Path) -> None:
+    tau = trial.columns["tau"].copy()
+    tau[40, 1] = np.nan
+    write(trial.with_columns(tau=tau), tmp_path / "run.csv")
+    (finding,) = examine(trial.case, str(tmp_path / "run.csv")).findings
     assert finding.severity == "error" and "line 42" in finding.evidence
 
 
@@ -114,15 +182,13 @@ def test_a_file_that_is_no_table_is_a_finding(case: Case, tmp_path: Path) -> Non
     assert not found.sound and [finding.name for finding in found.findings] == ["unreadable"]
 
 
-def test_mends_give_the_clean_log_back(case: Case, columns, tmp_path: Path) -> None:
+def test_mends_give_the_clean_log_back(trial: Trial, tmp_path: Path) -> None:
     generator = np.random.default_rng(3)
-    broken = faults.disorder(faults.duplicates(columns, 0.01, generator), 0.002, generator)
-    first = broken["q"][:, 0]
-    broken["q"][:, 0] = np.where(first > np.median(first), first - 2 * np.pi, first)
-    faults.write(broken, tmp_path / "broken.csv")
-    faults.write(columns, tmp_path / "clean.csv")
-    clean = read_recording(case, str(tmp_path / "clean.csv")).log
-    mended = mend(read_recording(case, str(tmp_path / "broken.csv")), case.robot)
+    case = trial.case
+    broken = put.disorder(put.duplicates(trial, 0.01, generator), 0.002, generator)
+    broken = put.wrap(broken, 0.5, generator)
+    clean = read_recording(case, str(trial.written(tmp_path, "clean"))).log
+    mended = mend(read_recording(case, str(broken.written(tmp_path, "broken"))), case.robot)
     log = mended.recording.log
     assert len(mended.mends) >= 3
     assert np.array_equal(log.time, clean.time)
@@ -131,13 +197,12 @@ def test_mends_give_the_clean_log_back(case: Case, columns, tmp_path: Path) -> N
     assert np.allclose(turns, np.round(turns).mean(axis=0), atol=1e-8)
 
 
-def test_what_is_not_safe_is_not_mended(case: Case, columns, tmp_path: Path) -> None:
+def test_what_is_not_safe_is_not_mended(trial: Trial, tmp_path: Path) -> None:
     generator = np.random.default_rng(0)
-    for broken in (faults.lost(columns, 0.2, generator), faults.restart(columns, 0.5, generator)):
-        faults.write(broken, tmp_path / "run.csv")
-        recording = read_recording(case, str(tmp_path / "run.csv"))
-        assert mend(recording, case.robot).recording.log.samples == recording.log.samples
-        assert not examine_recording(case, recording).sound
+    for broken in (put.lost(trial, 0.2, generator), put.restart(trial, 0.5, generator)):
+        recording = read_recording(trial.case, str(broken.written(tmp_path)))
+        assert mend(recording, trial.case.robot).recording.log.samples == recording.log.samples
+        assert not examine_recording(trial.case, recording).sound
 
 
 def test_sorting_is_for_rows_out_of_order_only() -> None:
@@ -148,9 +213,8 @@ def test_sorting_is_for_rows_out_of_order_only() -> None:
     assert not sortable(np.concatenate([time, time + 0.001]))
 
 
-def test_a_joint_that_turns_fast_does_not_wrap(case: Case, columns, tmp_path: Path) -> None:
-    faults.write(columns, tmp_path / "run.csv")
-    assert wraps(read_recording(case, str(tmp_path / "run.csv")).log, case.robot) == {}
+def test_a_joint_that_turns_fast_does_not_wrap(trial: Trial, tmp_path: Path) -> None:
+    assert wraps(read_recording(trial.case, str(trial.written(tmp_path))).log, trial.case.robot) == {}
 
 
 def test_flat_tops_and_levels() -> None:

@@ -47,3 +47,21 @@ def test_known_parameters_become_constants(six: Arm) -> None:
     expected = batched.inverse_dynamics(six.chain, theta, q, dq, ddq)
     for joint, values in found.items():
         assert np.abs(values - expected[:, joint]).max() < 1e-13 * np.abs(expected).max()
+
+
+def test_arrays_may_stand_for_each_other_or_for_zeros(six: Arm) -> None:
+    """No speed, the speed for the acceleration and no gravity give the momentum M dq; neither of both, gravity."""
+    q, dq, ddq = six.states(4)
+    still = np.zeros_like(dq)
+    mass = batched.mass_matrix(six.chain, six.theta, q)
+    momentum = TracedChain(replace(six.chain, gravity=np.zeros(3)), six.theta, {"dq": "", "ddq": "dq"})
+    gravity = TracedChain(six.chain, six.theta, {"dq": "", "ddq": ""})
+    cases = (
+        (momentum, ("dq", "q"), np.einsum("nij,nj->ni", mass, dq)),
+        (gravity, ("q",), batched.inverse_dynamics(six.chain, six.theta, q, still, still)),
+    )
+    for traced, arrays, expected in cases:
+        program = traced.trace.program(traced.torque())
+        assert program.arrays == arrays
+        for joint, values in program.evaluate({"q": q.T, "dq": dq.T, "ddq": ddq.T}).items():
+            assert np.abs(values - expected[:, joint]).max() < 1e-13 * np.abs(expected).max()

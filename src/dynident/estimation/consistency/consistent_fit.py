@@ -265,6 +265,8 @@ def active_conditions(rules: Conditions, found: Candidate) -> tuple[Mapping[str,
 def scale_of(problem: Problem) -> Scale:
     """Return natural sizes and prior of a problem."""
     torque = np.array([np.sqrt(t.torque_square / max(t.rows, 1)) for t in problem.triangles])
+    if problem.left is not None:
+        return natural_scale(problem.model, torque, problem.left.accelerations, problem.prior)
     squares = [np.asarray(log.log.ddq) ** 2 for log in problem.logs]
     return natural_scale(problem.model, torque, np.sqrt(np.mean(np.concatenate(squares), axis=0)), problem.prior)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from dynident.errors import LogFormatError, LogMismatch
 from dynident.estimation.doctor._mending import Mended, mend
@@ -47,6 +48,15 @@ class Examination:
     def sound(self) -> bool:
         """Whether there is no finding at error level."""
         return not any(finding.severity == "error" for finding in self.findings)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the examination as plain data for JSON."""
+        return {
+            "path": self.path,
+            "sound": self.sound,
+            "left_out": self.left_out,
+            "findings": [finding.figures() for finding in self.findings],
+        }
 
 
 def examine(case: Case, name: str) -> Examination:

@@ -115,11 +115,17 @@ class QuickFit:
         """What makes the rows of the robot as the case has it."""
         return Observer(self.model, self.base)
 
-    def rows_of(self, log: Log, model: DynamicModel | None = None) -> Rows:
+    @cached_property
+    def gravity_observers(self) -> tuple[Observer, ...]:
+        """What makes the rows without gravity, and with one of 1 m/s^2 along each axis: rows are linear in it."""
+        fields = np.vstack([np.zeros(3), np.eye(3)])
+        robots = [self.model.robot.with_gravity(gravity) for gravity in fields]
+        return tuple(Observer(replace(self.model, robot=robot), self.base) for robot in robots)
+
+    def rows_of(self, log: Log, observer: Observer | None = None) -> Rows:
         """Return the rows of another reading of the log, or of a robot that differs in its gravity alone."""
         prepared = preprocess(log, self.how)
-        observer = self.observer if model is None else Observer(model, self.base)
-        model = model or self.model
+        observer, model = observer or self.observer, self.model
         blocks = tuple(np.asarray(part[:-1]).T for part in observer.rows(prepared))
         torque = np.asarray(prepared.log.torque)[prepared.keep]
         known = torque - target_torque(model, prepared)[prepared.keep]
@@ -219,6 +225,11 @@ def weighted(parts: list[Array], targets: list[Array], counts: Array, floors: Ar
     squares = np.array([float(target @ target) for target in targets])
     grams = np.array([part.T @ part for part in parts])
     sides = np.array([part.T @ target for part, target in zip(parts, targets, strict=True)])
+    return weighted_products(grams, sides, squares, counts, floors)
+
+
+def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Solved:
+    """Return the fit of :func:`weighted` from the products of each joint's rows: (n, k, k), (n, k) and (n,)."""
     norms = np.sqrt(np.einsum("ikk->ik", grams).sum(axis=0))
     scale = np.where(norms > 0, norms, 1.0)
     grams, sides = grams / np.outer(scale, scale), sides / scale
@@ -242,7 +253,9 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
     known = bool(np.any(case.robot.reflected_inertia))
     wanted = known or any(FRICTION.name_of(part) == "rotor_inertia" for part in case.friction)
     asked = [FRICTION.make("rotor_inertia")] if wanted else []
-    friction = (FRICTION.make("coulomb", width=0.02), FRICTION.make("viscous"), FRICTION.make("offset"), *asked)
+    coulomb = [part for part in case.friction if FRICTION.name_of(part) == "coulomb" and part.joints is None]
+    first = coulomb or [FRICTION.make("coulomb", width=0.02)]
+    friction = (*first, FRICTION.make("viscous"), FRICTION.make("offset"), *asked)
     model = DynamicModel(_without_rotors(case.robot) if known else case.robot, friction)
     cutoff = min(CUTOFF_HZ, case.preprocessing.filter.bandwidth() or CUTOFF_HZ)
     how = Preprocessing(

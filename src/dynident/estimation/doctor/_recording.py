@@ -8,10 +8,8 @@ import numpy as np
 
 from dynident.arrays import BoolArray, IntArray
 from dynident.experiment.case_file.case import Case
-from dynident.experiment.formats import _chosen, _form
-from dynident.experiment.formats._table import Table
+from dynident.experiment.formats import ColumnMap, Table, open_log
 from dynident.experiment.formats._text_table import TextTable
-from dynident.experiment.formats.base import ColumnMap
 from dynident.experiment.log import Log, Source, torque_from_current
 from dynident.experiment.motor_side import joint_side, with_zero
 
@@ -51,7 +49,7 @@ def read_recording(case: Case, name: str) -> Recording:
         FileError: The file cannot be read at all.
     """
     path = case.find(name)
-    table = _chosen(path, _form(case.columns)).open(path)
+    table = open_log(path, case.columns)
     columns = case.columns.resolved(table.header, table.path, table.line)
     stated = columns.stated()
     names = [columns.time, *(column for signal in stated.values() for column in signal)]

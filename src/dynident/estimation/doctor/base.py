@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from dynident.errors import DynidentError
 from dynident.estimation.doctor._quick_fit import QuickFit, quick_fit
 from dynident.estimation.doctor._recording import Recording
+from dynident.estimation.doctor._trend_causes import Trends
+from dynident.estimation.friction.delay import Delay, find_delays
 from dynident.experiment.case_file.case import Case
+
+#: A delay counts from this many of its standard deviations on.
+SURE_DELAY = 5.0
 
 Severity = Literal["error", "warning", "note"]
 
@@ -73,6 +79,27 @@ class Subject:
     def fit(self) -> QuickFit | None:
         """A fit of few rows by weighted least squares; None where the log has no torques or too few rows."""
         return quick_fit(self.case, self.sound.log)
+
+    @cached_property
+    def delay(self) -> Delay | None:
+        """The delay of the torque; ``applied`` is 0 where it may well be none."""
+        if self.fit is None:
+            return None
+        try:
+            (found,), _ = find_delays(self.fit.model, self.fit.base, [self.fit.log], self.fit.how)
+        except DynidentError:
+            return None
+        sure = abs(found.seconds) > SURE_DELAY * found.deviation
+        return replace(found, applied=found.seconds if sure else 0.0)
+
+    @cached_property
+    def trends(self) -> Trends | None:
+        """What the residual follows once the delay of the torque is taken out; None where there is no fit."""
+        if self.fit is None:
+            return None
+        late = 0.0 if self.delay is None else self.delay.applied
+        fit = replace(self.fit, how=replace(self.fit.how, delay_s=late)) if late else self.fit
+        return Trends(fit, self.fit.gravity_observers)
 
 
 class Check(ABC):

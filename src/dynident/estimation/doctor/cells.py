@@ -11,8 +11,9 @@ import numpy as np
 from dynident.estimation.doctor._mending import MOST_LOST, broken_rows
 from dynident.estimation.doctor.base import Check, Finding, Subject, listed
 
-#: Share of rows at which a column jumps to zero and back before a second publisher is suspected.
-FLIPS = 0.005
+#: Share of rows at which a signal jumps to zero from which that is told of arms of one or two joints: there a zero of
+#: all may be a value. With more joints one such row is enough.
+FLIPS, FEW = 0.005, 2
 
 #: Size of the row before, as a share of the usual one, from which a jump to zero is none of the motion.
 AWAY = 0.2
@@ -62,10 +63,10 @@ def _flips(subject: Subject) -> list[Finding]:
         empty = np.all(values == 0, axis=1)
         into = empty[1:] & (size[:-1] > AWAY)
         share = float(into.mean())
-        if share > FLIPS:
+        if share > (FLIPS if values.shape[1] <= FEW else 0.0):
             row = subject.sound.place(int(np.argmax(into)) + 1)
-            evidence = f"{signal} of all joints jumps to zero in {100 * share:.2g} % of the rows, the first in {row}"
-            remedy = "two publishers write this signal: record the one that measures it"
+            evidence = f"{signal} of all joints jumps to zero at {into.sum()} rows ({100 * share:.2g} %), first {row}"
+            remedy = "two publishers write this signal, or messages are lost: record the one that measures it"
             found.append(Finding("error", "two publishers", "", evidence, remedy, {"share": share}))
     return found
 

@@ -16,6 +16,9 @@ BEYOND = 0.05
 #: Positions of a revolute joint beyond this many rad are degrees where no limit is stated: three turns.
 TURNS = 6 * np.pi
 
+#: Degrees of travel below which a log is of an arm at rest, in whatever unit.
+MOVES = 0.2
+
 #: A joint that travels less than this, in rad or m, over the whole log does not move.
 STILL = 1e-3
 
@@ -30,7 +33,29 @@ class PositionRange(Check):
     stage: ClassVar[int] = 1
 
     def findings(self, subject: Subject) -> Sequence[Finding]:
-        return [*_limits(subject), *_still(subject)]
+        radians = _radians(subject)
+        return radians or [*_limits(subject), *_still(subject)]
+
+
+def _radians(subject: Subject) -> list[Finding]:
+    """Return whether positions declared as degrees are radians: no joint leaves a turn's worth of them, all move."""
+    robot, q = subject.case.robot, subject.sound.log.q
+    turning = [k for k, joint in enumerate(robot.active) if joint.kind == "revolute"]
+    if subject.raw.columns.units.position != "deg" or not turning:
+        return []
+    stated = np.rad2deg(q[:, turning])
+    largest, travel = float(np.abs(stated).max()), float(np.ptp(stated, axis=0).max())
+    if largest > 2 * np.pi or travel < MOVES:
+        return []
+    limits = [robot.active[k].limits for k in turning]
+    low, high = stated.min(axis=0), stated.max(axis=0)
+    inside = [one.lower - BEYOND <= a and b <= one.upper + BEYOND for one, a, b in zip(limits, low, high, strict=True)]
+    if not all(inside):
+        return []
+    evidence = f"positions declared as degrees stay within {largest:.3g} of zero; as radians they keep the limits too"
+    remedy = "state the unit in the case file (log: units: {position: rad})"
+    explains = ("velocity unit", "velocity scale", "joint never moved", "standstill", "too little motion")
+    return [Finding("error", "positions in radians", "", evidence, remedy, {"largest": largest}, explains)]
 
 
 def _limits(subject: Subject) -> list[Finding]:

@@ -10,7 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.estimation.doctor._quick_fit import QuickFit, Solved
+from dynident.estimation.doctor._quick_fit import QuickFit, Rows, Solved
+from dynident.estimation.doctor._scales import best_scale
 from dynident.estimation.doctor.base import Check, Finding, Subject, listed
 
 #: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An
@@ -22,6 +23,25 @@ POOR, GOOD = 0.25, 0.3
 
 #: Friction feeds power into a joint beyond doubt: z-score and share of torque times speed.
 FEEDS, FEEDS_SHARE = -6.0, -0.05
+
+
+#: Factor on the torque of one joint from which its unit is in doubt, and signs of other joints with it.
+FAR_SCALE = 3.0
+
+#: What follows from a wrong sign, order or mounting.
+EXPLAINS = (
+    "torque scale",
+    "torque unit",
+    "torque delay",
+    "time scale",
+    "spring",
+    "counterbalance",
+    "drift",
+    "friction drift",
+    "friction curve",
+    "tilt",
+    "load at the flange",
+)
 
 
 @dataclass(frozen=True)
@@ -61,7 +81,11 @@ class Readings(Check):
         if not found:
             return []
         best = max(found, key=lambda reading: reading.gain)
-        explains = ("torque scale", "torque unit", "spring", "drift", "torque delay")
+        if best.name == "torque sign":
+            gain, factor, _ = best_scale(fit)
+            if gain > best.gain and max(factor, 1 / factor) > FAR_SCALE:
+                return []  # one torque of another unit upsets the others: that check tells it
+        explains = EXPLAINS
         numbers = {"gain": best.gain}
         return [Finding("error", best.name, listed(best.joints), best.evidence, best.remedy, numbers, explains)]
 
@@ -69,7 +93,7 @@ class Readings(Check):
 def _all_signs(subject: Subject, share: Array, z: Array, fit: QuickFit) -> Finding:
     evidence = f"friction drives every joint instead of braking it (z-scores {z.min():.0f} to {z.max():.0f})"
     remedy = "all torques have the wrong sign: negate their columns, or the gains (drives: {JOINT: {gain: ...}})"
-    explains = ("spring", "drift", "torque scale", "torque unit", "torque delay")
+    explains = EXPLAINS
     joints = listed(fit.model.robot.joint_names)
     return Finding("error", "torque sign", joints, evidence, remedy, {"share": float(share.min())}, explains)
 
@@ -143,12 +167,16 @@ def _mountings(fit: QuickFit) -> Iterator[Reading]:
     size = float(np.linalg.norm(gravity))
     if not size:
         return
+    still, *along = (_whole(fit.rows_of(fit.log, observer), fit.base.count) for observer in fit.gravity_observers)
     axes = [sign * size * axis + 0.0 for axis in np.eye(3) for sign in (1.0, -1.0)]
     for other in (np.zeros(3), *axes):
         if other.any() and other @ gravity > 0.9 * size**2:
             continue
-        model = replace(fit.model, robot=fit.model.robot.with_gravity(other))
-        gain = fit.plain.score - fit.solve(fit.triangles_of(fit.rows_of(fit.log, model))).score
+        blocks = tuple(
+            none + sum(pull * (one - none) for pull, one in zip(other, each, strict=True) if pull)
+            for none, *each in zip(still.blocks, *(rows.blocks for rows in along), strict=True)
+        )
+        gain = fit.plain.score - fit.solve(fit.triangles_of(replace(still, blocks=blocks))).score
         if gain > GAIN:
             text = ", ".join(f"{value + 0.0:.3g}" for value in other)
             evidence = f"gravity [{text}] explains the torques better by {gain:.1f} in log variance"
@@ -157,6 +185,16 @@ def _mountings(fit: QuickFit) -> Iterator[Reading]:
                 evidence = f"the torques do not carry the arm's weight: without gravity the fit is better by {gain:.1f}"
                 remedy = "log the measured torque with gravity, not the controller's part without it"
             yield Reading("mounting" if other.any() else "torque without gravity", (), gain, evidence, remedy)
+
+
+def _whole(rows: Rows, size: int) -> Rows:
+    """Return the rows with all columns: which of them are zero depends on the gravity."""
+    blocks = []
+    for block, own in zip(rows.blocks, rows.columns, strict=True):
+        full = np.zeros((len(block), size))
+        full[:, own] = block
+        blocks.append(full)
+    return replace(rows, blocks=tuple(blocks), columns=(np.arange(size),) * len(blocks))
 
 
 def _position_readings(fit: QuickFit) -> Iterator[Reading]:

@@ -1,82 +1,142 @@
-"""What the residual of a quick fit still follows: springs and drift."""
+"""What the residual of a quick fit still follows: springs, drift, friction curves, a tilt, the clock, a scale."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.estimation.doctor._causes import Blame
 from dynident.estimation.doctor._quick_fit import QuickFit
-from dynident.estimation.doctor.base import Check, Finding, Subject, listed
+from dynident.estimation.doctor._trend_causes import across_gravity
+from dynident.estimation.doctor.base import Check, Finding, Severity, Subject
+from dynident.model.friction import FRICTION
 
-#: z-score from which a trend is there, and share of the joint's residual variance that it must explain.
-SURE, EXPLAINED = 8.0, 0.5
+#: Share of a joint's residual variance that a cause explains, and share of the joint's torque, or of all torques where
+#: it acts on the whole arm, that it has, from which the result suffers.
+EXPLAINED, MATTERS, MATTERS_ALL = 0.5, 0.1, 0.03
 
-#: Share of the joint's torque (root mean square) from which a trend matters.
-MATTERS = 0.03
+#: A scale further off one is that of another check: a column for it is a straight line through a curve.
+FAR_SCALE = 0.5
+
+#: Friction parts that the quick fit has; a case with others has chosen its friction already.
+PLAIN = ("coulomb", "viscous", "offset", "rotor_inertia")
 
 
 @dataclass(frozen=True)
 class ResidualTrends(Check):
-    """Unmodelled springs and torques that drift over the log."""
+    """Springs, counterbalances, drift, warming friction, curved friction, tilted bases, wrong clocks, torque scales."""
 
     stage: ClassVar[int] = 2
 
     def findings(self, subject: Subject) -> Sequence[Finding]:
-        fit = subject.fit
-        if fit is None:
+        trends = subject.trends
+        if trends is None:
             return []
-        time = np.asarray(fit.rows.prepared.kept.time)
-        clock = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
-        q = fit.rows.prepared.kept.q
-        drift = _trend(fit, np.repeat(clock[:, None], q.shape[1], axis=1))
-        spring = _trend(fit, q - q.mean(axis=0))
-        found = []
-        if drift:
-            worst = max(drift.values(), key=abs)
-            evidence = f"the residual runs off by up to {worst:.3g} N m (or N) from start to end of the log"
-            remedy = "warm the arm up first, or map temperatures and add friction: temperature"
-            found.append(Finding("warning", "drift", listed(list(drift)), evidence, remedy, {"change": worst}))
-        if spring:
-            worst = max(spring.values(), key=abs)
-            evidence = f"the residual follows the position, up to {worst:.3g} N m/rad (or N/m)"
-            remedy = "a spring, hose or counterbalance: state it, or take its torque off (drives: bias)"
-            found.append(Finding("warning", "spring", listed(list(spring)), evidence, remedy, {"stiffness": worst}))
-        return found
+        chosen = subject.case.choose_friction or any(
+            FRICTION.name_of(part) not in PLAIN for part in subject.case.friction
+        )
+        return [
+            trend_finding(blame, trends.fit)
+            for blame in trends.blames
+            if not (chosen and blame.cause.name == "friction curve") and believable(blame)
+        ]
 
 
-def _trend(fit: QuickFit, columns: Array) -> dict[str, float]:
-    """Return the coefficient of one own column (N, n) at each joint where it is sure and matters, by joint."""
-    found: dict[str, float] = {}
-    for i, name in enumerate(fit.model.robot.joint_names):
-        mask = fit.rows.masks[:, i]
-        if mask.sum() < 4 * fit.base.count / fit.model.robot.dof or np.ptp(columns[mask, i]) == 0:
-            continue
-        matrix = np.column_stack([fit.rows.blocks[i][mask], columns[mask, i]])
-        target = fit.rows.torque[mask, i] - fit.rows.known[mask, i]
-        norms = np.linalg.norm(matrix, axis=0)
-        live = norms > 0
-        if not live[-1]:
-            continue
-        coefficient, variance, before = _own_fit(matrix[:, live] / norms[live], target)
-        value = coefficient / norms[-1]
-        size = abs(value) * float(np.std(columns[mask, i]))
-        share = 1.0 - variance / before if before > 0 else 0.0
-        matters = size > MATTERS * float(np.sqrt(np.mean(target**2)))
-        rows = fit.independent_rows[i]
-        sure = share * rows / max(1.0 - share, 1e-9) > SURE**2
-        if matters and sure and share > EXPLAINED:
-            found[name] = float(value)
-    return found
+def believable(blame: Blame) -> bool:
+    """Return whether a cause is in the range in which its column holds."""
+    return blame.cause.name != "torque scale" or abs(float(blame.values[0])) < FAR_SCALE
 
 
-def _own_fit(matrix: Array, target: Array) -> tuple[float, float, float]:
-    """Return the coefficient of the last column, and the residual variances with it and without."""
-    with_it = np.linalg.lstsq(matrix, target, rcond=1e-8)[0]
-    without = np.linalg.lstsq(matrix[:, :-1], target, rcond=1e-8)[0]
-    after = float(np.mean((matrix @ with_it - target) ** 2))
-    before = float(np.mean((matrix[:, :-1] @ without - target) ** 2))
-    return float(with_it[-1]), after, before
+def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
+    """Return what is said of a cause."""
+    evidence, remedy = _TEXTS[blame.cause.name](blame, fit)
+    large = _size(blame) > (MATTERS if blame.cause.joint else MATTERS_ALL)
+    grave = blame.share > EXPLAINED and large and blame.cause.name != "friction curve"
+    severity: Severity = "warning" if grave else "note"
+    counted = f" (certainty {blame.certainty:.0f}, {100 * blame.share:.0f} % of what a joint's fit left)"
+    numbers = {
+        "value": float(blame.values[int(np.argmax(np.abs(blame.values)))]),
+        "certainty": blame.certainty,
+        "share": blame.share,
+        "torque": float(blame.torque.max()),
+    }
+    return Finding(severity, blame.cause.name, blame.cause.joint, evidence + counted, remedy, numbers)
+
+
+def _size(blame: Blame) -> float:
+    """Return the share of the torque that a cause has; of a tilt, the share of the weight that acts across."""
+    return float(np.hypot(*blame.values[:2])) if blame.cause.name == "tilt" else blame.size
+
+
+def _spring(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    evidence = f"the residual follows the position, {blame.values[0]:.3g} +- {blame.deviations[0]:.2g} N m/rad (or N/m)"
+    return evidence, "a spring or hose: state it, or take its torque off before the fit (drives: bias takes a constant)"
+
+
+def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    size = float(np.hypot(*blame.values))
+    phase = float(np.arctan2(blame.values[1], blame.values[0]))
+    evidence = f"the residual follows {size:.3g} N m sin(q {'-' if phase < 0 else '+'} {abs(phase):.2f} rad)"
+    return evidence, "a counterbalance, or a body fixed to the joint: state it or take its torque off before the fit"
+
+
+def _drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    evidence = f"the torque runs off by {blame.values[0]:.3g} +- {blame.deviations[0]:.2g} N m (or N) over the log"
+    return evidence, "check the zero of the sensor; warm it up first, or record a shorter log"
+
+
+def _friction_drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    names = fit.model.robot.joint_names
+    told = ", ".join(f"{name} {value:+.2g}" for name, value in zip(names, blame.values, strict=True))
+    evidence = f"Coulomb friction changes from start to end of the log by (N m or N): {told}"
+    return evidence, "warm the arm up first, or map temperatures (log: columns: temperature) and add friction"
+
+
+def _friction_curve(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    evidence = f"friction bends over speed or grows with load by {blame.torque.max():.3g} N m (or N) rms"
+    return evidence, "let the friction be chosen from the log (friction: auto), or add degressive and load"
+
+
+def _time_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    fast = float(blame.values[0])
+    word = "fast" if fast > 0 else "slow"
+    evidence = f"inertia against weight says that time runs {100 * abs(fast):.2g} +- {100 * blame.deviations[0]:.1g} %"
+    return f"{evidence} too {word}", "check the clock of the log: log the time of the measurement"
+
+
+def _torque_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    value, deviation = 100 * float(blame.values[0]), 100 * float(blame.deviations[0])
+    against = "the other joints" if blame.cause.joint else "the described bodies"
+    evidence = f"its torque is {value:+.2g} +- {deviation:.1g} % off what agrees with {against}"
+    if not blame.cause.joint:
+        evidence = f"torques are {value:+.2g} +- {deviation:.1g} % off the described bodies"
+    return evidence, "check gain and gear ratio (drives: {JOINT: {gain: ...}}), or the masses of the description"
+
+
+def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    gravity = np.asarray(fit.model.robot.gravity)
+    size = float(np.linalg.norm(gravity))
+    across = across_gravity(gravity)
+    lean = blame.values[:2]
+    wanted = gravity + size * lean @ across
+    wanted *= size / np.linalg.norm(wanted)
+    angle = np.degrees(np.arctan(np.linalg.norm(lean)))
+    spread = np.degrees(np.linalg.norm(blame.deviations[:2]))
+    text = ", ".join(f"{value + 0.0:.4g}" for value in wanted)
+    evidence = f"the base leans by {angle:.2g} +- {spread:.1g} degrees against the stated gravity"
+    return evidence, f"level the base, or state how it leans (gravity: [{text}])"
+
+
+_TEXTS: dict[str, Callable[[Blame, QuickFit], tuple[str, str]]] = {
+    "spring": _spring,
+    "counterbalance": _counterbalance,
+    "drift": _drift,
+    "friction drift": _friction_drift,
+    "friction curve": _friction_curve,
+    "time scale": _time_scale,
+    "torque scale": _torque_scale,
+    "tilt": _tilt,
+}

@@ -9,10 +9,14 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.estimation.doctor.base import Check, Finding, Subject, listed
+from dynident.estimation.doctor.base import Check, Finding, Severity, Subject, listed
 
-#: Steps of a signal over its usual range (its 1st to 99th percentile) below which it is coarse.
-FEWEST_STEPS = 64
+#: Steps of a signal over its usual range (its 1st to 99th percentile) below which it is coarse: positions are
+#: differentiated twice, which makes steps of theirs count more.
+FEWEST_STEPS = {"positions": 1000, "torques": 64}
+
+#: Steps below which a signal says little, and the finding is a warning.
+FEW_STEPS = 64
 
 
 @dataclass(frozen=True)
@@ -28,13 +32,15 @@ class Resolution(Check):
             if values is None:
                 continue
             steps = {name: steps_of(column) for name, column in zip(log.joints, values.T, strict=True)}
-            coarse = {name: count for name, count in steps.items() if 0 < count < FEWEST_STEPS}
+            coarse = {name: count for name, count in steps.items() if 0 < count < FEWEST_STEPS[signal]}
             if coarse:
                 least = min(coarse.values())
-                evidence = f"the {signal} have {least:.0f} steps over their range where a few hundred are usual"
+                enough = FEWEST_STEPS[signal]
+                evidence = f"the {signal} have {least:.0f} steps over their range where {enough} and more do no harm"
                 remedy = "log more digits, or the raw counts; such joints say little"
+                severity: Severity = "warning" if least < FEW_STEPS else "note"
                 name = f"coarse {signal}"
-                found.append(Finding("warning", name, listed(list(coarse)), evidence, remedy, {"steps": least}))
+                found.append(Finding(severity, name, listed(list(coarse)), evidence, remedy, {"steps": least}))
         if log.torque is not None:
             flat = [name for name, column in zip(log.joints, log.torque.T, strict=True) if np.ptp(column) == 0]
             if flat:

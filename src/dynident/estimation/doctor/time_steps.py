@@ -15,6 +15,9 @@ from dynident.experiment.preprocessing import LONGEST_GAP
 #: Median steps in s between which robots are recorded: 50 kHz to 2 Hz.
 SHORTEST, LONGEST = 2e-5, 0.5
 
+#: Median steps from which a step is a gap.
+LONG = 10.0
+
 #: Share of the median step by which steps scatter (root mean square) before interpolation shows in the derivatives.
 JITTER = 0.5
 
@@ -35,7 +38,7 @@ class TimeSteps(Check):
         middle = float(np.median(steps))
         if not SHORTEST <= middle <= LONGEST:
             return [_unit(subject, middle)]
-        return [*_gaps(subject, middle), *_jitter(steps, middle)]
+        return [*_gaps(subject, middle), *_jitter(steps[steps <= LONG * middle], middle)]
 
 
 def _unit(subject: Subject, middle: float) -> Finding:
@@ -51,7 +54,7 @@ def _unit(subject: Subject, middle: float) -> Finding:
 def _gaps(subject: Subject, middle: float) -> list[Finding]:
     log = subject.sound.log
     steps = np.diff(log.time)
-    long = np.flatnonzero(steps > 10 * middle)
+    long = np.flatnonzero(steps > LONG * middle)
     if not len(long):
         return []
     worst = int(long[np.argmax(steps[long])])
@@ -59,9 +62,9 @@ def _gaps(subject: Subject, middle: float) -> list[Finding]:
     evidence = f"{len(long)} gaps, the longest of {steps[worst]:.4g} s after {where}; the median step is {middle:.4g} s"
     numbers = {"gaps": len(long), "longest_s": float(steps[worst])}
     if steps[worst] > max(LONGEST_GAP, 10 * middle):
-        return [Finding("error", "gap in time", "", evidence, "split the log there", numbers, ("time jitter",))]
+        return [Finding("error", "gap in time", "", evidence, "split the log there", numbers)]
     remedy = "rows near them are left out of the fit; look for what stopped the recorder"
-    return [Finding("warning", "gap in time", "", evidence, remedy, numbers, ("time jitter",))]
+    return [Finding("warning", "gap in time", "", evidence, remedy, numbers)]
 
 
 def _jitter(steps: np.ndarray, middle: float) -> list[Finding]:

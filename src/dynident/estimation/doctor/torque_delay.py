@@ -8,12 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.errors import DynidentError
 from dynident.estimation.doctor.base import Check, Finding, Subject
-from dynident.estimation.friction.delay import find_delays
-
-#: A delay is told from this many of its standard deviations and this share of a sample on.
-SURE, SHARE = 5.0, 0.3
 
 #: Share of the torque that the delay displaces, root mean square over the joints, above which the result suffers.
 HARM = 0.05
@@ -26,17 +21,10 @@ class TorqueDelay(Check):
     stage: ClassVar[int] = 2
 
     def findings(self, subject: Subject) -> Sequence[Finding]:
-        fit, how = subject.fit, subject.case.preprocessing
-        if fit is None:
+        fit, delay, stated = subject.fit, subject.delay, subject.case.preprocessing.delay_s
+        if fit is None or delay is None or not delay.applied:
             return []
-        try:
-            (delay,), _ = find_delays(fit.model, fit.base, [fit.log], fit.how)
-        except DynidentError:
-            return []
-        rate, stated = subject.sound.log.rate, how.delay_s
-        away = delay.seconds - (stated or 0.0)
-        if abs(away) < SURE * delay.deviation or abs(away) * rate < SHARE:
-            return []
+        rate, away = subject.sound.log.rate, delay.seconds - (stated or 0.0)
         slope = np.gradient(fit.rows.torque, np.asarray(fit.rows.prepared.kept.time), axis=0)
         harm = abs(away) * float(np.median(slope.std(axis=0) / np.maximum(fit.rows.torque.std(axis=0), 1e-12)))
         evidence = (
@@ -46,5 +34,7 @@ class TorqueDelay(Check):
         numbers = {"delay_s": delay.seconds, "deviation_s": delay.deviation, "displaced": harm}
         if stated is None:
             return [Finding("note", "torque delay", "", evidence, "the case takes it out (delay_s: auto)", numbers)]
+        if abs(away) < 3 * delay.deviation:
+            return []
         remedy = "take it out (preprocessing: delay_s: auto)"
         return [Finding("warning" if harm > HARM else "note", "torque delay", "", evidence, remedy, numbers)]

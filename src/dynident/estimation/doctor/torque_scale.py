@@ -10,14 +10,12 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.estimation.doctor._quick_fit import QuickFit
+from dynident.estimation.doctor._scales import best_scale
 from dynident.estimation.doctor.base import Check, Finding, Subject
 from dynident.estimation.problem import motion_of
 
 #: Gain of the score from which one torque has another scale, and the least factor told.
 GAIN, FACTOR = 1.5, 1.25
-
-#: Factors that are tried on the torque of one joint, 1/155 to 155.
-FACTORS = 1.4 ** np.arange(-15.0, 16.0)
 
 #: Correlation with the torque of the description's masses from which they are worth a comparison, and how far off one
 #: the ratio must be before a unit is suspected: descriptions of the makers are off by less.
@@ -26,7 +24,7 @@ ALIKE, OFF = 0.9, 2.5
 
 @dataclass(frozen=True)
 class TorqueScale(Check):
-    """Gear ratios, gains and units of the torques."""
+    """Gear ratios, gains and units of the torques, and weights that act upwards."""
 
     stage: ClassVar[int] = 2
 
@@ -39,17 +37,7 @@ class TorqueScale(Check):
 
 def _one_joint(fit: QuickFit) -> list[Finding]:
     """Return the joint whose torque fits the others best with another scale; residuals are compared in its own."""
-    names = fit.model.robot.joint_names
-    best = (0.0, 1.0, "")
-    for i, name in enumerate(names):
-        for factor in FACTORS:
-            mixing = np.eye(len(names))
-            mixing[i, i] = factor
-            solved = fit.solve(fit.triangles, mixing)
-            gain = fit.plain.score - (solved.score - 2 * float(np.log(factor)))
-            if gain > best[0]:
-                best = (gain, float(factor), name)
-    gain, factor, name = best
+    gain, factor, name = best_scale(fit)
     if gain < GAIN or max(factor, 1 / factor) < FACTOR:
         return []
     evidence = f"{factor:.3g} times its torque agrees with the others, better by {gain:.1f} in log variance"
@@ -62,6 +50,11 @@ def _all_joints(fit: QuickFit) -> list[Finding]:
     if theta is None:
         return []
     ratio, alike = _against_nominal(fit, theta)
+    if alike < -ALIKE:
+        gravity = ", ".join(f"{value + 0.0:.3g}" for value in -np.asarray(fit.model.robot.gravity))
+        evidence = f"described bodies would have the opposite torque under the stated gravity (correlation {alike:.3f})"
+        remedy = f"mounted upside down? state it (gravity: [{gravity}] in the frame of the base)"
+        return [Finding("warning", "mounting", "", evidence, remedy, {"correlation": alike})]
     if alike < ALIKE or 1 / OFF < ratio < OFF:
         return []
     evidence = f"bodies of the description ask for {1 / ratio:.3g} times the measured torques (correlation {alike:.3f})"

@@ -25,6 +25,9 @@ SCALE = 0.03
 #: Ratio off one from which that is more than a filter or a poor encoder.
 FAR_SCALE = 0.1
 
+#: Ratio off one that is told where all joints have it, and how many of their deviations it must be.
+CLOCK, ALIKE = 1e-3, 4.0
+
 #: Ratios that a unit explains.
 _UNITS = {180.0 / np.pi: "deg/s", 1e3: "mm/s"}
 
@@ -96,8 +99,10 @@ def _told(
         )
     good = moving & ~odd & ~turned
     scaled = good & (own > SAME) & (np.abs(ratio - 1) > SCALE)
-    found += _scale(names, ratio, scaled, moving)
-    return [*found, *_lag(subject, log, pair, good & ~scaled)] if not found else found
+    found += _scale(names, ratio, scaled, moving) or _clock(ratio[good & (own > SAME)])
+    return (
+        [*found, *_lag(subject, log, pair, good & ~scaled)] if all(one.severity == "note" for one in found) else found
+    )
 
 
 def _scale(names: Sequence[str], ratio: Array, scaled: BoolArray, moving: BoolArray) -> list[Finding]:
@@ -124,6 +129,19 @@ def _scale(names: Sequence[str], ratio: Array, scaled: BoolArray, moving: BoolAr
     remedy = "check gear ratio and unit of both columns (log: units)"
     severity = "warning" if abs(middle - 1) > FAR_SCALE else "note"
     return [Finding(severity, "velocity scale", listed(joints), evidence, remedy, numbers)]
+
+
+def _clock(ratio: Array) -> list[Finding]:
+    """Return the speed of the clock where dq of all joints is off by one small factor."""
+    if len(ratio) < 2:
+        return []
+    middle = float(np.median(ratio))
+    spread = max(1.4826 * float(np.median(np.abs(ratio - middle))), CLOCK / 10)
+    if abs(middle - 1) < max(CLOCK, ALIKE * spread):
+        return []
+    evidence = f"dq of all joints is {middle:.4f} times the derivative of q (+-{spread:.1g})"
+    remedy = "the clock of the log may run at another speed: log the time of the measurement"
+    return [Finding("note", "time scale", "", evidence, remedy, {"ratio": middle})]
 
 
 def _lag(subject: Subject, log: Log, pair: tuple[Array, Array], good: BoolArray) -> list[Finding]:

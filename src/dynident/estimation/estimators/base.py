@@ -20,6 +20,7 @@ class Solution:
         weights: Weight of each joint's rows, shape (n,), 1 / N m; their squares weigh the covariance.
         theta: Standard parameters behind beta, shape (p,); None where the estimator works on base parameters only.
         covariance: Of beta, shape (b, b), where the method has one of its own; None: from weights and residuals.
+        degrees: Degrees of freedom of its variances, for Student's t, shape (b,); None where it is as good as known.
         extras: News of the method itself: iterations, convergence trace, gap to the optimum.
     """
 
@@ -27,6 +28,7 @@ class Solution:
     weights: Array
     theta: Array | None = None
     covariance: Array | None = None
+    degrees: Array | None = None
     extras: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -35,9 +37,11 @@ class Estimator(ABC):
 
     Attributes:
         keeps_constraints: Whether it keeps what the problem states about bodies; a warning is given where it does not.
+        from_triangles: Whether triangles are all that it asks for, so that it solves logs reduced as a stream.
     """
 
     keeps_constraints: ClassVar[bool] = False
+    from_triangles: ClassVar[bool] = False
 
     @abstractmethod
     def solve(self, problem: Problem) -> Solution:

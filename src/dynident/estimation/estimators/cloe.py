@@ -38,4 +38,5 @@ class CLOE(LoopOptions, Estimator):
     def solve(self, problem: Problem) -> Solution:
         loop, start = started(problem, self, "measured")
         fit = output_error(loop, start, "q", self.iterations, self.tolerance, "the output error")
-        return Solution(fit.beta, 1.0 / problem.joint_deviations(fit.beta), covariance=fit.covariance, extras=fit.news)
+        weights = 1.0 / problem.joint_deviations(fit.beta)
+        return Solution(fit.beta, weights, covariance=fit.covariance, degrees=fit.degrees, extras=fit.news)

@@ -39,6 +39,7 @@ class Consistent(Estimator):
     metric: Metric = "natural"
 
     keeps_constraints: ClassVar = True
+    from_triangles: ClassVar = True
 
     def __post_init__(self) -> None:
         if not 0 < self.pull < 1e6:

@@ -9,8 +9,9 @@ from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.problem import Problem
 from dynident.estimation.simulated.closed_loop import simulated_logs
 from dynident.estimation.simulated.course import LoopOptions
-from dynident.estimation.simulated.instruments import spectral_covariance, with_states
+from dynident.estimation.simulated.instruments import with_states
 from dynident.estimation.simulated.iteration import Round, check_iteration, fixed_point, least_squares_round, started
+from dynident.estimation.uncertainty.coloured import spectral_uncertainty
 
 
 @dataclass(frozen=True)
@@ -47,5 +48,5 @@ class DIDIM(LoopOptions, Estimator):
             return least_squares_round(made[0], beta)
 
         found, news = fixed_point(loop, start, step, self.iterations, self.tolerance, "the simulated regressor")
-        covariance = spectral_covariance(made[0], found.weights, found.beta)
-        return Solution(found.beta, found.weights, covariance=covariance, extras=news)
+        sure = spectral_uncertainty(made[0], found.weights, found.beta)
+        return Solution(found.beta, found.weights, covariance=sure.covariance, degrees=sure.degrees, extras=news)

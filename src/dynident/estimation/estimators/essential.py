@@ -12,9 +12,11 @@ from dynident.errors import BadOption
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.covariance import residual_factors, weighted_covariance
+from dynident.estimation.uncertainty.bands import Band, bands
+from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
+from dynident.estimation.uncertainty.covariance import residual_factors
 from dynident.model.base_parameters import BaseParameters
-from dynident.model.reduction import Triangle
+from dynident.model.reduction import Triangle, least_squares
 
 
 @dataclass(frozen=True)
@@ -25,9 +27,9 @@ class Essential(Estimator):
     the limit, and the others are found anew. It goes only while the data do not object: the Wald test that all dropped
     parameters are zero, which for least squares is the F-test of the rise of the error, must not reject at the stated
     level, with rows that hang together counted for what they are worth, and the weighted residual must not have risen
-    by more than the stated share. A dropped parameter has the value zero and, as
-    its deviation, the root mean square of what it was when it went and of its deviation then. The deviations of the
-    others are conditional on the choice, which makes them a little small.
+    by more than the stated share. A dropped parameter has the value zero. The covariance
+    is that of the fit of all parameters plus the square of what the choice has moved each by, so that it covers what
+    the choice has biased; ``conditional_std`` are the deviations that would hold were the dropped parameters zero.
 
     Attributes:
         of: Estimator of base parameters that is asked, with its default options.
@@ -57,7 +59,8 @@ class Essential(Estimator):
         """Return the estimate.
 
         ``extras``: dropped (name, value and std of each parameter when it went), kept (number), significance (p-value
-        of the Wald test of all that were dropped; None where none was).
+        of the Wald test of all that were dropped; None where none was), conditional_std (of each kept parameter, were
+        the dropped ones zero).
 
         Raises:
             BadOption: The other estimator finds standard parameters, which cannot be dropped.
@@ -66,17 +69,20 @@ class Essential(Estimator):
 
         part = ESTIMATORS.make(self.of)
         full = self._asked(part, problem)
-        factors = residual_factors(RowPasses(problem), full.beta)
-        spread = _covariance(problem, full, factors)
+        passes = RowPasses(problem)
+        found = list(bands(passes))
+        factors = residual_factors(passes, full.beta)
+        keep = np.ones(problem.base.count, bool)
+        sure = _uncertainty(problem, full, keep, passes, found)
+        whole, spread = sure, sure.covariance
         rest = max(float(np.sum(problem.counts / factors)) - problem.base.count, 1.0)
         least = _residual(problem, full.beta, full.weights)
-        keep = np.ones(problem.base.count, bool)
-        current, covariance = full, spread
+        current = full
         gone: dict[int, tuple[float, float]] = {}
         significance: float | None = None
         while keep.sum() > 1:
             positions = np.flatnonzero(keep)
-            deviations = np.sqrt(np.diag(covariance))
+            deviations = sure.deviations
             ratio = deviations / np.maximum(np.abs(current.beta), np.finfo(float).tiny)
             worst = int(np.argmax(ratio))
             index = int(positions[worst])
@@ -86,20 +92,21 @@ class Essential(Estimator):
                 break
             fewer = keep & (np.arange(len(keep)) != index)
             smaller = restricted(problem, fewer)
-            found = self._asked(part, smaller)
-            if _residual(smaller, found.beta, full.weights) > (1.0 + self.rise) * least:
+            less = self._asked(part, smaller)
+            if _residual(smaller, less.beta, full.weights) > (1.0 + self.rise) * least:
                 break
             gone[index] = (float(current.beta[worst]), float(deviations[worst]))
             keep, significance = fewer, chance
-            current, covariance = found, _covariance(smaller, found, factors)
+            current, sure = less, _uncertainty(smaller, less, keep, passes, found)
         beta = np.zeros(len(keep))
         beta[keep] = current.beta
-        whole = np.diag([0.0 if k not in gone else gone[k][0] ** 2 + gone[k][1] ** 2 for k in range(len(keep))])
-        whole[np.ix_(keep, keep)] = covariance
+        moved = beta - full.beta
+        stated = whole.with_prior(np.outer(moved, moved))
         names, units = problem.base.names, problem.base.units
         dropped = [{"name": names[k], "unit": units[k], "value": v, "std": s} for k, (v, s) in gone.items()]
         extras = {"dropped": dropped, "kept": int(keep.sum()), "significance": significance}
-        return Solution(beta, current.weights, covariance=whole, extras=extras)
+        extras["conditional_std"] = sure.deviations.tolist()
+        return Solution(beta, current.weights, covariance=stated.covariance, degrees=stated.degrees, extras=extras)
 
     def _asked(self, part: Estimator, problem: Problem) -> Solution:
         """Return the solution of the other estimator."""
@@ -109,10 +116,19 @@ class Essential(Estimator):
         return solution
 
 
-def _covariance(problem: Problem, solution: Solution, factors: Array) -> Array:
+def _uncertainty(
+    problem: Problem, solution: Solution, keep: BoolArray, passes: RowPasses, found: list[Band]
+) -> Uncertainty:
+    """Return what the method states itself, or the covariance from those columns of the rows that are kept."""
     if solution.covariance is not None:
-        return solution.covariance
-    return weighted_covariance(problem, solution.weights, problem.joint_deviations(solution.beta), factors)
+        degrees = np.full(len(solution.beta), np.inf) if solution.degrees is None else solution.degrees
+        return Uncertainty(solution.covariance, degrees)
+    beta = np.zeros(len(keep))
+    beta[keep] = solution.beta
+    residual = passes.residuals(beta)
+    inverse = least_squares(problem.reduced(solution.weights)).unscaled_covariance
+    influence = Influence.of_rows(problem, residual, inverse, solution.weights**2)
+    return uncertainty_of((replace(band, rows=band.rows[:, :, keep]) for band in found), residual, influence)
 
 
 def _residual(problem: Problem, beta: Array, weights: Array) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from dynident.errors import BadOption
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.problem import Problem
-from dynident.estimation.residuals.robust import huber_loss, outlier_counts, robust_covariance, robust_fit
+from dynident.estimation.residuals.robust import huber_loss, outlier_counts, robust_fit, robust_uncertainty
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.model.reduction import least_squares
 
@@ -53,4 +53,5 @@ class Huber(Estimator):
         start = least_squares(problem.reduced()).beta
         fit = robust_fit(passes, loss, start, None, self.iterations, self.tolerance)
         extras = {"iterations": fit.iterations, "scale": fit.scale.tolist(), **outlier_counts(passes, loss, fit)}
-        return Solution(fit.beta, 1.0 / fit.scale, covariance=robust_covariance(passes, loss, fit), extras=extras)
+        found = robust_uncertainty(passes, loss, fit)
+        return Solution(fit.beta, 1.0 / fit.scale, covariance=found.covariance, degrees=found.degrees, extras=extras)

@@ -14,7 +14,9 @@ from dynident.estimation.problem import Problem, check_rank
 from dynident.estimation.residuals.joint_covariance import JointWhitening, joint_covariance
 from dynident.estimation.residuals.robust import FINEST, huber_loss, robust_fit, robust_scales
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.covariance import correlation_factors, sandwich, shared_rows
+from dynident.estimation.uncertainty.bands import bands
+from dynident.estimation.uncertainty.coloured import Influence, uncertainty_of
+from dynident.estimation.uncertainty.covariance import sandwich
 from dynident.model.reduction import least_squares, reduce
 
 #: Fits after which a row that is left out stays out: some at the threshold would come and go for ever.
@@ -120,10 +122,12 @@ class IRLS(Estimator):
             slope = float(np.mean(size - 2 * (self.freedom + joints) * square / joints / (self.freedom + square) ** 2))
         free = max(1.0 - problem.base.count / max(int(keep.sum()), 1), 1e-3)
         spread = np.sum(score**2, axis=0) / rows / free
-        factors = correlation_factors(passes.by_log(score), passes.by_log(keep))
         triangles, count = white.triangles(np.ones(len(size))), problem.base.count
         bread = reduce(triangles, count, np.full(len(rows), np.sqrt(slope)))
-        covariance = sandwich(bread, reduce(triangles, count, np.sqrt(spread * factors)))
+        plain = sandwich(bread, reduce(triangles, count, np.sqrt(spread)))
+        gains = np.tile(least_squares(bread).unscaled_covariance, (len(rows), 1, 1))
+        influence = Influence(gains, plain, slope * np.linalg.inv(white.covariance))
+        found = uncertainty_of(bands(passes), white.turned_back(score), influence)
         deviations = np.sqrt(np.diag(white.covariance))
         extras = {
             "iterations": done,
@@ -131,5 +135,4 @@ class IRLS(Estimator):
             "down_weighted": (passes.counting & (~keep | (size < 0.5)[:, None])).sum(axis=0).tolist(),
             "correlation": (white.covariance / deviations / deviations[:, None]).tolist(),
         }
-        covariance = covariance * shared_rows(problem, factors)
-        return Solution(beta, 1.0 / deviations, covariance=covariance, extras=extras)
+        return Solution(beta, 1.0 / deviations, covariance=found.covariance, degrees=found.degrees, extras=extras)

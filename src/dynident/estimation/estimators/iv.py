@@ -49,5 +49,5 @@ class IV(LoopOptions, Estimator):
             return instrument_round(made[0], beta)
 
         found, news = fixed_point(loop, start, step, self.iterations, self.tolerance, "the instrumental variables")
-        covariance = made[0].covariance(found.weights, found.beta)
-        return Solution(found.beta, found.weights, covariance=covariance, extras=news)
+        sure = made[0].uncertainty(found.weights, found.beta)
+        return Solution(found.beta, found.weights, covariance=sure.covariance, degrees=sure.degrees, extras=news)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,8 +15,18 @@ from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Observer, Problem
 from dynident.estimation.simulated.course import Course, LoopOptions, course_of
 from dynident.estimation.simulated.iteration import start_of
-from dynident.estimation.simulated.joint_filter import Belief, Predictor, Tuning, filter_log, position_noise
+from dynident.estimation.simulated.joint_filter import (
+    Belief,
+    Innovations,
+    Predictor,
+    Tuning,
+    filter_log,
+    position_noise,
+)
+from dynident.estimation.uncertainty.bands import bands_of_rows
+from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
 from dynident.experiment.design.observation import Observation
+from dynident.experiment.preprocessing import Prepared
 
 #: Torques of a joint at rest are this many times less certain: its static friction is not known.
 AT_REST = 100.0
@@ -42,6 +52,8 @@ class Kalman(Estimator):
         spread: Standard deviation of the parameters at the start in natural sizes.
         drift: Standard deviation of their random walk over one second in natural sizes; 0 keeps them constant.
         passes: How often the logs are run through.
+        slopes_hz: Cut-off in Hz of a zero-phase filter of the measured motion along which slopes are taken: noise in them
+            biases the parameters. Well above the motion.
     """
 
     torque_noise: float | None = None
@@ -49,12 +61,15 @@ class Kalman(Estimator):
     spread: float = 0.1
     drift: float = 0.0
     passes: int = 1
+    slopes_hz: float = 10.0
 
     def __post_init__(self) -> None:
         for name in ("torque_noise", "position_noise", "spread"):
             value = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
                 raise BadOption(name, value, "give a standard deviation above 0")
+        if not 0 < self.slopes_hz < np.inf:
+            raise BadOption("slopes_hz", self.slopes_hz, "give a frequency in Hz above 0, such as 10")
         if not 0 <= self.drift < np.inf:
             raise BadOption("drift", self.drift, "give a standard deviation, 0 or more")
         if self.passes < 1:
@@ -75,12 +90,11 @@ class Kalman(Estimator):
         beta = start_of(problem)
         plain = WLS().solve(problem).beta
         observation = Observation(problem.model, problem.base)
-        options = LoopOptions(reference="measured")
-        courses = [course_of(log, options, "measured", known=False) for log in problem.logs]
+        courses = [self._course(log) for log in problem.logs]
         tunings = [
             self._tuning(problem, i, plain, self.drift * np.linalg.norm(size, axis=1)) for i in range(len(courses))
         ]
-        innovations: list[Array] = []
+        innovations: list[Innovations] = []
         course: list[tuple[float, list[float]]] = []
         belief = Belief(beta, self.spread**2 * size @ size.T)
         for _ in range(self.passes):
@@ -92,7 +106,7 @@ class Kalman(Estimator):
                 belief, found = filter_log(predictor, path.log.log.q, belief, path.start, tuning, path.rate, watch)
                 innovations.append(found)
                 seconds += path.log.log.duration
-        excess = float(np.mean(np.concatenate(innovations))) / problem.model.robot.dof
+        excess = float(np.mean(np.concatenate([seen.normalised for seen in innovations]))) / problem.model.robot.dof
         news = {
             "innovation": excess,
             "passes": self.passes,
@@ -100,7 +114,16 @@ class Kalman(Estimator):
             "course": [values for _, values in course],
         }
         weights = 1.0 / problem.joint_deviations(belief.beta)
-        return Solution(belief.beta, weights, covariance=belief.covariance * max(excess, 1.0), extras=news)
+        if self.drift > 0:
+            return Solution(belief.beta, weights, covariance=belief.covariance * max(excess, 1.0), extras=news)
+        sure = _uncertainty(belief, self.spread * size, innovations)
+        return Solution(belief.beta, weights, covariance=sure.covariance, degrees=sure.degrees, extras=news)
+
+    def _course(self, log: Prepared) -> Course:
+        """Return what drives the filter over a log, from the first measured state along the smoothed motion."""
+        driven = course_of(log, LoopOptions(reference="measured"), "measured", known=False)
+        calm = course_of(log, LoopOptions(reference="measured", reference_hz=self.slopes_hz), "none", known=False)
+        return replace(driven, reference=calm.reference)
 
     def _tuning(self, problem: Problem, log: int, beta: Array, drift: Array) -> Tuning:
         prepared, mask = problem.logs[log], problem.masks[log]
@@ -120,6 +143,22 @@ class Kalman(Estimator):
             torque = np.full(joints, self.torque_noise)
         nearest = np.clip(np.searchsorted(prepared.keep, np.arange(data.samples)), 0, len(prepared.keep) - 1)
         return Tuning(np.maximum(position, floor), torque * np.where(mask[nearest], 1.0, AT_REST), drift)
+
+
+def _uncertainty(belief: Belief, prior: Array, innovations: Sequence[Innovations]) -> Uncertainty:
+    """Return the covariance with innovations that need not be white; ``prior`` (b, p) is the root of the first one.
+
+    Without drift the estimate is that of a regression of the innovations, of deviation one were all noise as it is
+    tuned, on their slopes (Friedland 1969): its error is P (sum_t y_t' v_t + P0^-1 (beta_0 - beta)).
+    """
+    found = belief.covariance
+    scale = np.sqrt(np.diag(found))
+    first = np.linalg.inv((prior / scale[:, None]) @ (prior / scale[:, None]).T)
+    pulled = found / scale @ first @ (found / scale).T
+    joints = innovations[0].values.shape[1]
+    influence = Influence(np.tile(found, (joints, 1, 1)), found - pulled, np.eye(joints))
+    values = np.concatenate([seen.values - seen.rows @ belief.beta for seen in innovations])
+    return uncertainty_of(bands_of_rows([seen.rows for seen in innovations]), values, influence).with_prior(pulled)
 
 
 def _watch(

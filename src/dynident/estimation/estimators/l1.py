@@ -15,7 +15,9 @@ from dynident.estimation.residuals.robust import FINEST
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.estimation.search.landscape import absolute_landscape
 from dynident.estimation.search.least_absolute import LeastAbsolute, least_absolute
-from dynident.estimation.uncertainty.covariance import correlation_factors, sandwich, shared_rows
+from dynident.estimation.uncertainty.bands import bands
+from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
+from dynident.estimation.uncertainty.covariance import FEWEST_FREE, residual_factors
 from dynident.model.reduction import least_squares
 
 #: Width of the first box, in the size that is proven to hold the optimum; wider ones follow only where it is touched.
@@ -73,8 +75,9 @@ class L1(Estimator):
             "gap": found.gap,
             "scale": scale.tolist(),
         }
-        covariance = _covariance(problem, np.array(found.beta), 1.0 / scale)
-        return Solution(np.array(found.beta), 1.0 / scale, covariance=covariance, extras=extras)
+        beta = np.array(found.beta)
+        sure = _uncertainty(problem, beta, 1.0 / scale)
+        return Solution(beta, 1.0 / scale, covariance=sure.covariance, degrees=sure.degrees, extras=extras)
 
 
 def _scales(problem: Problem, sums: Array) -> Array:
@@ -109,24 +112,32 @@ def _optimum(problem: Problem, columns: Array, target: Array, rows: IntArray, sc
     )
 
 
-def _covariance(problem: Problem, beta: Array, weights: Array) -> Array:
-    """Return the covariance: curvature 2 f(0) w of each joint's rows, score variance w^2 times the correlation factor.
+def _uncertainty(problem: Problem, beta: Array, weights: Array) -> Uncertainty:
+    """Return the covariance: curvature 2 f(0) w of each joint's rows, scores w times signs, taken by frequency.
 
     f(0) is the density of the residuals at zero (Koenker and Bassett 1978), from the quantiles around the median at
-    the distance of Hall and Sheather 1988.
+    the distance of Hall and Sheather 1988; the fit makes residuals smaller by what it takes of the independent rows.
     """
     passes = RowPasses(problem)
     residual, keep = passes.residuals(beta), passes.counting
-    density = np.array([_density(residual[keep[:, i], i], 1.0 / w) for i, w in enumerate(weights)])
-    free = max(1.0 - problem.base.count / max(int(problem.counts.sum()), 1), 1e-3)
-    factors = correlation_factors(passes.by_log(np.where(keep, np.sign(residual), 0.0)), problem.masks)
-    bread = problem.reduced(np.sqrt(2.0 * density * weights))
-    return sandwich(bread, problem.reduced(weights * np.sqrt(factors / free))) * shared_rows(problem, factors)
+    independent = problem.counts / residual_factors(passes, beta)
+    free = np.sqrt(max(1.0 - problem.base.count / float(np.sum(independent)), FEWEST_FREE))
+    pairs = zip(weights, independent, strict=True)
+    density = free * np.array([_density(residual[keep[:, i], i], 1.0 / w, rows) for i, (w, rows) in enumerate(pairs)])
+    signs = np.where(keep, np.sign(residual), 0.0)
+    inverse = least_squares(problem.reduced(np.sqrt(2.0 * density * weights))).unscaled_covariance
+    influence = Influence.of_rows(problem, signs, inverse, weights, 2.0 * density)
+    return uncertainty_of(bands(passes), signs, influence)
 
 
-def _density(residual: Array, scale: float) -> float:
-    """Return the density at zero of residuals; that of Laplace's law of the given scale where there are too few."""
-    count = len(residual)
+def _density(residual: Array, scale: float, count: float) -> float:
+    """Return the density at zero of residuals; that of Laplace's law of the given scale where there are too few.
+
+    Args:
+        residual: Shape (N,).
+        scale: Mean absolute residual.
+        count: How many independent ones they are worth.
+    """
     if count < 20:
         return 0.5 / scale
     z = float(norm.ppf(0.975))

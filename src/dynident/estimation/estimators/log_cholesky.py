@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from dynident.errors import BadOption
 from dynident.estimation.consistency.consistent_fit import PULL, consistent_fit, data_shares, pose_program, scale_of
@@ -28,6 +29,8 @@ class LogCholesky(Estimator):
 
     pull: float = PULL
     iterations: int = 100
+
+    from_triangles: ClassVar = True
 
     def __post_init__(self) -> None:
         if not 0 < self.pull < 1e6:

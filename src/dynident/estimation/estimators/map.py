@@ -10,10 +10,11 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.errors import BadOption, SolverFailed
 from dynident.estimation.estimators.base import Estimator, Solution
+from dynident.estimation.estimators.ridge import pulled_uncertainty
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.covariance import residual_factors, shared_rows
+from dynident.estimation.uncertainty.covariance import residual_factors
 from dynident.model.dynamic_model import DynamicModel
 
 
@@ -25,7 +26,9 @@ class MAP(Estimator):
     rows weighed by its residual deviation and by what rows that hang together are worth. The prior's deviation is a
     share of the natural size of each parameter: the mass m of its link, m L for first moments and m L^2 for inertias
     with the radius of gyration L about the frame's origin. Friction, offset and rotor inertia have no prior, nor have
-    base parameters that contain them. The covariance is that of the posterior: it is right if the prior is.
+    base parameters that contain them. The covariance is that of the noise, coloured as it is, and of the prior's error
+    about the truth; for noise that is as coloured in all directions it is that of the posterior. It is right if the
+    prior is.
 
     Attributes:
         share: Deviation of the prior in natural sizes; 0.2 says that inertias are known to a fifth of a link's size.
@@ -52,8 +55,8 @@ class MAP(Estimator):
             SolverFailed: The description states no usable inertia for a link.
         """
         start = WLS().solve(problem)
-        factors = residual_factors(RowPasses(problem), start.beta)
-        weights = 1.0 / np.sqrt(factors * shared_rows(problem, factors)) / problem.joint_deviations(start.beta)
+        passes = RowPasses(problem)
+        weights = 1.0 / np.sqrt(residual_factors(passes, start.beta)) / problem.joint_deviations(start.beta)
         centre, root, mine = self._prior(problem)
         reduced = problem.reduced(weights)
         rows = np.zeros((len(root), len(centre)))
@@ -67,11 +70,14 @@ class MAP(Estimator):
         covariance = inverse @ inverse.T
         away = root @ (beta - centre)[mine]
         kept = float(np.trace(root @ covariance[np.ix_(mine, mine)] @ root.T))
+        found = pulled_uncertainty(passes, start, covariance, weights).with_prior(
+            covariance @ rows.T @ rows @ covariance
+        )
         extras = {
             "prior_distance": float(np.sqrt(np.mean(away**2))) if len(away) else 0.0,
             "learned": 1.0 - kept / len(away) if len(away) else 1.0,
         }
-        return Solution(beta, weights, covariance=covariance, extras=extras)
+        return Solution(beta, weights, covariance=found.covariance, degrees=found.degrees, extras=extras)
 
     def _prior(self, problem: Problem) -> tuple[Array, Array, BoolArray]:
         """Return the centre beta0, shape (b,), the root of the precision, and on which base parameters it is."""

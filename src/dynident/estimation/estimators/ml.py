@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +14,11 @@ from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem, check_rank
 from dynident.estimation.residuals.colour import Colour, best_order, colour_of, unbroken_runs, with_white_part
 from dynident.estimation.residuals.robust import FINEST
-from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.covariance import correlation_factors, sandwich
+from dynident.estimation.residuals.row_passes import RowPasses, Segment
+from dynident.estimation.residuals.stretches import stretches_of
+from dynident.estimation.uncertainty.bands import bands_of
+from dynident.estimation.uncertainty.coloured import Influence, uncertainty_of
+from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.model.reduction import CHUNK, Triangle, absorb, least_squares, reduce
 
 
@@ -26,8 +30,8 @@ class ML(Estimator):
     settles: the iterated transformation of Cochrane and Orcutt 1949 with the exact beginning of each stretch (Beach and
     MacKinnon 1978), for order p. It is more precise than ``wls`` where noise is coloured, as filtered noise is. What
     the model leaves unexplained is coloured too; whitening then trusts the fast part of the motion more, and without a
-    floor it undoes the filter. The covariance is that of Fisher, widened where the whitened residual still hangs
-    together. Memory: the rows of the longest log.
+    floor it undoes the filter. The covariance is that of the whitened rows, whose residual need not be
+    white. Memory: the rows of the longest log.
 
     Attributes:
         floor: White part that is added to each colour, as a share of the residual's variance: no frequency is amplified
@@ -112,18 +116,31 @@ class ML(Estimator):
         for i, colour in enumerate(colours):
             for run in joint_runs(passes, i):
                 white[run, i] = colour.whitened(residual[None, run, i])[0]
-        factors = correlation_factors(passes.by_log(white), problem.masks)
-        triangles = whitened_triangles(passes, colours)
-        bread = reduce(triangles, problem.base.count, np.ones(len(colours)))
+        size, joints = problem.base.count, len(colours)
+        inverse = least_squares(reduce(whitened_triangles(passes, colours), size, np.ones(joints))).unscaled_covariance
+        parts = bands_of(stretches_of(problem.logs, _whitened(passes, colours), passes.counting), passes.columns, size)
+        found = uncertainty_of(parts, white, Influence(np.tile(inverse, (joints, 1, 1)), inverse, np.eye(joints)))
         innovation = np.array([np.sqrt(colour.variances[-1]) for colour in colours])
         extras = {
             "iterations": done,
             "orders": orders,
             "innovation": innovation.tolist(),
-            "left_over": factors.tolist(),
+            "left_over": correlation_factors(passes.by_log(white), problem.masks).tolist(),
         }
-        covariance = sandwich(bread, reduce(triangles, problem.base.count, np.sqrt(factors)))
-        return Solution(beta, 1.0 / innovation, covariance=covariance, extras=extras)
+        return Solution(beta, 1.0 / innovation, covariance=found.covariance, degrees=found.degrees, extras=extras)
+
+
+def _whitened(passes: RowPasses, colours: list[Colour]) -> Iterator[Segment]:
+    """Yield the rows of each log, each joint's whitened by its colour, zero where they do not count."""
+    runs = [joint_runs(passes, i) for i in range(len(colours))]
+    for log in passes.logs():
+        blocks = tuple(np.zeros_like(block) for block in log.blocks)
+        for white, block, colour, own in zip(blocks, log.blocks, colours, runs, strict=True):
+            for run in own:
+                if log.samples.start <= run.start < log.samples.stop:
+                    part = slice(run.start - log.samples.start, run.stop - log.samples.start)
+                    white[:, part] = colour.whitened(block[:, part])
+        yield Segment(log.samples, blocks)
 
 
 def joint_runs(passes: RowPasses, joint: int) -> list[slice]:
@@ -140,16 +157,11 @@ def joint_runs(passes: RowPasses, joint: int) -> list[slice]:
 def whitened_triangles(passes: RowPasses, colours: list[Colour]) -> tuple[Triangle, ...]:
     """Return the triangle of each joint's rows, whitened by its colour."""
     factors: list[Array] = [np.zeros((len(own) + 1,) * 2, order="F") for own in passes.columns]
-    runs = [joint_runs(passes, i) for i in range(len(colours))]
-    for log in passes.logs():
-        for i, (block, colour) in enumerate(zip(log.blocks, colours, strict=True)):
-            for run in runs[i]:
-                if not log.samples.start <= run.start < log.samples.stop:
-                    continue
-                white = colour.whitened(block[:, run.start - log.samples.start : run.stop - log.samples.start])
-                for first in range(0, white.shape[1], CHUNK):
-                    panel = np.ascontiguousarray(white[:, first : first + CHUNK])
-                    factors[i] = absorb(factors[i], panel.T)
+    for log in _whitened(passes, colours):
+        for i, white in enumerate(log.blocks):
+            for first in range(0, white.shape[1], CHUNK):
+                panel = np.ascontiguousarray(white[:, first : first + CHUNK])
+                factors[i] = absorb(factors[i], panel.T)
     counts: IntArray = passes.problem.counts
     return tuple(
         Triangle(own, np.triu(factor), int(rows))

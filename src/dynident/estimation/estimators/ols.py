@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from dynident.model.reduction import least_squares
 @dataclass(frozen=True)
 class OLS(Estimator):
     """Ordinary least squares: every row counts the same, in N m (Atkeson, An and Hollerbach 1986)."""
+
+    from_triangles: ClassVar = True
 
     def solve(self, problem: Problem) -> Solution:
         weights = np.ones(len(problem.triangles))

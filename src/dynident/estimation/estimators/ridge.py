@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -14,7 +14,10 @@ from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.covariance import residual_factors, shared_rows
+from dynident.estimation.uncertainty.bands import bands
+from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
+from dynident.estimation.uncertainty.covariance import residual_factors
+from dynident.model.reduction import least_squares
 
 #: Range in which generalised cross-validation looks for the strength, unit columns taken as 1, and its grid.
 WEAKEST, STRONGEST, GRID = 1e-14, 1.0, 57
@@ -26,14 +29,16 @@ class Ridge(Estimator):
 
     D holds the column norms, so that no unit matters; the weights are those of ``wls``. Without a strength, generalised
     cross-validation chooses it on the triangle (Golub, Heath and Wahba 1979), counting rows that hang together only
-    for what they are worth. The covariance takes the pull for a normal prior (Wahba 1983): the deviations cover the
-    bias on average over the parameters, not for each.
+    for what they are worth. The covariance is that of the noise, coloured as it is, and of the bias, the pull taken for
+    a normal prior (Wahba 1983): the deviations cover the bias on average over the parameters, not for each.
 
     Attributes:
         strength: Pull as a share of the squared column norms; None: by generalised cross-validation.
     """
 
     strength: float | None = None
+
+    from_triangles: ClassVar = True
 
     def __post_init__(self) -> None:
         if self.strength is not None and not 0 <= self.strength < np.inf:
@@ -43,7 +48,7 @@ class Ridge(Estimator):
         """Return the estimate; ``extras``: strength, free_parameters (trace of the hat matrix)."""
         start = WLS().solve(problem)
         reduced = problem.reduced(start.weights)
-        factors = residual_factors(RowPasses(problem), start.beta)
+        factors = _factors(problem, start.beta)
         norms = reduced.column_norms
         scale = np.where(norms > 0, norms, 1.0)
         u, values, directions = np.linalg.svd(reduced.r / scale)
@@ -55,16 +60,38 @@ class Ridge(Estimator):
         kept = np.divide(values, values**2 + strength, out=np.zeros_like(values), where=values > 0)
         beta = (directions.T @ (kept * data)) / scale
         root = (directions.T / np.sqrt(np.maximum(values**2 + strength, np.finfo(float).tiny))) / scale[:, None]
-        covariance = self._covariance(problem, start.weights, factors, root @ root.T, strength * norms**2)
+        average = float(np.sum(problem.counts * factors) / np.sum(problem.counts))  # variance of an average direction
+        inverse = root @ root.T
+        found = _noise(problem, start, inverse).with_prior((inverse * (average * strength * norms**2)) @ inverse)
         extras = {"strength": float(strength), "free_parameters": float(np.sum(kept * values))}
-        return Solution(beta, start.weights, covariance=covariance, extras=extras)
+        return Solution(beta, start.weights, covariance=found.covariance, degrees=found.degrees, extras=extras)
 
-    def _covariance(self, problem: Problem, weights: Array, factors: Array, inverse: Array, pull: Array) -> Array:
-        """Return S^-1 (B + pull) S^-1: B as without a pull, the pull with the variance of an average row."""
-        shared = shared_rows(problem, factors)
-        spread = problem.reduced(weights * np.sqrt(factors * shared)).r @ inverse
-        average = shared * float(np.sum(problem.counts * factors) / np.sum(problem.counts))
-        return spread.T @ spread + average * (inverse * pull) @ inverse
+
+def _factors(problem: Problem, beta: Array) -> Array:
+    """Return the correlation factor of each joint's residual, shape (n,)."""
+    return residual_factors(RowPasses(problem), beta) if problem.left is None else problem.left.factors(beta)
+
+
+def _noise(problem: Problem, start: Solution, inverse: Array) -> Uncertainty:
+    """Return S^-1 B S^-1 with B the covariance of the weighted rows times their residuals."""
+    if problem.left is not None:
+        return Uncertainty(*problem.left.uncertainty(inverse, start.weights, start.beta))
+    return pulled_uncertainty(RowPasses(problem), start, inverse, start.weights)
+
+
+def pulled_uncertainty(passes: RowPasses, start: Solution, inverse: Array, weights: Array) -> Uncertainty:
+    """Return the covariance of inverse X'e by noise alone, from the residuals of a fit that nothing pulls.
+
+    Args:
+        passes: The rows.
+        start: Least squares without a pull.
+        inverse: (X'X + pull)^-1, shape (b, b).
+        weights: Weight of each joint's rows in X, shape (n,).
+    """
+    residual = passes.residuals(start.beta)
+    free = least_squares(passes.problem.reduced(start.weights)).unscaled_covariance
+    influence = Influence.of_rows(passes.problem, residual, free, start.weights**2)
+    return uncertainty_of(bands(passes), residual, influence, (weights**2)[:, None, None] * inverse)
 
 
 def cross_validated(values: Array, data: Array, rest: float, rows: float) -> float:

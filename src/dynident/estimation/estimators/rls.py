@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
 from dynident.estimation.recursive import RecursiveLeastSquares
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.covariance import residual_factors
+from dynident.estimation.uncertainty.bands import bands_beside
+from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
+from dynident.model.reduction import least_squares
 
 #: Rows of each joint that are taken at a time.
 BATCH = 256
@@ -28,8 +30,9 @@ class RLS(Estimator):
     """Recursive least squares: samples in order of time, old ones forgotten exponentially (Ljung 1999, (11.16)).
 
     With ``forgetting`` 1 it is least squares, with the joints' weights of weighted least squares; below 1 the estimate
-    is that of the end of the last log, for drives that warm up. ``extras`` has the course of the parameters. To take
-    rows as they come use ``dynident.estimation.recursive.RecursiveLeastSquares``.
+    is that of the end of the last log, for drives that warm up; its covariance counts each row by what the memory has
+    left of it, for noise alone, not for what the parameters have moved. ``extras`` has the course of the parameters. To
+    take rows as they come use ``dynident.estimation.recursive.RecursiveLeastSquares``.
 
     Attributes:
         forgetting: Weight of a sample relative to the next one; the memory is about 1 / (1 - forgetting) rows a joint.
@@ -50,28 +53,31 @@ class RLS(Estimator):
         these times, one list each), memory (rows a joint that count, or None).
         """
         size = problem.base.count
-        weights = WLS().solve(problem).weights if self.weighted else np.ones(len(problem.triangles))
+        whole = WLS().solve(problem)
+        weights = whole.weights if self.weighted else np.ones(len(problem.triangles))
         state = RecursiveLeastSquares(size, self.forgetting)
-        heavy = RecursiveLeastSquares(size, self.forgetting**2)
-        worth = weights**2 * self._spread(problem) if self.forgetting < 1 else weights
         seen: list[tuple[int, Array, float]] = []
         every = max(1, problem.samples // POINTS)
         for matrix, torque, joint, age in _batches(problem, min(BATCH, every)):
             state = state.update(matrix * weights[joint, None], torque * weights[joint], age)
-            if self.forgetting < 1:
-                heavy = heavy.update(matrix * worth[joint, None], torque * worth[joint], age)
             if not seen or state.samples >= seen[-1][0] + every or state.samples == problem.samples:
                 seen.append((state.samples, state.beta, state.reduced.rest))
-        covariance = None
-        if self.forgetting < 1:
-            spread = heavy.reduced.r @ state.unscaled_covariance
-            covariance = spread.T @ spread
-        return Solution(state.beta, weights, covariance=covariance, extras=self._news(problem, seen))
+        news = self._news(problem, seen)
+        if self.forgetting == 1:
+            return Solution(state.beta, weights, extras=news)
+        sure = self._uncertainty(problem, whole, state.unscaled_covariance, weights)
+        return Solution(state.beta, weights, covariance=sure.covariance, degrees=sure.degrees, extras=news)
 
-    def _spread(self, problem: Problem) -> Array:
-        """Return residual deviation times root of the correlation factor of each joint, of weighted least squares."""
-        beta = WLS().solve(problem).beta
-        return problem.joint_deviations(beta) * np.sqrt(residual_factors(RowPasses(problem), beta))
+    def _uncertainty(self, problem: Problem, whole: Solution, inverse: Array, weights: Array) -> Uncertainty:
+        """Return the covariance of a memory that fades: rows times what is left of them, noise of the fit of all."""
+        passes = RowPasses(problem)
+        left = self.forgetting ** np.arange(problem.samples - 1, -1, -1.0)
+        residual = passes.residuals(whole.beta)
+        free = least_squares(problem.reduced(whole.weights)).unscaled_covariance
+        plain = Influence.of_rows(problem, residual, free, whole.weights**2)
+        influence = replace(plain, gains=np.concatenate([np.zeros_like(plain.gains), plain.gains], axis=2))
+        asked = (weights**2)[:, None, None] * np.hstack([inverse, np.zeros_like(inverse)])
+        return uncertainty_of(bands_beside(passes, left), residual, influence, asked)
 
     def _news(self, problem: Problem, seen: list[tuple[int, Array, float]]) -> dict[str, object]:
         step = problem.logs[0].every / problem.logs[0].log.rate

@@ -12,7 +12,8 @@ from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem, check_rank
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.covariance import residual_factors, shared_rows
+from dynident.estimation.uncertainty.bands import bands
+from dynident.estimation.uncertainty.coloured import Influence, uncertainty_of
 from dynident.model.reduction import triangle_of
 
 
@@ -61,17 +62,13 @@ class TLS(Estimator):
         inverse = np.linalg.inv(gram - np.diag(removed))
         lost = float(1.0 - np.linalg.eigvalsh(gram - np.diag(removed))[0] / np.linalg.eigvalsh(gram)[0])
         beta = inverse @ (scaled.T @ target) * size / norms
-        covariance = self._covariance(problem, weights, beta, inverse / norms / norms[:, None])
+        passes = RowPasses(problem)
+        residual = passes.residuals(beta)  # first order of the corrected normal equations: Fuller 1987, section 2.2
+        influence = Influence.of_rows(problem, residual, inverse / norms / norms[:, None], weights**2)
+        found = uncertainty_of(bands(passes), residual, influence)
         names = [name for name, known in zip(problem.base.names, exact, strict=True) if known]
         extras = {"relative_error": share, "removed": lost, "exact": names}
-        return Solution(beta, weights, covariance=covariance, extras=extras)
-
-    def _covariance(self, problem: Problem, weights: Array, beta: Array, inverse: Array) -> Array:
-        """Return the first-order covariance of the corrected normal equations (Fuller 1987, section 2.2)."""
-        factors = residual_factors(RowPasses(problem), beta)
-        meat = problem.reduced(weights**2 * problem.joint_deviations(beta) * np.sqrt(factors))
-        spread = meat.r @ inverse
-        return spread.T @ spread * shared_rows(problem, factors)
+        return Solution(beta, weights, covariance=found.covariance, degrees=found.degrees, extras=extras)
 
 
 def constant_columns(problem: Problem) -> BoolArray:

@@ -13,8 +13,8 @@ from dynident.estimation.residuals.robust import (
     biweight_loss,
     huber_loss,
     outlier_counts,
-    robust_covariance,
     robust_fit,
+    robust_uncertainty,
 )
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.model.reduction import least_squares
@@ -67,4 +67,5 @@ class Tukey(Estimator):
             "scale": fit.scale.tolist(),
             **outlier_counts(passes, loss, fit),
         }
-        return Solution(fit.beta, 1.0 / fit.scale, covariance=robust_covariance(passes, loss, fit), extras=extras)
+        found = robust_uncertainty(passes, loss, fit)
+        return Solution(fit.beta, 1.0 / fit.scale, covariance=found.covariance, degrees=found.degrees, extras=extras)

@@ -12,7 +12,8 @@ from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.covariance import residual_factors, shared_rows
+from dynident.estimation.uncertainty.bands import bands_beside
+from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
 from dynident.model.reduction import Triangle, least_squares, reduce
 
 #: Directions of the first step that are weaker than this share of the strongest are left open.
@@ -75,8 +76,8 @@ class TwoStep(Estimator):
             "largest_acceleration": largest,
             "friction": [name for name, mine in zip(problem.base.names, held, strict=True) if mine],
         }
-        covariance = self._covariance(passes, first, beta, (early.weights, weights), held)
-        return Solution(beta, weights, covariance=covariance, extras=extras)
+        sure = self._uncertainty(passes, (slow, first), beta, (early.weights, weights), held)
+        return Solution(beta, weights, covariance=sure.covariance, degrees=sure.degrees, extras=extras)
 
     def _check(self, problem: Problem, weights: Array, held: BoolArray) -> None:
         """Refuse a first step that leaves friction open."""
@@ -94,9 +95,14 @@ class TwoStep(Estimator):
                 "give a larger share, or add stretches of constant velocity in both directions",
             )
 
-    def _covariance(
-        self, passes: RowPasses, slow: tuple[Triangle, ...], beta: Array, weights: tuple[Array, Array], held: BoolArray
-    ) -> Array:
+    def _uncertainty(
+        self,
+        passes: RowPasses,
+        slow: tuple[BoolArray, tuple[Triangle, ...]],
+        beta: Array,
+        weights: tuple[Array, Array],
+        held: BoolArray,
+    ) -> Uncertainty:
         """Return the covariance of both steps from the rows that both, or only the second, use.
 
         With S1 = W1'W1 over the slow rows and S2 over all, both weighted, the errors are M1 W1'e for friction and
@@ -104,9 +110,9 @@ class TwoStep(Estimator):
         """
         problem, count = passes.problem, passes.problem.base.count
         early, late = weights
-        factors = residual_factors(passes, beta)
-        deviations = problem.joint_deviations(beta) * np.sqrt(factors * shared_rows(problem, factors))
-        first = least_squares(reduce(slow, count, early), WEAK).unscaled_covariance[held]
+        samples, early_rows = slow
+        deviations = problem.joint_deviations(beta)
+        first = least_squares(reduce(early_rows, count, early), WEAK).unscaled_covariance[held]
         second = problem.reduced(late)
         gram = second.r.T @ second.r
         rest = np.flatnonzero(~held)
@@ -116,11 +122,15 @@ class TwoStep(Estimator):
         from_first[held] = first
         from_first[rest] = -(inverse @ gram[:, held] @ first)[rest]
         # e enters by the score of the first step (slow rows, weights squared) and by that of the second (all rows).
-        spread1 = reduce(slow, count, early**2 * deviations).r @ from_first.T
+        spread1 = reduce(early_rows, count, early**2 * deviations).r @ from_first.T
         spread2 = problem.reduced(late**2 * deviations).r @ inverse
-        mixed = reduce(slow, count, early * late * deviations)
+        mixed = reduce(early_rows, count, early * late * deviations)
         both = from_first @ (mixed.r.T @ mixed.r) @ inverse
-        return spread1.T @ spread1 + spread2.T @ spread2 + both + both.T
+        plain = spread1.T @ spread1 + spread2.T @ spread2 + both + both.T
+        pairs = zip(early**2, late**2, strict=True)
+        gains = np.stack([np.hstack([a * from_first, b * inverse]) for a, b in pairs])
+        influence = Influence(gains, plain, np.eye(len(early)))
+        return uncertainty_of(bands_beside(passes, samples.astype(float)), passes.residuals(beta), influence)
 
 
 def friction_columns(problem: Problem) -> BoolArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,6 +24,8 @@ class WLS(Estimator):
 
     iterations: int = 10
     tolerance: float = 1e-3
+
+    from_triangles: ClassVar = True
 
     def __post_init__(self) -> None:
         if self.iterations < 1:

@@ -86,6 +86,14 @@ class JointWhitening:
             white[rows] = residual[rows] @ matrix.T
         return white
 
+    def turned_back(self, values: Array) -> Array:
+        """Return U' times values at each sample, shape (N, n): what they count in the rows as they were."""
+        found = np.zeros_like(values)
+        for k, matrix in enumerate(self._whiteners):
+            rows = self._which == k
+            found[rows] = values[rows] @ matrix
+        return found
+
     def triangles(self, weights: Array) -> tuple[Triangle, ...]:
         """Return the triangles of the whitened rows, each sample times its weight (N,); their sum is the whole fit."""
         factors: list[Array] = [np.zeros((len(columns) + 1,) * 2, order="F") for columns in self.columns]

@@ -17,7 +17,8 @@ from dynident.arrays import Array, BoolArray
 from dynident.errors import SolverFailed
 from dynident.estimation.problem import Problem, check_rank
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.covariance import correlation_factors, sandwich, shared_rows
+from dynident.estimation.uncertainty.bands import bands
+from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
 from dynident.model.reduction import least_squares
 
 #: The median of |u| times this is the standard deviation of normal u.
@@ -143,11 +144,11 @@ def robust_fit(
     )
 
 
-def robust_covariance(passes: RowPasses, loss: Loss, fit: RobustFit) -> Array:
-    """Return the covariance of an M-estimate, shape (b, b), with the scales taken as known.
+def robust_uncertainty(passes: RowPasses, loss: Loss, fit: RobustFit) -> Uncertainty:
+    """Return the covariance of an M-estimate with the scales taken as known.
 
-    A joint's rows have the curvature mean psi' / s^2 and the score variance mean psi^2 / s^2, times the correlation
-    factor of psi and Huber's correction for few rows (Huber 1981, (6.5)).
+    A joint's rows have the curvature mean psi' / s^2 (Huber 1981, section 7.6) and the scores x psi / s, whose
+    covariance is taken by frequency.
 
     Raises:
         SolverFailed: So many rows lie far out that the criterion has no curvature.
@@ -155,20 +156,15 @@ def robust_covariance(passes: RowPasses, loss: Loss, fit: RobustFit) -> Array:
     problem, counting = passes.problem, passes.counting
     counts = np.maximum(problem.counts, 1)
     psi = np.where(counting, loss.psi(fit.standard), 0.0)
-    slope = np.where(counting, loss.slope(fit.standard), 0.0)
-    curvature = slope.sum(axis=0) / counts
+    curvature = np.where(counting, loss.slope(fit.standard), 0.0).sum(axis=0) / counts
     if np.any((curvature <= 0) & (problem.counts > 0)):
         name = problem.model.robot.joint_names[int(np.argmin(curvature))]
         evidence = f"more rows of {name} lie far out than near"
         raise SolverFailed("the robust fit", evidence, "check the torque of that joint, or use huber")
     curvature = np.where(problem.counts > 0, curvature, 1.0)
-    share = problem.base.count / max(int(counts.sum()), 1)
-    few = 1.0 + share * np.where(counting, (slope - curvature) ** 2, 0.0).sum(axis=0) / counts / curvature**2
-    score = np.sum(psi**2, axis=0) / (counts * max(1.0 - share, 1e-3))
-    factors = correlation_factors(passes.by_log(psi), problem.masks)
-    bread = problem.reduced(np.sqrt(curvature) / fit.scale)
-    meat = problem.reduced(few * np.sqrt(score * factors) / fit.scale)
-    return sandwich(bread, meat) * shared_rows(problem, factors)
+    inverse = least_squares(problem.reduced(np.sqrt(curvature) / fit.scale)).unscaled_covariance
+    influence = Influence.of_rows(problem, psi, inverse, 1.0 / fit.scale, curvature / fit.scale)
+    return uncertainty_of(bands(passes), psi, influence)
 
 
 def outlier_counts(passes: RowPasses, loss: Loss, fit: RobustFit) -> dict[str, list[int]]:

@@ -6,13 +6,13 @@ A low-pass filter makes neighbouring rows say the same; sums of products of rows
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.residuals.row_passes import RowPasses, Segment
 from dynident.experiment.preprocessing import Prepared
 
 #: Rows of a stretch.
@@ -43,9 +43,20 @@ class Stretch:
 
 def stretches(passes: RowPasses) -> Iterator[Stretch]:
     """Yield the rows of a problem stretch by stretch; no stretch reaches over the end of a log."""
-    segments = iter(passes)
+    return stretches_of(passes.problem.logs, passes, passes.counting)
+
+
+def stretches_of(logs: Sequence[Prepared], made: Iterable[Segment], counts: BoolArray) -> Iterator[Stretch]:
+    """Yield rows stretch by stretch; no stretch reaches over the end of a log.
+
+    Args:
+        logs: Their logs.
+        made: All rows of the logs in order; what stands last in each block is no column.
+        counts: Which rows count, over the samples of all logs, shape (N, n).
+    """
+    segments = iter(made)
     start = 0
-    for log in passes.problem.logs:
+    for log in logs:
         step = row_step(log)
         used = np.arange(0, len(log.keep), step)
         edges = [int(part[0]) for part in np.array_split(used, max(1, round(len(used) / LENGTH)))] + [len(log.keep)]
@@ -60,7 +71,7 @@ def stretches(passes: RowPasses) -> Iterator[Stretch]:
                 done = stop
                 if done == edges[at + 1]:
                     samples = np.arange(edges[at], done, step) + start
-                    counting = passes.counting[samples]
+                    counting = counts[samples]
                     joined = (np.concatenate(joint, axis=1) for joint in zip(*pieces, strict=True))
                     blocks = tuple(np.where(counting[:, i], block, 0.0) for i, block in enumerate(joined))
                     yield Stretch(log, samples, counting, blocks, step)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -22,13 +22,17 @@ import numpy.typing as npt
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import BadOption, LogMismatch, NotConsistent, SolverFailed
 from dynident.estimation.problem import Problem
-from dynident.estimation.simulated.course import Course, LoopOptions, course_of
+from dynident.estimation.simulated.course import HALVES, Course, LoopOptions, course_of
+from dynident.estimation.simulated.implicit import NODES, PLACES, RULE
 from dynident.experiment.preprocessing import Prepared
 from dynident.experiment.simulation.plant import MAX_RATE, MIN_RATE, Plant, plant
 from dynident.model.friction import Motion
 
 #: A step of the integration times the fastest decay of the loop stays below this.
 STEP = 0.3
+
+#: Implicit steps while friction turns its sign, and explicit steps that take as long as an implicit one.
+TURN, IMPLICIT_COST = 4.0, 8.0
 
 #: Stages of the integration rule (four a step) that are held in memory at a time.
 STAGES = 8_000
@@ -43,15 +47,17 @@ class Segment:
 
     Attributes:
         rows: Which rows of the log.
-        reference: The motion to follow at every half step.
+        reference: The motion to follow at every half step, or at the nodes of implicit steps.
+        implicit: Whether the steps are implicit.
         counts: Steps per row, steps of held torque, number of the first step.
         step: Length of a step in s.
         out: q, dq, ddq and torque at the rows, shape (rows, 4, n).
-        stages: q, dq and ddq at the stages of each step, shape (S, 4, 3, n).
+        stages: q, dq and ddq at the stages of each step, shape (S, 4, 3, n), or (S, 3, 3, n) where they are implicit.
     """
 
     rows: slice
     reference: Motion
+    implicit: bool
     counts: IntArray
     step: float
     out: Array
@@ -107,26 +113,26 @@ class ClosedLoop:
             NotConsistent: The mass matrix of ``beta`` is not positive definite along the reference.
             SolverFailed: The motion diverged.
         """
-        loop: Any = importlib.import_module("dynident.experiment.simulation.simulation_loop")
         body = self.body(beta)
-        steps, held = self._pace(body, course)
-        tables, joints = body.tables, body.joints
+        pace = self._pace(body, course)
+        track, kinds = _rule(pace.implicit)
+        steps, held, joints = pace.steps, pace.held, body.joints
         state, torque = np.array(course.start), np.zeros(joints)
         total, most, step = course.reference.shape[1], max(1, STAGES // (4 * steps)), 1.0 / (course.rate * steps)
         for start in range(0, total, most):
             rows = slice(start, min(start + most, total))
-            reference, fed = course.between(rows, steps)
+            reference, fed = course.between(rows, steps, PLACES if pace.implicit else HALVES)
             goals = np.stack([reference.q, reference.dq, self._fed(body, beta, reference, fed)], axis=1)
             counts = np.array([steps, held, start * steps], dtype=np.int64)
             count = rows.stop - rows.start
             out = np.empty((count, 4, joints))
-            stages = np.empty((count * steps if tangent else 0, 4, 3, joints))
-            failed = loop.tracking(tables, self.gains, goals, counts, step, state, torque, out, stages)
+            stages = np.empty((count * steps if tangent else 0, kinds, 3, joints))
+            failed = track(body.tables, self.gains, goals, counts, step, state, torque, out, stages)
             if failed >= 0:
                 at = start / course.rate + failed * step
                 advice = "state the controller's gains (kp, kd), or another bandwidth_hz"
                 raise SolverFailed("the simulated closed loop", f"the motion is lost at {at:.4g} s", advice)
-            yield Segment(rows, reference, counts, step, out, stages)
+            yield Segment(rows, reference, pace.implicit, counts, step, out, stages)
 
     def body(self, beta: Array) -> Plant:
         """Return the robot with the base parameters ``beta``, shape (b,)."""
@@ -142,24 +148,25 @@ class ClosedLoop:
             if not self.is_exact(course):
                 course.masses(self.body(beta))
 
-    def _pace(self, body: Plant, course: Course) -> tuple[int, int]:
-        """Return the steps of the integration per row and those that the controller holds."""
+    def _pace(self, body: Plant, course: Course) -> _Pace:
+        """Return the steps of the integration: implicit ones where explicit ones would be small only to be stable."""
         masses, options = course.masses(body), self.options
-        needed = max(
-            MIN_RATE, float(np.max(np.abs(_poles(masses, self.gains)))) / STEP, body.fastest_decay(masses) / STEP
-        )
+        stable = max(float(np.max(np.abs(_poles(masses, self.gains)))), body.fastest_decay(masses)) / STEP
+        smooth = max(MIN_RATE, TURN * _fastest_turn(body, course))
+        implicit = max(stable, MIN_RATE) > IMPLICIT_COST * smooth
+        needed = smooth if implicit else max(MIN_RATE, stable)
         if needed > MAX_RATE:
             advice = "give the Coulomb part a greater width, or the controller lower gains"
             raise SolverFailed("the simulated closed loop", f"it needs {needed:.3g} steps a second", advice)
         steps = math.ceil(needed / course.rate)
         if options.control_hz is None:
-            return steps, 0
+            return _Pace(steps, 0, implicit)
         ratio = Fraction(options.control_hz / course.rate).limit_denominator(20)
         if ratio == 0 or abs(float(ratio) * course.rate / options.control_hz - 1.0) > 1e-4:
             advice = f"the log has {course.rate:.6g} rows a second; give a simple multiple or part of that, or None"
             raise BadOption("control_hz", options.control_hz, advice)
         steps = math.ceil(steps / ratio.numerator) * ratio.numerator
-        return steps, steps * ratio.denominator // ratio.numerator
+        return _Pace(steps, steps * ratio.denominator // ratio.numerator, implicit)
 
     def _fed(self, body: Plant, beta: Array, reference: Motion, measured: Array | None) -> Array:
         if measured is not None:
@@ -241,6 +248,34 @@ def closed_loop(
     masses = np.concatenate([course.masses(loop.body(beta)) for course in courses])
     inertia, pulsation = np.diagonal(masses, axis1=1, axis2=2).mean(axis=0), 2 * np.pi * options.bandwidth_hz
     return replace(loop, gains=np.array([pulsation**2 * inertia, 2 * pulsation * inertia]))
+
+
+@dataclass(frozen=True)
+class _Pace:
+    """Steps per row, steps that the controller holds its torque (0: none), and whether they are implicit."""
+
+    steps: int
+    held: int
+    implicit: bool
+
+
+def _rule(implicit: bool) -> tuple[Callable[..., int], int]:
+    """Return the compiled loop of a rule and its number of stages."""
+    if not implicit:
+        explicit: Any = importlib.import_module("dynident.experiment.simulation.simulation_loop")
+        return explicit.tracking, 4
+    module: Any = importlib.import_module("dynident.estimation.simulated.implicit_loop")
+
+    def track(tables: Any, gains: Array, goals: Array, *rest: Any) -> int:
+        return module.implicit_tracking(tables, gains, goals, RULE, *rest)
+
+    return track, len(NODES)
+
+
+def _fastest_turn(body: Plant, course: Course) -> float:
+    """Return how many times a second friction may turn its sign: acceleration of the drives over the width, in 1/s."""
+    accelerations = np.abs(course.reference[2] @ body.coupling.T)
+    return float(np.max(np.percentile(accelerations, 99.0, axis=0) * body.friction[:, 3]))
 
 
 def _poles(masses: Array, gains: Array) -> npt.NDArray[np.complexfloating[Any]]:

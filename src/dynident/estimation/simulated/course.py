@@ -22,6 +22,10 @@ LOOKS = 200
 
 #: Rows, and seconds, of measured positions behind the state at the start.
 START_ROWS, START_S = 8, 0.1
+
+#: Places of the reference in an explicit step.
+HALVES = np.array([0.0, 0.5])
+
 _CHOICES = {
     "feedforward": ("auto", "none", "gravity", "computed", "measured"),
     "reference": ("auto", "commanded", "measured"),
@@ -108,9 +112,15 @@ class Course:
     start: Array
     rate: float
 
-    def between(self, rows: slice, steps: int) -> tuple[Motion, Array | None]:
-        """Return the reference and the torque fed at every half step of ``rows``, (2 steps rows + 1, n) each."""
-        place = np.arange(2 * steps) / (2 * steps)
+    def between(self, rows: slice, steps: int, places: Array) -> tuple[Motion, Array | None]:
+        """Return the reference and the torque fed at ``places`` of each step of ``rows``, (k steps rows + 1, n) each.
+
+        Args:
+            rows: Rows of the log.
+            steps: Steps from one row to the next.
+            places: Shares of a step, from 0 to below 1, shape (k,); the end of the last step comes by itself.
+        """
+        place = np.add.outer(np.arange(steps), places).ravel() / steps
         q, dq, ddq = (_hermite(self.reference, rows, place, self.rate, order) for order in range(3))
         fed = None if self.torque is None else _hermite(self.torque, rows, place, self.rate, 0)
         return Motion(q, dq, ddq), fed

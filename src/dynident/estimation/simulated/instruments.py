@@ -12,13 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array
 from dynident.errors import SolverFailed
 from dynident.estimation.problem import Observer, Problem
-from dynident.estimation.uncertainty.covariance import FEWEST_FREE
-from dynident.estimation.uncertainty.spectral import score_triangle
+from dynident.estimation.residuals.row_passes import RowPasses, Segment
+from dynident.estimation.residuals.stretches import stretches_of
+from dynident.estimation.uncertainty.bands import Band, bands_of
+from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, error_root, uncertainty_of
 from dynident.experiment.preprocessing import Prepared
-from dynident.model.reduction import CHUNK, absorb, least_squares, triangle_of
+from dynident.model.reduction import CHUNK, absorb, triangle_of
 from dynident.model.threads import one_blas_thread
 
 #: Singular value of the instruments' projection with unit columns below which they say nothing of a direction.
@@ -77,29 +79,51 @@ class Instruments:
         spread = self.stacked(weights)[:size, :size] @ self.influence(weights).T
         return spread.T @ spread
 
-    def scores(self, weights: Array, beta: Array) -> Array:
-        """Return S with S'S the covariance of [Z, W]' e, the weighted rows times their residuals, shape (s, 2 b)."""
-        size = self.problem.base.count
-        observer = Observer(self.problem.model, self.problem.base)
-        columns = [np.r_[own, size + own] for own in observer.columns]
-        return score_triangle(self._parts(observer, beta), columns, 2 * size, weights) * np.sqrt(_free(self.problem))
-
-    def covariance(self, weights: Array, beta: Array) -> Array:
-        """Return (Z' W)^-1 Z' S Z (W' Z)^-1, shape (b, b), with S the covariance of the residuals at ``beta``.
+    def uncertainty(self, weights: Array, beta: Array) -> Uncertainty:
+        """Return the covariance (Z' W)^-1 Z' S Z (W' Z)^-1 with S that of the residuals at ``beta``, by frequency.
 
         Args:
             weights: Weight of each joint's rows in the fit, shape (n,).
             beta: The estimate, shape (b,).
         """
-        spread = self.scores(weights, beta)[:, : self.problem.base.count] @ self.influence(weights).T
-        return spread.T @ spread
+        residual = RowPasses(self.problem).residuals(beta)
+        return uncertainty_of(self._bands(), residual, self._influence(weights, residual))
 
-    def _parts(self, observer: Observer, beta: Array) -> Iterator[tuple[list[Array], Array, BoolArray]]:
-        for simulated, measured, mask in zip(self.logs, self.problem.logs, self.problem.masks, strict=True):
+    def difference_root(self, weights: Array, beta: Array, inverse: Array) -> Array:
+        """Return S with S'S the covariance of the estimate less that of least squares, shape (s, b).
+
+        Args:
+            weights: Weight of each joint's rows in both fits, shape (n,).
+            beta: The estimate, shape (b,).
+            inverse: (W' W)^-1 of the weighted rows, shape (b, b).
+        """
+        residual = RowPasses(self.problem).residuals(beta)
+        both = np.hstack([self.influence(weights), -inverse])
+        asked = (weights**2)[:, None, None] * both
+        return error_root(self._bands(), residual, self._influence(weights, residual), asked)
+
+    def _influence(self, weights: Array, residual: Array) -> Influence:
+        size, matrix = self.problem.base.count, self.influence(weights)
+        gains = (weights**2)[:, None, None] * np.hstack([matrix, np.zeros_like(matrix)])
+        noise = np.sqrt(np.sum(residual**2, axis=0) / np.maximum(self.problem.counts, 1))
+        root = self.stacked(weights**2 * noise)[:size, :size] @ matrix.T
+        return Influence(gains, root.T @ root, np.eye(len(weights)))
+
+    def _bands(self) -> Iterator[Band]:
+        size, columns = self.problem.base.count, self.problem.observer.columns
+        parts = stretches_of(self.problem.logs, self._segments(), np.concatenate(self.problem.masks))
+        return bands_of(parts, [np.r_[own, size + own] for own in columns], 2 * size)
+
+    def _segments(self) -> Iterator[Segment]:
+        """Yield the rows of instruments and regressor, beside each other, with the torque last."""
+        observer = Observer(self.problem.model, self.problem.base)
+        start = 0
+        for simulated, measured in zip(self.logs, self.problem.logs, strict=True):
             pairs = zip(observer.segments(simulated), observer.segments(measured), strict=True)
             for (part, ours), (_, theirs) in pairs:
-                both = [np.concatenate([first[:-1], second[:-1]]) for first, second in zip(ours, theirs, strict=True)]
-                yield both, _residuals(observer, theirs, beta), mask[part]
+                both = tuple(np.concatenate([first[:-1], second]) for first, second in zip(ours, theirs, strict=True))
+                yield Segment(slice(start + part.start, start + part.stop), both)
+            start += len(measured.keep)
 
 
 def instruments(problem: Problem, logs: Sequence[Prepared]) -> Instruments:
@@ -130,37 +154,6 @@ def with_states(problem: Problem, logs: Sequence[Prepared]) -> Problem:
     parts = [observer.triangles(log, mask) for log, mask in zip(logs, problem.masks, strict=True)]
     triangles = tuple(first.merged(rest) for first, *rest in zip(*parts, strict=True))
     return replace(problem, logs=tuple(logs), triangles=triangles)
-
-
-def spectral_covariance(problem: Problem, weights: Array, beta: Array) -> Array:
-    """Return the covariance of least squares with one weight a joint, residuals coloured as they are, shape (b, b).
-
-    Args:
-        problem: The problem.
-        weights: Weight of each joint's rows in the fit, shape (n,).
-        beta: The estimate, shape (b,).
-    """
-    observer, size = Observer(problem.model, problem.base), problem.base.count
-
-    def parts() -> Iterator[tuple[list[Array], Array, BoolArray]]:
-        for log, mask in zip(problem.logs, problem.masks, strict=True):
-            for part, blocks in observer.segments(log):
-                yield [block[:-1] for block in blocks], _residuals(observer, blocks, beta), mask[part]
-
-    rows = score_triangle(parts(), observer.columns, size, weights)
-    spread = rows @ least_squares(problem.reduced(weights)).unscaled_covariance
-    return spread.T @ spread * _free(problem)
-
-
-def _residuals(observer: Observer, blocks: Sequence[Array], beta: Array) -> Array:
-    """Return the residuals of blocks of rows, shape (N, n)."""
-    pairs = zip(observer.columns, blocks, strict=True)
-    return np.stack([block[-1] - beta[columns] @ block[:-1] for columns, block in pairs], axis=1)
-
-
-def _free(problem: Problem) -> float:
-    """Return by how much residuals of a fit are smaller than those at the truth, squared and turned round."""
-    return 1.0 / max(1.0 - problem.base.count / max(int(problem.counts.sum()), 1), FEWEST_FREE)
 
 
 def _projection(factor: Array, size: int) -> Array:

@@ -1,9 +1,11 @@
 """The extended Kalman filter of states and base parameters together.
 
-State (q, dq, beta); the measured torques drive the model from one row to the next, the measured positions correct it.
-The derivative of each prediction by the state, the parameters and the torque is that of the integration rule itself
-(forward sensitivity equations), not a difference quotient. Source: Jazwinski 1970, section 8.3; joint estimation of
-states and parameters: Ljung 1979.
+State (q, dq, w, beta), w the error of the torque at the row; the measured torques drive the model from one row to the
+next, the measured positions correct it. Between rows the error of the torque goes from one row's to the next one's in a
+straight line, as the torque does. Slopes are those of the integration rule itself (forward sensitivity equations),
+along the measured motion: along the predicted one they hold the noise of the torque that is in the innovation as well,
+which biases the parameters as noise in the columns of a regression does (on the filter: Ljung 1979). Source: Jazwinski
+1970, section 8.3; parameters as states without a motion of their own: Friedland 1969.
 """
 
 from __future__ import annotations
@@ -19,13 +21,16 @@ import numpy.typing as npt
 
 from dynident.arrays import Array
 from dynident.errors import SolverFailed
-from dynident.estimation.simulated.course import Course
+from dynident.estimation.simulated.course import HALVES, Course
 from dynident.estimation.simulated.sensitivities import inverse_slopes
 from dynident.experiment.design.observation import Observation
 from dynident.experiment.simulation.plant import MAX_RATE, MIN_RATE, plant
 
 #: A step of the integration times the fastest decay of friction stays below this.
 STEP = 1.0
+
+#: Rows along which slopes are found at once.
+ROWS = 32
 
 #: The speed at the start is known to this many times the position noise over the time between rows.
 FIRST_SPEED = 3.0
@@ -67,13 +72,30 @@ class Prediction:
         state: q and dq, shape (2 n,).
         by_state: Its derivative by the state before, shape (2 n, 2 n).
         by_beta: By the parameters, shape (2 n, b).
-        by_torque: By an error of the torque that is held over the row, shape (2 n, n).
+        by_torque: By the error of the torque at the row, shape (2 n, n).
+        by_next: By that at the row after it, shape (2 n, n).
     """
 
     state: Array
     by_state: Array
     by_beta: Array
     by_torque: Array
+    by_next: Array
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """What a run of the filter over one log saw.
+
+    Attributes:
+        normalised: Innovation squared over its variance, about n each where the tuning is right, shape (N - 1,).
+        rows: Slopes of the innovations by the parameters over their deviations for known parameters, (N - 1, n, b).
+        values: Innovations over these deviations, less ``rows`` times the parameters of the moment, shape (N - 1, n).
+    """
+
+    normalised: Array
+    rows: Array
+    values: Array
 
 
 class Predictor:
@@ -84,7 +106,9 @@ class Predictor:
         self._loop: Any = importlib.import_module("dynident.experiment.simulation.simulation_loop")
         self._tangent: Any = importlib.import_module("dynident.experiment.simulation.tangent_loop")
         self._joints = course.reference.shape[2]
-        self.steps = 1
+        self.steps, self._first = 1, -ROWS
+        self._torque: Array = np.zeros((0, self._joints))
+        self._slopes: tuple[Array, ...] = ()
 
     def set_pace(self, beta: Array) -> None:
         """Choose the steps of the integration for parameters ``beta``, shape (b,).
@@ -98,7 +122,7 @@ class Predictor:
         if needed > MAX_RATE:
             step = "give the Coulomb part a greater width"
             raise SolverFailed("the Kalman filter", f"friction needs {needed:.3g} steps a second", step)
-        self.steps = math.ceil(needed / self._course.rate)
+        self.steps, self._first = math.ceil(needed / self._course.rate), -ROWS
 
     def predict(self, row: int, state: Array, beta: Array) -> Prediction:
         """Return the state at the row after ``row``.
@@ -108,28 +132,40 @@ class Predictor:
         """
         joints, count, steps = self._joints, len(beta), self.steps
         body = plant(self._observation.model, self._observation.base.to_standard(beta))
-        _, torque = self._course.between(slice(row, row + 1), steps)
+        if not self._first <= row < self._first + ROWS:
+            self._look_ahead(row, beta)
+        at = (row - self._first) * steps
         goals = np.zeros((2 * steps + 1, 3, joints))
-        goals[:, 2] = np.asarray(torque)
+        goals[:, 2] = self._torque[2 * at : 2 * (at + steps) + 1]
         gains, counts = np.zeros((2, joints)), np.array([steps, 0, 0], dtype=np.int64)
         step = 1.0 / (self._course.rate * steps)
         moved, out = state.reshape(2, joints).copy(), np.empty((1, 4, joints))
         stages = np.empty((steps, 4, 3, joints))
         if self._loop.tracking(body.tables, gains, goals, counts, step, moved, np.zeros(joints), out, stages) >= 0:
             raise SolverFailed("the Kalman filter", f"the motion is lost at row {row}", "state more torque_noise")
-        by_q, by_dq, by_beta, inverse = inverse_slopes(self._observation, stages, beta)
-        wide = np.zeros((steps, 4, joints, 3 * joints + count))
+        by_q, by_dq, by_beta, inverse = (slopes[at : at + steps] for slopes in self._slopes)
+        wide = np.zeros((steps, 4, joints, 4 * joints + count))
         wide[..., 2 * joints : 2 * joints + count] = by_beta
         fed = np.zeros((2 * steps + 1, joints, wide.shape[-1]))
-        fed[:, :, -joints:] = np.eye(joints)
+        place = np.arange(2 * steps + 1)[:, None, None] / (2 * steps)
+        fed[:, :, -2 * joints : -joints] = (1.0 - place) * np.eye(joints)
+        fed[:, :, -joints:] = place * np.eye(joints)
         slopes = np.zeros((2, joints, wide.shape[-1]))
         slopes.reshape(2 * joints, -1)[:, : 2 * joints] = np.eye(2 * joints)
         none, rows = np.zeros((joints, wide.shape[-1])), np.empty((1, 2, joints, wide.shape[-1]))
         self._tangent.tangent((by_q, by_dq, wide, inverse), gains, fed, counts, step, slopes, none, rows)
         flat = slopes.reshape(2 * joints, -1)
-        return Prediction(
-            moved.ravel(), flat[:, : 2 * joints], flat[:, 2 * joints : 2 * joints + count], flat[:, -joints:]
-        )
+        by_state, by_beta, by_torque, by_next = np.split(flat, np.cumsum([2 * joints, count, joints]), axis=1)
+        return Prediction(moved.ravel(), by_state, by_beta, by_torque, by_next)
+
+    def _look_ahead(self, row: int, beta: Array) -> None:
+        """Keep torques and slopes along the measured motion of the next rows, with the parameters of the moment."""
+        rows = slice(row, min(row + ROWS, self._course.reference.shape[1]))
+        along, torque = self._course.between(rows, self.steps, HALVES)
+        measured = np.stack([along.q, along.dq, along.ddq], axis=1)
+        halves = 2 * np.arange((len(measured) - 1) // 2)[:, None] + np.array([0, 1, 1, 2])
+        self._first, self._torque = row, np.asarray(torque)
+        self._slopes = inverse_slopes(self._observation, measured[halves], beta)
 
 
 def filter_log(
@@ -140,7 +176,7 @@ def filter_log(
     tuning: Tuning,
     rate: float,
     watch: Callable[[int, Array], None] = lambda row, beta: None,
-) -> tuple[Belief, Array]:
+) -> tuple[Belief, Innovations]:
     """Run the filter over one log.
 
     Args:
@@ -153,37 +189,36 @@ def filter_log(
         watch: Told each row and its parameters.
 
     Returns:
-        What is known after, and the normalised innovation squared of each row, about n each where the tuning is right,
-        shape (N - 1,).
+        What is known after, and what was seen on the way.
 
     Raises:
         NotConsistent: Parameters on the way cannot be simulated.
         SolverFailed: The motion is lost.
     """
     rows, joints = positions.shape
-    own = 2 * joints
-    state, beta = np.array(start).ravel(), np.array(belief.beta)
+    own = 3 * joints
+    state, beta = np.append(np.array(start).ravel(), np.zeros(joints)), np.array(belief.beta)
     size = own + len(beta)
     covariance = np.zeros((size, size))
-    covariance[:joints, :joints] = np.diag(tuning.position**2)
-    covariance[joints:own, joints:own] = np.diag((FIRST_SPEED * tuning.position * rate) ** 2)
+    speed = FIRST_SPEED * tuning.position * rate
+    covariance[:own, :own] = np.diag(np.concatenate([tuning.position, speed, tuning.torque[0]]) ** 2)
     covariance[own:, own:] = belief.covariance
     walk = np.diag(tuning.drift**2 / rate)
-    found = np.empty(rows - 1)
+    normalised, seen_rows, seen_values = np.empty(rows - 1), np.empty((rows - 1, joints, len(beta))), positions[1:] * 0
     predictor.set_pace(beta)
     for row in range(rows - 1):
-        ahead = predictor.predict(row, state, beta)
-        transition = np.eye(size)
-        transition[:own, :own], transition[:own, own:] = ahead.by_state, ahead.by_beta
-        covariance = transition @ covariance @ transition.T
-        covariance[:own, :own] += (ahead.by_torque * tuning.torque[row] ** 2) @ ahead.by_torque.T
+        ahead = predictor.predict(row, state[: 2 * joints], beta)
+        covariance = _carried(ahead, covariance, tuning.torque[row + 1])
         covariance[own:, own:] += walk
-        innovation = positions[row + 1] - ahead.state[:joints]
+        moved = ahead.state + ahead.by_torque @ state[2 * joints :]
+        innovation = positions[row + 1] - moved[:joints]
         seen = covariance[:joints, :joints] + np.diag(tuning.position**2)
         gain = np.linalg.solve(seen, covariance[:joints]).T
-        found[row] = innovation @ np.linalg.solve(seen, innovation)
+        normalised[row] = innovation @ np.linalg.solve(seen, innovation)
+        seen_rows[row], root = _known_parameters(covariance, seen, own)
+        seen_values[row] = np.linalg.solve(root, innovation) + seen_rows[row] @ beta
         change = gain @ innovation
-        state, beta = ahead.state + change[:own], beta + change[own:]
+        state, beta = np.append(moved, np.zeros(joints)) + change[:own], beta + change[own:]
         if not np.all(np.isfinite(beta)):
             step = "state a smaller spread, or position_noise and torque_noise"
             raise SolverFailed("the Kalman filter", f"the parameters are lost at row {row + 1}", step)
@@ -191,7 +226,30 @@ def filter_log(
         kept[:, :joints] -= gain  # Joseph's form: symmetric and non-negative whatever the rounding
         covariance = kept @ covariance @ kept.T + (gain * tuning.position**2) @ gain.T
         watch(row + 1, beta)
-    return Belief(beta, covariance[own:, own:]), found
+    return Belief(beta, covariance[own:, own:]), Innovations(normalised, seen_rows, seen_values)
+
+
+def _carried(ahead: Prediction, covariance: Array, torque: Array) -> Array:
+    """Return the covariance of the state one row ahead; ``torque`` (n,) are the deviations of the torques there."""
+    joints = len(torque)
+    both, own = 2 * joints, 3 * joints
+    transition = np.eye(len(covariance))
+    transition[:both, :both], transition[:both, both:own] = ahead.by_state, ahead.by_torque
+    transition[:both, own:], transition[both:own, both:own] = ahead.by_beta, 0.0
+    new = np.vstack([ahead.by_next, np.eye(joints)]) * torque
+    covariance = transition @ covariance @ transition.T
+    covariance[:own, :own] += new @ new.T
+    return covariance
+
+
+def _known_parameters(covariance: Array, seen: Array, own: int) -> tuple[Array, Array]:
+    """Return the slopes of the innovation by the parameters over its deviations were they known, and these, (n, n)."""
+    joints = len(seen)
+    of_beta, size = covariance[own:, own:], np.sqrt(np.diag(covariance)[own:])
+    scaled = of_beta / size / size[:, None]
+    slopes = np.linalg.solve(scaled, covariance[own:, :joints] / size[:, None]).T / size
+    root = np.linalg.cholesky(seen - slopes @ covariance[own:, :joints])
+    return np.linalg.solve(root, slopes), root
 
 
 def position_noise(positions: npt.ArrayLike) -> Array:

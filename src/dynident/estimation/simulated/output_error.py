@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.errors import LogMismatch, NotConsistent, SolverFailed
+from dynident.estimation.consistency.consistent_fit import consistent_fit, scale_of
+from dynident.estimation.estimators.consistent import Consistent
+from dynident.estimation.residuals.row_passes import Segment
+from dynident.estimation.residuals.stretches import stretches_of
 from dynident.estimation.simulated.closed_loop import ClosedLoop
 from dynident.estimation.simulated.iteration import largest_change
 from dynident.estimation.simulated.sensitivities import sensitivities
-from dynident.estimation.uncertainty.spectral import score_triangle
+from dynident.estimation.uncertainty.bands import bands_of
+from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
 from dynident.experiment.design.observation import Observation
 from dynident.model.reduction import LeastSquares, Reduced, Triangle, least_squares, reduce, triangle_of
 
@@ -29,13 +34,15 @@ class Fit:
         beta: Base parameters, shape (b,).
         weights: Of each joint's errors, shape (n,), in 1 / N m for torques, 1 / rad for positions (1 / N, 1 / m).
         covariance: Of beta, shape (b, b).
+        degrees: Degrees of freedom of its variances, shape (b,).
         news: ``iterations``, ``simulations``, ``trace`` (weighted root mean square error after each step), ``changes``
-            and facts of the loop.
+            ``bounded`` (steps that went to the best possible robot in place of a free one) and facts of the loop.
     """
 
     beta: Array
     weights: Array
     covariance: Array
+    degrees: Array
     news: Mapping[str, Any]
 
 
@@ -93,24 +100,34 @@ class _OutputError:
             made.append(Triangle(np.arange(stacked.shape[1] - 1), triangle_of(stacked), len(stacked)))
         return tuple(made)
 
-    def covariance(self, rows: _Rows, weights: Array, fit: LeastSquares) -> Array:
-        """Return the covariance of the step with coloured errors, shape (b, b)."""
+    def uncertainty(self, rows: _Rows, weights: Array, fit: LeastSquares) -> Uncertainty:
+        """Return the covariance of the step with coloured errors."""
         size, joints = len(fit.beta), len(weights)
+        logs = tuple(course.log for course in self.loop.courses)
+        mask = np.concatenate(self.masks)
+        errors = np.where(mask, np.concatenate(rows.errors), 0.0)
+        deviations = np.sqrt(np.sum(errors**2, axis=0) / np.maximum(mask.sum(axis=0), 1))
+        meat = reduce(self.triangles(rows), size, weights**2 * deviations).r @ fit.unscaled_covariance
+        gains = (weights**2)[:, None, None] * fit.unscaled_covariance
+        found = bands_of(stretches_of(logs, _segments(rows), mask), [np.arange(size)] * joints, size)
+        return uncertainty_of(found, errors, Influence(gains, meat.T @ meat, np.eye(joints)))
 
-        def parts() -> Iterator[tuple[list[Array], Array, BoolArray]]:
-            for slope, error, mask in zip(rows.slopes, rows.errors, self.masks, strict=True):
-                yield [slope[:, i].T for i in range(joints)], error, mask
 
-        spread = score_triangle(parts(), [np.arange(size)] * joints, size, weights) @ fit.unscaled_covariance
-        count = sum(int(mask.sum()) for mask in self.masks)
-        return spread.T @ spread / max(1.0 - size / count, 0.1)
+def _segments(rows: _Rows) -> Iterator[Segment]:
+    """Yield the derivatives of each log as rows of each joint, with the errors last."""
+    start = 0
+    for slope, error in zip(rows.slopes, rows.errors, strict=True):
+        blocks = tuple(np.vstack([slope[:, i].T, error[:, i]]) for i in range(error.shape[1]))
+        yield Segment(slice(start, start + len(error)), blocks)
+        start += len(error)
 
 
 def output_error(loop: ClosedLoop, start: Array, of: str, iterations: int, tolerance: float, solver: str) -> Fit:
     """Return the parameters whose simulation comes nearest to the measured torques or positions.
 
     Gauss-Newton steps, shortened until the weighted error falls and the mass matrix stays positive definite; the weight
-    of each joint is renewed from its errors at every step.
+    of each joint is renewed from its errors at every step. A step that would end at a robot that cannot be simulated
+    goes to the best possible robot in its place.
 
     Args:
         loop: The closed loop.
@@ -126,14 +143,16 @@ def output_error(loop: ClosedLoop, start: Array, of: str, iterations: int, toler
     masks = loop.settled(start)
     task = _OutputError(loop, of, masks)
     counts = np.maximum(np.sum([mask.sum(axis=0) for mask in masks], axis=0), 1)
-    beta, trace, changes, simulations = start, [], [], 0
+    beta, trace, changes, simulations, bounded = start, [], [], 0, 0
     while len(changes) < iterations:
         rows = task.with_slopes(beta)
         scale = np.sqrt(np.mean([np.mean(error**2) for error in rows.errors]))
         weights = 1.0 / np.maximum(np.sqrt(task.squares(rows.errors) / counts), 1e-12 * scale + 1e-300)
         reduced = reduce(task.triangles(rows), len(beta), weights)
         fit = least_squares(reduced)
-        moved, error, tried = _stepped(task, beta, fit, reduced, weights, solver)
+        step, is_free = _step(loop, beta, reduced, fit)
+        bounded += not is_free
+        moved, error, tried = _stepped(task, beta, step, reduced, weights, solver)
         simulations += tried + 1
         deviations = np.sqrt(np.diag(fit.unscaled_covariance))
         changes.append(largest_change(loop.problem, beta, moved, deviations))
@@ -141,20 +160,41 @@ def output_error(loop: ClosedLoop, start: Array, of: str, iterations: int, toler
         beta = moved
         if changes[-1] <= tolerance:
             news = {"iterations": len(changes), "simulations": simulations * len(loop.courses)}
-            news |= {"trace": trace, "changes": changes, **loop.facts}
-            return Fit(beta, weights, task.covariance(rows, weights, fit), news)
+            news |= {"trace": trace, "changes": changes, "bounded": bounded, **loop.facts}
+            sure = task.uncertainty(rows, weights, fit)
+            return Fit(beta, weights, sure.covariance, sure.degrees, news)
     evidence = f"after {iterations} steps a parameter still moves by {changes[-1]:.3g} of its deviation"
     raise SolverFailed(solver, evidence, f"give more iterations, or a tolerance above {tolerance:g}")
 
 
+def _step(loop: ClosedLoop, beta: Array, reduced: Reduced, fit: LeastSquares) -> tuple[Array, bool]:
+    """Return the step of Gauss and Newton (b,), and whether it is free.
+
+    Where the free step ends at a robot that cannot be simulated, it is that to the possible robot with the least error
+    of the same linearised problem.
+    """
+    try:
+        loop.check(beta + fit.beta)
+    except NotConsistent:
+        pass
+    else:
+        return fit.beta, True
+    problem, how = loop.problem, Consistent()
+    shifted = replace(reduced, z=reduced.z + reduced.r @ beta)
+    found = consistent_fit(
+        problem.model, problem.base, shifted, scale_of(problem), how.pull, how.margin, how.metric, problem.constraints
+    )
+    return problem.base.from_standard(found.theta) - beta, False
+
+
 def _stepped(
-    task: _OutputError, beta: Array, fit: LeastSquares, reduced: Reduced, weights: Array, solver: str
+    task: _OutputError, beta: Array, step: Array, reduced: Reduced, weights: Array, solver: str
 ) -> tuple[Array, float, int]:
     """Return the parameters after a step that lowers the error, the weighted squares there, and the simulations."""
     before = reduced.residual_square(np.zeros(len(beta)))
-    gain = before - reduced.residual_square(fit.beta)
+    gain = before - reduced.residual_square(step)
     for tried, share in enumerate(SHARES, start=1):
-        moved = beta + share * fit.beta
+        moved = beta + share * step
         try:
             errors = task.at(moved)
         except (NotConsistent, SolverFailed):
@@ -165,5 +205,5 @@ def _stepped(
         if gain <= 1e-6 * before:  # as low as it gets: the step is rounding
             return beta, before, tried
     evidence = f"no part of a step lowers the error ({np.sqrt(before / max(reduced.rows, 1)):.4g} of its deviation)"
-    step = "start nearer: filter the log, or check gains and commanded positions"
-    raise SolverFailed(solver, evidence, step)
+    advice = "start nearer: filter the log, or check gains and commanded positions"
+    raise SolverFailed(solver, evidence, advice)

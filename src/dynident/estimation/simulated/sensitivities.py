@@ -15,6 +15,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.estimation.simulated.closed_loop import ClosedLoop, Segment
 from dynident.estimation.simulated.course import Course
+from dynident.estimation.simulated.implicit import implicit_tangent
 from dynident.experiment.design.observation import Observation
 from dynident.model.friction import Motion
 
@@ -51,25 +52,34 @@ def sensitivities(
     state, torque = np.zeros((2, joints, count)), np.zeros((joints, count))
     rows, slopes = [], []
     for segment in loop.follow(course, beta):
-        found = np.empty((len(segment.out), 2, joints, count))
-        at_stages = inverse_slopes(observation, segment.stages, beta)
         fed = _fed_slopes(loop, observation, segment)
-        compiled.tangent(at_stages, loop.gains, fed, segment.counts, segment.step, state, torque, found)
+        along = (loop.gains, fed, segment.counts, segment.step, state, torque)
+        if segment.implicit:
+            found = implicit_tangent(motion_slopes(observation, segment.stages, beta), *along)
+        else:
+            found = np.empty((len(segment.out), 2, joints, count))
+            compiled.tangent(inverse_slopes(observation, segment.stages, beta), *along, found)
         rows.append(segment.out)
         slopes.append(found[:, 0 if of == "q" else 1].copy())
     return np.concatenate(rows), np.concatenate(slopes)
 
 
 def inverse_slopes(observation: Observation, states: Array, beta: Array) -> tuple[Array, Array, Array, Array]:
-    """Return the derivatives of the inverse dynamics by q, dq and beta, and the inverse of the mass matrix.
+    """Return what :func:`motion_slopes` returns, with the inverse of the mass matrix in its place."""
+    by_q, by_dq, by_beta, mass = motion_slopes(observation, states, beta)
+    return by_q, by_dq, by_beta, np.linalg.inv(mass)
+
+
+def motion_slopes(observation: Observation, states: Array, beta: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the derivatives of the inverse dynamics by q, dq, beta and ddq, the mass matrix.
 
     Args:
         observation: Of the model and its base parameters.
-        states: q, dq and ddq at the stages of S steps, shape (S, 4, 3, n).
+        states: q, dq and ddq at the s stages of S steps, shape (S, s, 3, n).
         beta: Base parameters, shape (b,).
 
     Returns:
-        Shapes (S, 4, n, n), (S, 4, n, n), (S, 4, n, b) and (S, 4, n, n).
+        Shapes (S, s, n, n), (S, s, n, n), (S, s, n, b) and (S, s, n, n).
     """
     steps, stages, _, joints = states.shape
     motion = Motion(*np.ascontiguousarray(states.reshape(-1, 3, joints).swapaxes(0, 1)))
@@ -83,8 +93,8 @@ def inverse_slopes(observation: Observation, states: Array, beta: Array) -> tupl
             by_motion[order, :, first : own.stop] = slopes.reshape(len(own), samples, joints).swapaxes(0, 1)
     mass = by_motion[2] + observation.model.robot.reflected_inertia
     at = (steps, stages, joints, -1)
-    by_q, by_dq, inverse = (array.reshape(at) for array in (by_motion[0], by_motion[1], np.linalg.inv(mass)))
-    return by_q, by_dq, _dense(observation, motion).reshape(at), inverse
+    by_q, by_dq, mass = (array.reshape(at) for array in (by_motion[0], by_motion[1], mass))
+    return by_q, by_dq, _dense(observation, motion).reshape(at), mass
 
 
 def _repeated(motion: Motion, times: int) -> Motion:

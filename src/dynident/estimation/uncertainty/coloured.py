@@ -1,32 +1,30 @@
 """How sure an estimate is where residuals are coloured, differ between logs and depend on each other between joints.
 
-The covariance of least squares with weights w is A^-1 B A^-1, A = X'X, B the covariance of the weighted rows times
-their residuals. In the frequency domain B = sum_f X(f)* S(f) X(f) (Hannan 1970, chapter VII), S the cross-power of the
-joints' residuals, averaged over neighbouring frequencies (Daniell 1946). Two things make averages of a residual's
-power too small or too large where logs are short, and both are known beforehand: the fit takes more from the residual
-at frequencies where the regressor is strong (its leverage h(f), as in HC2 of MacKinnon and White 1985), and the power
-falls with that of the torque's filter |H(f)|^2 within the average. So S(f) = |H|^2 avg(|e|^2) / avg(|H|^2 (1 - h)).
+The error of every estimator here is, to first order, sum_i G_i X_i' v_i: X_i the rows of joint i, v_i their residuals
+or what the estimator makes of them (bounded, signs, whitened between joints), G_i its influence; for least squares
+with weights w it is w_i^2 A^-1. Its covariance is sum_f L(f)* S(f) L(f) over the frequencies (Hannan 1970, chapter
+VII), L the rows times their influence, S the cross-power of the v_i, averaged over neighbouring frequencies (Daniell
+1946). Two things make averages of a residual's power too small or too large where logs are short, and both are known
+beforehand: the fit takes more from the residual at frequencies where the regressor is strong (its leverage h(f), as in
+HC2 of MacKinnon and White 1985), and the power falls with that of the torque's filter |H(f)|^2 within the average. So
+S(f) = |H|^2 avg(|v|^2) / avg(|H|^2 (1 - h)).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.ndimage
 import scipy.stats
 
-from dynident.arrays import Array, BoolArray, IntArray
+from dynident.arrays import Array
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.residuals.stretches import stretches
+from dynident.estimation.uncertainty.bands import Band, bands
 from dynident.estimation.uncertainty.covariance import FEWEST_FREE
-from dynident.experiment.preprocessing import Prepared
-from dynident.model.reduction import least_squares
-
-#: Frequencies to either side of an average, over the root of the number of those that the filter passes.
-WIDTH = 0.5
+from dynident.model.reduction import least_squares, triangle_of
+from dynident.model.threads import one_blas_thread
 
 #: How often the power found takes the place of the filter's as the shape within an average.
 SHARPENED = 2
@@ -53,141 +51,161 @@ class Uncertainty:
         """Return half the width of the interval that holds each parameter at a level of confidence, shape (b,)."""
         return self.deviations * scipy.stats.t.ppf(0.5 + 0.5 * level, self.degrees)
 
+    def with_prior(self, spread: Array) -> Uncertainty:
+        """Return the same with an error beside it that is known to have the covariance ``spread``, shape (b, b)."""
+        both = self.covariance + spread
+        own = np.maximum(np.diag(self.covariance), np.finfo(float).tiny)
+        return Uncertainty(both, self.degrees * np.maximum(np.diag(both) / own, 1.0) ** 2)
+
 
 @dataclass(frozen=True)
-class Band:
-    """Unweighted rows of a stretch of time, by frequency.
+class Influence:
+    """An estimator to first order: its error is sum_i gains_i X_i' v_i over the rows X_i of each joint.
 
     Attributes:
-        samples: Where its rows stand in the samples of all logs, shape (M,).
-        counting: Which of them count, shape (M, n).
-        rows: Their transform, zero where they do not count, shape (F, n, b).
-        shape: Power that the filter passes, between 0 and 1, shape (F,).
-        step: One row in how many is here.
+        gains: Shape (n, b, m), m columns of the rows; where m > b the regressor is the last b of them.
+        plain: Covariance of the error were all rows independent, shape (b, b).
+        slopes: How much less of v_i is left for an error d of the parameters: sum_j slopes_ij x_j' d, shape (n, n).
     """
 
-    samples: IntArray
-    counting: BoolArray
-    rows: Array
-    shape: Array
-    step: int
+    gains: Array
+    plain: Array
+    slopes: Array
 
-    @property
-    def twice(self) -> Array:
-        """How many frequencies of the two-sided transform each one stands for, shape (F,)."""
-        count = np.full(len(self.shape), 2.0)
-        count[0] = 1.0
-        if len(self.samples) % 2 == 0:
-            count[-1] = 1.0
-        return count
+    @classmethod
+    def of_rows(
+        cls, problem: Problem, values: Array, inverse: Array, gains: Array, slopes: Array | None = None
+    ) -> Influence:
+        """Return that of an error inverse sum_i gains_i X_i' v_i, one number a joint.
 
-    @property
-    def width(self) -> int:
-        """Number of neighbouring frequencies to average over, odd."""
-        wide = float(np.sum(self.shape) ** 2 / np.sum(self.shape**2))
-        return min(2 * round(WIDTH * wide**0.5) + 1, 2 * ((len(self.shape) - 1) // 2) + 1)
-
-    def transformed(self, values: Array) -> Array:
-        """Return the transform of values over the samples of all logs (N, n), shape (F, n)."""
-        own = np.where(self.counting, values[self.samples], 0.0)
-        return np.fft.rfft(own, axis=0) * np.sqrt(self.step / len(own))
-
-    def averaged(self, values: Array) -> Array:
-        """Return the mean over neighbouring frequencies, along the first axis; the spectrum goes on symmetrically."""
-        return scipy.ndimage.uniform_filter1d(values, self.width, axis=0, mode="mirror")
+        Args:
+            problem: The problem.
+            values: v, over the samples of all logs, shape (N, n).
+            inverse: Shape (b, b).
+            gains: Of each joint, shape (n,).
+            slopes: What x_i' d takes from v_i, shape (n,); None: 1, as for residuals.
+        """
+        size = np.sqrt(np.sum(values**2, axis=0) / np.maximum(problem.counts, 1))
+        root = problem.reduced(gains * size).r @ inverse.T
+        taken = np.ones(len(gains)) if slopes is None else slopes
+        return cls(gains[:, None, None] * inverse, root.T @ root, np.diag(taken))
 
 
-def bands(passes: RowPasses) -> Iterator[Band]:
-    """Yield the rows of a problem by frequency, stretch by stretch."""
-    for stretch in stretches(passes):
-        count = len(stretch.samples)
-        rows = np.zeros((count // 2 + 1, len(passes.columns), passes.problem.base.count), dtype=complex)
-        for i, (own, block) in enumerate(zip(passes.columns, stretch.blocks, strict=True)):
-            rows[:, i, own] = np.fft.rfft(block, axis=1).T * np.sqrt(stretch.step / count)
-        shape = filter_power(stretch.log, count, stretch.step * stretch.log.every)
-        yield Band(stretch.samples, stretch.counting, rows, shape, stretch.step)
-
-
-def filter_power(log: Prepared, count: int, every: int) -> Array:
-    """Return the share of the power of white torque noise that the filter of a log passes, shape (count // 2 + 1,).
+def uncertainty_of(
+    found: Iterable[Band], values: Array, influence: Influence, asked: Array | None = None
+) -> Uncertainty:
+    """Return the covariance of an estimate from its rows by frequency.
 
     Args:
-        log: The log.
-        count: Number of rows of a transform.
-        every: One sample in how many is such a row; what is beyond their frequencies comes back among them.
+        found: The rows, from ``bands``.
+        values: v of the estimate over the samples of all logs, zero where a row has no say, shape (N, n).
+        influence: The estimator.
+        asked: Gains of what is asked for, in the place of the estimate itself, shape (n, k, m).
     """
-    reach = log.how.filter.reach(log.log.rate)
-    if not reach:
-        return np.ones(count // 2 + 1)
-    times = -(-(2 * reach + 1) // (count * every))
-    impulse = np.zeros((1, count * every * times))
-    impulse[0, impulse.shape[1] // 2] = 1.0
-    power = np.abs(np.fft.fft(log.smooth(impulse)[0]))[::times] ** 2
-    return power.reshape(every, count).mean(axis=0)[: count // 2 + 1]
-
-
-def covariance_of(found: Iterable[Band], residual: Array, weights: Array, inverse: Array) -> Uncertainty:
-    """Return the covariance of weighted least squares from its rows by frequency.
-
-    Args:
-        found: The rows, from :func:`bands`.
-        residual: Residuals over the samples of all logs, shape (N, n).
-        weights: Weight of each joint's rows, shape (n,).
-        inverse: (X'X)^-1 of the weighted rows, shape (b, b).
-    """
-    root = np.linalg.cholesky(inverse)
-    size = len(inverse)
+    wanted = influence.gains if asked is None else asked
+    size = wanted.shape[1]
     covariance, total, doubt = np.zeros((size, size)), np.zeros(size), np.zeros(size)
     for band in found:
-        flat = band.rows.reshape(-1, size)
-        lever = weights**2 * _square(flat @ root).sum(axis=1).reshape(len(band.shape), -1)
-        power = cross_power(band, residual, lever)
-        values, vectors = np.linalg.eigh(power * np.outer(weights, weights) ** 2)
-        roots = vectors * np.sqrt(np.maximum(values, 0.0) * band.twice[:, None])[:, None, :]
-        spread = (flat @ inverse).reshape(band.rows.shape)
-        parts = (np.conj(np.swapaxes(roots, 1, 2)) @ spread).reshape(-1, size)
-        covariance += parts.real.T @ parts.real + parts.imag.T @ parts.imag
-        # Frequencies within one average rise and fall together, so each average counts once.
-        groups = np.arange(0, len(band.shape), band.width)
-        own = band.twice[:, None] * np.real(np.einsum("fii->fi", power)) * weights**4
-        share = np.add.reduceat(_square(spread) * own[:, :, None], groups, axis=0)
-        freedom = np.add.reduceat(band.twice[:, None] * _free(band, lever, band.shape[:, None]), groups, axis=0)
+        with one_blas_thread():
+            parts, share, freedom = _errors(band, values, influence, wanted)
+            covariance += parts.T @ parts
         total += share.sum(axis=(0, 1))
         doubt += np.sum(share**2 / freedom[:, :, None], axis=(0, 1))
     degrees = total**2 / np.where(doubt > 0, doubt, np.inf)
     return Uncertainty(covariance, np.where(doubt > 0, np.maximum(degrees, 1.0), np.inf))
 
 
+def error_root(found: Iterable[Band], values: Array, influence: Influence, asked: Array) -> Array:
+    """Return a triangle S with S'S the covariance of what is asked for, shape (s, k); see :func:`uncertainty_of`."""
+    root = np.zeros((0, asked.shape[1]))
+    for band in found:
+        with one_blas_thread():
+            root = triangle_of(np.concatenate([root, _errors(band, values, influence, asked)[0]]))
+    return root
+
+
+def _errors(band: Band, values: Array, influence: Influence, asked: Array) -> tuple[Array, Array, Array]:
+    """Return rows whose squares sum to the covariance, (2 F n, k), and power and freedom of each average."""
+    spread = _product(band.rows, asked)
+    left = left_over(band, values, influence, spread if asked is influence.gains else None)
+    power = cross_power(band, values, left)
+    spectrum, vectors = np.linalg.eigh(power)
+    roots = vectors * np.sqrt(np.maximum(spectrum, 0.0) * band.twice[:, None])[:, None, :]
+    parts = (np.conj(np.swapaxes(roots, 1, 2)) @ spread).reshape(-1, asked.shape[1])
+    # Frequencies within one average rise and fall together, so each average counts once.
+    groups = np.arange(0, len(band.shape), band.width)
+    own = band.twice[:, None] * np.real(np.einsum("fii->fi", power))
+    share = np.add.reduceat(_square(spread) * own[:, :, None], groups, axis=0)
+    freedom = np.add.reduceat(band.twice[:, None] * _free(band, left, band.shape[:, None]), groups, axis=0)
+    return np.concatenate([parts.real, parts.imag]), share, freedom
+
+
 def _square(values: Array) -> Array:
     return values.real**2 + values.imag**2
 
 
-def cross_power(band: Band, residual: Array, lever: Array) -> Array:
+def _product(rows: Array, gains: Array) -> Array:
+    """Return the rows (F, n, m) of each joint times its gains (n, k, m), shape (F, n, k)."""
+    found = np.empty((len(rows), *gains.shape[:2]), dtype=complex)
+    for i, own in enumerate(gains):
+        # Contiguous real products take a tenth of the time of complex or strided ones.
+        found[:, i].real = np.ascontiguousarray(rows[:, i].real) @ own.T
+        found[:, i].imag = np.ascontiguousarray(rows[:, i].imag) @ own.T
+    return found
+
+
+def left_over(band: Band, values: Array, influence: Influence, spread: Array | None = None) -> Array:
+    """Return the share of the power of each v_i that the fit leaves at each frequency, shape (F, n).
+
+    E|v_i - y_i d|^2 / E|v_i|^2 = 1 - 2 Re(y_i* L_i) + y_i C y_i* / s_i^2 with y_i the slopes times the regressor and C
+    the plain covariance; for least squares with the right weights it is 1 - h.
+
+    Args:
+        band: The stretch.
+        values: v, over the samples of all logs, shape (N, n).
+        influence: The estimator.
+        spread: L, the rows times their influence, where it is there already, shape (F, n, b).
+    """
+    size = influence.gains.shape[1]
+    regressor, slopes = band.rows[:, :, -size:], influence.slopes
+    if np.count_nonzero(slopes - np.diag(np.diag(slopes))):
+        taken = np.einsum("ij,fjb->fib", slopes, regressor)
+    else:
+        taken = regressor * np.diag(slopes)[:, None]
+    spread = _product(band.rows, influence.gains) if spread is None else spread
+    again = _product(taken, np.broadcast_to(influence.plain, (len(slopes), size, size)))
+    mean = np.sum(values**2, axis=0) / max(len(values), 1)
+    own = np.sum(taken.real * spread.real + taken.imag * spread.imag, axis=2)
+    both = np.sum(taken.real * again.real + taken.imag * again.imag, axis=2)
+    return 1.0 - 2.0 * own + both / np.where(mean > 0, mean, np.inf)
+
+
+def cross_power(band: Band, values: Array, left: Array) -> Array:
     """Return the cross-power of the joints' residuals at each frequency, shape (F, n, n), Hermitian, >= 0.
 
     Args:
         band: The stretch.
-        residual: Shape (N, n).
-        lever: Leverage of the rows of each joint at each frequency, shape (F, n).
+        values: Shape (N, n).
+        left: Share of the power of each joint that the fit leaves at each frequency, shape (F, n).
     """
-    transform = band.transformed(residual)
+    transform = band.transformed(values)
     power = transform[:, :, None] * np.conj(transform)[:, None, :]
     power = band.averaged(power.real) + 1j * band.averaged(power.imag)
-    own = np.real(np.einsum("fii->fi", power))
+    own = np.maximum(np.real(np.einsum("fii->fi", power)), 0.0)  # running sums leave a little less than nothing
     live = np.maximum(band.counting.mean(axis=0), 1.0 / len(band.samples))
     most = own * band.width / (FEWEST_FREE * live)  # all power of an average at one frequency
     shape = np.repeat(band.shape[:, None], own.shape[1], axis=1)
     for _ in range(SHARPENED):
-        left = band.averaged(shape) * _free(band, lever, shape) * live
-        shape = np.minimum(shape * own / np.maximum(left, 1e-300), most)
+        over = band.averaged(shape) * _free(band, left, shape) * live
+        shape = np.minimum(shape * own / np.maximum(over, 1e-300), most)
     ratio = np.sqrt(shape / np.maximum(own, 1e-300))
     return power * ratio[:, :, None] * ratio[:, None, :]
 
 
-def _free(band: Band, lever: Array, shape: Array) -> Array:
+def _free(band: Band, left: Array, shape: Array) -> Array:
     """Return the share of the residual's power that the fit leaves, about each frequency, shape (F, n)."""
-    left = band.averaged(shape * np.maximum(1.0 - lever, 0.0))
-    return np.maximum(left / np.maximum(band.averaged(shape), 1e-300), FEWEST_FREE)
+    mean = band.averaged(shape * np.maximum(left, 0.0))
+    return np.maximum(mean / np.maximum(band.averaged(shape), 1e-300), FEWEST_FREE)
 
 
 def spectral_uncertainty(problem: Problem, weights: Array, beta: Array, passes: RowPasses | None = None) -> Uncertainty:
@@ -200,5 +218,6 @@ def spectral_uncertainty(problem: Problem, weights: Array, beta: Array, passes: 
         passes: The rows, where they are there already.
     """
     passes = passes or RowPasses(problem)
+    residual = passes.residuals(beta)
     inverse = least_squares(problem.reduced(weights)).unscaled_covariance
-    return covariance_of(bands(passes), passes.residuals(beta), weights, inverse)
+    return uncertainty_of(bands(passes), residual, Influence.of_rows(problem, residual, inverse, weights**2))

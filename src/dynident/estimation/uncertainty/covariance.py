@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.model.reduction import Reduced, least_squares
 
-#: Least share of independent rows that is taken to be left over for the residual.
+#: Least share of the residual's power, or of independent rows, that a fit is taken to leave over.
 FEWEST_FREE = 0.1
 
 
@@ -56,19 +55,6 @@ def _integrated(residual: Array, keep: BoolArray, longest: float) -> float:
     return max(1.0, float(2 * pairs[: negative[0] if len(negative) else len(pairs)].sum() - 1))
 
 
-def weighted_covariance(problem: Problem, weights: Array, deviations: Array, factors: Array) -> Array:
-    """Return the covariance of a fit whose rows have one weight a joint, shape (b, b); a :func:`sandwich`.
-
-    Args:
-        problem: The problem.
-        weights: Weight of each joint's rows in the fit, shape (n,).
-        deviations: Residual standard deviation of each joint, shape (n,).
-        factors: Correlation factor of each joint, shape (n,).
-    """
-    meat = problem.reduced(weights**2 * deviations * np.sqrt(factors))
-    return sandwich(problem.reduced(weights), meat) * shared_rows(problem, factors)
-
-
 def sandwich(bread: Reduced, meat: Reduced) -> Array:
     """Return A^-1 B A^-1 with A = R'R of the bread and B = R'R of the meat, shape (b, b) (Huber 1967; White 1980).
 
@@ -77,16 +63,6 @@ def sandwich(bread: Reduced, meat: Reduced) -> Array:
     """
     spread = meat.r @ least_squares(bread).unscaled_covariance
     return spread.T @ spread
-
-
-def shared_rows(problem: Problem, factors: Array) -> float:
-    """Return by how much residuals understate the variance beyond what joint_deviations takes into account, >= 1.
-
-    Residuals that hang together are worth fewer rows, and the parameters take their share of those.
-    """
-    rows, independent = problem.counts.sum(), np.sum(problem.counts / factors)
-    taken = (1 - problem.base.count / rows) / max(1 - problem.base.count / independent, FEWEST_FREE)
-    return max(float(taken), 1.0)
 
 
 def residual_factors(passes: RowPasses, beta: Array) -> Array:

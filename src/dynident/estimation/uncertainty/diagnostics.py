@@ -16,7 +16,7 @@ from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.estimation.simulated.course import LoopOptions, course_of
 from dynident.estimation.simulated.instruments import instruments
-from dynident.estimation.uncertainty.coloured import bands
+from dynident.estimation.uncertainty.bands import bands
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.estimation.uncertainty.cross_validation import CrossValidation, cross_validate
 from dynident.estimation.uncertainty.exogeneity import Exogeneity, durbin_wu_hausman

@@ -65,9 +65,7 @@ def durbin_wu_hausman(made: Instruments, weights: Array | None = None) -> Exogen
         weights = 1.0 / problem.joint_deviations(least_squares(problem.reduced()).beta)
     plain = least_squares(problem.reduced(weights))
     beta = made.solve(weights)
-    # The difference is [A, -B] [Z, W]' e with A = (Z' W)^-1 and B = (W' W)^-1.
-    influence = np.concatenate([made.influence(weights).T, -plain.unscaled_covariance])
-    spread = made.scores(weights, beta) @ influence
+    spread = made.difference_root(weights, beta, plain.unscaled_covariance)
     own = np.sqrt(np.diag(plain.unscaled_covariance))
     _, values, directions = np.linalg.svd(spread / own, full_matrices=False)
     level = NO_TEST * max(float(values[0]), 1.0) if len(values) else 0.0

@@ -11,6 +11,7 @@ from dynident.estimation.consistency.consistent_fit import PULL, scale_of
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.problem import Observer, Problem
 from dynident.experiment.log import Log
+from dynident.experiment.preprocessing import Prepared
 from dynident.model.friction import Motion
 
 
@@ -44,6 +45,28 @@ def standard_covariance(estimate: Estimate, problem: Problem, pull: float = PULL
     return 0.5 * (found + found.T)
 
 
+def prediction_deviations(observer: Observer, prepared: Prepared, covariance: Array) -> Array:
+    """Return the standard deviation of the filtered torque by the parameters' covariance over the kept rows, (N, n).
+
+    Args:
+        observer: Of the model, with the estimate as its load.
+        prepared: A preprocessed log.
+        covariance: Of the base parameters, shape (b, b).
+    """
+    roots = [_root(covariance[np.ix_(columns, columns)]) for columns in observer.columns]
+    found = np.empty((len(prepared.keep), len(roots)))
+    for part, blocks in observer.segments(prepared):
+        for i, (root, block) in enumerate(zip(roots, blocks, strict=True)):
+            found[part, i] = np.linalg.norm(root @ block[:-1], axis=0)
+    return found
+
+
+def _root(covariance: Array) -> Array:
+    """Return R with R'R the covariance, shape (b, b); rounding below zero is zero."""
+    values, vectors = np.linalg.eigh(covariance)
+    return (vectors * np.sqrt(np.maximum(values, 0.0))).T
+
+
 def torque_deviations(estimate: Estimate, log: Log) -> Array:
     """Return the standard deviation of the predicted torque by the parameters' covariance, shape (N, n).
 
@@ -57,18 +80,17 @@ def torque_deviations(estimate: Estimate, log: Log) -> Array:
         LogMismatch: The log has no velocities or accelerations yet.
     """
     observer, beta = Observer(estimate.model, estimate.base), estimate.beta
-    values, vectors = np.linalg.eigh(estimate.covariance)
-    roots = (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    roots = _root(estimate.covariance)
     # With friction that depends on the load the torque is not linear in beta: slopes by central differences.
     slopes = (0.5 * (observer.predict(log, beta + root) - observer.predict(log, beta - root)) for root in roots)
     return np.sqrt(sum(slope**2 for slope in slopes))
 
 
-def mass_matrix_deviations(estimate: Estimate, q: Array) -> Array:
-    """Return the standard deviation of each element of the mass matrix at one posture, shape (n, n), in kg m^2.
+def mass_matrix(estimate: Estimate, q: Array) -> tuple[Array, Array]:
+    """Return the mass matrix with its rotors at one posture and the standard deviation of each element, (n, n) each.
 
     M(q) is linear in the base parameters: its column j is the torque of the unit acceleration of joint j less that at
-    rest, and elements of friction or gravity cancel.
+    rest, and elements of friction or gravity cancel. In kg m^2, kg m or kg.
 
     Args:
         estimate: The estimate.
@@ -80,4 +102,6 @@ def mass_matrix_deviations(estimate: Estimate, q: Array) -> Array:
     motion = Motion(np.tile(np.asarray(q, dtype=float), (joints + 1, 1)), none, ddq, torque=none, temperature=none)
     columns = estimate.model.regressor(motion)[..., estimate.base.independent]
     slopes = columns[:-1] - columns[-1]  # (j, i, b)
-    return np.sqrt(np.maximum(np.einsum("jib,bc,jic->ij", slopes, estimate.covariance, slopes), 0.0))
+    known = estimate.model.known_torque(motion)
+    value = (slopes @ estimate.beta + known[:-1] - known[-1]).T
+    return value, np.sqrt(np.maximum(np.einsum("jib,bc,jic->ij", slopes, estimate.covariance, slopes), 0.0))

@@ -15,9 +15,10 @@ from dynident.estimation.estimators import Estimator
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.friction.load import with_load
-from dynident.estimation.problem import Problem
+from dynident.estimation.problem import Observer, Problem
 from dynident.estimation.uncertainty.bootstrap import Draws, block_bootstrap, refitted
 from dynident.estimation.uncertainty.diagnostics import diagnose
+from dynident.estimation.uncertainty.propagation import PULL, prediction_deviations, standard_covariance
 from dynident.model.reduction import Reduced, least_squares
 
 #: Draws below which a quantile of 2.5 % is a guess.
@@ -27,7 +28,7 @@ FEWEST_DRAWS = 40
 def with_diagnostics(
     estimate: Estimate, problem: Problem, estimator: Estimator, folds: int = 5, draws: int = 0
 ) -> Estimate:
-    """Return the estimate with its diagnostics as plain data.
+    """Return the estimate with its diagnostics as plain data, bands of its torques and deviations of its theta.
 
     Args:
         estimate: The estimate.
@@ -45,7 +46,19 @@ def with_diagnostics(
         problem = with_load(problem, estimate.beta)
     found: dict[str, Any] = diagnose(problem, estimator, estimate.beta, folds).figures()
     found["bootstrap"] = _bootstrap(estimate, problem, estimator, draws) if draws else None
-    return replace(estimate, diagnostics=found)
+    observer = Observer(estimate.model, estimate.base, estimate.beta)
+    spread = np.concatenate([prediction_deviations(observer, log, estimate.covariance) for log in problem.logs])
+    return replace(
+        estimate,
+        diagnostics=found,
+        train=replace(estimate.train, deviations=spread, noise=estimate.joint_deviations),
+        standard_deviations=None if estimate.theta is None else _standard_deviations(estimate, problem),
+    )
+
+
+def _standard_deviations(estimate: Estimate, problem: Problem) -> Array:
+    pull = estimate.options.get("pull") or PULL
+    return np.sqrt(np.maximum(np.diag(standard_covariance(estimate, problem, pull)), 0.0))
 
 
 def _bootstrap(estimate: Estimate, problem: Problem, estimator: Estimator, draws: int) -> dict[str, Any]:

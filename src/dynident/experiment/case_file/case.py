@@ -21,12 +21,13 @@ from dynident.experiment.case_file.constraints_file import KEYS as CONSTRAINT_KE
 from dynident.experiment.case_file.constraints_file import constraints_of
 from dynident.experiment.case_file.limits_section import robot_with_limits
 from dynident.experiment.case_file.log_section import read_columns
+from dynident.experiment.case_file.questions import check_answered, without_open_gains
 from dynident.experiment.case_file.split import Split
 from dynident.experiment.case_file.workspace_section import read_workspace
 from dynident.experiment.formats import ColumnMap, read_log
 from dynident.experiment.log import Log, torque_from_current
 from dynident.experiment.motor_side import joint_side, with_zero
-from dynident.experiment.preprocessing import FILTERS, Preprocessing
+from dynident.experiment.preprocessing import FILTERS, ROWS_PER_PERIOD, Preprocessing
 from dynident.experiment.preprocessing.base import Filter
 from dynident.experiment.room.workspace import Workspace
 from dynident.files import unreadable
@@ -67,6 +68,10 @@ _KEYS = (
     "preprocessing",
 )
 _KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "workspace", "note")
+
+#: Keys of a joint under ``drives``.
+DRIVE_KEYS = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_deviation")
+
 _PREPROCESSING_KEYS = ("filter", "rate_hz", "trim_s", "standstill", "rest", "delay_s")
 
 
@@ -139,6 +144,14 @@ class Case:
         """
         return read_with(self.find(str(name)), self.columns, self.robot, self.locked)
 
+    def read_currents(self, name: str | Path) -> Log:
+        """Return a log as it came: its currents are turned into no torques, and need no gains.
+
+        Raises:
+            LogMismatch: A joint is missing, or a locked joint moves.
+        """
+        return read_signals(self.find(str(name)), self.columns, self.robot, self.locked)
+
 
 def read_with(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
     """Return a log with the joints of a robot and with torques, currents times drive gains where it has none.
@@ -147,7 +160,33 @@ def read_with(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mappin
         LogFormatError: The file is no sound log.
         LogMismatch: A joint is missing, currents have no gain, or a locked joint moves or stands elsewhere.
     """
-    log = read_log(path, columns)
+    return with_meaning(read_log(path, columns), columns, robot, locked)
+
+
+def read_signals(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
+    """Return a log with the joints of a robot and the signals that its file has: currents stay currents.
+
+    Raises:
+        LogFormatError: The file is no sound log.
+        LogMismatch: A joint is missing, or a locked joint moves or stands elsewhere.
+    """
+    return _at_joints(read_log(path, columns), columns, robot, locked)
+
+
+def with_meaning(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
+    """Return rows as they were read with the joints of a robot and with torques, as :func:`read_with` does.
+
+    Each row stands for itself, so the rows of a log may come in parts. Errors as there.
+    """
+    log = _at_joints(log, columns, robot, locked)
+    if log.torque is not None or log.current is None:
+        return log
+    gains = {joint.name: joint.drive.gain for joint in robot.active if joint.drive.gain is not None}
+    return torque_from_current(log, gains, robot.coupling if robot.is_coupled else None)
+
+
+def _at_joints(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None) -> Log:
+    """Return the log with the joints of a robot, on their side of the gears, in its order."""
     zero = dict(zip(log.joints, columns.zero, strict=True)) if columns.zero else {}
     if columns.motor:
         known = [name for name in locked or {} if name in log.joints]
@@ -163,16 +202,13 @@ def read_with(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mappin
             if away > LOCKED_TOLERANCE:
                 step = f"lock it where it stands (locked: {{{name}: ...}}), or do not lock it"
                 raise LogMismatch(log.name, f"{name} is locked at {position:g} but up to {away:.3g} away", step)
-    log = log.ordered(robot.joint_names)
-    if log.torque is not None or log.current is None:
-        return log
-    gains = {joint.name: joint.drive.gain for joint in robot.active if joint.drive.gain is not None}
-    return torque_from_current(log, gains, robot.coupling if robot.is_coupled else None)
+    return log.ordered(robot.joint_names)
 
 
 def default_preprocessing() -> Preprocessing:
-    """Return the stated default: zero-phase Butterworth at 5 Hz, order 4, on both sides; rows at rest left out."""
-    return Preprocessing(FILTERS.make("butterworth", cutoff_hz=5.0), rate_hz=200.0, trim_s=0.5, standstill=0.02)
+    """Return the default: zero-phase Butterworth, order 4, on both sides at a cut-off that identification chooses."""
+    filter = FILTERS.make("butterworth")
+    return Preprocessing(filter, rate_hz=200.0, trim_s=0.5, standstill=0.02, rows_per_period=ROWS_PER_PERIOD)
 
 
 def case_of_robot(path: str) -> Case:
@@ -182,8 +218,12 @@ def case_of_robot(path: str) -> Case:
     return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing(), robot_path=path)
 
 
-def read_case(path: str | Path) -> Case:
+def read_case(path: str | Path, open_gains: bool = False) -> Case:
     """Read a case file, or a robot description as a case with all defaults.
+
+    Args:
+        path: The file.
+        open_gains: Read a case that still asks for drive gains, as one without them.
 
     Raises:
         FileError: No such file.
@@ -198,6 +238,9 @@ def read_case(path: str | Path) -> Case:
         data = file.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from error
+    if open_gains:
+        data = without_open_gains(data)
+    check_answered(path, data)
     value, lines = load_yaml(path, data)
     if isinstance(value, dict) and not {"case", "robot"} & value.keys():
         return case_of_robot(str(path))  # a DH table, or meant to be one
@@ -250,7 +293,7 @@ def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
         section = top.section("drives", names)
         for name, joint in zip(names, robot.active, strict=True):
             if section.has(name):
-                own = section.section(name, ("gear_ratio", "rotor_inertia", "gain", "bias"))
+                own = section.section(name, DRIVE_KEYS)
                 drives[name] = guarded(section.place(name), lambda own=own, joint=joint: _drive(own, joint.drive))
     coupling = top.matrix("coupling", len(names), len(names)) if top.has("coupling") else None
     robot = guarded(top.place("coupling"), lambda: robot.with_drives(drives, coupling))
@@ -271,6 +314,7 @@ def _drive(section: Section, stated: Drive) -> Drive:
         rotor_inertia=section.number("rotor_inertia", stated.rotor_inertia),
         gain=section.number("gain") if section.has("gain") else stated.gain,
         bias=section.number("bias", stated.bias),
+        gain_deviation=section.number("gain_deviation", 0.0 if section.has("gain") else stated.gain_deviation),
     )
 
 
@@ -284,12 +328,13 @@ def _preprocessing(top: Section) -> Preprocessing:
         rate_hz=stated.rate_hz,
     )
     delay = section.value("delay_s") if section.has("delay_s") else "0"
-    rate = section.value("rate_hz") if section.has("rate_hz") else stated.rate_hz
+    rate = section.value("rate_hz") if section.has("rate_hz") else AUTO
     return guarded(
         section.place(),
         lambda: replace(
             how,
-            rate_hz=None if rate in (None, "all") else section.number("rate_hz", stated.rate_hz),
+            rate_hz=stated.rate_hz if rate == AUTO else None if rate in (None, "all") else section.number("rate_hz"),
+            rows_per_period=stated.rows_per_period if rate == AUTO else None,
             trim_s=section.number("trim_s", stated.trim_s),
             standstill=section.number("standstill", stated.standstill),
             rest=section.choice("rest", ("mask", "keep"), stated.rest),

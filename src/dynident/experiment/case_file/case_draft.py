@@ -1,39 +1,28 @@
-"""A case file drafted from a robot description and a log: columns by their names, facts as comments, doubts as remarks.
+"""A case file drafted from a robot description and logs: columns by profiles and names, facts and doubts as comments.
 
-Nothing is converted on a guess: units stand in the file for the user to check, and what no log can tell (drive gains,
-the direction of gravity) is asked for.
+Nothing is converted on a guess: a unit that neither the profile nor the header states, and that the values do not
+support, is asked for with the likely answer; so is what no log can tell (drive gains, mounting, couplings).
 """
 
 from __future__ import annotations
 
-import os
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dynident.errors import LogFormatError
-from dynident.experiment.case_file.case import FORMAT
-from dynident.experiment.formats import ColumnMap, read_header, read_log
-from dynident.experiment.log import Log
+from dynident.errors import BadOption, DynidentError, LogFormatError
+from dynident.experiment.case_file.draft.case_text import Files, case_text
+from dynident.experiment.case_file.draft.found import Found
+from dynident.experiment.case_file.draft.joint_choice import outside_limits
+from dynident.experiment.case_file.draft.readings import gaps, opened
+from dynident.experiment.case_file.draft.recognise import cutoff_of, recognised
+from dynident.experiment.case_file.questions import Question, questions_in
+from dynident.experiment.formats import FORMATS, LogFormat, Table
+from dynident.experiment.profiles import PROFILES
 from dynident.model.descriptions import read_robot
-from dynident.model.descriptions.base import shipped_robots
-from dynident.model.robot import Robot
-
-#: Words of the field for each signal, most telling first; compared without case and separators.
-WORDS: Mapping[str, tuple[str, ...]] = {
-    "time": ("t", "time", "timestamp", "stamp", "times", "timesec"),
-    "q": ("q", "actualq", "pos", "position", "positions", "jointposition", "jointpos", "theta", "angle", "qmeas"),
-    "dq": ("dq", "qd", "actualqd", "vel", "velocity", "jointvelocity", "jointvel", "qdot", "dqmeas"),
-    "torque": ("tau", "tauj", "torque", "jointtorque", "effort", "trq", "measuredtorque", "taumeas"),
-    "current": ("i", "current", "actualcurrent", "motorcurrent", "cur", "curr"),
-}
-
-
-#: Units that stand at the end of column names; they are no more than a hint and are not believed.
-UNIT_WORDS = frozenset("s ms us ns sec rad deg m mm rads degs nm n a amp amps ma".split())
 
 
 @dataclass(frozen=True)
@@ -42,214 +31,187 @@ class Draft:
 
     Attributes:
         text: The YAML text.
-        remarks: What the user has to check or fill in.
+        remarks: What the user has to check.
+        questions: What the file asks for.
+        found: What was recognised, and how.
     """
 
     text: str
     remarks: tuple[str, ...]
+    questions: tuple[Question, ...]
+    found: Found
+
+    @property
+    def needed(self) -> tuple[Question, ...]:
+        """The questions that have to be answered before the file can be used."""
+        return tuple(question for question in self.questions if question.needed)
 
 
-@dataclass(frozen=True)
-class Found:
-    """Columns of a log by signal.
-
-    Attributes:
-        time: Column of the time.
-        signals: Columns per joint of each signal found.
-    """
-
-    time: str
-    signals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-
-
-def draft_case(robot: str, log: str, folder: str | Path = ".") -> Draft:
-    """Draft the case file of a robot and a log.
+def draft_case(
+    robot: str,
+    logs: str | Sequence[str],
+    folder: str | Path = ".",
+    *,
+    test: Sequence[str] = (),
+    profile: str = "",
+    form: str = "",
+    form_options: Mapping[str, str | None] | None = None,
+) -> Draft:
+    """Draft the case file of a robot and its logs.
 
     Args:
         robot: Robot description, or the name of a robot that ships.
-        log: Log of a motion.
+        logs: Log of a motion, or several with the same columns; the first says what the columns are.
         folder: Where the case file will stand; paths in it are relative to it.
+        test: Logs to test on.
+        profile: Profile of the logs; empty for the one that their columns fit.
+        form: Format of the logs; empty for the one by their suffix.
+        form_options: Options of the format as text.
 
     Raises:
         FileError: A file cannot be read.
         DescriptionError: A fault in the robot description.
         LogFormatError: No sound log.
+        UnknownChoice: No such profile or format.
+        BadOption: A profile that does not fit the columns.
     """
     described = read_robot(robot)
-    header = read_header(log)
+    train = (logs,) if isinstance(logs, str) else tuple(logs)
+    if not train:
+        raise BadOption("LOG", "", "name at least one log")
+    if profile:
+        PROFILES.get(profile)
+    tables, written = _tables((*train, *test), form, dict(form_options or {}))
+    found = recognised(described, tables, profile)
+    if profile and not found.profiles:
+        reads = ", ".join(channel.pattern for channel in PROFILES.make(profile).read_channels().values())
+        step = f"it reads {PROFILES.make(profile).time}, {reads}, for each joint of the robot; leave the profile out"
+        raise BadOption("profile", profile, step)
+    found = replace(found, form=written)
+    remarks = tuple(_remarks(found))
+    files = Files(robot, train, tuple(test), Path(folder))
+    text = case_text(found, files, remarks)
+    return Draft(text, remarks, questions_in(text), found)
+
+
+def draft_summary(draft: Draft) -> dict[str, Any]:
+    """Return what was recognised, with how sure it is in words, as plain data for JSON."""
+    found = draft.found
+    units = {
+        quantity: {"unit": told.text, "confidence": _word(told.certain, told.text), "evidence": told.why}
+        for quantity, told in found.units.items()
+    }
+    signals = {
+        signal: {"columns": list(source.columns), "side": source.side, "evidence": source.how}
+        for signal, source in found.sources.items()
+    }
+    logs = [
+        {"path": r.path, "rows": r.rows, "duration_s": r.duration * found.to_seconds,
+         "rate_hz": 1 / (r.step * found.to_seconds), "faults": list(r.notes)}
+        for r in found.readings
+    ]  # fmt: skip
+    joints = found.joints
+    return {
+        "robot": found.robot.name,
+        "profiles": [{"name": fit.name, "known_columns": fit.known, "evidence": fit.why()} for fit in found.profiles],
+        "time": found.time,
+        "joints": {
+            "names": list(joints.names), "confidence": _word(joints.certain, bool(joints.names)), "evidence": joints.why
+        },
+        "signals": signals,
+        "units": units,
+        "left_out": dict(found.left_out),
+        "refused": {group.shown(): why for group, why in found.refused},
+        "logs": logs,
+        "band_hz": found.band_hz,
+        "cutoff_hz": cutoff_of(found),
+        "remarks": list(draft.remarks),
+        "questions": [{"line": q.line, "asks_for": q.text, "needed": q.needed} for q in draft.questions],
+    }  # fmt: skip
+
+
+def _word(certain: bool, likely: object) -> str:
+    return "certain" if certain else "likely, asked" if likely else "asked"
+
+
+def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> tuple[list[Table], str]:
+    """Return the opened logs, and the line of the case file that says how, where the suffix does not."""
+    if form:
+        made = FORMATS.make_from_text(form, options)
+        inside = ", ".join(f"{key}: {value}" for key, value in options.items())
+        return [opened(log, made) for log in logs], f"format: {f'{{{form}: {{{inside}}}}}' if options else form}"
+    first: LogFormatError
     try:
-        found = find_columns(header, described, log)
+        tables = [opened(log) for log in logs]
+        if _is_table(tables[0]):
+            return tables, ""
+        first = LogFormatError(logs[0], tables[0].line, "no rows of numbers", "is it a log?")
     except LogFormatError as error:
-        remark = f"{error.evidence}: fill in the columns"
-        return Draft(_text_to_fill_in(described, robot, log, header, Path(folder)), (remark,))
-    columns = ColumnMap(joints=described.joint_names, time=found.time, **_complete(found))  # type: ignore[arg-type]
-    read = read_log(log, columns)
-    remarks = _remarks(described, read, found)
-    return Draft(_text(described, robot, log, read, found, Path(folder), remarks), tuple(remarks))
+        first = error
+    if Path(logs[0]).suffix.lower() in FORMATS.get("csv").suffixes:
+        for line, kind in (('decimal: ","', FORMATS.make("csv", decimal=",")), ("format: twincat_scope", _scope())):
+            tables = _readable(logs, kind)
+            if tables:
+                return tables, f"{line}   # the file reads as this only"
+    raise first
 
 
-def find_columns(header: Sequence[str], robot: Robot, log: str) -> Found:
-    """Return which columns of a header are which signals, by the words and numbers in their names.
-
-    Raises:
-        LogFormatError: No time or no positions are found.
-    """
-    time = next((name for word in WORDS["time"] for name in header if _bare(name) == word), None)
-    signals = {}
-    for signal in ("q", "dq", "torque", "current"):
-        columns = _columns_of(WORDS[signal], header, robot)
-        if columns:
-            signals[signal] = columns
-    missing = "time" if time is None else "positions" if "q" not in signals else None
-    if time is None or missing:
-        listed = ", ".join(header[:40])
-        step = f"the header has {listed}; write the case file by hand (docs/case-file.md) and name the columns there"
-        raise LogFormatError(log, 1, f"no columns for the {missing} of {robot.dof} joints can be told", step)
-    return Found(time, signals)
+def _scope() -> LogFormat:
+    return FORMATS.make("twincat_scope")
 
 
-def _columns_of(words: Sequence[str], header: Sequence[str], robot: Robot) -> tuple[str, ...] | None:
-    """Return one column per joint: a word with a number from 1 or 0, or a word with the name of the joint."""
-    count = robot.dof
-    for word in words:
-        for first in (1, 0):
-            numbered = {_bare(name): name for name in header}
-            wanted = [f"{word}{k}" for k in range(first, first + count)]
-            beyond = f"{word}{first + count}" in numbered
-            if all(name in numbered for name in wanted) and not beyond:
-                return tuple(numbered[name] for name in wanted)
-        named = []
-        for joint in robot.joint_names:
-            forms = {_bare(joint) + word, word + _bare(joint)}
-            named += [name for name in header if _bare(name) in forms][:1]
-        if len(named) == count:
-            return tuple(named)
-    return None
-
-
-def _bare(name: str) -> str:
-    """Return a name without case, separators and the units at its end."""
-    words = re.findall(r"[a-z0-9]+", name.lower())
-    while len(words) > 1 and words[-1] in UNIT_WORDS:
-        words.pop()
-    return "".join(words)
-
-
-def _complete(found: Found) -> dict[str, tuple[str, ...]]:
-    return {signal: found.signals.get(signal, ()) for signal in ("q", "dq", "torque", "current")}
-
-
-def _remarks(robot: Robot, log: Log, found: Found) -> list[str]:
-    remarks = []
-    largest = float(np.abs(log.q).max())
-    if largest > 4 * np.pi:
-        remarks.append(f"positions reach {largest:.4g}: if they are degrees, set units: position: deg")
-    for joint, low, high in zip(robot.active, log.q.min(axis=0), log.q.max(axis=0), strict=True):
-        if low < joint.limits.lower - 0.02 or high > joint.limits.upper + 0.02:
-            span = f"{low:.4g} to {high:.4g}, limits {joint.limits.lower:.4g} to {joint.limits.upper:.4g}"
-            remarks.append(f"{joint.name} leaves its limits ({span}): check units, sign and order of the columns")
-        if high - low < 1e-3:
-            remarks.append(f"{joint.name} never moves; lock it (locked:) or record a motion of all joints")
-    if "torque" not in found.signals:
-        what = "currents only: fill in the drive gains" if "current" in found.signals else "no torques and no currents"
-        remarks.append(what)
-    return remarks
-
-
-def _text(
-    robot: Robot, description: str, path: str, log: Log, found: Found, folder: Path, remarks: Sequence[str]
-) -> str:
-    steps = np.diff(log.time)
-    moved = np.ptp(log.q, axis=0) >= 1e-3
-    still = {n: q for n, q, m in zip(robot.joint_names, np.median(log.q, axis=0), moved, strict=True) if not m}
-    where = description if description in shipped_robots() else _relative(description, folder)
-    gravity = ", ".join(f"{g:g}" for g in robot.gravity)
-    lines = [
-        "# Case file of dynident; docs/case-file.md describes every key.",
-        f"# Drafted from {Path(path).name}: {log.samples} samples, {log.duration:.4g} s,",
-        f"# {1 / np.median(steps):.5g} Hz, steps of {steps.min() * 1e3:.4g} to {steps.max() * 1e3:.4g} ms.",
-        *[f"# CHECK: {remark}" for remark in remarks],
-        f"case: {FORMAT}",
-        f"robot: {_quoted(where)}",
-        f"# gravity: [{gravity}]   # in the base frame, m/s^2; turn it for a tilted mounting",
-        f"locked: {{{', '.join(f'{_quoted(name)}: {q:.6g}' for name, q in still.items())}}}   # where they stand"
-        if still
-        else "# locked: {joint6: 0}",
-        f"joints: {_list(robot.joint_names)}   # in the order of the columns",
-        *_drives(robot, found),
-        "friction:",
-        "  - coulomb: {width: 0.02}   # rad/s over which the sign turns",
-        "  - viscous",
-        "  - offset",
-        "  # - rotor_inertia          # for geared drives whose torque is measured at the motor",
-        "log:",
-        "  columns:",
-        f"    time: {_quoted(found.time)}",
-        *[f"    {signal}: {_list(names)}" for signal, names in found.signals.items()],
-        *_unit_lines(robot, found),
-        "preprocessing:",
-        "  filter:",
-        "    butterworth: {cutoff_hz: 5}   # on both sides of the equation; positions five times higher",
-        "  rate_hz: 200",
-        "  trim_s: 0.5",
-        "  standstill: 0.02             # rad/s; rows at rest are left out of the fit",
-        "estimator: consistent",
-        f"train: {_quoted(_relative(path, folder))}",
-        "split: first:0.67              # or test: another-run.csv",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _text_to_fill_in(robot: Robot, description: str, path: str, header: Sequence[str], folder: Path) -> str:
-    """Return the case file of a log whose columns cannot be told: they stand there as a comment."""
-    where = description if description in shipped_robots() else _relative(description, folder)
-    lines = [
-        "# Case file of dynident; docs/case-file.md describes every key.",
-        f"# The columns of {Path(path).name}: {', '.join(repr(name) for name in header)}",
-        f"case: {FORMAT}",
-        f"robot: {_quoted(where)}",
-        f"joints: {_list(robot.joint_names)}   # FILL IN: only those in the log, in the order of its columns",
-        "# locked: rest              # when the log has fewer joints than the robot",
-        "friction: [coulomb, viscous, offset]",
-        "log:",
-        "  columns:                  # FILL IN: one name per joint, or a pattern with {} for its number",
-        "    time:",
-        "    q: []",
-        "    torque: []              # or current: [], with drives: {joint: {gain: ...}}",
-        *_unit_lines(robot, Found("", {"q": (), "torque": ()})),
-        f"train: {_quoted(_relative(path, folder))}",
-        "split: first:0.67",
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _drives(robot: Robot, found: Found) -> list[str]:
-    if "torque" in found.signals or "current" not in found.signals:
+def _readable(logs: Sequence[str], form: LogFormat) -> list[Table]:
+    try:
+        tables = [opened(log, form) for log in logs]
+        return tables if _is_table(tables[0]) else []
+    except DynidentError:
         return []
-    head = "drives:   # FILL IN: joint torque per ampere of motor current, N m/A (gear ratio x torque constant)"
-    return [head, *[f"  {_quoted(name)}: {{gain: }}" for name in robot.joint_names]]
 
 
-def _unit_lines(robot: Robot, found: Found) -> list[str]:
-    def words(turning: str, sliding: str) -> str:
-        each = [sliding if joint.kind == "prismatic" else turning for joint in robot.active]
-        return each[0] if len(set(each)) == 1 else f"[{', '.join(each)}]"
-
-    lines = ["  units:   # CHECK: no log can tell them", "    time: s", f"    position: {words('rad', 'm')}"]
-    lines += [f"    velocity: {words('rad/s', 'm/s')}"] if "dq" in found.signals else []
-    lines += [f"    torque: {words('N m', 'N')}"] if "torque" in found.signals else []
-    return lines + (["    current: A"] if "current" in found.signals else [])
+def _is_table(table: Table) -> bool:
+    """Return whether the first column holds numbers; a header alone is no proof that a text was read rightly."""
+    if table.line is None:
+        return True
+    table.columns(table.header[:1])
+    return True
 
 
-def _relative(path: str, folder: Path) -> str:
-    return Path(os.path.relpath(path, folder)).as_posix()
+def _remarks(found: Found) -> list[str]:
+    remarks = [note for reading in found.readings for note in reading.notes]
+    remarks = [f"{note}: dynident check says where, and --fix mends what is safe" for note in dict.fromkeys(remarks)]
+    for reading in found.readings:
+        if gaps(reading.time * found.to_seconds):
+            remarks.append(f"{Path(reading.path).name} has gaps in time: split it there")
+    if not found.time or "q" not in found.sources:
+        what = "time" if not found.time else "positions"
+        remarks.append(f"the columns of the {what} cannot be told: fill them in, or draft again with --profile")
+        return remarks
+    moving, told = found.moving, found.units["position"]
+    if moving is not None and told.certain and found.joints.certain:
+        order = [found.joints.names.index(joint.name) for joint in moving.active]
+        factor = np.pi / 180 if "deg" in told.words else 1.0
+        q = np.concatenate([reading.signals["q"] for reading in found.readings])[:, order] * factor
+        outside = outside_limits(moving.active, q)
+        remarks += [f"{text}: check units, sign and order of the columns" for text in outside]
+    for name in found.still:
+        remarks.append(
+            f"{name} never moves; it is locked where it stands; record a motion of all joints to identify it"
+        )
+    if not found.effort:
+        remarks.append("no torques and no currents: nothing can be identified without one of them")
+    return remarks + _against(found)
 
 
-def _list(names: Sequence[str]) -> str:
-    return f"[{', '.join(_quoted(name) for name in names)}]"
-
-
-def _quoted(text: str) -> str:
-    """Return a text as YAML: plain where it is a simple word, else in single quotes."""
-    simple = re.fullmatch(r"[A-Za-z_./][A-Za-z0-9_./+-]*", text) and text.lower() not in ("null", "none")
-    return text if simple else "'" + text.replace("'", "''") + "'"
+def _against(found: Found) -> list[str]:
+    evidence, moving = found.evidence, found.moving
+    if found.effort != "torque" or evidence is None or moving is None:
+        return []
+    against = [
+        name
+        for name, ratio, telling in zip(moving.joint_names, evidence.ratios, evidence.telling, strict=True)
+        if telling and ratio < 0
+    ]
+    if not against:
+        return []
+    step = "check the sign and the order of the columns, and the direction of gravity"
+    return [f"the torque of {', '.join(against)} goes against that of the description's masses: {step}"]

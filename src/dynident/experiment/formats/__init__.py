@@ -5,14 +5,28 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynident.errors import LogFormatError
-from dynident.experiment.formats._table import log_of
+from dynident.experiment.formats._stream import LogStream
+from dynident.experiment.formats._table import Table, log_of
 from dynident.experiment.formats.base import ColumnMap, LogFormat, Units, written_columns
 from dynident.experiment.log import Log
 from dynident.plugins import Family
 
 FORMATS: Family[LogFormat] = Family("dynident.experiment.formats", LogFormat, "log format")  # type: ignore[type-abstract]
 
-__all__ = ["FORMATS", "ColumnMap", "LogFormat", "Units", "read_header", "read_log", "write_log", "written_columns"]
+__all__ = [
+    "FORMATS",
+    "ColumnMap",
+    "LogFormat",
+    "LogStream",
+    "Table",
+    "Units",
+    "open_log",
+    "read_header",
+    "read_log",
+    "stream_log",
+    "write_log",
+    "written_columns",
+]
 
 
 def read_log(path: str | Path, columns: ColumnMap | None = None, *, form: str | LogFormat | None = None) -> Log:
@@ -30,6 +44,37 @@ def read_log(path: str | Path, columns: ColumnMap | None = None, *, form: str | 
     """
     chosen = columns or ColumnMap()
     return log_of(_chosen(path, _form(chosen) if form is None else form).open(path), chosen)
+
+
+def stream_log(path: str | Path, columns: ColumnMap | None = None, *, folder: Path | None = None) -> LogStream:
+    """Return the log in a file, to be read block by block.
+
+    Args:
+        path: The file.
+        columns: As for :func:`read_log`.
+        folder: Where rows of a format that is slow to decode are kept meanwhile; None for the system's own folder.
+
+    Raises:
+        FileError: The file cannot be read at all.
+        LogFormatError: It has no sound header, lacks a column, or no format has its suffix.
+    """
+    chosen = columns or ColumnMap()
+    table = _chosen(path, _form(chosen)).open(path)
+    return LogStream(table, chosen.resolved(table.header, table.path, table.line), folder)
+
+
+def open_log(path: str | Path, columns: ColumnMap | None = None) -> Table:
+    """Return the table of a log file, with its faults: its values are read but not checked.
+
+    Args:
+        path: The file.
+        columns: The map whose format it has; None for the format by its suffix.
+
+    Raises:
+        FileError: The file cannot be read at all.
+        LogFormatError: It has no sound header, or no format has its suffix.
+    """
+    return _chosen(path, None if columns is None else _form(columns)).open(path)
 
 
 def read_header(path: str | Path, *, form: str | LogFormat | None = None) -> tuple[str, ...]:

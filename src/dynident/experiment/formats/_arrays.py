@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import stat
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,8 +13,11 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import FileError, LogFormatError
-from dynident.experiment.formats._table import MAX_CELLS, Table
+from dynident.experiment.formats._table import MAX_CELLS, TOO_LARGE, Blocks, Table
 from dynident.files import sha256_of, unreadable
+
+#: Rows that are taken at a time from files that give them in parts.
+_ROWS = 1 << 15
 
 #: Columns of one array at most: more is a matrix of another kind.
 MAX_WIDTH = 256
@@ -36,13 +39,27 @@ class ArrayTable(Table):
     Attributes:
         places: Where each column stands.
         load: Returns an array by its name.
+        rows: Number of rows.
+        parts: Returns blocks of rows of an array by its name, each (rows, k), where that takes no more memory; else
+            None.
     """
 
     places: Mapping[str, Place]
     load: Callable[[str], Array]
+    rows: int = 0
+    parts: Callable[[str, int], Iterator[Array]] | None = None
 
     def columns(self, names: Sequence[str]) -> Array:
         """Return some columns; see :meth:`Table.columns`."""
+        if self.rows * len(names) > MAX_CELLS:
+            evidence = f"{self.rows:,} rows of {len(names)} columns, more than are read at once"
+            raise LogFormatError(self.path, None, evidence, TOO_LARGE)
+        if self.parts is not None:
+            whole, start = np.empty((self.rows, len(names))), 0
+            for block in self.batches(names, _ROWS):
+                whole[start : start + len(block)] = block
+                start += len(block)
+            return whole
         arrays: dict[str, Array] = {}
         found = []
         for name in names:
@@ -54,9 +71,22 @@ class ArrayTable(Table):
             found.append(np.asarray(column, dtype=np.float64).reshape(-1))
         return np.stack(found, axis=1)
 
+    def batches(self, names: Sequence[str], rows: int) -> Blocks:
+        """Yield some columns in blocks; see :meth:`Table.batches`."""
+        if self.parts is None:
+            return (yield from super().batches(names, rows))
+        places = [self.places[name] for name in names]
+        arrays = list(dict.fromkeys(place.array for place in places))
+        for blocks in zip(*(self.parts(name, rows) for name in arrays), strict=True):
+            there = dict(zip(arrays, blocks, strict=True))
+            yield np.stack([there[p.array][:, p.index or 0] for p in places], axis=1).astype(np.float64, copy=False)
+        return ()
 
-def columns_of(path: str | Path, shapes: Mapping[str, tuple[int, ...]], number_vectors: bool) -> dict[str, Place]:
-    """Return the columns of a file of arrays.
+
+def columns_of(
+    path: str | Path, shapes: Mapping[str, tuple[int, ...]], number_vectors: bool
+) -> tuple[dict[str, Place], int]:
+    """Return the columns of a file of arrays, and the number of their rows.
 
     A vector of N numbers is a column of its own name; an array (N, k) or (k, N) is the columns name1, ..., namek. N is
     the length that most arrays have; arrays of other shapes are passed over.
@@ -67,7 +97,7 @@ def columns_of(path: str | Path, shapes: Mapping[str, tuple[int, ...]], number_v
         number_vectors: Whether (N, 1) is called ``name1``; else ``name``, for formats in which a vector is (N, 1).
 
     Raises:
-        LogFormatError: No array is as long as a log, or one is too large.
+        LogFormatError: No array is as long as a log.
     """
     lengths = Counter(max(shape) for shape in shapes.values() if len(shape) in (1, 2) and max(shape, default=0) > 1)
     if not lengths:
@@ -86,10 +116,7 @@ def columns_of(path: str | Path, shapes: Mapping[str, tuple[int, ...]], number_v
                 continue
             single = width == 1 and not number_vectors
             found |= {name if single else f"{name}{k + 1}": Place(name, k, across) for k in range(width)}
-    if count * len(found) > MAX_CELLS:
-        evidence = f"{count:,} rows of {len(found)} columns, more than are read at once"
-        raise LogFormatError(path, None, evidence, "split it into several logs")
-    return found
+    return found, count
 
 
 def checked_file(path: str | Path, most: int) -> str:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from array import array
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from dynident.errors import LogFormatError
 from dynident.experiment.formats._alignment import TIME, Series, aligned, chosen, unused
 from dynident.experiment.formats._bag_messages import Layout, columns_of, numbers_of, stamp_of
 from dynident.experiment.formats._bag_source import BagSource
-from dynident.experiment.formats._table import MAX_CELLS, Table
+from dynident.experiment.formats._bag_stream import MOST_BACK, Held
+from dynident.experiment.formats._table import MAX_CELLS, TOO_LARGE, Blocks, Table
 from dynident.experiment.formats.base import shown
 
 #: Messages of each topic that are looked at for the names of the columns.
@@ -23,9 +25,6 @@ _LOOKED_AT = 500
 
 #: Share of the messages whose numbers may be not finite; these are left out, and counted.
 _MOST_NOT_FINITE = 0.05
-
-#: How far stamps may run back, in ns, for messages that only arrived out of order.
-_MOST_BACK = 1_000_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +40,8 @@ class BagTable(Table):
     source: BagSource
     topics: tuple[str, ...]
     stamps: str
+
+    rereads: ClassVar = False
 
     def columns(self, names: Sequence[str]) -> Array:
         """Return some columns; see :meth:`Table.columns`."""
@@ -67,6 +68,72 @@ class BagTable(Table):
             places[TIME] = np.empty(0)
         return np.stack([places[name] for name in names], axis=1), tuple(notes)
 
+    def batches(self, names: Sequence[str], rows: int) -> Blocks:
+        """Yield some columns in blocks; see :meth:`Table.batches`.
+
+        Where no message carries all columns, messages are put together at their stamps, which takes all rows at once.
+        """
+        wanted = tuple(name for name in names if name != TIME)
+        if not any(self._carried(topic, wanted) for topic in self.topics):
+            return (yield from super().batches(names, rows))
+        held, found = Held(wanted), _Gathered()
+        order = [wanted.index(name) if name != TIME else len(wanted) for name in names]
+        for stamp, numbers in self._carriers(wanted, found):
+            held.add(stamp, numbers)
+            if len(held) >= 2 * rows:
+                for block in held.rows():
+                    yield self._block(held, block, order)
+        for block in held.rows(end=True):
+            yield self._block(held, block, order)
+        if held.unsound > _MOST_NOT_FINITE * held.taken:
+            worst, count = held.not_finite.most_common(1)[0]
+            raise self._not_finite(worst, f"{count} of {held.taken}")
+        notes = [found.note(self.source, held.taken), "; ".join(held.notes())]
+        notes += [f"{n} messages with {len(some)} of the columns only left out" for some, n in found.partial.items()]
+        if held.first is not None:
+            notes.append(f"time counted from the stamp {held.first} ns")
+        return tuple(filter(None, notes))
+
+    def _carried(self, topic: str, wanted: Sequence[str]) -> bool:
+        """Return whether one of the first messages of a topic carries all wanted columns."""
+        messages = islice(self.source.messages([topic]), _LOOKED_AT)
+        return any(set(wanted) <= set(self._names(topic, numbers_of(message)[0])) for _, _, message in messages)
+
+    def _carriers(self, wanted: tuple[str, ...], found: _Gathered) -> Iterator[tuple[int, Array]]:
+        """Yield stamp and numbers of the messages that carry all wanted columns; the others are counted."""
+        picks: dict[tuple[str, Layout], tuple[tuple[str, ...], IntArray]] = {}
+        for topic, received, message in self.source.messages(self.topics):
+            layout, numbers = numbers_of(message)
+            if (topic, layout) not in picks:
+                picks[topic, layout] = _picked(self._names(topic, layout), wanted)
+            columns, places = picks[topic, layout]
+            if not columns:
+                found.other[topic] += 1
+                continue
+            if len(columns) < len(wanted):
+                found.partial[columns] += 1
+                continue
+            stamp = stamp_of(message) if self.stamps == "header" else received
+            if stamp is None:
+                found.headless[topic] += 1
+                stamp = received
+            yield stamp, numbers[places]
+
+    def _block(self, held: Held, block: tuple[IntArray, Array], order: Sequence[int]) -> Array:
+        """Return rows in the order of the wanted columns, the time from the first stamp on."""
+        stamps, values = block
+        if self.stamps == "header" and not stamps.any():
+            raise self._no_stamps()
+        return np.column_stack([values, (stamps - (held.first or 0)) / 1e9])[:, order]
+
+    def _no_stamps(self) -> LogFormatError:
+        step = "read it by the times at which messages were received: format: {rosbag: {stamps: receive}}"
+        return LogFormatError(self.path, None, "the stamps in the headers are all 0", step)
+
+    def _not_finite(self, column: str, share: str) -> LogFormatError:
+        evidence = f"'{shown(column)}' is not finite in {share} messages"
+        return LogFormatError(self.path, None, evidence, "record one publisher only, or read another column")
+
     def _gathered(self, wanted: Sequence[str]) -> _Gathered:
         """Return the numbers of all messages that carry any of the wanted columns."""
         found = _Gathered()
@@ -90,7 +157,7 @@ class BagTable(Table):
             cells += len(columns)
             if cells > MAX_CELLS:
                 evidence = f"more than {MAX_CELLS:,} numbers, more than are read at once"
-                raise LogFormatError(self.path, None, evidence, "split the recording")
+                raise LogFormatError(self.path, None, evidence, TOO_LARGE)
         return found
 
     def _names(self, topic: str, layout: Layout) -> tuple[str, ...]:
@@ -104,10 +171,9 @@ class BagTable(Table):
         if len(stamps) < len(part[0]):
             notes.append(f"{len(part[0]) - len(stamps)} of {len(part[0])} messages left out: numbers not finite")
         if self.stamps == "header" and len(stamps) and not stamps.any():
-            step = "read it by the times at which messages were received: format: {rosbag: {stamps: receive}}"
-            raise LogFormatError(self.path, None, "the stamps in the headers are all 0", step)
+            raise self._no_stamps()
         back = np.diff(stamps)
-        if np.any(back < 0) and back.min() >= -_MOST_BACK:
+        if np.any(back < 0) and back.min() >= -MOST_BACK:
             notes.append(f"{np.sum(back < 0)} messages put into the order of their stamps")
             order = np.argsort(stamps, kind="stable")
             stamps, values = stamps[order], values[order]
@@ -123,8 +189,7 @@ class BagTable(Table):
         if rows.sum() <= _MOST_NOT_FINITE * len(rows):
             return stamps[~rows], values[~rows]
         worst = columns[int(np.argmax(bad.sum(axis=0)))]
-        evidence = f"'{shown(worst)}' is not finite in {rows.sum()} of {len(rows)} messages"
-        raise LogFormatError(self.path, None, evidence, "record one publisher only, or read another column")
+        raise self._not_finite(worst, f"{rows.sum()} of {len(rows)}")
 
 
 @dataclass(frozen=True)
@@ -134,10 +199,11 @@ class _Gathered:
     parts: dict[tuple[str, ...], tuple[array[int], array[float]]] = field(default_factory=dict)
     other: Counter[str] = field(default_factory=Counter)
     headless: Counter[str] = field(default_factory=Counter)
+    partial: Counter[tuple[str, ...]] = field(default_factory=Counter)
 
-    def note(self, source: BagSource) -> str:
-        """Return what is to be known about the messages, for the provenance."""
-        used = sum(len(stamps) for stamps, _ in self.parts.values())
+    def note(self, source: BagSource, streamed: int = 0) -> str:
+        """Return what is to be known about the messages, for the provenance; ``streamed`` ones are not kept here."""
+        used = streamed + self.partial.total() + sum(len(stamps) for stamps, _ in self.parts.values())
         texts = [f"the file is cut: {used + self.other.total()} messages recovered"] if source.cut else []
         texts += [f"{count} messages of {topic} carry none of the columns" for topic, count in self.other.items()]
         texts += [f"no headers in {topic}: receive times" for topic in self.headless]

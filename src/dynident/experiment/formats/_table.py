@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
@@ -19,6 +20,12 @@ MIN_SAMPLES = 10
 #: Cells that are read at once at most: 2 GiB of numbers.
 MAX_CELLS = 1 << 28
 
+#: What to do with a file that is larger than what is read at once.
+TOO_LARGE = "reduce it as a stream: dynident reduce CASE LOG -o part.tri"
+
+#: Blocks of rows of a table, shape (rows, columns); when they have ended, in words what was done to get them.
+Blocks: TypeAlias = Generator[Array, None, tuple[str, ...]]
+
 
 @dataclass(frozen=True, kw_only=True)
 class Table(ABC):
@@ -30,6 +37,7 @@ class Table(ABC):
         header: Names of the columns, in order.
         how: In words how it is read, for the provenance.
         line: Line of the header where the file is text, counted from 1; else None.
+        rereads: Whether some columns can be read again at little cost; a stream keeps the rows of others on disk.
     """
 
     path: str
@@ -37,6 +45,8 @@ class Table(ABC):
     header: tuple[str, ...]
     how: str
     line: int | None = None
+
+    rereads: ClassVar[bool] = True
 
     @abstractmethod
     def columns(self, names: Sequence[str]) -> Array:
@@ -54,6 +64,19 @@ class Table(ABC):
         """
         return self.columns(names), ()
 
+    def batches(self, names: Sequence[str], rows: int) -> Blocks:
+        """Yield some columns in blocks of at most ``rows`` rows, shape (rows, len(names)); returns the notes.
+
+        Memory holds one block, except in formats that can only be read as a whole: there all rows are in memory.
+
+        Raises:
+            LogFormatError: A cell that is no number.
+        """
+        values, notes = self.read(names)
+        for start in range(0, len(values), rows):
+            yield values[start : start + rows]
+        return notes
+
     def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
         """Return the error to raise for a row, counted from 0."""
         return LogFormatError(self.path, None, f"row {row + 1}: {evidence}", step)
@@ -67,43 +90,91 @@ def log_of(table: Table, columns: ColumnMap) -> Log:
         BadOption: Units that do not fit each other.
     """
     chosen = columns.resolved(table.header, table.path, table.line)
-    stated = chosen.stated()
-    names = [chosen.time, *(name for signal in stated.values() for name in signal)]
-    values, notes = table.read(names)
-    _check_cells(table, names, values)
-    time = chosen.time_to_si(values[:, 0])
-    _check_time(table, chosen.time, time)
-    count = len(chosen.joints)
-    blocks = {name: values[:, 1 + k * count : 1 + (k + 1) * count] for k, name in enumerate(stated)}
-    signals = {name: chosen.to_si(name, block) for name, block in blocks.items()}
-    steps = tuple(filter(None, (f"read as {table.how}", *notes, chosen.conversions())))
-    return Log(chosen.joints, time, source=Source(table.path, table.sha256, len(values), steps), **signals)
+    values, notes = table.read(names_of(chosen))
+    checked = Checked(table, chosen)
+    log = checked.block(values)
+    checked.end()
+    return replace(log, source=checked.source(notes))
 
 
-def _check_cells(table: Table, names: Sequence[str], values: Array) -> None:
-    """Refuse too few rows, and name the first cell that is not finite."""
-    bad = ~np.isfinite(values)
-    if np.any(bad):
-        row = int(np.argmax(bad.any(axis=1)))
-        column = int(np.argmax(bad[row]))
-        many = f" ({bad.sum()} such cells in {bad.any(axis=1).sum()} rows)" if bad.sum() > 1 else ""
-        evidence = f"column '{shown(names[column])}' holds {values[row, column]:g}{many}"
-        raise table.fault(row, evidence, "mend the recording or leave these rows out")
-    if len(values) < MIN_SAMPLES:
-        step = "an identification needs seconds of motion"
-        raise LogFormatError(table.path, table.line, f"only {len(values)} rows", step)
+def names_of(columns: ColumnMap) -> list[str]:
+    """Return the columns that a resolved map reads, the time first."""
+    return [columns.time, *(name for signal in columns.stated().values() for name in signal)]
 
 
-def _check_time(table: Table, column: str, time: Array) -> None:
-    """Refuse time that runs back or stands still."""
-    steps = np.diff(time)
-    for wrong, what, step in (
-        (steps < 0, "runs back", "split the log there, or sort its rows if they are only out of order"),
-        (steps == 0, "repeats", "leave the repeated rows out, or write the time with more digits"),
-    ):
-        if np.any(wrong):
-            row = int(np.argmax(wrong)) + 1
-            count = int(wrong.sum())
-            many = f" ({count} such rows)" if count > 1 else ""
-            evidence = f"time in column '{column}' {what}: {time[row - 1]:.9g} s, then {time[row]:.9g} s{many}"
-            raise table.fault(row, evidence, step)
+class Checked:
+    """Turns blocks of rows into logs in SI units, and refuses unsound rows by their number in the file.
+
+    Attributes:
+        rows: Rows seen so far.
+    """
+
+    def __init__(self, table: Table, columns: ColumnMap) -> None:
+        self.rows = 0
+        self._table, self._columns, self._names = table, columns, names_of(columns)
+        self._last: float | None = None
+
+    def block(self, values: Array) -> Log:
+        """Return the log of the next rows, shape (rows, columns of :func:`names_of`).
+
+        Raises:
+            LogFormatError: A cell that is not finite, or time that does not run forward.
+        """
+        time = self.time(values)
+        chosen, count = self._columns, len(self._columns.joints)
+        signals = {
+            name: chosen.to_si(name, values[:, 1 + k * count : 1 + (k + 1) * count])
+            for k, name in enumerate(chosen.stated())
+        }
+        return Log(chosen.joints, time, source=Source(self._table.path, self._table.sha256), **signals)
+
+    def time(self, values: Array) -> Array:
+        """Return the time of the next rows in s, shape (rows,), which may be all that is read; see :meth:`block`."""
+        self._check_cells(values)
+        time = self._columns.time_to_si(values[:, 0])
+        self._check_time(time)
+        self.rows += len(values)
+        return time
+
+    def end(self) -> None:
+        """Refuse what has too few rows.
+
+        Raises:
+            LogFormatError: Fewer than ten.
+        """
+        if self.rows < MIN_SAMPLES:
+            step = "an identification needs seconds of motion"
+            raise LogFormatError(self._table.path, self._table.line, f"only {self.rows} rows", step)
+
+    def source(self, notes: tuple[str, ...]) -> Source:
+        """Return where the rows seen so far come from, and what was done to get them."""
+        steps = filter(None, (f"read as {self._table.how}", *notes, self._columns.conversions()))
+        return Source(self._table.path, self._table.sha256, self.rows, tuple(steps))
+
+    def _check_cells(self, values: Array) -> None:
+        """Name the first cell that is not finite."""
+        bad = ~np.isfinite(values)
+        if np.any(bad):
+            row = int(np.argmax(bad.any(axis=1)))
+            column = int(np.argmax(bad[row]))
+            many = f" ({bad.sum()} such cells in {bad.any(axis=1).sum()} rows)" if bad.sum() > 1 else ""
+            evidence = f"column '{shown(self._names[column])}' holds {values[row, column]:g}{many}"
+            raise self._table.fault(self.rows + row, evidence, "mend the recording or leave these rows out")
+
+    def _check_time(self, time: Array) -> None:
+        """Refuse time that runs back or stands still, also from the block before to this one."""
+        known = time if self._last is None else np.append(self._last, time)
+        steps = np.diff(known)
+        for wrong, what, step in (
+            (steps < 0, "runs back", "split the log there, or sort its rows if they are only out of order"),
+            (steps == 0, "repeats", "leave the repeated rows out, or write the time with more digits"),
+        ):
+            if np.any(wrong):
+                row = int(np.argmax(wrong)) + 1
+                count = int(wrong.sum())
+                many = f" ({count} such rows)" if count > 1 else ""
+                column = self._columns.time
+                evidence = f"time in column '{column}' {what}: {known[row - 1]:.9g} s, then {known[row]:.9g} s{many}"
+                raise self._table.fault(self.rows + row - (len(known) - len(time)), evidence, step)
+        if len(time):
+            self._last = float(time[-1])

@@ -8,22 +8,23 @@ import os
 import re
 import stat
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import TextIO
+from typing import ClassVar, TextIO
 
 import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import FileError, LogFormatError
-from dynident.experiment.formats._table import Table
+from dynident.experiment.formats._table import TOO_LARGE, Blocks, Table
 from dynident.experiment.formats._text_header import DELIMITERS, ENCODING, NUMBER, Layout, cells_of, find_header
 from dynident.experiment.formats.base import shown
 from dynident.files import unreadable
 
-#: Larger files are refused; a log of that size belongs in several files.
-MAX_BYTES = 2 << 30
+#: Larger files are not read at once, and larger ones still are no logs.
+MAX_BYTES, MOST_BYTES = 2 << 30, 1 << 44
 MAX_COLUMNS = 4096
 _CHUNK = 1 << 20
 
@@ -44,20 +45,58 @@ class TextTable(Table):
     decimal: str
     before: int
 
+    rereads: ClassVar = False
+
     def columns(self, names: Sequence[str]) -> Array:
         """Return some columns, shape (N, len(names)); every row must have as many cells as the header.
 
         Raises:
             LogFormatError: No rows, a row with another number of cells, or a cell that is no number.
         """
+        _check_size(self.path, MAX_BYTES, TOO_LARGE)
         wanted = [self.header.index(name) for name in names]
         try:
             values = self._fast()[:, wanted]
         except (ValueError, IndexError):  # some cell or row is unsound, or only a column that is not asked for
-            values = self._careful(wanted)
+            values = self._careful(wanted, self._rows())
         if not len(values):
             raise LogFormatError(self.path, self.line, "a header and no rows", "record the log again")
         return values
+
+    def batches(self, names: Sequence[str], rows: int) -> Blocks:
+        """Yield some columns in blocks; see :meth:`Table.batches`."""
+        wanted = [self.header.index(name) for name in names]
+        some = False
+        with _opened(self.path) as stream:
+            for _ in islice(stream, self.before):
+                pass
+            number = self.before
+            while lines := list(islice(stream, rows)):
+                values = self._parsed(lines, number, wanted)
+                number += len(lines)
+                if len(values):
+                    some = True
+                    yield values
+        if not some:
+            raise LogFormatError(self.path, self.line, "a header and no rows", "record the log again")
+        return ()
+
+    def _parsed(self, lines: Sequence[str], before: int, wanted: Sequence[int]) -> Array:
+        """Return the wanted columns of some lines, of which ``before`` stand before them in the file."""
+        try:
+            points = lines if self.decimal == "." else self._with_points(lines)
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
+                values = np.loadtxt(points, delimiter=self.delimiter, ndmin=2)
+            return self._whole(values)[:, wanted]
+        except (ValueError, IndexError):
+            return self._careful(wanted, self._held(enumerate(lines, before + 1)))
+
+    def _whole(self, values: Array) -> Array:
+        """Return cells of as many columns as the header has, or raise ValueError."""
+        if len(values) and values.shape[1] != len(self.header):
+            raise ValueError(f"{values.shape[1]} cells, {len(self.header)} names")
+        return values if len(values) else np.empty((0, len(self.header)))
 
     def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
         """Return the error to raise for a row, with its line; see :meth:`Table.fault`."""
@@ -84,31 +123,32 @@ class TextTable(Table):
                 )
             else:
                 with _opened(self.path) as stream:
-                    values = np.loadtxt(self._with_points(stream), delimiter=self.delimiter, ndmin=2)
-        if len(values) and values.shape[1] != len(self.header):
-            raise ValueError(f"{values.shape[1]} cells, {len(self.header)} names")
-        return values if len(values) else np.empty((0, len(self.header)))
+                    lines = self._with_points(islice(stream, self.before, None))
+                    values = np.loadtxt(lines, delimiter=self.delimiter, ndmin=2)
+        return self._whole(values)
 
-    def _with_points(self, stream: TextIO) -> Iterator[str]:
-        for number, line in enumerate(stream, 1):
-            if number > self.before:
-                if "." in line:  # 1.234,5 or a file of two minds: the careful reader says which
-                    raise ValueError(line)
-                yield line.replace(",", ".")
+    def _with_points(self, lines: Iterable[str]) -> Iterator[str]:
+        for line in lines:
+            if "." in line:  # 1.234,5 or a file of two minds: the careful reader says which
+                raise ValueError(line)
+            yield line.replace(",", ".")
 
     def _rows(self) -> Iterator[tuple[int, str]]:
         """Yield number and text of the lines that hold a row: not blank, not only a comment."""
         with _opened(self.path) as stream:
-            for number, line in enumerate(stream, 1):
-                if number > self.before:
-                    text = line.partition("#")[0].rstrip("\r\n")
-                    if text.strip():
-                        yield number, text
+            yield from self._held(islice(enumerate(stream, 1), self.before, None))
 
-    def _careful(self, wanted: Sequence[int]) -> Array:
+    def _held(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+        """Yield the lines that hold a row."""
+        for number, line in lines:
+            text = line.partition("#")[0].rstrip("\r\n")
+            if text.strip():
+                yield number, text
+
+    def _careful(self, wanted: Sequence[int], lines: Iterable[tuple[int, str]]) -> Array:
         """Return the wanted columns, or raise the error that names the first unsound cell."""
         rows = []
-        for number, text in self._rows():
+        for number, text in lines:
             cells = cells_of(text, self.delimiter)
             if len(cells) != len(self.header):
                 raise LogFormatError(self.path, number, *self._ragged(len(cells)))
@@ -147,7 +187,7 @@ def open_table(path: str | Path, decimal: str = ".") -> TextTable:
         FileError: The file cannot be read at all.
         LogFormatError: It is too large, binary, not UTF-8 or empty, or its first row is no header of unique names.
     """
-    digest = check_text(path)
+    digest = check_text(path, MOST_BYTES)
     try:
         layout = find_header(path, decimal)
     except OSError as error:
@@ -166,29 +206,34 @@ def open_table(path: str | Path, decimal: str = ".") -> TextTable:
     )
 
 
-def check_text(path: str | Path) -> str:
-    """Return the hash of an ordinary file of UTF-8 text that is not too large.
+def check_text(path: str | Path, most: int = MAX_BYTES) -> str:
+    """Return the hash of an ordinary file of UTF-8 text of at most ``most`` bytes.
 
     Raises:
         FileError: It cannot be read at all.
         LogFormatError: It is too large, binary or not UTF-8.
     """
     try:
-        _check_place(path)
+        _check_place(path, most, "split it into several logs")
         return _check_bytes(path)
     except OSError as error:
         raise unreadable(path, error) from error
 
 
-def _check_place(path: str | Path) -> None:
+def _check_place(path: str | Path, most: int, step: str) -> None:
     found = os.stat(path)
     if stat.S_ISDIR(found.st_mode):
         raise FileError(path, "this is a folder", "give a file")
     if not stat.S_ISREG(found.st_mode):
         raise FileError(path, "this is no ordinary file", "save the data to a file first")
-    if found.st_size > MAX_BYTES:
-        evidence = f"{found.st_size / 2**30:.3g} GiB, more than the {MAX_BYTES / 2**30:.3g} GiB that are read at once"
-        raise LogFormatError(path, None, evidence, "split it into several logs")
+    _check_size(path, most, step)
+
+
+def _check_size(path: str | Path, most: int, step: str) -> None:
+    size = os.stat(path).st_size
+    if size > most:
+        evidence = f"{size / 2**30:.3g} GiB, more than the {most / 2**30:.3g} GiB that are read at once"
+        raise LogFormatError(path, None, evidence, step)
 
 
 def _check_bytes(path: str | Path) -> str:

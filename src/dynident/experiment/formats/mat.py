@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,7 +15,7 @@ from dynident.errors import LogFormatError, MissingDependency
 from dynident.experiment.formats._arrays import ArrayTable, checked_file, columns_of
 from dynident.experiment.formats.base import LogFormat
 
-_MAX_BYTES = 1 << 30
+_MAX_BYTES, _MOST_BYTES = 1 << 30, 1 << 44
 _STEP = "save plain arrays in MATLAB: save('log.mat', 't', 'q', 'tau'); tables and timeseries objects cannot be read"
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _DEEPEST = 8
@@ -31,20 +32,19 @@ class Mat(LogFormat):
 
     def open(self, path: str | Path) -> ArrayTable:
         """Return the table; see :meth:`LogFormat.open`."""
-        digest = checked_file(path, _MAX_BYTES)
-        arrays, how = _new(path) if _is_hdf5(path) else _old(path)
-        places = columns_of(path, {name: array.shape for name, array in arrays.items()}, number_vectors=False)
-        return ArrayTable(
-            path=str(path), sha256=digest, header=tuple(places), how=how, places=places, load=arrays.__getitem__
-        )
+        digest = checked_file(path, _MOST_BYTES if _is_hdf5(path) else _MAX_BYTES)
+        return _new(path, digest) if _is_hdf5(path) else _old(path, digest)
 
 
 def _is_hdf5(path: str | Path) -> bool:
-    with open(path, "rb") as stream:
-        return stream.read(8) == _HDF5 or stream.read(512)[504:] == _HDF5
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(8) == _HDF5 or stream.read(512)[504:] == _HDF5
+    except OSError:
+        return False  # said in words by what reads it next
 
 
-def _old(path: str | Path) -> tuple[dict[str, Array], str]:
+def _old(path: str | Path, digest: str) -> ArrayTable:
     from scipy.io import loadmat  # loads slowly
 
     try:
@@ -52,7 +52,17 @@ def _old(path: str | Path) -> tuple[dict[str, Array], str]:
     except Exception as error:  # the parser lets any error out of a damaged file
         evidence = f"no MATLAB file, or a damaged one ({type(error).__name__}: {error})"
         raise LogFormatError(path, None, evidence, _STEP) from error
-    return dict(_walk_values(data, "", 0)), "MATLAB file"
+    arrays = dict(_walk_values(data, "", 0))
+    places, count = columns_of(path, {name: array.shape for name, array in arrays.items()}, number_vectors=False)
+    return ArrayTable(
+        path=str(path),
+        sha256=digest,
+        header=tuple(places),
+        how="MATLAB file",
+        places=places,
+        load=arrays.__getitem__,
+        rows=count,
+    )
 
 
 def _walk_values(data: dict[str, Any], above: str, depth: int) -> Iterator[tuple[str, Array]]:
@@ -65,20 +75,62 @@ def _walk_values(data: dict[str, Any], above: str, depth: int) -> Iterator[tuple
             yield f"{above}{name}", value
 
 
-def _new(path: str | Path) -> tuple[dict[str, Array], str]:
+def _new(path: str | Path, digest: str) -> ArrayTable:
+    with _opened(path) as file:
+        shapes = {name: _shape(item) for name, item in _walk_groups(_package(), file, "", 0)}
+    places, count = columns_of(path, shapes, number_vectors=False)
+    return ArrayTable(
+        path=str(path),
+        sha256=digest,
+        header=tuple(places),
+        how="MATLAB 7.3 file",
+        places=places,
+        load=lambda name: np.concatenate(list(_parts(path, name, count, count))),
+        rows=count,
+        parts=lambda name, rows: _parts(path, name, count, rows),
+    )
+
+
+def _package() -> Any:
     try:
         import h5py
     except ImportError as error:
         raise MissingDependency("reading MATLAB files of version 7.3", "h5py", "mat") from error
+    return h5py
+
+
+@contextmanager
+def _opened(path: str | Path) -> Iterator[Any]:
+    h5py = _package()
     try:
         with h5py.File(path, "r") as file:
-            return dict(_walk_groups(h5py, file, "", 0)), "MATLAB 7.3 file"
+            yield file
     except (OSError, RuntimeError, ValueError, KeyError) as error:
         evidence = f"no MATLAB 7.3 file, or a damaged one ({error})"
         raise LogFormatError(path, None, evidence, _STEP) from error
 
 
-def _walk_groups(h5py: Any, group: Any, above: str, depth: int) -> Iterator[tuple[str, Array]]:
+def _shape(item: Any) -> tuple[int, ...]:
+    """Return the shape of a data set as MATLAB has it: it stores columns first."""
+    shape = tuple(item.shape)[::-1]
+    return (max(shape),) if len(shape) == 2 and 1 in shape else shape
+
+
+def _parts(path: str | Path, name: str, count: int, rows: int) -> Iterator[Array]:
+    """Yield blocks of rows (rows, k) of a data set; memory holds one block."""
+    with _opened(path) as file:
+        item = dict(_walk_groups(_package(), file, "", 0))[name]
+        across = item.shape[-1] == count  # what MATLAB calls its first dimension
+        for first in range(0, count, rows):
+            size = min(rows, count - first)
+            if across:
+                yield np.asarray(item[..., first : first + size]).reshape(-1, size).T
+            else:
+                yield np.asarray(item[first : first + size]).reshape(size, -1)
+
+
+def _walk_groups(h5py: Any, group: Any, above: str, depth: int) -> Iterator[tuple[str, Any]]:
+    """Yield name and data set of every array of numbers."""
     for name in group:
         # References of MATLAB's own, and links that lead out of the file, are passed over.
         if name.startswith("#") or not isinstance(group.get(name, getlink=True), h5py.HardLink):
@@ -86,7 +138,5 @@ def _walk_groups(h5py: Any, group: Any, above: str, depth: int) -> Iterator[tupl
         item = group[name]
         if isinstance(item, h5py.Group) and depth < _DEEPEST:
             yield from _walk_groups(h5py, item, f"{above}{name}.", depth + 1)
-        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and 8 * item.size <= _MAX_BYTES:
-            stored = item[()]
-            array = np.asarray(stored).T  # MATLAB stores columns first
-            yield f"{above}{name}", array.reshape(-1) if 1 in array.shape and array.ndim == 2 else array
+        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub":
+            yield f"{above}{name}", item

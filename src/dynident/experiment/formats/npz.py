@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, ClassVar
@@ -14,14 +16,16 @@ from numpy.lib import format as npy
 from dynident.arrays import Array
 from dynident.errors import LogFormatError
 from dynident.experiment.formats._arrays import ArrayTable, checked_file, columns_of
-from dynident.experiment.formats._table import MAX_CELLS
 from dynident.experiment.formats.base import NUMBERED, LogFormat, written_table
 from dynident.experiment.log import Log
 from dynident.files import write_atomically
 
 _STEP = "write it with numpy.savez(path, t=t, q=q, tau=tau)"
-_MAX_BYTES = 8 * MAX_CELLS
+_MAX_BYTES = 1 << 44
 _MAX_MEMBERS = 4096
+
+#: What lets the reading of an archive end that is none, or is damaged.
+_DAMAGE = (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error)
 
 
 @dataclass(frozen=True)
@@ -40,22 +44,24 @@ class Npz(LogFormat):
             with zipfile.ZipFile(path) as archive:
                 members = archive.infolist()
                 if len(members) > _MAX_MEMBERS or sum(member.file_size for member in members) > _MAX_BYTES:
-                    raise LogFormatError(path, None, "it unpacks to more than is read at once", "split it")
+                    raise LogFormatError(path, None, "it unpacks to more than a log can hold", "write it again")
                 shapes = {}
                 for member in members:
                     shape = _shape(path, archive, member)
                     if shape is not None:
                         shapes[member.filename.removesuffix(".npy")] = shape
-        except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zipfile.zlib.error) as error:  # type: ignore[attr-defined]
+        except _DAMAGE as error:
             raise LogFormatError(path, None, f"no NumPy archive ({error})", _STEP) from error
-        places = columns_of(path, shapes, number_vectors=True)
+        places, count = columns_of(path, shapes, number_vectors=True)
         return ArrayTable(
             path=str(path),
             sha256=digest,
             header=tuple(places),
             how="NumPy archive",
             places=places,
-            load=lambda name: _load(path, name),
+            load=lambda name: np.concatenate(list(_parts(path, name, count, count))),
+            rows=count,
+            parts=lambda name, rows: _parts(path, name, count, rows),
         )
 
     def write(self, log: Log, path: str | Path) -> None:
@@ -96,6 +102,33 @@ def _npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
     raise ValueError(f"a header of version {version}")
 
 
-def _load(path: str | Path, name: str) -> Array:
-    with np.load(path, allow_pickle=False) as archive:
-        return archive[name]
+def _parts(path: str | Path, name: str, count: int, rows: int) -> Iterator[Array]:
+    """Yield blocks of rows (rows, k) of a member, whichever way it is laid out; memory holds one block."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            with archive.open(f"{name}.npy") as stream:
+                shape, by_columns, kind = _npy_header(stream)
+                begin = stream.tell()
+            width = int(np.prod(shape)) // count
+            # Numbers that follow each other are a row, or a column where the array is laid out the other way.
+            apart = width > 1 and (by_columns == (shape[0] == count))
+            starts = [begin + k * count * kind.itemsize for k in range(width)] if apart else [begin]
+            streams = [archive.open(f"{name}.npy") for _ in starts]
+            for start, one in zip(starts, streams, strict=True):
+                one.seek(start)
+            for first in range(0, count, rows):
+                size = min(rows, count - first)
+                cells = size if apart else size * width
+                found = [np.frombuffer(_exactly(one, cells * kind.itemsize), kind) for one in streams]
+                yield np.stack(found, axis=1) if apart else found[0].reshape(size, width)
+            for one in streams:
+                one.close()
+    except _DAMAGE as error:
+        raise LogFormatError(path, None, f"a damaged NumPy archive ({error})", _STEP) from error
+
+
+def _exactly(stream: IO[bytes], size: int) -> bytes:
+    data = stream.read(size)
+    if len(data) < size:
+        raise EOFError("it ends early")
+    return data

@@ -12,15 +12,15 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import LogFormatError, MissingDependency
 from dynident.experiment.formats._arrays import MAX_WIDTH, Place, checked_file
-from dynident.experiment.formats._table import MAX_CELLS, Table
+from dynident.experiment.formats._table import MAX_CELLS, TOO_LARGE, Blocks, Table
 from dynident.experiment.formats.base import LogFormat, written_table
 from dynident.experiment.log import Log
 from dynident.files import write_atomically
 
-_MAX_BYTES = 64 << 30
+_MAX_BYTES = 1 << 44
 
-#: Rows that are unpacked at a time.
-_BATCH = 1 << 16
+#: Rows that are unpacked at a time, and bytes of the file that are read at a time.
+_BATCH, _BUFFER = 1 << 16, 1 << 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,18 +39,26 @@ class ParquetTable(Table):
         """Return some columns; see :meth:`Table.columns`."""
         if self.rows * len(names) > MAX_CELLS:
             evidence = f"{self.rows:,} rows of {len(names)} columns, more than are read at once"
-            raise LogFormatError(self.path, None, evidence, "split it into several logs")
-        found = np.empty((self.rows, len(names)))
-        places = [self.places[name] for name in names]
-        start = 0
-        for batch in _opened(self.path).iter_batches(_BATCH, columns=list(dict.fromkeys(p.array for p in places))):
-            stop = start + batch.num_rows
+            raise LogFormatError(self.path, None, evidence, TOO_LARGE)
+        found, start = np.empty((self.rows, len(names))), 0
+        for block in self.batches(names, _BATCH):
+            found[start : start + len(block)] = block
+            start += len(block)
+        return found
+
+    def batches(self, names: Sequence[str], rows: int) -> Blocks:
+        """Yield some columns in blocks; see :meth:`Table.batches`. Memory holds one block and its pages."""
+        places, start = [self.places[name] for name in names], 0
+        file = _opened(self.path, _BUFFER)
+        for batch in file.iter_batches(rows, columns=list(dict.fromkeys(p.array for p in places))):
             arrays = {name: self._numbers(batch.column(name), name, start) for name in batch.schema.names}
+            found = np.empty((batch.num_rows, len(names)))
             for k, place in enumerate(places):
                 array = arrays[place.array]
-                found[start:stop, k] = array if place.index is None else array[:, place.index]
-            start = stop
-        return found
+                found[:, k] = array if place.index is None else array[:, place.index]
+            yield found
+            start += batch.num_rows
+        return ()
 
     def _numbers(self, column: Any, name: str, start: int) -> Array:
         """Return the numbers of a column of one batch, (rows,) or (rows, k); null becomes NaN."""
@@ -135,10 +143,11 @@ def _is_list(kind: Any) -> bool:
     return pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
 
 
-def _opened(path: str | Path) -> Any:
+def _opened(path: str | Path, buffer: int = 0) -> Any:
+    """Return the file; with a buffer, it is read page by page. Unless told, the package reads ahead without end."""
     pa, pq = _package()
     try:
-        return pq.ParquetFile(path)
+        return pq.ParquetFile(path, buffer_size=buffer, pre_buffer=False)
     except (pa.ArrowException, OSError, ValueError) as error:
         evidence = f"no Parquet file ({' '.join(str(error).split())[:200]})"
         raise LogFormatError(path, None, evidence, "record or convert it again") from error

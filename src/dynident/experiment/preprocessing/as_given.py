@@ -22,3 +22,6 @@ class AsGiven(Filter):
 
     def statement(self) -> dict[str, object]:
         return {"kind": "as_given", "cutoff_hz": None, "order": None, "torque": "as given"}
+
+    def span(self, rate: float) -> int:
+        return 0

@@ -41,3 +41,10 @@ class Filter(ABC):
     def reach(self, rate: float) -> int:
         """Return over how many samples ``smooth`` looks to either side; 0 where it changes nothing."""
         return 0
+
+    def span(self, rate: float) -> int | None:
+        """Return over how many samples ``apply`` looks to either side; None where it needs the whole log.
+
+        Logs that are larger than memory are filtered in windows that overlap by so much.
+        """
+        return None

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log
+from dynident.experiment.preprocessing._zero_phase import zero_phase
 from dynident.experiment.preprocessing.base import Filter
 
 #: Slower logs than this, in Hz, are taken for times in another unit.
 SLOW = 2.0
+
+#: The cut-off in Hz where none is stated and none is chosen.
+STATED_HZ = 5.0
 
 #: Positions are filtered this many times higher than both sides of the equation, where not stated otherwise.
 POSITION_FACTOR = 5.0
@@ -27,21 +32,22 @@ class Butterworth(Filter):
     torque, so that what the filter takes from the torque (a friction step, say) it takes from the model as well.
 
     Attributes:
-        cutoff_hz: Frequency of half amplitude of both sides, in Hz.
+        cutoff_hz: Frequency of half amplitude of both sides, in Hz; ``auto`` (None): identification chooses it from its
+            logs, and what does not choose takes 5 Hz.
         order: Order of the one-way filter.
         positions_hz: Frequency of half amplitude of the positions, in Hz; None for five times ``cutoff_hz``, at most
             0.4 of the sampling rate, or ``cutoff_hz`` itself where the torque is left as it is.
         torque: ``same`` filters both sides, ``none`` leaves torque and regressor as they are.
     """
 
-    cutoff_hz: float = 5.0
+    cutoff_hz: float | None = None
     order: int = 4
     positions_hz: float | None = None
     torque: str = "same"
 
     def __post_init__(self) -> None:
         for name in ("cutoff_hz", "positions_hz"):
-            value = getattr(self, name)
+            value: float | None = getattr(self, name)
             if value is not None and not 0 < value < np.inf:
                 raise BadOption(name, value, "give a frequency in Hz above 0")
         if not 1 <= self.order <= 20:
@@ -51,40 +57,58 @@ class Butterworth(Filter):
 
     def apply(self, log: Log) -> Log:
         positions = self._positions_cutoff(log.rate)
-        for cutoff in (self.cutoff_hz, positions):
-            _check_length(log, cutoff)
+        self.check(log)
         q = _zero_phase(log.q.T, positions, self.order, log.rate).T
         dq = central_differences(q, log.rate)
         torque = None if log.torque is None else self.smooth(log.torque.T, log.rate).T
-        sides = f"both sides at {self.cutoff_hz:g} Hz" if self.torque == "same" else "torque raw"
+        sides = f"both sides at {self._cutoff:g} Hz" if self.torque == "same" else "torque raw"
         step = f"zero-phase Butterworth, order {self.order}, positions at {positions:.4g} Hz, {sides}"
         return log.with_step(
             step, q=q, dq=dq, ddq=central_differences(dq, log.rate), torque=torque, raw_torque=log.torque
         )
 
+    def check(self, log: Log) -> None:
+        """Refuse a log that is too short or too slow for the filter.
+
+        Raises:
+            LogMismatch: It is.
+        """
+        for cutoff in (self._cutoff, self._positions_cutoff(log.rate)):
+            _check_length(log, cutoff)
+
     def statement(self) -> dict[str, object]:
         return {
             "kind": "butterworth",
-            "cutoff_hz": self.cutoff_hz,
+            "cutoff_hz": self._cutoff,
             "order": self.order,
             "torque": self.torque,
             "positions_hz": self._positions_cutoff(np.inf),
         }
 
     def smooth(self, signals: Array, rate: float) -> Array:
-        return signals if self.torque == "none" else _zero_phase(signals, self.cutoff_hz, self.order, rate)
+        return signals if self.torque == "none" else _zero_phase(signals, self._cutoff, self.order, rate)
 
-    def bandwidth(self) -> float | None:
-        return self.cutoff_hz
+    def bandwidth(self) -> float:
+        return self._cutoff
 
     def reach(self, rate: float) -> int:
-        # The slowest pole of the filter has decayed to 1e-10 by then.
-        return 0 if self.torque == "none" else int(np.ceil(3.0 * self.order * rate / self.cutoff_hz))
+        return 0 if self.torque == "none" else _memory(self._cutoff, self.order, rate)
+
+    @property
+    def _cutoff(self) -> float:
+        """The cut-off as a number."""
+        return STATED_HZ if self.cutoff_hz is None else self.cutoff_hz
+
+    def span(self, rate: float) -> int:
+        cutoffs = (self._cutoff, self._positions_cutoff(rate))
+        return max(_memory(cutoff, self.order, rate) for cutoff in cutoffs) + 4  # two differences beside
 
     def _positions_cutoff(self, rate: float) -> float:
-        if self.positions_hz is not None or self.torque == "none":
-            return self.positions_hz or self.cutoff_hz
-        return min(POSITION_FACTOR * self.cutoff_hz, 0.4 * rate)
+        if self.positions_hz is not None:
+            return self.positions_hz
+        if self.torque == "none":
+            return self._cutoff
+        return min(POSITION_FACTOR * self._cutoff, 0.4 * rate)
 
 
 def _check_length(log: Log, cutoff: float) -> None:
@@ -99,6 +123,14 @@ def _check_length(log: Log, cutoff: float) -> None:
         raise LogMismatch(log.name, evidence, f"it takes more than {_pad(cutoff, log.rate) + 1}; give a longer log")
 
 
+def _memory(cutoff: float, order: int, rate: float) -> int:
+    """Return the samples after which the slowest pole has decayed to 1e-12, also near the Nyquist frequency."""
+    turns = np.exp(0.5j * np.pi * (1.0 + (2.0 * np.arange(order) + 1.0) / order))
+    poles = np.tan(np.pi * min(cutoff / rate, 0.49)) * turns
+    radius = float(np.max(np.abs((1.0 + poles) / (1.0 - poles))))  # by the bilinear transform
+    return int(np.ceil(max(3.0 * order * rate / cutoff, -28.0 / np.log(radius))))
+
+
 def _pad(cutoff: float, rate: float) -> int:
     return int(3 * rate / cutoff)
 
@@ -106,8 +138,8 @@ def _pad(cutoff: float, rate: float) -> int:
 def _zero_phase(signals: Array, cutoff: float, order: int, rate: float) -> Array:
     import scipy.signal  # half a second, which designs and their worker processes spare
 
-    sections = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
-    return scipy.signal.sosfiltfilt(sections, signals, axis=-1, padlen=min(_pad(cutoff, rate), signals.shape[-1] - 1))
+    sections: Any = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
+    return zero_phase(signals, sections, min(_pad(cutoff, rate), signals.shape[-1] - 1))
 
 
 def central_differences(signal: Array, rate: float) -> Array:

@@ -41,6 +41,10 @@ class FivePoint(Filter):
     def statement(self) -> dict[str, object]:
         return {"kind": "five_point", "cutoff_hz": None, "order": 3, "repeats": self.repeats, "torque": "same"}
 
+    def span(self, rate: float) -> int:
+        # Beside the end of a log the rule looks four samples ahead.
+        return 4 * self.repeats + 4
+
 
 def five_point_smoothing(signal: Array, repeats: int = 1) -> Array:
     """Return (17) applied ``repeats`` times to each column: the local cubic least-squares fit over five samples.

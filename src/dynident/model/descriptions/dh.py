@@ -18,7 +18,7 @@ _ROBOT: Final = ("name", "convention", "gravity", "joints", "tool", "coupling", 
 _JOINT: Final = (
     "name", "kind", "a", "alpha", "d", "theta", "offset", "limits", "drive", "damping", "friction", "link",
 )  # fmt: skip
-_DRIVE: Final = ("gear_ratio", "rotor_inertia", "gain", "bias")
+_DRIVE: Final = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_deviation")
 _LINK: Final = ("name", "inertia")
 _INERTIA: Final = ("mass", "centre_of_mass", "about_centre", "parameters")
 _TOOL: Final = ("name", "translation", "rpy")

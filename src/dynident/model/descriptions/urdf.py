@@ -70,6 +70,16 @@ def read_urdf(path: object, data: bytes) -> Robot:
     return Urdf().read(path, data)
 
 
+def read_urdf_bodies(path: object, data: bytes) -> tuple[dict[str, Inertia | None], list[Connection]]:
+    """Return the bodies of a URDF by name, none merged, with their own inertia, and all its joints in file order.
+
+    Raises:
+        DescriptionError: Any fault of the file.
+    """
+    _, bodies, _, connections = _Reader(path).parts(parse_urdf(path, data))
+    return bodies, connections
+
+
 class _Reader:
     """Reads the elements of one file; collects what the note must say."""
 
@@ -79,6 +89,12 @@ class _Reader:
 
     def robot(self, root: Element) -> Robot:
         """Return the robot of the ``<robot>`` element."""
+        name, bodies, shapes, connections = self.parts(root)
+        note = "; ".join([f"read from {PurePath(str(self._path)).name}", *self._notes])
+        return assemble(self._path, name, bodies, connections, note, shapes)
+
+    def parts(self, root: Element) -> tuple[str, dict[str, Inertia | None], dict[str, list[Shape]], list[Connection]]:
+        """Return the name of the ``<robot>`` element, its bodies with inertias and shapes, and its joints."""
         name = self._attribute(Place(self._path, f"line {root.line}"), root, "name")
         bodies: dict[str, Inertia | None] = {}
         shapes: dict[str, list[Shape]] = {}
@@ -97,8 +113,7 @@ class _Reader:
             if joint.name in seen:
                 raise self._twice("joint", joint.name, element.line)
             seen.add(joint.name)
-        note = "; ".join([f"read from {PurePath(str(self._path)).name}", *self._notes])
-        return assemble(self._path, name, bodies, connections, note, shapes)
+        return name, bodies, shapes, connections
 
     def _twice(self, what: str, name: str, line: int) -> Exception:
         place = Place(self._path, f"line {line}")

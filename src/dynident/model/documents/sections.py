@@ -195,17 +195,20 @@ def read_limits(section: Section) -> JointLimits:
 
 
 def read_drive(section: Section) -> Drive:
-    """Return the drive of a section with the keys gear_ratio, rotor_inertia, gain and bias.
+    """Return the drive of a section with the keys gear_ratio, rotor_inertia, gain, bias and gain_deviation.
 
     Raises:
-        DescriptionError: No number, a ratio or gain of zero, a negative rotor inertia.
+        DescriptionError: No number, a ratio or gain of zero, a negative rotor inertia, a deviation that is no share.
     """
     ratio = section.number("gear_ratio", 1.0)
     gain = section.number("gain") if section.has("gain") else None
     for key, value in (("gear_ratio", ratio), ("gain", gain)):
         if value == 0.0:
             raise section.place(key).error("is zero", "write the value, negative where the motor turns the other way")
-    return Drive(ratio, section.at_least_zero("rotor_inertia", 0.0), gain, section.number("bias", 0.0))
+    deviation = section.at_least_zero("gain_deviation", 0.0)
+    if deviation >= 1.0:
+        raise section.place("gain_deviation").error(f"is {deviation:g}", "write a share of the gain, such as 0.02")
+    return Drive(ratio, section.at_least_zero("rotor_inertia", 0.0), gain, section.number("bias", 0.0), deviation)
 
 
 def read_coupling(section: Section, count: int) -> Array:

@@ -8,7 +8,7 @@ Atkeson, An and Hollerbach 1986, (8)-(10), with the joint axes carried to the li
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
@@ -105,10 +105,13 @@ class TracedChain:
         trace: Where the operations are kept.
         chain: The chain, its rounding removed by :func:`snapped`.
         theta: Inertial parameters that become constants of the program, shape (10 l,); None where they are an input.
+        reads: Array that takes the place of ``dq`` or ``ddq``; ``""`` for zeros. With none for dq, dq for ddq and no
+            gravity the torque is the generalised momentum, M dq.
     """
 
-    def __init__(self, chain: Chain, theta: Array | None = None) -> None:
+    def __init__(self, chain: Chain, theta: Array | None = None, reads: Mapping[str, str] | None = None) -> None:
         self.trace, self.chain, self.theta = Trace(), snapped(chain), theta
+        self.reads = dict(reads or {})
         self.axes = [_vector(axis) for axis in self.chain.axis]
         self.poses = [self._pose(i) for i in range(chain.links)]
 
@@ -131,7 +134,8 @@ class TracedChain:
         return _matrix(rows), _vector(shift)
 
     def _joint(self, i: int, name: str) -> Number:
-        return float(self.chain.multiplier[i]) * self.trace.input(name, int(self.chain.joint[i]))
+        array = self.reads.get(name, name)
+        return float(self.chain.multiplier[i]) * self.trace.input(array, int(self.chain.joint[i])) if array else 0.0
 
     def ancestors(self, i: int) -> list[int]:
         """Return link i and the links that carry it, tip first."""

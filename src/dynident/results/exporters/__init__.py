@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy.typing as npt
 
-from dynident.errors import BadOption, FileError
+from dynident.errors import BadOption
 from dynident.experiment.design.plan import Plan, refuse_breach
-from dynident.files import check_place, write_atomically
 from dynident.plugins import Family
+from dynident.results.export_files import write_files
 from dynident.results.exporters._motion import DrivenMotion
 from dynident.results.exporters._summary import Export, check_printed, export_data, limit_rows
 from dynident.results.exporters.base import Content, Exporter, MotionExporter, Printed
@@ -63,7 +63,7 @@ def export(
     assert content.printed is not None
     check_printed(motion, content.printed, target)
     if write:
-        _write(content, target)
+        write_files(content.files, target)
     return Export(
         exporter=name,
         robot=plan.robot,
@@ -114,22 +114,3 @@ def _approach(motion: DrivenMotion, part: MotionExporter, name: str) -> str:
     if motion.at_start and not part.moves_itself:
         return "none: the robot stands at the first posture"
     return f"a slow move of the controller ({name}){' by the stated posture' if motion.posture is not None else ''}"
-
-
-def _write(content: Content, target: Path) -> None:
-    """Write all files; a folder that is the target is made, and holds nothing else."""
-    inside = [file for file in content.files if target in file.parents]
-    if inside:
-        known = {file.name for file in inside}
-        if target.exists() and (not target.is_dir() or {entry.name for entry in target.iterdir()} - known):
-            raise FileError(target, "there is something else already", "choose a new folder")
-        if not target.parent.is_dir():
-            raise FileError(target, f"there is no folder '{target.parent}'", "create it or choose another place")
-        try:
-            target.mkdir(exist_ok=True)
-        except OSError as error:
-            raise FileError(target, f"cannot be made ({error.strerror})", "choose another place") from error
-    for file in content.files:
-        check_place(file)
-    for file, data in content.files.items():
-        write_atomically(file, data)

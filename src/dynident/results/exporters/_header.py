@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dynident.results.exporters._motion import DrivenMotion
-from dynident.results.exporters._names import comment_text, shown_names
+from dynident.results.names_in_files import comment_text, shown_names
 
 
 def header_lines(motion: DrivenMotion, *own: str) -> list[str]:

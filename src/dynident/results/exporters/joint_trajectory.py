@@ -12,9 +12,9 @@ from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.results.exporters._messages import NANO, Points, approach_points, points_of
 from dynident.results.exporters._motion import DrivenMotion
-from dynident.results.exporters._names import ros_names
 from dynident.results.exporters._numbers import Decimals
 from dynident.results.exporters.base import Content, MotionExporter, Printed
+from dynident.results.names_in_files import ros_names
 
 #: Digits after the point of all signals, in SI units.
 PLACES = 9

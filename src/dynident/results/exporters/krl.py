@@ -13,10 +13,10 @@ from dynident.errors import BadOption, FileError
 from dynident.results.exporters._axes import Axes, assign
 from dynident.results.exporters._header import header_lines, name_notes
 from dynident.results.exporters._motion import DrivenMotion
-from dynident.results.exporters._names import program_name
 from dynident.results.exporters._numbers import Decimals, degrees_and_mm
 from dynident.results.exporters._thinning import clamped_cubic, thinned
 from dynident.results.exporters.base import Content, MotionExporter, Printed
+from dynident.results.names_in_files import program_name
 
 #: Digits after the point, in degrees and mm; per cent of the axis speed of the approach.
 PLACES, SLOW = 5, 10

@@ -13,10 +13,10 @@ from dynident.errors import BadOption
 from dynident.results.exporters._axes import EXTERNAL_AXES, ROBOT_AXES, Axes, assign
 from dynident.results.exporters._header import header_lines, name_notes
 from dynident.results.exporters._motion import DrivenMotion
-from dynident.results.exporters._names import program_name
 from dynident.results.exporters._numbers import Decimals, degrees_and_mm
 from dynident.results.exporters._thinning import linear, thinned
 from dynident.results.exporters.base import Content, MotionExporter, Printed
+from dynident.results.names_in_files import program_name
 
 #: Digits after the point in degrees and mm; longest name, less the four letters of ``run_`` (RAPID: 32).
 PLACES, LONGEST = 5, 28

@@ -14,8 +14,8 @@ import numpy as np
 from dynident.errors import BadOption, FileError, MissingDependency
 from dynident.results.exporters._messages import NANO, Points, approach_points, points_of
 from dynident.results.exporters._motion import DrivenMotion
-from dynident.results.exporters._names import ros_names
 from dynident.results.exporters.base import Content, MotionExporter, Printed
+from dynident.results.names_in_files import ros_names
 
 _TYPE = "trajectory_msgs/msg/JointTrajectory"
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")

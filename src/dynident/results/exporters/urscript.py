@@ -11,9 +11,9 @@ import numpy as np
 from dynident.errors import BadOption
 from dynident.results.exporters._header import header_lines, name_notes
 from dynident.results.exporters._motion import APPROACH_SHARE, APPROACH_SLOW, DrivenMotion
-from dynident.results.exporters._names import program_name
 from dynident.results.exporters._numbers import Decimals
 from dynident.results.exporters.base import Content, MotionExporter, Printed
+from dynident.results.names_in_files import program_name
 
 #: Joints of the arm, and the step in s that every control cycle is a part of (e-Series; CB3 takes multiples of 8 ms).
 JOINTS, CYCLE = 6, 0.002

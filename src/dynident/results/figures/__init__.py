@@ -7,13 +7,14 @@ from dynident.results.figures.limits import Bounded, limit_chart
 from dynident.results.figures.path import ToolPath, path_chart, tool_path
 from dynident.results.figures.residuals import residual_chart
 from dynident.results.figures.scenery import Scenery, Spot
-from dynident.results.figures.signals import line_chart, torque_chart, trajectory_chart
+from dynident.results.figures.signals import TorqueBands, line_chart, torque_chart, trajectory_chart
 
 __all__ = [
     "Bounded",
     "Scenery",
     "Spot",
     "ToolPath",
+    "TorqueBands",
     "convergence_chart",
     "deviation_chart",
     "friction_chart",

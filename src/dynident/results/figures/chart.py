@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +18,7 @@ WIDTH = 480.0
 
 _ROW = 19.0  # height of a line of text
 _APART = 64.0  # least way between two ticks across
+_STRETCH = 1.0  # of a drawing, over which a band keeps only its lowest and highest place
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,15 @@ class Mark(ABC):
     x: Array
     y: Array
     colour: int = 1
+
+    @property
+    def extent(self) -> Array:
+        """Heights that the vertical axis has to reach, shape (K,)."""
+        return self.y
+
+    def placed(self, rows: slice, across: Scale, upwards: Scale) -> str:
+        """Return the mark over some of its rows."""
+        return self.draw(across.at(self.x[rows]), upwards.at(self.y[rows]))
 
     @abstractmethod
     def draw(self, x: Array, y: Array) -> str:
@@ -67,6 +77,42 @@ class Line(Mark):
 
     def sample(self, x: float, y: float) -> str:
         return svg.stroke(svg.track(np.array([x, x + 18]), np.array([y, y])), self.colour, 2.0, self.dashed)
+
+
+@dataclass(frozen=True)
+class Band(Mark):
+    """The area between two lines, from ``low`` (N,) up to ``y``.
+
+    Attributes:
+        low: Shape (N,).
+        opacity: From 0 to 1.
+    """
+
+    low: Array = field(default_factory=lambda: np.zeros(0))
+    opacity: float = 0.2
+
+    @property
+    def extent(self) -> Array:
+        return np.concatenate([self.low, self.y])
+
+    def placed(self, rows: slice, across: Scale, upwards: Scale) -> str:
+        x, low, high = across.at(self.x[rows]), upwards.at(self.low[rows]), upwards.at(self.y[rows])
+        good = np.isfinite(x) & np.isfinite(low) & np.isfinite(high)
+        x, low, high = x[good], low[good], high[good]
+        if not len(x) or np.any(np.diff(x) < 0):
+            return ""
+        starts = np.flatnonzero(np.concatenate([[True], np.diff(np.floor(x / _STRETCH)) > 0]))
+        ends = [np.maximum.reduceat(low, starts), np.minimum.reduceat(high, starts)]  # y runs downwards in a drawing
+        left, right = x[starts], x[np.append(starts[1:], len(x)) - 1]
+        there = np.stack([left, right], axis=1).ravel()
+        bottom, top = (np.repeat(side, 2) for side in ends)
+        return self.draw(np.concatenate([there, there[::-1]]), np.concatenate([top, bottom[::-1]]))
+
+    def draw(self, x: Array, y: Array) -> str:
+        return svg.filled(svg.track(x, y) + "z", self.colour, self.opacity)
+
+    def sample(self, x: float, y: float) -> str:
+        return svg.filled(f"M{svg.number(x)} {svg.number(y - 5)}h18v10h-18z", self.colour, self.opacity)
 
 
 @dataclass(frozen=True)
@@ -122,7 +168,7 @@ class Plot:
     def scale(self, top: float) -> Scale:
         """Return the vertical scale of the plot when its rectangle begins at ``top``."""
         levels = [level.value for level in self.levels]
-        low, high = finite_range(*(mark.y for mark in self.marks), np.array(levels))
+        low, high = finite_range(*(mark.extent for mark in self.marks), np.array(levels))
         if low in [level.value for level in self.levels if level.text]:  # room for its word above the axis
             low = low * (low / high) ** 0.12 if self.log else low - 0.12 * (high - low)
         return (upright_log if self.log else upright)(low, high, top + self.height, top)
@@ -231,7 +277,7 @@ def _ends(scale: Scale) -> tuple[float, float]:
 
 
 def _marks(mark: Mark, scale: Scale, pieces: Sequence[tuple[slice, Scale]]) -> str:
-    return "".join(mark.draw(piece.at(mark.x[rows]), scale.at(mark.y[rows])) for rows, piece in pieces)
+    return "".join(mark.placed(rows, piece, scale) for rows, piece in pieces)
 
 
 def _levels(plot: Plot, scale: Scale, left: float, right: float) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.results.figures.chart import WIDTH, Across, Level, Line, Plot, chart
+from dynident.results.figures.chart import WIDTH, Across, Band, Level, Line, Plot, chart
 from dynident.results.figures.svg import COLOURS
-from dynident.results.text import format_number, label, pretty_unit
+from dynident.results.text import format_number, format_percent, label, pretty_unit
 
 #: Seconds from which on time is a clock's and not that of a run; it is then counted from the start.
 _CLOCK = 1e5
@@ -61,6 +61,26 @@ def run_time(time: Array, starts: Sequence[int]) -> Array:
     return shown
 
 
+@dataclass(frozen=True)
+class TorqueBands:
+    """Half widths of the bands about a predicted torque, for 95 %.
+
+    Attributes:
+        parameters: By the covariance of the parameters, shape (N,).
+        whole: With the noise of the fit, shape (N,).
+    """
+
+    parameters: Array
+    whole: Array
+
+
+def _shades(time: Array, bands: TorqueBands | None) -> tuple[Band, ...]:
+    if bands is None:
+        return ()
+    wide = Band("95 % band", time, bands.whole, 0, -bands.whole, 0.10)
+    return wide, Band("of the parameters", time, bands.parameters, 1, -bands.parameters, 0.45)
+
+
 def torque_chart(
     joint: str,
     unit: str,
@@ -68,11 +88,13 @@ def torque_chart(
     measured: Array,
     predicted: Array,
     starts: Sequence[int] = (0,),
+    bands: TorqueBands | None = None,
     width: float = WIDTH,
 ) -> str:
     """Return measured and predicted torque of a joint and, below on the same time axis, the residual.
 
-    Figures 7 and 9 of the article.
+    Figures 7 and 9 of the article. Bands hold 95 % of the residuals where the model and its noise are what they are
+    said to be; the dark one is what the deviations of the parameters make of it.
 
     Args:
         joint: Name of the joint.
@@ -81,6 +103,7 @@ def torque_chart(
         measured: Shape (N,).
         predicted: Shape (N,).
         starts: First row of each log; a gap stands between two.
+        bands: Half widths; None draws none.
         width: Of the figure.
     """
     shown = run_time(time, starts)
@@ -90,12 +113,19 @@ def torque_chart(
     rms = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
     plots = [
         Plot(kind, (Line("measured", shown, measured, 1, 1.6), Line("predicted", shown, predicted, 2, 1.1)), 150.0),
-        Plot(f"measured - predicted [{pretty_unit(unit)}]", (Line("", shown, residual, 3, 1.0),), 66.0),
+        Plot(
+            f"measured - predicted [{pretty_unit(unit)}]",
+            (*_shades(shown, bands), Line("", shown, residual, 3, 1.0)),
+            66.0,
+        ),
     ]
     said = (
         f"Measured and predicted {kind} of {label(joint)} over {len(shown)} samples in {len(starts)} log(s); "
         f"their difference has a root mean square of {format_number(rms, 3)} {pretty_unit(unit)}."
     )
+    if bands is not None and len(known):
+        inside = float(np.mean(np.abs(known) <= bands.whole[np.isfinite(residual)]))
+        said += f" {format_percent(inside)} of the samples lie in the 95 % band."
     return chart(label(joint), said, Across("time [s]", tuple(starts)), plots, width)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from os import PathLike
@@ -29,9 +29,11 @@ ORDER = (
     "verdict",
     "robot",
     "data",
+    "log_quality",
     "excitation",
     "parameters",
     "bodies",
+    "mass_matrix",
     "torques",
     "validation",
     "residuals",
@@ -145,9 +147,32 @@ def build_plan_page(view: PlanView) -> str:
     """
     plan = view.plan
     lead = (f"criterion {label(plan.criterion)}", f"{plan.motion().duration:g} s", *filter(None, [view.source]))
-    section = SECTIONS.make("excitation")
-    parts = [("excitation", "Motion, limits and check", _filled(section.template, plan_context(view)))]
-    return _page("Excitation", plan.robot, lead, parts)
+    template = SECTIONS.make("excitation").template
+    part = Part("excitation", "Motion, limits and check", template, plan_context(view))
+    return build_page("Excitation", plan.robot, lead, [part])
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a page: its place, its heading, and what fills its template."""
+
+    name: str
+    title: str
+    template: str
+    context: Mapping[str, Any]
+
+
+def build_page(what: str, robot: str, lead: Sequence[str], parts: Sequence[Part]) -> str:
+    """Return a self-contained page about a robot.
+
+    Args:
+        what: What it shows, the first word of its title.
+        robot: Name of the robot.
+        lead: Facts below the title.
+        parts: From top to bottom.
+    """
+    filled = [(part.name, part.title, _filled(part.template, part.context)) for part in parts]
+    return _page(what, robot, lead, filled)
 
 
 def _filled(template: str, context: Mapping[str, Any]) -> Markup:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,7 +14,7 @@ from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import TEN_UNITS
 from dynident.results.report.sections.base import Section
 from dynident.results.report.subject import Subject
-from dynident.results.text import Column, format_number, label, line_up, pretty_unit
+from dynident.results.text import Column, format_number, format_value, label, line_up, pretty_unit
 
 #: Sign of each label, from the best to the worst.
 SIGNS = {IDENTIFIED: "●", ONLY_COMBINED: "◐", FROM_PRIOR: "○"}
@@ -65,7 +65,8 @@ class Bodies(Section):
         verdicts = [words[10 * i : 10 * i + 10] for i in range(len(links))]
         return {
             "bodies": _bodies(names, theta, verdicts),
-            "ten": _ten(names, theta, verdicts),
+            "ten": _ten(names, theta, verdicts, estimate.standard_deviations),
+            "known": estimate.standard_deviations is not None,
             "signs": [(sign, verdict) for verdict, sign in SIGNS.items()],
         }
 
@@ -91,10 +92,33 @@ def _bodies(names: Sequence[str], theta: Array, verdicts: Sequence[Sequence[str]
     return JudgedTable(columns, _judged(names, np.array(values), worst, remarks))
 
 
-def _ten(names: Sequence[str], theta: Array, verdicts: Sequence[Sequence[str]]) -> JudgedTable:
+def _ten(
+    names: Sequence[str], theta: Array, verdicts: Sequence[Sequence[str]], deviations: Array | None
+) -> JudgedTable:
+    """Return the ten of each link, with their deviations where they are known."""
     columns = tuple(Column(symbol, pretty_unit(unit)) for symbol, unit in zip(TEN, TEN_UNITS, strict=True))
     whole = [np.concatenate([_rounded(row[:6]), _rounded(row[6:9]), row[9:]]) for row in theta]
-    return JudgedTable(columns, _judged(names, np.array(whole), verdicts, [""] * len(names)))
+    table = _judged(names, np.array(whole), verdicts, [""] * len(names))
+    if deviations is not None:
+        table = _with_deviations(table, np.array(whole), deviations[: theta.size].reshape(theta.shape))
+    return JudgedTable(columns, table)
+
+
+def _with_deviations(
+    rows: tuple[tuple[str, tuple[Judged, ...], str], ...], values: Array, deviations: Array
+) -> tuple[tuple[str, tuple[Judged, ...], str], ...]:
+    """Return rows whose cells say value and deviation with the digits that the deviation allows."""
+    return tuple(
+        (
+            name,
+            tuple(
+                replace(cell, text=" ± ".join(format_value(float(v), float(s))) if s > 0 else cell.text)
+                for cell, v, s in zip(cells, value, spread, strict=True)
+            ),
+            remark,
+        )
+        for (name, cells, remark), value, spread in zip(rows, values, deviations, strict=True)
+    )
 
 
 def _rounded(values: Array) -> Array:

@@ -15,8 +15,8 @@ from dynident.results.text import format_number, label, plain_value
 #: Lists longer than this are counted, not written out.
 _LONG = 12
 
-#: Shown elsewhere: the files with the data, the command above the facts, the trace as a figure.
-_ELSEWHERE = ("logs", "command", "trace")
+#: Shown elsewhere: the files with the data, findings on them, the command above the facts, the trace as a figure.
+_ELSEWHERE = ("logs", "log_quality", "command", "trace")
 
 
 @dataclass(frozen=True)

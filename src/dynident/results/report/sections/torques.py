@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dynident.results.figures import torque_chart
+from dynident.results.figures import TorqueBands, torque_chart
 from dynident.results.report.sections.base import Section, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
-from dynident.results.text import format_percent, statement
+from dynident.results.text import Column, Table, format_number, format_percent, label, pretty_unit, statement
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,10 @@ class Torques(Section):
     def context(self, subject: Subject) -> dict[str, Any]:
         if not subject.datasets:
             return {}
-        groups = [(dataset, _caption(dataset), _figures(dataset)) for dataset in subject.datasets[:MOST_DRAWN]]
+        groups = [
+            (dataset, _caption(dataset), _figures(dataset), _bands(dataset))
+            for dataset in subject.datasets[:MOST_DRAWN]
+        ]
         return {"groups": groups, "left_out": left_out(subject)}
 
 
@@ -34,8 +37,33 @@ def _caption(dataset: Dataset) -> str:
 
 
 def _figures(dataset: Dataset) -> list[str]:
-    v = dataset.validation
-    return [
-        drawn(torque_chart(fit.name, fit.unit, v.time, v.measured[:, i], v.predicted[:, i], v.starts))
-        for i, fit in enumerate(v.joints)
-    ]
+    v, widths = dataset.validation, dataset.validation.half_widths()
+    found = []
+    for i, fit in enumerate(v.joints):
+        bands = None if widths is None else TorqueBands(widths[0][:, i], widths[1][:, i])
+        found.append(
+            drawn(torque_chart(fit.name, fit.unit, v.time, v.measured[:, i], v.predicted[:, i], v.starts, bands))
+        )
+    return found
+
+
+def _bands(dataset: Dataset) -> Table | None:
+    """Return how wide the bands are and how many rows lie inside; None where they are not known."""
+    rows = tuple(
+        (
+            label(joint["name"]),
+            format_number(joint["parameters"], 2),
+            format_number(joint["whole"], 2),
+            pretty_unit(joint["unit"]),
+            format_percent(joint["inside"], sign=False),
+        )
+        for joint in dataset.validation.bands()
+    )
+    columns = (
+        Column("joint"),
+        Column("of the parameters", "±", numeric=True),
+        Column("with the noise of the fit", "±", numeric=True),
+        Column("unit"),
+        Column("rows inside", "%", numeric=True),
+    )
+    return Table(columns, rows) if rows else None

@@ -1,0 +1,77 @@
+"""The matrix: every kind at its strengths on a robot, and the doctor's word on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.faults.effect import Reference, reference, smallest
+from benchmarks.faults.kinds import KINDS, Kind
+from benchmarks.faults.trials import Trial
+from dynident.estimation.doctor import Finding
+from dynident.estimation.doctor.base import SEVERITIES
+
+#: Multiples of the smallest strength that are tried.
+MULTIPLES = (1.0, 2.0, 4.0)
+
+#: A finding that the clean log has as well counts where a figure of it moved by this share.
+MOVED = 0.2
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One fault in one log: whether it was named, and all that was said."""
+
+    kind: str
+    strength: float
+    named: bool
+    said: tuple[str, ...]
+    searched: bool
+
+
+def strengths(kind: Kind, trial: Trial, against: Reference, folder: Path) -> tuple[tuple[float, ...], bool]:
+    """Return the strengths to try and whether the first is the smallest one that matters."""
+    if kind.between is None:
+        return kind.fixed, False
+    least = smallest(kind, trial, against, folder)
+    return ((kind.between[1],), False) if least is None else (tuple(least * factor for factor in MULTIPLES), True)
+
+
+def named(kind: Kind, found: tuple[Finding, ...], clean: tuple[Finding, ...]) -> bool:
+    """Return whether a finding names the fault that the clean log does not have, or not so strongly."""
+    known = {(finding.name, finding.joint): finding for finding in clean}
+    return any(
+        finding.name in kind.right and _is_new(finding, known.get((finding.name, finding.joint))) for finding in found
+    )
+
+
+def _is_new(finding: Finding, known: Finding | None) -> bool:
+    if known is None or SEVERITIES.index(finding.severity) < SEVERITIES.index(known.severity):
+        return True
+    return any(
+        abs(value - known.numbers.get(key, 0.0)) > MOVED * abs(known.numbers.get(key, 0.0))
+        for key, value in finding.numbers.items()
+    )
+
+
+def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "") -> Iterator[Outcome]:
+    """Yield the outcome of each kind at each strength on a robot."""
+    clean, against = trial.examined(folder).findings, reference(trial, held, folder)
+    for kind in KINDS:
+        if only not in kind.name or (kind.needs and kind.needs not in trial.columns):
+            continue
+        tried, searched = strengths(kind, trial, against, folder)
+        for strength in tried:
+            faulty = kind.inject(trial, strength, np.random.default_rng(1))
+            found = faulty.examined(folder).findings
+            said = tuple(f"{one.severity}: {one.name}" + (f" ({one.joint})" * bool(one.joint)) for one in found)
+            yield Outcome(kind.name, strength, named(kind, found, clean), said, searched)
+
+
+def alarms(trial: Trial, folder: Path) -> Mapping[str, int]:
+    """Return the count of findings on a clean log by severity."""
+    found = [finding.severity for finding in trial.examined(folder).findings]
+    return {severity: found.count(severity) for severity in SEVERITIES}

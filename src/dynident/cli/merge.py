@@ -1,0 +1,34 @@
+"""Merge triangle files of one model to one, each log once.
+
+dynident merge monday.tri tuesday.tri -o week.tri
+"""
+
+from __future__ import annotations
+
+import argparse
+
+SUMMARY = "triangle files of several runs or machines to one"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("files", nargs="+", metavar="FILE", help="files that 'dynident reduce' or this has written")
+    parser.add_argument("-o", "--output", metavar="FILE", required=True, help="write the triangles (.tri) here")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    parser.add_argument("--quiet", action="store_true", help="no remarks")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from dynident.cli import console, jobs
+    from dynident.cli.reduce import report
+    from dynident.estimation.streaming.triangle_file import merged_file, write_digest
+    from dynident.files import check_place
+
+    check_place(options.output)
+    jobs.check_outputs((options.output,), options.files)
+    digest = merged_file(options.files)
+    write_digest(digest, options.output)
+    report(digest, options)
+    console.remark(f"saved {options.output}", options.quiet or options.json)
+    return 0

@@ -1,0 +1,134 @@
+"""Look for collisions in a log: torques from outside by a momentum observer, alarms at a chosen rate of false ones.
+
+Thresholds come from clean runs, by default the logs of the fit: per joint the torque band of the estimate times a
+factor, so that the observer's residual of clean runs rises above it --rate times an hour. Beyond what the clean runs
+have seen their tails are extrapolated. Velocities and torques are used as a controller would have them, without a
+filter that knows the future. The exit code is 1 where there is an alarm.
+
+  dynident monitor estimate.json run.csv --rate 1
+  dynident monitor estimate.json run.csv --clean monday.csv tuesday.csv --json
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dynident.estimation.estimate import Estimate
+    from dynident.estimation.monitor import Monitor, Monitored
+
+SUMMARY = "alarms where torques from outside exceed what clean runs show"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
+    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs to look at, read as those of the fit")
+    parser.add_argument("--clean", nargs="+", metavar="LOG", help="logs without contact; default: those of the fit")
+    parser.add_argument(
+        "--rate",
+        default="1",
+        metavar="N",
+        help="false alarms an hour of each joint (1); or one number for each with commas between them",
+    )
+    parser.add_argument("--gain", type=float, default=50.0, metavar="1/S", help="how fast the observer follows (50)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    parser.add_argument("--quiet", action="store_true", help="no progress and no remarks")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from dynident.cli import console
+    from dynident.estimation.estimate_file import read_estimate
+    from dynident.estimation.monitor import MomentumObserver, calibrated, run_monitor
+    from dynident.estimation.monitor.signals import signals_of
+    from dynident.experiment.case_file.case import read_with
+
+    rates = _rates(options.rate)
+    with console.progress(3, options.quiet or options.json) as progress:
+        progress.step("reading")
+        estimate = read_estimate(options.estimate)
+        names = options.clean or _logs_of_fit(estimate)
+        clean = [signals_of(estimate, read_with(name, estimate.columns, estimate.model.robot)) for name in names]
+        logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
+        progress.step("thresholds of the clean runs")
+        observer = MomentumObserver(estimate, options.gain)
+        monitor = calibrated(observer, clean, [one / 3600.0 for one in rates] if len(rates) > 1 else rates[0] / 3600.0)
+        progress.step("looking")
+        found = [run_monitor(monitor, log) for log in logs]
+    told = {"clean": list(names), "gain": options.gain, "tails": [vars(tail) for tail in monitor.tails]}
+    alarms = sum(len(one.alarms) for one in found)
+    if options.json:
+        wanted = [3600.0 * float(rate) for rate in monitor.rates]
+        facts = {"factors": [float(one) for one in monitor.factors], "false_alarms_an_hour": wanted}
+        console.answer_json({**facts, **told, "logs": [one.figures() for one in found]})
+    else:
+        _show(monitor, found, names)
+    return 1 if alarms else 0
+
+
+def _rates(text: str) -> list[float]:
+    from dynident.errors import BadOption
+
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if not found or not all(0 < one < float("inf") for one in found):
+        raise BadOption("--rate", text, "give false alarms an hour, above 0: one number, or one for each joint")
+    return found
+
+
+def _logs_of_fit(estimate: Estimate) -> list[str]:
+    """Return the logs that the estimate was made from, where they are still there and unchanged."""
+    from pathlib import Path
+
+    from dynident.errors import LogMismatch
+    from dynident.files import sha256_of
+
+    found = []
+    for log in estimate.provenance.get("logs", ()):
+        path = str(log.get("path", ""))
+        if not path or not Path(path).is_file() or (log.get("sha256") and sha256_of(path) != log["sha256"]):
+            step = "name logs without contact: --clean LOG ..."
+            raise LogMismatch(path or "simulated log", "this log of the fit is not there as it was", step)
+        found.append(path)
+    if not found:
+        raise LogMismatch("monitor", "the estimate names no logs", "name logs without contact: --clean LOG ...")
+    return found
+
+
+def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) -> None:
+    from dynident.cli import console
+    from dynident.results.text import Column, Table, format_number, label, pretty_unit
+
+    robot = monitor.observer.model.robot
+    seconds = monitor.tails[0].seconds
+    console.answer(
+        f"thresholds from {len(clean)} clean logs of {seconds:.4g} s, observer {monitor.observer.gain:g} 1/s"
+    )
+    columns = ("threshold", "largest", "of threshold", "false alarms/h", "alarms")
+    for one in found:
+        rows = []
+        for j, (name, unit) in enumerate(zip(robot.joint_names, robot.units, strict=True)):
+            figures = one.figures()["joints"][j]
+            share = figures["largest_share_of_threshold"]
+            largest = float(abs(one.residual[:, j]).max())
+            values = (figures["threshold"], largest, share, 3600.0 * float(monitor.rates[j]))
+            numbers = [format_number(value, 3) for value in values]
+            rows.append((label(name), *numbers, str(figures["alarms"]), pretty_unit(unit)))
+        heads = (Column("joint"), *(Column(text, numeric=True) for text in columns), Column("unit"))
+        console.answer(f"\n{label(one.log)}: {one.seconds:.4g} s\n")
+        console.answer_table(Table(heads, tuple(rows)))
+        for alarm in one.alarms:
+            times = f"{alarm.start:.4f} to {alarm.end:.4f} s"
+            sizes = f"{alarm.peak:.4g} against {alarm.threshold:.4g}"
+            console.answer(f"alarm: {label(alarm.joint)}, {times}: {sizes}")
+    shortest = min(1.0 / float(rate) for rate in monitor.rates)
+    if shortest > seconds:
+        console.answer(
+            f"remark: the clean runs are shorter than the time between false alarms ({shortest:.4g} s): "
+            "the thresholds are extrapolated"
+        )

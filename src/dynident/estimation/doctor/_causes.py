@@ -1,0 +1,211 @@
+"""Which of many possible causes explains what a fit leaves: columns that are added to it one after another.
+
+Each cause (a spring, a tilt, a load) is a few columns more of the linear problem. The one by which the likelihood
+grows most beyond what its number of columns earns (Schwarz 1978) is taken in, then the next, until none is sure: a
+score test in each round (Rao 1948), so that one fault is told once and not in the words of its neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray, IntArray
+from dynident.estimation.doctor._quick_fit import EXACT, RIDGE, Solved, weighted_products
+from dynident.estimation.uncertainty.covariance import correlation_factors
+from dynident.model.reduction import triangle_of
+
+#: Root of the likelihood ratio, rows that hang together counted once, from which a cause is sure.
+SURE = 6.0
+
+#: Causes that are taken in at most.
+MOST = 4
+
+#: Candidates of a round that are fitted with weights of their own.
+FITTED = 4
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A possible cause of a residual.
+
+    Attributes:
+        name: Of the finding.
+        joint: Name of the joint it belongs to; empty for the whole arm.
+        columns: The torque at all joints for one unit of each coefficient, shape (k, N, n).
+        likelier: Factor on its merit, above 1 for a cause that is likelier beforehand than one with the same torque.
+    """
+
+    name: str
+    joint: str
+    columns: Array
+    likelier: float = 1.0
+
+
+@dataclass(frozen=True)
+class Blame:
+    """A cause that explains.
+
+    Attributes:
+        cause: The cause.
+        values: Its coefficients, shape (k,).
+        covariance: Of them, rows that hang together counted once, shape (k, k).
+        certainty: Root of the likelihood ratio against a fit without it.
+        gain: By how much the sum of the log variances fell.
+        share: Largest share of a joint's residual variance that it took away.
+        size: Its torque as a share of the measured one, root mean squares: of its joint, or of all joints together.
+        torque: Root mean square of its torque at each joint, shape (n,).
+    """
+
+    cause: Cause
+    values: Array
+    covariance: Array
+    certainty: float
+    gain: float
+    share: float
+    size: float
+    torque: Array
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of the coefficients, shape (k,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of a fit to which causes are added.
+
+    Attributes:
+        blocks: Observation matrix of each joint, shape (N, K_i).
+        columns: Positions in beta of its columns, shape (K_i,) each.
+        size: Length of beta.
+        target: What is fitted, shape (N, n).
+        masks: Which rows count, shape (N, n).
+        oversampling: Rows for each that is independent where noise is white before the filter.
+    """
+
+    blocks: Sequence[Array]
+    columns: Sequence[IntArray]
+    size: int
+    target: Array
+    masks: BoolArray
+    oversampling: float = 1.0
+
+    @cached_property
+    def counts(self) -> Array:
+        """Rows of each joint that count, shape (n,), at least 1."""
+        return np.maximum(self.masks.sum(axis=0), 1).astype(float)
+
+    def residual(self, values: Array, added: Sequence[Cause]) -> Array:
+        """Return the residual at beta followed by the coefficients of the added causes, shape (N, n)."""
+        predicted = [block @ values[own] for block, own in zip(self.blocks, self.columns, strict=True)]
+        extra = np.concatenate([cause.columns for cause in added]) if added else np.zeros((0, *self.target.shape))
+        return self.target - np.stack(predicted, axis=1) - np.tensordot(values[self.size :], extra, 1)
+
+
+class Search:
+    """Products of rows and columns of causes, made once; a fit with some of the causes is a choice of their entries."""
+
+    def __init__(self, rows: Rows, causes: Sequence[Cause]) -> None:
+        self.rows, self.causes = rows, tuple(causes)
+        lengths = [len(cause.columns) for cause in causes]
+        ends = rows.size + np.cumsum(lengths, dtype=np.int64)
+        self._places = [np.arange(end - length, end) for end, length in zip(ends, lengths, strict=True)]
+        total = rows.size + int(sum(lengths))
+        extra = np.concatenate([cause.columns for cause in causes]) if causes else np.zeros((0, *rows.target.shape))
+        joints = rows.target.shape[1]
+        self._grams, self._sides = np.zeros((joints, total, total)), np.zeros((joints, total))
+        self._squares = np.zeros(joints)
+        for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
+            every = np.concatenate([own, np.arange(rows.size, total)])
+            full = triangle_of(np.column_stack([block, extra[:, :, i].T, rows.target[:, i]])[rows.masks[:, i]])
+            product = full.T @ full
+            self._grams[i][np.ix_(every, every)] = product[:-1, :-1]
+            self._sides[i][every] = product[:-1, -1]
+            self._squares[i] = product[-1, -1]
+        self._floors = np.maximum(EXACT**2 * self._squares / rows.counts, 1e-300)
+
+    def fit(self, chosen: Sequence[int]) -> Solved:
+        """Return the fit with some of the causes, by their numbers."""
+        use = np.concatenate([np.arange(self.rows.size), *(self._places[k] for k in chosen)])
+        grams, sides = self._grams[:, use][:, :, use], self._sides[:, use]
+        return weighted_products(grams, sides, self._squares, self.rows.counts, self._floors)
+
+    def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
+        """Return by how much the rows of each joint hang together under a fit, shape (n,)."""
+        residual = self.rows.residual(solved.beta, [self.causes[k] for k in chosen])
+        return correlation_factors([residual], [self.rows.masks])
+
+    def blames(self) -> tuple[Blame, ...]:
+        """Return the causes that are sure, the one that explains most first."""
+        chosen: list[int] = []
+        found: list[Blame] = []
+        solved = self.fit(chosen)
+        while len(chosen) < min(MOST, len(self.causes)):
+            step = self._next(solved, chosen)
+            if step is None:
+                break
+            k, after, blame = step
+            chosen.append(k)
+            solved = after
+            found.append(blame)
+        return tuple(found)
+
+    def _next(self, before: Solved, chosen: list[int]) -> tuple[int, Solved, Blame] | None:
+        rest = [k for k in range(len(self.causes)) if k not in chosen]
+        best, found = 0.0, None
+        for k in sorted(rest, key=lambda k: -self._quick(before, chosen, k))[:FITTED]:
+            after, columns = self.fit([*chosen, k]), len(self._places[k])
+            worth = self.rows.counts / self.factors(after, [*chosen, k])
+            ratio = float(worth @ np.log(before.variances / after.variances))
+            merit = self.causes[k].likelier * (ratio - columns * float(np.log(worth.sum())))
+            if merit > best and ratio > SURE**2 + 2 * columns:
+                best, found = merit, (k, after, self._blame(before, after, k, worth))
+        return found
+
+    def _quick(self, before: Solved, chosen: list[int], k: int) -> float:
+        """Return about how likely one cause is, with the weights as they are: one step of elimination."""
+        use = np.concatenate([np.arange(self.rows.size), *(self._places[c] for c in chosen)])
+        new, weights = self._places[k], 1.0 / before.variances
+        cross = np.tensordot(weights, self._grams[:, use][:, :, new], 1)
+        own = np.tensordot(weights, self._grams[:, new][:, :, new], 1)
+        along = before.covariance @ cross
+        side = weights @ self._sides[:, new] - along.T @ (weights @ self._sides[:, use])
+        gram = own - cross.T @ along
+        gram += np.diag(1e-9 * np.diag(own) + RIDGE * np.max(np.diag(own), initial=0.0) + 1e-300)
+        step = np.linalg.solve(gram, side)
+        shift = np.concatenate([-along @ step, step])
+        every = np.concatenate([use, new])
+        beta = np.concatenate([before.beta, np.zeros(len(new))]) + shift
+        grams, sides = self._grams[:, every][:, :, every], self._sides[:, every]
+        left = self._squares - 2 * sides @ beta + np.einsum("k,ikl,l->i", beta, grams, beta)
+        variances = np.maximum(left, 0.0) / self.rows.counts + self._floors
+        worth = self.rows.counts / self.rows.oversampling
+        ratio = float(worth @ np.log(before.variances / variances))
+        return self.causes[k].likelier * (ratio - len(new) * float(np.log(worth.sum())))
+
+    def _blame(self, before: Solved, after: Solved, k: int, worth: Array) -> Blame:
+        cause, size = self.causes[k], len(self._places[k])
+        values = after.beta[-size:]
+        factor = float(np.median(self.rows.counts / worth))
+        covariance = after.covariance[-size:, -size:] * factor
+        torque = np.tensordot(values, cause.columns, 1)
+        masks, target = self.rows.masks, self.rows.target
+        counts = self.rows.counts
+        own = np.sqrt(np.sum(np.where(masks, torque, 0.0) ** 2, axis=0) / counts)
+        whole = np.sqrt(np.sum(np.where(masks, target, 0.0) ** 2, axis=0) / counts)
+        size_of_all = max(float(np.linalg.norm(whole)), 1e-300)
+        return Blame(
+            cause,
+            values,
+            covariance,
+            float(np.sqrt(worth @ np.log(before.variances / after.variances))),
+            before.score - after.score,
+            float(np.max(1.0 - after.variances / before.variances)),
+            float(np.max(own / np.maximum(whole, 1e-300)) if cause.joint else np.linalg.norm(own) / size_of_all),
+            own,
+        )

@@ -1,0 +1,114 @@
+"""Causes that show only against the bodies of the description: a load, a counterbalance that carries weight, a scale.
+
+A fit of base parameters takes all of these in: they have the torque of a body. So bodies are held as they are
+described, friction alone is fitted, and what is left is explained. Where bodies are described so badly that no one
+cause brings the fit near to that of free bodies, nothing is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.estimation.doctor._causes import Blame, Cause, Rows, Search
+from dynident.estimation.doctor._trend_causes import OVERSAMPLING, Trends
+from dynident.estimation.problem import motion_of
+from dynident.model.kernels import batched
+
+#: Columns of a body.
+TEN = 10
+
+#: A column, or a combination of columns, of a body below this share of the strongest one is rounding.
+ZERO, DEPENDENT = 1e-8, 1e-4
+
+#: A load is likelier than a wrong link: on the axis of the last joint both have the same torque.
+LIKELIER = 1.05
+
+
+class Against:
+    """What the torques leave where bodies are held as described.
+
+    Attributes:
+        fit: The quick fit, whose bodies are free.
+        theta: Standard parameters of the description, shape (p,).
+    """
+
+    def __init__(self, trends: Trends, theta: Array) -> None:
+        self.fit, self.theta, self._trends = trends.fit, theta, trends
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Friction columns alone; the torque of the described bodies is taken off."""
+        fit, rows = self.fit, self.fit.rows
+        friction = [fit.base.independent[own] >= fit.model.inertial_count for own in rows.columns]
+        blocks = [block[:, free] for block, free in zip(rows.blocks, friction, strict=True)]
+        columns = [own[free] for own, free in zip(rows.columns, friction, strict=True)]
+        target = rows.torque - rows.known - self.bodies
+        return Rows(blocks, columns, fit.base.count, target, rows.masks, OVERSAMPLING)
+
+    @cached_property
+    def each(self) -> Array:
+        """Torque of one unit of each inertial parameter, filtered, over the kept rows, shape (10 l, N, n)."""
+        prepared = self.fit.rows.prepared
+        motion = motion_of(prepared.log)
+        chain = self.fit.model.robot.chain
+        regressor = batched.torque_regressor(chain, motion.q, motion.dq, motion.ddq)
+        flat = regressor.transpose(2, 1, 0).reshape(-1, len(regressor))
+        smooth = prepared.smooth(flat)[:, prepared.keep]
+        return smooth.reshape(regressor.shape[2], regressor.shape[1], -1).transpose(0, 2, 1)
+
+    @cached_property
+    def bodies(self) -> Array:
+        """Torque of the described bodies, filtered, shape (N, n)."""
+        return np.tensordot(self.theta[: self.fit.model.inertial_count], self.each, 1)
+
+    @cached_property
+    def search(self) -> Search:
+        """The products of all columns."""
+        return Search(self.rows, list(self._causes()))
+
+    @cached_property
+    def blames(self) -> tuple[Blame, ...]:
+        """The causes that are sure, the one that explains most first."""
+        return self.search.blames()
+
+    @cached_property
+    def excess(self) -> float:
+        """By how much the sum of the log variances falls when the bodies are free."""
+        return self.search.fit([]).score - self.fit.plain.score
+
+    def columns_of(self, link: int) -> tuple[Array, Array]:
+        """Return independent columns of a body, (k, N, n), and its ten parameters for one unit of each, (10, k)."""
+        columns = self.each[TEN * link : TEN * (link + 1)]
+        masks = self.fit.rows.masks
+        rows = np.where(masks, columns / np.sqrt(self.fit.plain.variances), 0.0).reshape(TEN, -1)
+        norms = np.linalg.norm(rows, axis=1)
+        live = np.flatnonzero(norms > ZERO * norms.max(initial=0.0))
+        if not len(live):
+            return np.zeros((0, *masks.shape)), np.zeros((TEN, 0))
+        directions, sizes, _ = np.linalg.svd(rows[live] / norms[live, None], full_matrices=False)
+        kept = directions[:, sizes > DEPENDENT * sizes[0]]
+        parameters = np.zeros((TEN, kept.shape[1]))
+        parameters[live] = kept / norms[live, None]
+        return np.tensordot(parameters.T, columns, 1), parameters
+
+    def load(self, blame: Blame) -> tuple[float, float]:
+        """Return the mass of a load at the flange and its deviation, in kg."""
+        mass = self.columns_of(len(self.fit.model.robot.links) - 1)[1][-1]
+        return float(mass @ blame.values), float(np.sqrt(max(mass @ blame.covariance @ mass, 0.0)))
+
+    def _causes(self) -> Iterator[Cause]:
+        links = self.fit.model.robot.links
+        yield Cause("load at the flange", "", self.columns_of(len(links) - 1)[0], LIKELIER)
+        for k, link in enumerate(links[:-1]):
+            columns, _ = self.columns_of(k)
+            if len(columns):
+                yield Cause("described body", link.name, columns)
+        yield Cause("torque scale", "", self.bodies[None])
+        local = ("counterbalance", "spring", "tilt", "torque scale", "drift", "time scale", "friction drift")
+        for cause in self._trends.causes:
+            if cause.name in local:
+                yield cause

@@ -1,0 +1,63 @@
+"""The torques against the bodies of the description: a payload, a counterbalance that carries weight, one scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.estimation.doctor._causes import Blame
+from dynident.estimation.doctor._described_causes import Against
+from dynident.estimation.doctor.base import Check, Finding, Severity, Subject
+from dynident.estimation.doctor.residual_trends import believable, trend_finding
+
+#: Share of what free bodies would explain that the told causes must explain together, or the description is too far
+#: off to blame one thing.
+ENOUGH = 0.6
+
+#: Share of the largest torque of the bodies from which a load is a warning: descriptions are off by less.
+MATTERS = 0.1
+
+
+@dataclass(frozen=True)
+class DescribedBodies(Check):
+    """A load at the flange, a counterbalance that carries weight, one scale of all torques, against the description."""
+
+    stage: ClassVar[int] = 2
+
+    def findings(self, subject: Subject) -> Sequence[Finding]:
+        trends = subject.trends
+        theta = None if trends is None else trends.fit.model.nominal()
+        if trends is None or theta is None:
+            return []
+        against = Against(trends, theta)
+        explained, found = 0.0, []
+        for blame in against.blames:
+            explained += blame.gain
+            found.append(blame)
+        share = explained / max(against.excess, 1e-9)
+        if share < ENOUGH:
+            return []
+        return [
+            _finding(blame, against) for blame in found if blame.cause.name != "described body" and believable(blame)
+        ]
+
+
+def _finding(blame: Blame, against: Against) -> Finding:
+    if blame.cause.name != "load at the flange":
+        return trend_finding(blame, against.fit)
+    mass, deviation = against.load(blame)
+    strongest = int(np.argmax(blame.torque))
+    told = f"by {mass:+.3g} kg (+- {2 * deviation:.2g} kg)"
+    if abs(mass) < 2 * deviation:  # moments are sure, the mass is not
+        joint = against.fit.model.robot.joint_names[strongest]
+        told = f"by {blame.torque[strongest]:.3g} N m (or N) rms at {joint}, its mass is not determined"
+    evidence = f"the load at the flange differs from the description {told} (certainty {blame.certainty:.0f})"
+    remedy = "a payload or tool that is not described, or another last link: take it off or describe it"
+    bodies = np.sqrt(np.mean(against.bodies**2, axis=0))
+    heavy = float(blame.torque.max()) > MATTERS * float(bodies.max()) and abs(mass) > 4 * deviation
+    severity: Severity = "warning" if heavy else "note"
+    numbers = {"mass_kg": mass, "deviation_kg": deviation, "certainty": blame.certainty}
+    return Finding(severity, "load at the flange", "", evidence, remedy, numbers)

@@ -1,0 +1,216 @@
+"""Monitor: thresholds for the observer's residual from clean runs, and one step of a stream."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dynident.arrays import Array, frozen
+from dynident.errors import BadOption, LogMismatch
+from dynident.estimation.monitor.momentum_observer import MomentumObserver
+from dynident.estimation.monitor.signals import Signals, residuals_of
+from dynident.estimation.monitor.tails import Tail, tail_of
+
+#: Time constants of the observer below the threshold after which an alarm is over.
+APART = 5.0
+
+#: A step longer than this many time constants of the observer starts it anew.
+LOST = 20.0
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """A momentum observer with a threshold for each joint.
+
+    The threshold of a joint is its factor times its torque band sqrt(noise^2 + s(q, dq)^2), s the deviation of the
+    model's torque by the covariance of its parameters: wider where the model is less sure.
+
+    Attributes:
+        observer: The observer.
+        factors: Shape (n,).
+        noise: Residual deviation of each joint in the fit, shape (n,), in N m or N.
+        rates: False alarms a second that were asked for, shape (n,).
+        tails: Of each joint's residual over its band, by which the factors were found.
+    """
+
+    observer: MomentumObserver
+    factors: Array
+    noise: Array
+    rates: Array
+    tails: tuple[Tail, ...]
+
+    def __post_init__(self) -> None:
+        joints = self.observer.model.robot.dof
+        for name in ("factors", "noise", "rates"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (joints,), name))
+
+    def thresholds(self, q: Array, dq: Array, temperature: Array | None = None) -> Array:
+        """Return the threshold of each joint at some states, shape (N, n), in N m or N."""
+        return np.asarray(self.factors) * np.hypot(self.noise, self.observer.deviations(q, dq, temperature))
+
+
+@dataclass(frozen=True)
+class MonitorState:
+    """What a stream keeps from one sample to the next: a few numbers a joint, however long it runs.
+
+    Attributes:
+        time: Of the last sample, in s; None before the first.
+        momentum: Then, shape (n,).
+        push: Measured torque less the model's drift then, shape (n,).
+        residual: Torque from outside, shape (n,), in N m or N.
+        active: Time at which each joint was last above its threshold, shape (n,); -inf for never.
+    """
+
+    time: float | None = None
+    momentum: Array | None = None
+    push: Array | None = None
+    residual: Array | None = None
+    active: Array | None = None
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One sample of a monitored stream.
+
+    Attributes:
+        time: In s.
+        residual: Torque from outside, shape (n,), in N m or N.
+        threshold: Shape (n,).
+        above: Joints above their threshold.
+        alarms: Those of them whose alarm begins here.
+    """
+
+    time: float
+    residual: Array
+    threshold: Array
+    above: tuple[str, ...]
+    alarms: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """A joint above its threshold.
+
+    Attributes:
+        joint: Name.
+        start: When it rose above, in s.
+        end: When it was last above, in s.
+        peak: Largest torque from outside meanwhile, with its sign, in N m or N.
+        threshold: At the peak.
+    """
+
+    joint: str
+    start: float
+    end: float
+    peak: float
+    threshold: float
+
+
+def calibrated(observer: MomentumObserver, clean: Sequence[Signals], rates: npt.ArrayLike) -> Monitor:
+    """Return a monitor whose joints raise false alarms at chosen rates, by the residuals of clean runs.
+
+    Args:
+        observer: The observer.
+        clean: Signals of runs without contact, such as the monitored robot will make.
+        rates: False alarms a second, one number or one per joint.
+
+    Raises:
+        BadOption: A rate that is not above 0.
+        LogMismatch: Too little was recorded to know how often a residual rises.
+    """
+    model = observer.model
+    wanted = np.asarray(rates, dtype=float)
+    if wanted.shape not in ((), (model.robot.dof,)) or not np.all((wanted > 0) & np.isfinite(wanted)):
+        step = f"give false alarms a second, above 0: one number, or one for each of the {model.robot.dof} joints"
+        raise BadOption("rates", wanted.tolist(), step)
+    wanted = np.broadcast_to(wanted, (model.robot.dof,))
+    if not clean:
+        raise LogMismatch("monitor", "no clean run", "give at least one log without contact")
+    noise = np.maximum(np.asarray(observer.estimate.joint_deviations), 1e-12)
+    shares = []
+    for run in clean:
+        residual = residuals_of(observer, run)
+        band = np.hypot(noise, observer.deviations(run.q, run.dq, run.temperature))
+        shares.append((np.abs(residual) / band)[_settled(run, observer) :])
+    steps = [run.step for run in clean]
+    tails = tuple(
+        tail_of([one[:, j] for one in shares], steps, APART / observer.gain, name)
+        for j, name in enumerate(model.robot.joint_names)
+    )
+    factors = []
+    for tail, rate, name in zip(tails, wanted, model.robot.joint_names, strict=True):
+        if rate >= tail.rate:
+            step = f"choose a rate below {3600 * tail.rate:.3g} alarms an hour for {name}"
+            raise BadOption("rates", float(rate), step)
+        factors.append(tail.threshold(float(rate)))
+    return Monitor(observer, np.array(factors), noise, wanted, tails)
+
+
+def _settled(run: Signals, observer: MomentumObserver) -> int:
+    """Return the first sample at which the observer has forgotten its start."""
+    return min(round(APART / observer.gain / run.step), len(run.time) // 2)
+
+
+def step(
+    monitor: Monitor,
+    state: MonitorState,
+    time: float,
+    q: npt.ArrayLike,
+    dq: npt.ArrayLike,
+    torque: npt.ArrayLike,
+    temperature: npt.ArrayLike | None = None,
+) -> tuple[MonitorState, Reading]:
+    """Return the next state and the reading of one sample of a stream; start with ``MonitorState()``.
+
+    The residual is that of :func:`residuals_of` on a whole log, to rounding. After a gap of many time constants of the
+    observer it starts anew.
+
+    Args:
+        monitor: The monitor.
+        state: Of the sample before.
+        time: In s.
+        q: Positions, shape (n,), in rad or m.
+        dq: Velocities, shape (n,), in rad/s or m/s.
+        torque: Measured torques, shape (n,), in N m or N, of the same instant as the positions.
+        temperature: Of the drives, shape (n,), where friction depends on it.
+
+    Raises:
+        BadOption: A shape that does not fit the robot.
+        LogMismatch: Time that does not run forward, or a value that is no finite number.
+    """
+    observer, names = monitor.observer, monitor.observer.model.robot.joint_names
+    here, speed, effort = (_row(names, name, one) for name, one in (("q", q), ("dq", dq), ("torque", torque)))
+    warm = None if temperature is None else _row(names, "temperature", temperature)
+    if not np.isfinite(time) or (state.time is not None and time <= state.time):
+        raise LogMismatch("stream", f"time {time:g} s after {state.time} s", "send samples in order, each once")
+    momentum, push = observer.momentum(here, speed), effort - observer.drift(here, speed, warm)
+    residual = np.zeros(len(names)) if state.residual is None else np.asarray(state.residual)
+    if state.time is None or (time - state.time) * observer.gain > LOST:
+        residual = np.zeros(len(names))
+    else:
+        dt = time - state.time
+        pair = np.stack([np.asarray(state.momentum), momentum[0]]), np.stack([np.asarray(state.push), push[0]])
+        outside = observer.steps(np.array([dt]), *pair)[0]
+        keep = np.exp(-observer.gain * dt)
+        residual = keep * residual + (1.0 - keep) * outside
+    threshold = monitor.thresholds(here, speed, warm)[0]
+    above = np.abs(residual) > threshold
+    last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
+    fresh = above & (time - last > APART / observer.gain)
+    following = MonitorState(float(time), momentum[0], push[0], residual, np.where(above, time, last))
+    named = tuple(name for name, one in zip(names, above, strict=True) if one)
+    begun = tuple(name for name, one in zip(names, fresh, strict=True) if one)
+    return following, Reading(float(time), residual, threshold, named, begun)
+
+
+def _row(names: Sequence[str], what: str, values: npt.ArrayLike) -> Array:
+    row = np.asarray(values, dtype=float)
+    if row.shape != (len(names),):
+        raise BadOption(what, f"of shape {row.shape}", f"give one number for each of the {len(names)} joints")
+    if not np.all(np.isfinite(row)):
+        bad = names[int(np.argmin(np.isfinite(row)))]
+        raise LogMismatch("stream", f"{what} of {bad} is no finite number", "leave this sample out")
+    return row[None]

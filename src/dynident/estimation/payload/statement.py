@@ -1,0 +1,157 @@
+"""From the payload's ten and their covariance to a statement: intervals, verdicts, the possible body behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.stats
+
+from dynident.arrays import Array, BoolArray
+from dynident.estimation.estimate import Estimate
+from dynident.estimation.payload.carried_load import IDENTIFIED, NOT_DETERMINED, WEAK, CarriedLoad, LoadParameter
+from dynident.estimation.payload.possible_body import possible_body
+from dynident.model.inertia import TEN, Inertia
+
+#: By how much payloads of one mass differ: lever of the centre of mass and radius of gyration, in m.
+LENGTH = 0.1
+
+#: Half an interval may reach this share of it, for the mass of the mass itself, and still count as identified.
+SHARE = 0.5
+
+#: Chance of a body as far from the ten by noise alone below which it is said.
+UNLIKELY = 0.001
+
+UNITS = (*["kg m^2"] * 6, *["kg m"] * 3, "kg")
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the fit has found of a payload.
+
+    Attributes:
+        ten: In the frame of the flange, shape (10,).
+        open: Which of them no row determines, shape (10,).
+        parts: Covariance by source, shape (10, 10) each.
+        degrees: Degrees of freedom of each variance by noise, shape (10,).
+        place: Link that carries it, and the pose of the flange in its frame.
+        rows: ``motion`` or ``poses``.
+        samples: Rows used.
+        residual: Root mean square torque that is left without and with the payload, shape (n,) each.
+        gains_told: Whether doubt about drive gains is in the covariance.
+    """
+
+    ten: Array
+    open: BoolArray
+    parts: Mapping[str, Array]
+    degrees: Array
+    place: tuple[int, Array, Array]
+    rows: str
+    samples: int
+    residual: tuple[Array, Array]
+    gains_told: bool = False
+
+
+def stated(found: Found, estimate: Estimate, flange: str, level: float, logs: tuple[str, ...]) -> CarriedLoad:
+    """Return the payload with its intervals and verdicts."""
+    robot = estimate.model.robot
+    closed = np.outer(~found.open, ~found.open)
+    covariance = np.where(closed, sum(found.parts.values()), 0.0)
+    own = np.diag(found.parts["noise"])
+    total = np.maximum(np.diag(covariance), 1e-300)
+    degrees = found.degrees * np.maximum(total / np.maximum(own, 1e-300), 1.0) ** 2  # only that of the noise is doubted
+    quantile = scipy.stats.t.ppf(0.5 + 0.5 * level, degrees)
+    half = np.where(found.open, np.inf, np.sqrt(np.diag(covariance)) * quantile)
+    mass = float(found.ten[9])
+    sizes = abs(mass) * np.r_[np.full(6, LENGTH**2), np.full(3, LENGTH), 1.0]
+    parameters = tuple(
+        _parameter(name, value, width, unit, SHARE * size)
+        for name, value, width, unit, size in zip(TEN, found.ten, half, UNITS, sizes, strict=True)
+    )
+    body, distance = _body(found, covariance)
+    link, rotation, translation = found.place
+    placement = np.eye(4)
+    placement[:3, :3], placement[:3, 3] = rotation, translation
+    pairs = zip(robot.joint_names, *found.residual, strict=True)
+    return CarriedLoad(
+        frame=flange or robot.tool or robot.links[-1].name,
+        link=robot.links[link].name,
+        placement=placement,
+        parameters=parameters,
+        centre=_centre(found, covariance, quantile),
+        covariance=covariance,
+        parts={name: float(np.sqrt(max(part[9, 9], 0.0))) for name, part in found.parts.items()},
+        body=body,
+        distance=distance,
+        rows=found.rows,
+        samples=found.samples,
+        level=level,
+        residual={name: (float(without), float(with_it)) for name, without, with_it in pairs},
+        logs=logs,
+        remarks=_remarks(found, estimate, parameters, distance),
+    )
+
+
+def _parameter(name: str, value: float, half: float, unit: str, enough: float) -> LoadParameter:
+    if not np.isfinite(half):
+        return LoadParameter(name, np.nan, np.inf, unit, NOT_DETERMINED)
+    return LoadParameter(name, float(value), float(half), unit, IDENTIFIED if half <= enough else WEAK)
+
+
+def _centre(found: Found, covariance: Array, quantile: Array) -> tuple[LoadParameter, ...]:
+    """Return the centre of mass h / m with intervals to first order."""
+    mass = float(found.ten[9])
+    result = []
+    for axis in range(3):
+        k = 6 + axis
+        if found.open[k] or found.open[9] or mass <= 0:
+            result.append(_parameter(f"c{'xyz'[axis]}", np.nan, np.inf, "m", 0.0))
+            continue
+        value = float(found.ten[k]) / mass
+        slope = np.zeros(10)
+        slope[k], slope[9] = 1.0 / mass, -value / mass
+        half = float(np.sqrt(slope @ covariance @ slope) * quantile[k])
+        result.append(_parameter(f"c{'xyz'[axis]}", value, half, "m", SHARE * LENGTH))
+    return tuple(result)
+
+
+def _body(found: Found, covariance: Array) -> tuple[Inertia, float]:
+    """Return the possible body nearest to the ten, and how many standard deviations away it is in all."""
+    sizes = np.r_[np.full(6, LENGTH**2), np.full(3, LENGTH), 1.0]
+    closed = np.flatnonzero(~found.open)
+    information = np.zeros((10, 10))
+    scaled = covariance[np.ix_(closed, closed)] / sizes[closed] / sizes[closed][:, None]
+    values, vectors = np.linalg.eigh(scaled)
+    kept = values > 1e-14 * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, bool)
+    inner = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+    information[np.ix_(closed, closed)] = inner / sizes[closed] / sizes[closed][:, None]
+    spread = float(np.sqrt(covariance[9, 9]))
+    mass = 1.0 if found.open[9] else max(float(found.ten[9]), 0.1 * spread, 1e-3)
+    centre = np.where(found.open[6:9], 0.0, found.ten[6:9]) / mass
+    reach = float(np.linalg.norm(centre))
+    centre = centre * min(1.0, 5 * LENGTH / reach) if reach else centre
+    ball = Inertia.from_centre_of_mass(mass, centre, 0.4 * mass * LENGTH**2 * np.eye(3))
+    body = possible_body(np.where(found.open, 0.0, found.ten), information, ball)
+    away = np.where(found.open, 0.0, body.vector - found.ten)
+    return body, float(np.sqrt(max(away @ information @ away, 0.0)))
+
+
+def _remarks(
+    found: Found, estimate: Estimate, parameters: tuple[LoadParameter, ...], distance: float
+) -> tuple[str, ...]:
+    remarks = []
+    mass = parameters[9]
+    if np.isfinite(mass.half_width) and mass.value - mass.half_width <= 0:
+        remarks.append("the mass cannot be told from 0: the run shows no payload")
+    count = int(np.sum(~found.open))
+    if count and scipy.stats.chi2.sf(distance**2, count) < UNLIKELY:
+        text = f"no body is as found: the nearest is {distance:.3g} standard deviations away; friction or drive gains "
+        remarks.append(text + "may have changed, or the payload may have moved")
+    drives = [joint.drive for joint in estimate.model.robot.active]
+    if any(drive.gain is not None for drive in drives) and not found.gains_told:
+        remarks.append("drive gains are taken for exact: one that is 10 % off makes the mass up to 10 % wrong; "
+                       "see 'dynident gains'")  # fmt: skip
+    if found.rows == "poses":
+        remarks.append("postures tell mass and centre of mass only; a motion tells the inertia as well")
+    return tuple(remarks)

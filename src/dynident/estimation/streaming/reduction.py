@@ -1,0 +1,249 @@
+"""A case and its logs to a digest, whatever their size: read, filtered and reduced window by window."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dynident.errors import DynidentError, LogMismatch
+from dynident.estimation.cutoff.choice import LONGEST_S, with_cutoff
+from dynident.estimation.friction.variable_projection import has_varying
+from dynident.estimation.problem import Observer
+from dynident.estimation.streaming.digest import Chunk, Digest
+from dynident.estimation.streaming.tally import Tally
+from dynident.estimation.streaming.time_scan import scan_time
+from dynident.estimation.streaming.triangle_file import model_hash, read_position, write_digest
+from dynident.estimation.streaming.windows import Windows, steps_of
+from dynident.experiment.case_file.case import Case, with_meaning
+from dynident.experiment.formats import stream_log
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing import Preprocessing
+from dynident.experiment.preprocessing.butterworth import Butterworth
+from dynident.model.base_parameters import BaseParameters, base_parameters
+
+#: Rows of the head of a log at most, from which the cut-off is chosen.
+_HEAD = 1 << 19
+
+#: Seconds between two checkpoints.
+PERIOD_S = 30.0
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Where work that takes long is kept, so that it goes on where it was cut short.
+
+    Attributes:
+        place: File that the result will be written to; one file beside it for each log, while the work goes on.
+        period_s: Time between two writings, in s.
+    """
+
+    place: Path
+    period_s: float = PERIOD_S
+
+    def file(self, number: int) -> Path:
+        """Return the file for a log."""
+        return self.place.with_name(f"{self.place.name}.{number}.partial")
+
+    def remove(self, count: int) -> None:
+        """Remove the files of ``count`` logs."""
+        for number in range(count):
+            with suppress(FileNotFoundError):
+                self.file(number).unlink()
+
+
+def reduce_logs(
+    case: Case,
+    logs: Sequence[str | Path],
+    progress: Callable[[str], None] = lambda step: None,
+    checkpoint: Checkpoint | None = None,
+) -> Digest:
+    """Reduce logs, each on its own, to one digest; memory holds one window.
+
+    The result is that of :func:`make_problem` on the whole logs. A cut-off that is left open is chosen from the first
+    minutes of the first log. Formats that are slow to decode are decoded once and
+    kept meanwhile in a temporary file of 8 bytes a number beside the result.
+
+    Args:
+        case: Model, preprocessing and meaning of the columns.
+        logs: Files.
+        progress: Told each step in words.
+        checkpoint: Where the work is kept; None: nowhere.
+
+    Raises:
+        LogFormatError: An unsound row.
+        LogMismatch: What the case asks for takes all rows at once, a log is twice in the list, a joint never moved, or
+            its torque never changed.
+    """
+    check_streamable(case)
+    if not logs:
+        raise LogMismatch("reduce", "no log", "give at least one log")
+    case = replace(case, preprocessing=_with_cutoff(case, case.find(str(logs[0])), progress))
+    base = base_parameters(case.model)
+    observer = Observer(case.model, base)
+    digests, seen = list[Digest](), dict[str, str]()
+    for number, name in enumerate(logs):
+        digest = _reduce(case, case.find(str(name)), base, observer, progress, checkpoint, number)
+        chunk = digest.chunks[0]
+        if chunk.sha256 in seen:
+            raise LogMismatch(chunk.path, f"the same content as {seen[chunk.sha256]}", "give each log once")
+        seen[chunk.sha256] = chunk.path
+        digests.append(digest)
+    whole = digests[0].joined(digests[1:])
+    _check_states(whole)
+    return whole
+
+
+def check_streamable(case: Case) -> None:
+    """Refuse what needs all rows at once.
+
+    Raises:
+        LogMismatch: Friction that is chosen, varied or loaded, a split, or an unknown delay.
+    """
+    model = case.model
+    step = "find it on a part of the log, and state it in the case file"
+    for asked, what in (
+        (case.choose_friction, "friction: auto"),
+        (has_varying(model), "a friction part that varies a field (vary)"),
+        (case.preprocessing.delay_s is None, "delay_s: auto"),
+    ):
+        if asked:
+            raise LogMismatch(case.path or "case", f"{what} needs all rows at once, which a stream does not have", step)
+    if "torque" in model.needs:
+        step = "leave it out, or identify a part of the log in memory"
+        raise LogMismatch(case.path or "case", "friction that depends on the load takes several passes", step)
+    if case.split is not None:
+        step = "leave split: out, and keep a log of its own for the test"
+        raise LogMismatch(case.path or "case", "a log is reduced as a whole, not split", step)
+
+
+def _with_cutoff(case: Case, path: Path, progress: Callable[[str], None]) -> Preprocessing:
+    """Return the preprocessing with a cut-off that is a number, chosen from the head of a log where it is open."""
+    how = case.preprocessing
+    if not isinstance(how.filter, Butterworth) or how.filter.cutoff_hz is not None:
+        return how
+    stream, parts, rows = stream_log(path, case.columns), list[Log](), 0
+    for block in stream.blocks():
+        parts.append(with_meaning(block, case.columns, case.robot, case.locked))
+        rows += block.samples
+        if parts[-1].time[-1] - parts[0].time[0] >= LONGEST_S or rows >= _HEAD:
+            break
+    signals = {name: np.concatenate([getattr(p, name) for p in parts]) for name in ("time", *parts[0].signals())}
+    return with_cutoff(case.model, [replace(parts[0], **signals)], how, progress)[0]
+
+
+def _reduce(
+    case: Case,
+    path: Path,
+    base: BaseParameters,
+    observer: Observer,
+    progress: Callable[[str], None],
+    checkpoint: Checkpoint | None,
+    number: int,
+) -> Digest:
+    """Return the digest of one log."""
+    progress(f"{path}: hash")
+    stream = stream_log(path, case.columns, folder=None if checkpoint is None else checkpoint.place.parent)
+    digest_id = model_hash(case.model, case.preprocessing, base.independent.tolist())
+    found = _found(checkpoint, number, stream.table.sha256, digest_id)
+    if found is not None and found[1] is None:
+        return found[0]
+    try:
+        progress(f"{path}: time")
+        scan = scan_time(stream, case.preprocessing.filter)
+        windows = Windows.of(scan, case.preprocessing, stream.table.path)
+        tally, first = Tally(observer, windows.rate / windows.every, scan.count // windows.every), 0
+        if found is not None and found[1] is not None:
+            first, rows, stretch, stride = found[1]
+            tally = Tally.resumed(observer, found[0], rows, stretch, stride)
+        meaning = _Meaning(case)
+        written = time.monotonic()
+
+        def digest() -> Digest:
+            steps = steps_of(windows, meaning.last, scan.source)
+            rate = windows.rate / windows.every
+            chunk = Chunk(stream.table.path, stream.table.sha256, scan.samples, tally.rows, rate, steps)
+            assert tally.states is not None
+            how, states = case.preprocessing, tally.states
+            return Digest(case.model, base, how, case.columns, tally.joints(), states, tally.sampled(), (chunk,))
+
+        for done, window in enumerate(windows.of_log(stream, meaning, first), start=first + 1):
+            tally.add(window)
+            progress(f"{path}: {100 * done // windows.count} % of {scan.samples:,} rows")
+            late = checkpoint is not None and time.monotonic() - written >= checkpoint.period_s
+            if checkpoint is not None and late and tally.rows and done < windows.count:
+                position = {"windows": done, "rows": tally.rows, "stretch": tally.stretch, "stride": tally.stride}
+                write_digest(digest(), checkpoint.file(number), position)
+                written = time.monotonic()
+        if tally.rows < 2:
+            raise LogMismatch(stream.table.path, f"{tally.rows} samples are left of {scan.samples}", "trim less")
+        whole = digest()
+        if checkpoint is not None:
+            write_digest(whole, checkpoint.file(number))
+        return whole
+    finally:
+        stream.close()
+
+
+class _Meaning:
+    """What the case makes of rows as they are read; the last of them is kept for its provenance."""
+
+    def __init__(self, case: Case) -> None:
+        self._case = case
+        self.last: Log
+
+    def __call__(self, log: Log) -> Log:
+        self.last = with_meaning(log, self._case.columns, self._case.robot, self._case.locked)
+        _check_signals(self._case, self.last)
+        return self.last
+
+
+def _check_signals(case: Case, log: Log) -> None:
+    if log.torque is None:
+        raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
+    if "temperature" in case.model.needs and log.temperature is None:
+        step = "map them in the case file (log: columns: temperature), or leave the friction part out"
+        raise LogMismatch(log.name, "no temperatures of the drives", step)
+
+
+def _found(
+    checkpoint: Checkpoint | None, number: int, sha256: str, wanted: str
+) -> tuple[Digest, tuple[int, int, int, int] | None] | None:
+    """Return what was done of a log before, and how far; None where nothing of use is there."""
+    if checkpoint is None or not checkpoint.file(number).is_file():
+        return None
+    try:
+        digest, position = read_position(checkpoint.file(number))
+    except DynidentError:
+        return None  # of another version, or not ours: the work is done anew
+    same = model_hash(digest.model, digest.how, digest.base.independent.tolist()) == wanted
+    if not same or digest.chunks[0].sha256 != sha256:
+        return None
+    if position is None:
+        return digest, None
+    return digest, (position["windows"], position["rows"], position["stretch"], position["stride"])
+
+
+def _check_states(digest: Digest) -> None:
+    """Name the joints that never moved or whose torque never changed, as :func:`make_problem` does."""
+    names, states = digest.model.robot.joint_names, digest.states
+    paths = ", ".join(chunk.path for chunk in digest.chunks)
+    span = np.diff(states.positions, axis=0)[0]
+    still = [name for name, moved in zip(names, span, strict=True) if moved < 1e-3]
+    if still:
+        ranges = ", ".join(f"{s:.2g}" for s in span[span < 1e-3])
+        step = "lock it in the case file (locked: {" + still[0] + ": 0}) or record a motion of all joints"
+        raise LogMismatch(paths, f"{', '.join(still)} never moved (range {ranges} rad or m)", step)
+    for name, unit, low, high in zip(names, digest.model.robot.units, *states.torques, strict=True):
+        if high - low <= 1e-12 * abs(high):
+            evidence = f"{name} moves but its torque is {high:.4g} {unit} throughout"
+            raise LogMismatch(paths, evidence, "map the right column, or leave the joint out (locked:)")
+
+
+def sources_of(digest: Digest) -> list[dict[str, object]]:
+    """Return where the rows of a digest come from, as the provenance of an estimate has it."""
+    return [asdict(chunk) for chunk in digest.chunks]

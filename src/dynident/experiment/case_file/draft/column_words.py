@@ -1,0 +1,146 @@
+"""What the name of a column says: its quantity, whether it is measured, its side, its unit, its number or joint."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+#: Words of the field for each signal.
+WORDS: Mapping[str, tuple[str, ...]] = {
+    "time": ("t", "time", "timestamp", "timestamps", "stamp", "times", "timesec", "clock", "zeit"),
+    "q": ("q", "pos", "position", "positions", "theta", "angle", "angles", "qpos", "jpos", "winkel"),
+    "dq": ("dq", "qd", "vel", "velocity", "velocities", "qdot", "dqdt", "qvel", "jvel", "speed", "speeds", "omega"),
+    "ddq": ("ddq", "qdd", "acc", "acceleration", "accelerations", "accel", "qddot"),
+    "torque": ("tau", "torque", "torques", "effort", "efforts", "trq", "moment", "moments", "drehmoment"),
+    "current": ("i", "current", "currents", "cur", "curr", "iq", "amps", "strom"),
+    "temperature": ("temp", "temperature", "temperatures"),
+}
+
+#: Words that join a signal and a side.
+_JOINED = {"qm": ("q", "motor"), "dqm": ("dq", "motor"), "taum": ("torque", "motor"), "im": ("current", "motor")}
+_SIGNAL = {word: signal for signal, words in WORDS.items() for word in words}
+
+_KINDS = {
+    "measured": "actual act meas measured msr sensor present real encoder enc fb feedback ist".split(),
+    "commanded": "des desired cmd command commanded ref reference target set setpoint sp goal planned soll d".split(),
+    "model": "model est estimated ext external hat predicted pred sim residual friction gravity coriolis ff".split(),
+}
+_KIND = {word: kind for kind, words in _KINDS.items() for word in words}
+_SIDES = {"motor": "motor", "mot": "motor", "rotor": "motor", "link": "link", "load": "link"}
+
+#: Words that say what the column is not: a signal of a joint.
+_OTHER = frozenset(
+    "err error std var cov min max limit lower upper tcp tool ee cart cartesian pose wrench twist imu x y z rx ry rz "
+    "quat flange voltage volt volts power status mode flag count version bits".split()
+)
+
+#: Words that say nothing more about a column.
+_NEUTRAL = frozenset("joint joints j axis a achse arm robot state states value values observation data of in s".split())
+
+#: Units at the end of names, as the words of the case file; by signal where a word has two meanings.
+UNIT_WORDS: Mapping[str, str] = {
+    "s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns", "rad": "rad", "deg": "deg", "m": "m", "mm": "mm",
+    "rad/s": "rad/s", "rads": "rad/s", "deg/s": "deg/s", "degs": "deg/s", "m/s": "m/s", "mm/s": "mm/s", "nm": "N m",
+    "mnm": "mN m", "n": "N", "a": "A", "amp": "A", "amps": "A", "ma": "mA", "%": "percent", "percent": "percent",
+    "permille": "permille", "°": "deg", "°/s": "deg/s",
+}  # fmt: skip
+
+_QUANTITY_UNITS: Mapping[str, frozenset[str]] = {
+    "time": frozenset(("s", "ms", "us", "ns")),
+    "q": frozenset(("rad", "deg", "m", "mm")),
+    "dq": frozenset(("rad/s", "deg/s", "m/s", "mm/s")),
+    "torque": frozenset(("N m", "mN m", "N", "percent", "permille")),
+    "current": frozenset(("A", "mA")),
+}
+
+_BRACKETED = re.compile(r"[\[({]\s*([^\[\](){}]*?)\s*[\])}]\s*$")
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """What a name says, its number or joint left aside.
+
+    Attributes:
+        signal: Field of a log, such as ``q``; ``time``; empty where no word is known.
+        kind: measured, commanded or model; empty where the name does not say.
+        side: motor or link; empty where the name does not say.
+        unit: Unit in the name, a word of the case file; empty where it has none.
+        strange: Words that are not known.
+    """
+
+    signal: str
+    kind: str = ""
+    side: str = ""
+    unit: str = ""
+    strange: int = 0
+
+
+def tokens_of(name: str) -> list[str]:
+    """Return the words and numbers of a name in small letters: ``jointPos_1`` is joint, pos, 1."""
+    spaced = re.sub(r"(?<=[a-z][a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
+    return [word.lower() for word in re.findall(r"[^\W\d_]+|\d+", spaced)]
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Return the name without a unit in brackets at its end, and the unit as a word of the case file, or empty."""
+    found = _BRACKETED.search(name)
+    if found is None:
+        return name, ""
+    plain = re.sub(r"[\s·*.]", "", found[1].lower())
+    unit = UNIT_WORDS.get(plain, "")
+    return (name[: found.start()], unit) if unit else (name, "")
+
+
+def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Meaning:
+    """Return what words say together.
+
+    Args:
+        words: Words of a name without its number and the name of its joint.
+        unit: Unit that stood in brackets.
+        at_end: Whether the last word stood at the end of the name, where a unit may stand.
+    """
+    words = list(words)
+    signals, kind, side, strange = _signals(words), "", "", 0
+    signal = _one(signals)
+    if not unit and at_end and len(words) > 1 and words[-1] in UNIT_WORDS:
+        unit = UNIT_WORDS[words[-1]]
+        words = words[:-1] if unit in _QUANTITY_UNITS.get(signal, ()) else words
+    if signal in _QUANTITY_UNITS and unit not in _QUANTITY_UNITS[signal]:
+        unit = ""
+    for k, word in enumerate(words):
+        if word in _OTHER:
+            return Meaning("")
+        if word in _JOINED:
+            side = _JOINED[word][1]
+        elif word in _SIGNAL:
+            continue
+        elif word in _KIND and (word != "d" or k):
+            kind = kind if kind in ("commanded", "model") else _KIND[word]
+        elif word in _SIDES:
+            side = _SIDES[word]
+        elif word not in _NEUTRAL:
+            strange += 1
+    if signal == "time" and (strange or kind):
+        return Meaning("")
+    return Meaning(signal, kind, side, unit, strange)
+
+
+def _signals(words: Sequence[str]) -> list[str]:
+    found = []
+    for word in words:
+        if word in _JOINED:
+            found.append(_JOINED[word][0])
+        elif word in _SIGNAL:
+            found.append(_SIGNAL[word])
+    return found
+
+
+def _one(signals: Sequence[str]) -> str:
+    """Return the signal of several words: 'current position' is a position, 'torque current' a current."""
+    kinds = list(dict.fromkeys(signals))
+    if len(kinds) > 1 and "time" in kinds:
+        kinds.remove("time")
+    if len(kinds) <= 1:
+        return kinds[0] if kinds else ""
+    return kinds[-1] if "current" in kinds and len(kinds) == 2 else ""

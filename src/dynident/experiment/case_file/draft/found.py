@@ -1,0 +1,101 @@
+"""What was recognised in a robot and its logs: the value that the text of a case file and its JSON are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from dynident.experiment.case_file.draft.column_groups import Group
+from dynident.experiment.case_file.draft.joint_choice import JointChoice
+from dynident.experiment.case_file.draft.profile_fit import ProfileFit
+from dynident.experiment.case_file.draft.readings import Reading
+from dynident.experiment.case_file.draft.told_units import Told
+from dynident.experiment.case_file.draft.torque_evidence import Evidence
+from dynident.model.robot import Robot
+
+
+@dataclass(frozen=True)
+class Source:
+    """A signal of the logs.
+
+    Attributes:
+        columns: One per joint, in the order of the joints.
+        pattern: How the case file writes them; empty for a list.
+        side: motor or link.
+        how: What told it.
+    """
+
+    columns: tuple[str, ...]
+    pattern: str
+    side: str
+    how: str
+
+    def shown(self) -> str:
+        """Return the columns in words."""
+        return self.columns[0] if len(self.columns) == 1 else f"{self.columns[0]} to {self.columns[-1]}"
+
+
+@dataclass(frozen=True)
+class Found:
+    """Everything that a draft stands on.
+
+    Attributes:
+        robot: The robot with all its joints.
+        header: Columns of the first log.
+        time: Column of the time; empty where none is known.
+        sources: Columns of each signal.
+        joints: The joints of the columns.
+        readings: The logs.
+        units: Unit of each quantity (time, position, velocity, torque, current).
+        profiles: Profiles that fit, the best first; the first is taken where no other is as good.
+        rivals: Groups that fit a signal equally well.
+        refused: Columns that are no measurement, and why.
+        evidence: What the description's masses say about torques or currents.
+        band_hz: Band of the motion; 0 where it is not known.
+        still: Position in rad or m of the joints that stand still.
+        left_out: Signals whose columns were found and are not read, and why.
+        likely_effort: Columns that may be the torques or currents that a profile does not read; empty for none.
+        form: How the file is read where its suffix does not say, as the case file writes it; empty for nothing.
+    """
+
+    robot: Robot
+    header: tuple[str, ...]
+    time: str = ""
+    sources: Mapping[str, Source] = field(default_factory=dict)
+    joints: JointChoice = field(default_factory=lambda: JointChoice((), False, ""))
+    readings: tuple[Reading, ...] = ()
+    units: Mapping[str, Told] = field(default_factory=dict)
+    profiles: tuple[ProfileFit, ...] = ()
+    rivals: Mapping[str, tuple[Group, ...]] = field(default_factory=dict)
+    refused: tuple[tuple[Group, str], ...] = ()
+    evidence: Evidence | None = None
+    band_hz: float = 0.0
+    still: Mapping[str, float] = field(default_factory=dict)
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    likely_effort: str = ""
+    form: str = ""
+
+    @property
+    def effort(self) -> str:
+        """``torque`` or ``current``, whichever is read; empty where neither is."""
+        return next((signal for signal in ("torque", "current") if signal in self.sources), "")
+
+    @property
+    def moving(self) -> Robot | None:
+        """The robot with the joints of the columns only; None where they are not known."""
+        names = self.joints.names
+        if not names or set(names) - set(self.robot.joint_names):
+            return None
+        others = [name for name in self.robot.joint_names if name not in names]
+        return self.robot.locked(dict.fromkeys(others, 0.0)) if others else self.robot
+
+    @property
+    def to_seconds(self) -> float:
+        """Factor of the time's unit, the likely one where it is asked."""
+        told = self.units.get("time")
+        return {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}.get(told.text if told else "s", 1.0)
+
+    @property
+    def on_motors(self) -> tuple[str, ...]:
+        """Signals of motion and torque that were logged at the motors."""
+        return tuple(s for s in ("q", "dq", "torque", "q_ref") if s in self.sources and self.sources[s].side == "motor")

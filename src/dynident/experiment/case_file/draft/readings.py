@@ -1,0 +1,138 @@
+"""What the rows of a log say before a case exists: its values as they stand in the file, rate, gaps, rest, band."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import LogFormatError
+from dynident.experiment.formats import LogFormat, Table, open_log
+from dynident.experiment.formats._table import MIN_SAMPLES
+from dynident.experiment.preprocessing import LONGEST_GAP
+
+#: Share of the power of the positions that lies in the band of a motion.
+BAND_SHARE = 0.999
+
+#: A joint that moves less, in rad or m, stands still.
+STILL = 1e-3
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A log in the units of its file.
+
+    Attributes:
+        path: The file as it was given.
+        time: Time of the rows that are used, shape (N,), running forward.
+        signals: Values by signal, each (N, k).
+        rows: Rows of the file.
+        notes: What is wrong with it, in words.
+    """
+
+    path: str
+    time: Array
+    signals: Mapping[str, Array]
+    rows: int
+    notes: tuple[str, ...] = ()
+
+    @property
+    def step(self) -> float:
+        """Median time between two rows, in the unit of the file."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def duration(self) -> float:
+        """Time from the first row to the last, in the unit of the file."""
+        return float(self.time[-1] - self.time[0])
+
+
+def opened(path: str, form: LogFormat | None = None) -> Table:
+    """Return the columns of a log file, its rows not read yet.
+
+    Raises:
+        FileError: The file cannot be read.
+        LogFormatError: No sound log, or no format has its suffix.
+    """
+    return open_log(path) if form is None else form.open(path)
+
+
+def read_rows(table: Table, time: str, columns: Mapping[str, Sequence[str]]) -> Reading:
+    """Return the rows of a log that can be used, and what is wrong with the others.
+
+    Args:
+        table: The opened file.
+        time: Column of the time.
+        columns: Columns by signal.
+
+    Raises:
+        LogFormatError: A cell is no number, or too few rows can be used.
+    """
+    names = list(dict.fromkeys([time, *(name for group in columns.values() for name in group)]))
+    for name in names:
+        if name not in table.header:
+            step = "all logs of one case have the same columns; make a case for each kind of log"
+            raise LogFormatError(table.path, table.line, f"no column '{name}' as in the first log", step)
+    values = table.columns(names)
+    rows, notes = len(values), []
+    sound = np.isfinite(values).all(axis=1)
+    if not sound.all():
+        notes.append(f"{np.count_nonzero(~sound)} of {rows} rows hold values that are not finite")
+    stamps = np.where(sound, values[:, 0], -np.inf)
+    latest = np.maximum.accumulate(np.concatenate([[-np.inf], stamps[:-1]]))
+    forward = sound & (values[:, 0] > latest)
+    if np.count_nonzero(sound & ~forward):
+        notes.append(f"time repeats or runs back in {np.count_nonzero(sound & ~forward)} rows")
+    values = values[forward]
+    if len(values) < MIN_SAMPLES:
+        step = "an identification needs seconds of motion"
+        raise LogFormatError(table.path, table.line, f"only {len(values)} rows that can be used", step)
+    place = {name: k for k, name in enumerate(names)}
+    signals = {signal: values[:, [place[name] for name in group]] for signal, group in columns.items()}
+    return Reading(table.path, values[:, 0], signals, rows, tuple(notes))
+
+
+def gaps(time: Array) -> int:
+    """Return how many gaps a time in s has that are too long for an identification."""
+    steps = np.diff(time)
+    return int(np.count_nonzero(steps > max(LONGEST_GAP, 10 * float(np.median(steps)))))
+
+
+def band(time: Array, q: Array) -> float:
+    """Return the frequency in Hz below which 99.9 % of the power of every moving joint's position lies.
+
+    Args:
+        time: In s, shape (N,).
+        q: Positions, shape (N, n).
+    """
+    moved = q[:, np.ptp(q, axis=0) > 0]
+    if not moved.shape[1]:
+        return 0.0
+    count = min(len(time), 1 << 17)
+    even = np.linspace(time[0], time[-1], count)
+    signals = np.column_stack([np.interp(even, time, column) for column in moved.T])
+    window = np.hanning(count)[:, None]
+    power = np.abs(np.fft.rfft((signals - signals.mean(axis=0)) * window, axis=0)) ** 2
+    shares = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+    frequencies = np.fft.rfftfreq(count, (even[-1] - even[0]) / (count - 1))
+    return float(max(frequencies[np.argmax(column >= BAND_SHARE)] for column in shares.T))
+
+
+def velocity_ratio(time: Array, q: Array, dq: Array) -> float:
+    """Return logged velocities over those of the positions, by the integral, over joints that move; NaN for none.
+
+    The integral of dq follows q but for a straight line of drift; noise of a derivative has no part in it.
+    """
+    moved = np.ptp(q, axis=0) > STILL
+    if not moved.any():
+        return float("nan")
+    steps = np.diff(time)[:, None]
+    travelled = np.vstack([np.zeros(q.shape[1]), np.cumsum(0.5 * (dq[1:] + dq[:-1]) * steps, axis=0)])
+    line = np.column_stack([np.ones(len(time)), (time - time[0]) / (time[-1] - time[0])])
+    ratios = []
+    for k in np.flatnonzero(moved):
+        a, b = (x - line @ np.linalg.lstsq(line, x, rcond=None)[0] for x in (q[:, k], travelled[:, k]))
+        ratios.append(float(a @ b / (a @ a)) if a @ a > 0 else float("nan"))
+    return float(np.nanmedian(ratios)) if np.any(np.isfinite(ratios)) else float("nan")

@@ -1,0 +1,277 @@
+"""From a robot and the tables of its logs to what was recognised in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.experiment.case_file.draft.column_groups import Group, groups_of, time_columns, unit_of_time
+from dynident.experiment.case_file.draft.found import Found, Source
+from dynident.experiment.case_file.draft.joint_choice import JointChoice, choose_joints
+from dynident.experiment.case_file.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
+from dynident.experiment.case_file.draft.readings import STILL, Reading, band, read_rows, velocity_ratio
+from dynident.experiment.case_file.draft.signal_choice import choose_signals
+from dynident.experiment.case_file.draft.told_units import Told, position_unit, time_unit, torque_unit
+from dynident.experiment.case_file.draft.torque_evidence import torque_evidence
+from dynident.experiment.case_file.draft.yaml_words import listed, quoted
+from dynident.experiment.formats import Table
+from dynident.experiment.formats.base import UNITS
+from dynident.model.robot import Robot
+
+#: The cut-off is this many times the band of the motion; see the part on filters in docs/how-to-choose.md.
+CUTOFF_FACTOR = 10.0
+
+#: Limits of the cut-off: in Hz, and as a share of the sampling rate.
+LEAST_CUTOFF, LARGEST_SHARE = 2.0, 0.2
+
+#: A logged velocity within these of the derivative of the positions has their unit.
+SAME_UNIT = (0.8, 1.25)
+
+#: Commanded positions differ from measured ones by no more than this share of the motion.
+FOLLOWS = 0.2
+
+
+def recognised(robot: Robot, tables: Sequence[Table], profile: str = "") -> Found:
+    """Return what is recognised in the logs of a robot.
+
+    Args:
+        robot: With all its joints.
+        tables: The opened logs; the first one says what the columns are.
+        profile: Name of a profile that is to be taken; empty for the one that fits.
+
+    Raises:
+        LogFormatError: A log lacks a column of the first, or a cell is no number.
+    """
+    header = tables[0].header
+    fits = fitting_profiles(header, robot.joint_names)
+    fits = [fit for fit in fits if not profile or fit.name == profile]
+    found = Found(robot, header, profiles=tuple(fits))
+    found = _by_profile(found, fits) if fits else _by_names(found)
+    if not found.time or "q" not in found.sources:
+        return found
+    columns = {signal: source.columns for signal, source in found.sources.items()}
+    readings = tuple(read_rows(table, found.time, columns) for table in tables)
+    return _by_values(replace(found, readings=readings))
+
+
+def cutoff_of(found: Found) -> float:
+    """Return the cut-off in Hz that a draft proposes; 0 where the band of the motion is not known."""
+    if not found.band_hz:
+        return 0.0
+    rate = min(1.0 / (reading.step * found.to_seconds) for reading in found.readings)
+    return float(f"{min(max(CUTOFF_FACTOR * found.band_hz, LEAST_CUTOFF), LARGEST_SHARE * rate):.2g}")
+
+
+def _by_profile(found: Found, fits: Sequence[ProfileFit]) -> Found:
+    fit = fits[0]
+    how = f"profile {fit.name}" if len(equally_good(fits)) == 1 else "a profile that is asked for"
+    sources = {
+        channel.signal: Source(channel.names(fit.joints), channel.pattern, channel.side, how)
+        for channel in fit.channels
+        if channel.signal != "temperature"
+    }
+    missing = found.robot.dof - len(fit.joints)
+    named = any("{joint}" in channel.pattern for channel in fit.channels)
+    why = "by their names" if named else "in the order of the chain"
+    joints = JointChoice(fit.joints, True, why + (f"; the log lacks {missing} others" if missing else ""))
+    likely = ""
+    if fit.effort is None:
+        groups = choose_signals(groups_of(found.header, found.robot.joint_names), found.robot.dof, True).groups
+        group = groups.get("torque") or groups.get("current")
+        likely = "" if group is None else quoted(group.pattern) if group.pattern else listed(group.names)
+    return replace(found, time=fit.profile.time, sources=sources, joints=joints, likely_effort=likely)
+
+
+def _by_names(found: Found) -> Found:
+    choice = choose_signals(groups_of(found.header, found.robot.joint_names), found.robot.dof)
+    times = time_columns(found.header)
+    sources = {signal: _source(group) for signal, group in choice.groups.items() if signal not in choice.rivals}
+    left_out = {}
+    if "torque" in sources and "current" in sources:
+        left_out["current"] = f"{sources.pop('current').shown()} are there as well; the torques are read"
+    if "temperature" in sources:
+        left_out["temperature"] = f"{sources.pop('temperature').shown()}: for the friction part temperature"
+    if "q" in choice.groups and "q" not in sources:
+        sources = {}
+    group = choice.groups.get("q")
+    if "q" in sources and group is not None and group.count == found.robot.dof:
+        found = replace(found, joints=choose_joints(found.robot, group, np.zeros((1, group.count))))
+    return replace(
+        found,
+        time=times[0] if times else "",
+        sources=sources,
+        rivals=choice.rivals,
+        refused=choice.refused,
+        left_out=left_out,
+    )
+
+
+def _source(group: Group) -> Source:
+    how = "by the names of the joints" if group.named else "by the numbers in their names"
+    return Source(group.names, group.pattern, group.meaning.side or "link", how)
+
+
+def _by_values(found: Found) -> Found:
+    """Return what is recognised once the rows are read: joints, units, band, joints that stand still."""
+    first = found.readings[0]
+    units = _profile_units(found)
+    if "time" not in units:
+        units["time"] = time_unit(first.step, unit_of_time(found.time))
+    stated = {signal: _stated_unit(found, signal) for signal in found.sources}
+    if not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
+        found = _first_columns(found)
+    q = np.concatenate([reading.signals["q"] for reading in found.readings])
+    if not found.profiles:
+        group = next(g for g in _groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
+        found = replace(found, joints=choose_joints(found.robot, group, _likely_si(q, stated["q"])))
+    found = replace(found, units=units)
+    moving = found.moving
+    if "position" not in units and "q" in found.on_motors:
+        units["position"] = _motor_unit(stated["q"])
+    elif "position" not in units and moving is not None and len(found.joints.names) == q.shape[1]:
+        own = {joint.name: joint for joint in moving.active}
+        units["position"] = position_unit(q, [own[name] for name in found.joints.names], stated["q"])
+    elif "position" not in units and found.joints.in_si:
+        units["position"] = Told(("SI",), True, found.joints.why)
+    elif "position" not in units:
+        units["position"] = Told((), False, "the joints are not known")
+    if found.profiles and "q" in found.sources and not found.profiles[0].states("q"):
+        units["position"] = replace(units["position"], certain=False)
+    found = replace(found, band_hz=max(band(r.time * found.to_seconds, r.signals["q"]) for r in found.readings))
+    factors = _factors(units["position"], q.shape[1])
+    found = _with_effort(replace(found, units=units), moving, factors, stated)
+    return _with_motion(found, q, factors)
+
+
+def _with_effort(found: Found, moving: Robot | None, factors: Array, stated: Mapping[str, str]) -> Found:
+    units = dict(found.units)
+    effort = found.effort
+    if not effort:
+        return found
+    evidence = None
+    reading = max(found.readings, key=lambda one: one.duration)
+    fits_joints = moving is not None and moving.dof == reading.signals["q"].shape[1]
+    if moving is not None and fits_joints and not found.on_motors:
+        order = [found.joints.names.index(name) for name in moving.joint_names]
+        q = (reading.signals["q"] * factors)[:, order]
+        cutoff = min(cutoff_of(found), 0.2 / (reading.step * found.to_seconds))
+        evidence = torque_evidence(
+            moving, reading.time * found.to_seconds, q, reading.signals[effort][:, order], cutoff
+        )
+    if effort == "current" and "current" not in units:
+        units["current"] = Told((stated["current"] or "A",), True, "gains are per unit of these columns")
+    if effort == "torque" and "torque" not in units:
+        joints = () if moving is None or not fits_joints else moving.active
+        count = len(joints)
+        ratios = np.full(count, np.nan) if evidence is None else evidence.ratios
+        telling = (False,) * count if evidence is None else evidence.telling
+        largest = np.abs(np.concatenate([r.signals["torque"] for r in found.readings])).max(axis=0)
+        if count and not found.on_motors:
+            units["torque"] = torque_unit(joints, stated["torque"], ratios, telling, largest)
+        else:
+            told = stated["torque"] in ("N m", "N")
+            units["torque"] = Told(("SI",), told, "the header says so" if told else "nothing in the log tells it")
+    return replace(found, units=units, evidence=evidence)
+
+
+def _with_motion(found: Found, q: Array, factors: Array) -> Found:
+    """Return which velocities and commanded positions are read, and which joints stand still."""
+    sources, left_out, units = dict(found.sources), dict(found.left_out), dict(found.units)
+    first = found.readings[0]
+    if "dq" in sources and "velocity" not in units:
+        seconds = found.to_seconds
+        ratio = velocity_ratio(first.time * seconds, first.signals["q"] * factors, first.signals["dq"])
+        stated = _stated_unit(found, "dq")
+        if SAME_UNIT[0] <= ratio <= SAME_UNIT[1] and found.units["position"].certain:
+            words = {"m": "m/s", "mm": "m/s"}
+            told = tuple(words.get(word, "rad/s") for word in found.units["position"].words)
+            units["velocity"] = Told(told, True, f"{ratio:.3g} times the derivative of the positions")
+        else:
+            said = f"{ratio:.3g} times the derivative of the positions" + (f", the header says {stated}" * bool(stated))
+            left_out["dq"] = f"{sources.pop('dq').shown()}: {said}; only the filter as_given reads velocities"
+    if "q_ref" in sources:
+        away = np.abs(first.signals["q_ref"] - first.signals["q"]).max(axis=0)
+        if np.any(away > FOLLOWS * np.maximum(np.ptp(first.signals["q"], axis=0), STILL)):
+            left_out["q_ref"] = f"{sources.pop('q_ref').shown()} stray from the measured positions"
+            sources.pop("dq_ref", None)
+    if "dq_ref" in sources and ("q_ref" not in sources or "velocity" not in units):
+        sources.pop("dq_ref")
+    still = {}
+    if found.joints.certain and found.units["position"].certain and not found.on_motors:
+        si = q * factors
+        still = {
+            name: float(np.median(si[:, k])) for k, name in enumerate(found.joints.names) if np.ptp(si[:, k]) < STILL
+        }
+        still = still if len(still) < len(found.joints.names) else {}
+    return replace(found, sources=sources, left_out=left_out, units=units, still=still)
+
+
+def _profile_units(found: Found) -> dict[str, Told]:
+    """Return the units that the profile states."""
+    if not found.profiles:
+        return {}
+    fit = found.profiles[0]
+    why = f"profile {fit.name}"
+    units = {"time": Told((fit.profile.time_unit,), True, why)}
+    for channel in fit.channels:
+        quantity = {"q": "position", "dq": "velocity", "torque": "torque", "current": "current"}.get(channel.signal)
+        if quantity and channel.unit:
+            units[quantity] = Told((channel.unit,), True, why)
+    return units
+
+
+def _groups(found: Found) -> list[Group]:
+    return groups_of(found.header, found.robot.joint_names)
+
+
+def _stated_unit(found: Found, signal: str) -> str:
+    """Return the unit in the names of the columns of a signal; empty where they state none."""
+    columns = found.sources[signal].columns
+    return next((g.meaning.unit for g in _groups(found) if g.names[: len(columns)] == columns), "")
+
+
+def _first_columns(found: Found) -> Found:
+    """Return what was found with as many columns of each signal as the robot has joints, the first ones."""
+    count = found.robot.dof
+    sources = {key: replace(source, columns=source.columns[:count]) for key, source in found.sources.items()}
+    readings = tuple(
+        replace(reading, signals={key: values[:, :count] for key, values in reading.signals.items()})
+        for reading in found.readings
+    )
+    return replace(found, sources=sources, readings=readings)
+
+
+def _motor_unit(stated: str) -> Told:
+    if stated:
+        return Told((stated,), True, f"the header says {stated}")
+    return Told((), False, "positions of motors, which no limit of a joint bounds")
+
+
+def _likely_si(q: Array, stated: str) -> Array:
+    if stated in UNITS["position"]:
+        return q * _factor(stated)
+    return q
+
+
+def _factors(told: Told, count: int) -> Array:
+    """Return the factor of each column to SI by its unit, the likely one where it is asked."""
+    words = told.words if len(told.words) == count else told.words[:1] * count or ("SI",) * count
+    return np.array([_factor(word) for word in words])
+
+
+def _factor(word: str) -> float:
+    (numerator, denominator), _ = UNITS["position"][word]
+    return numerator / denominator
+
+
+def facts_of(reading: Reading, seconds: float) -> str:
+    """Return a log in words: samples, duration, rate.
+
+    Args:
+        reading: The log.
+        seconds: Factor of its time's unit.
+    """
+    return f"{reading.rows} rows, {reading.duration * seconds:.4g} s, {1 / (reading.step * seconds):.5g} Hz"

@@ -1,0 +1,105 @@
+"""Cubic smoothing spline through the positions, differentiated analytically."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import BadOption, LogMismatch
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing._spectra import power_spectrum
+from dynident.experiment.preprocessing._torque_side import TorqueSide
+from dynident.experiment.preprocessing.base import Filter
+
+#: Penalties that are tried, in powers of ten of a sample's length cubed.
+PENALTIES = (-6.0, 14.0)
+
+
+@dataclass(frozen=True)
+class SmoothingSpline(Filter):
+    """Cubic spline that minimises sum (y - q)^2 + penalty * integral of (q'')^2 (Reinsch 1967), and its derivatives.
+
+    The penalty of each joint is the one of least generalised cross-validation (Craven and Wahba 1979), or the one that
+    leaves a residual of the stated noise (Reinsch). Torque and regressor pass a zero-phase Butterworth, the same on
+    both sides, which the spline of the positions is not part of.
+
+    Attributes:
+        position_noise: Standard deviation of a position sample in rad or m; None: generalised cross-validation.
+        cutoff_hz: Frequency of half amplitude of torque and regressor, in Hz.
+        torque: ``same`` filters both sides, ``none`` leaves torque and regressor as they are.
+    """
+
+    position_noise: float | None = None
+    cutoff_hz: float = 5.0
+    torque: str = "same"
+
+    def __post_init__(self) -> None:
+        if self.position_noise is not None and not 0 < self.position_noise < np.inf:
+            raise BadOption("position_noise", self.position_noise, "give a standard deviation above 0")
+        assert self._side
+
+    def apply(self, log: Log) -> Log:
+        import scipy.interpolate
+
+        if log.samples < 10:
+            raise LogMismatch(log.name, f"{log.samples} samples", "a smoothing spline takes at least 10 samples")
+        self._side.check(log)
+        place = np.arange(log.samples, dtype=float)  # a unit of time of one sample keeps the equations well scaled
+        signals: list[list[Array]] = [[], [], []]
+        residuals = []
+        for column in log.q.T:
+            penalty = penalty_of(column, log.rate, self.position_noise)
+            spline = scipy.interpolate.make_smoothing_spline(place, column, lam=penalty)
+            for order in range(3):
+                signals[order].append(spline.derivative(order)(place) * log.rate**order if order else spline(place))
+            residuals.append(float(np.sqrt(np.mean((column - signals[0][-1]) ** 2))))
+        q, dq, ddq = (np.stack(each, axis=1) for each in signals)
+        step = f"smoothing spline, leaves {', '.join(f'{each:.2g}' for each in residuals)}, {self._side.text()}"
+        return log.with_step(step, q=q, dq=dq, ddq=ddq, torque=self._side.measured(log), raw_torque=log.torque)
+
+    def statement(self) -> dict[str, object]:
+        return {
+            "kind": "smoothing_spline",
+            "cutoff_hz": self.cutoff_hz if self.torque == "same" else None,
+            "order": 3,
+            "torque": self.torque,
+            "position_noise": "by cross-validation" if self.position_noise is None else self.position_noise,
+        }
+
+    def smooth(self, signals: Array, rate: float) -> Array:
+        return self._side.smooth(signals, rate)
+
+    def bandwidth(self) -> float | None:
+        return self.cutoff_hz if self.torque == "same" else None
+
+    def reach(self, rate: float) -> int:
+        return self._side.reach(rate)
+
+    @cached_property
+    def _side(self) -> TorqueSide:
+        return TorqueSide(self.cutoff_hz, self.torque)
+
+
+def penalty_of(signal: Array, rate: float, noise: float | None) -> float:
+    """Return the penalty of a uniformly sampled signal (N,), its unit of time one sample.
+
+    The spline on a uniform grid takes the frequency w, in radians a sample, to 1 / (1 + penalty (2 sin(w/2))^4) of its
+    amplitude, away from the ends, so that residual and freedom follow from the power spectrum of the signal.
+
+    Args:
+        signal: Positions.
+        rate: Samples a second.
+        noise: Standard deviation that the residual is to have; None: generalised cross-validation.
+    """
+    hertz, power = power_spectrum(signal[:, None], rate)
+    width = rate / 2 / len(hertz)
+    stiff = (2.0 * np.sin(np.pi * hertz / rate)) ** 4
+    penalties = np.logspace(*PENALTIES, 201)
+    left = penalties[:, None] * stiff / (1.0 + penalties[:, None] * stiff)
+    residuals = left**2 @ power[:, 0] * width
+    if noise is not None:
+        return float(np.exp(np.interp(np.log(noise**2), np.log(residuals + 1e-300), np.log(penalties))))
+    return float(penalties[int(np.argmin(residuals / left.mean(axis=1) ** 2))])

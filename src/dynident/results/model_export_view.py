@@ -1,0 +1,49 @@
+"""What an export of a model shows on the terminal: the proof as a table, what is left out in a few lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from dynident.results.model_exporters import ModelExport, Proof
+from dynident.results.text import MISSING, Column, Table, format_number, label
+
+
+def proofs_table(proofs: Sequence[Proof]) -> Table:
+    """Return the largest differences of torques by engine, those not asked with the reason."""
+    rows = []
+    for proof in proofs:
+        if proof.difference is None or proof.relative is None:
+            rows.append((proof.engine, "not proved", MISSING, MISSING))
+        else:
+            rows.append((proof.engine, proof.what, f"{proof.difference:.1e}", f"{proof.relative:.1e}"))
+    columns = (
+        Column("loaded again by"),
+        Column("compared"),
+        Column("difference", "N m or N", numeric=True),
+        Column("relative", numeric=True),
+    )
+    states = max((proof.states for proof in proofs), default=0)
+    allowed = " or ".join(f"{limit:.0e}" for limit in sorted({proof.allowed for proof in proofs if proof.states}))
+    note = f"largest difference of a torque on {states} random states, at most {allowed or 'nothing'} allowed"
+    return Table(columns, tuple(rows), note)
+
+
+def not_proved_lines(proofs: Sequence[Proof]) -> Iterator[str]:
+    """Yield why engines were not asked."""
+    for proof in proofs:
+        if proof.why_not:
+            yield f"not proved with {proof.engine}: {label(proof.why_not)}"
+
+
+def left_out_lines(export: ModelExport) -> Iterator[str]:
+    """Yield what the format cannot hold: the coefficients by joint, and the torque that goes with them."""
+    if not export.left_out:
+        return
+    by_joint: dict[str, list[str]] = {}
+    for term in export.left_out:
+        by_joint.setdefault(term.joint, []).append(f"{term.symbol} {term.value:.4g}")
+    yield f"\nleft out of {export.files[0]}, and in {export.files[-1]}:"
+    for joint, terms in by_joint.items():
+        worst = export.neglected.get(joint)
+        size = f"; up to {format_number(worst, 3)} N m or N without them" if worst is not None else ""
+        yield f"  {label(joint)}: {', '.join(terms)}{size}"

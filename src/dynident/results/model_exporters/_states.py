@@ -1,0 +1,73 @@
+"""The random states of a proof, for engines that have more joints than the model: followers and locked ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import UnknownChoice
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
+
+#: States on which torques are compared, and their seed.
+STATES, SEED = 1000, 20
+
+
+@dataclass(frozen=True)
+class States:
+    """Random motion of the n joints, and how every joint of a file follows from it.
+
+    Attributes:
+        motion: Motion of the n joints that move on their own.
+        gravity: In the base frame, shape (3,), in m/s^2.
+        follows: By joint of a file: column among the n (-1: locked), multiplier and offset of q = multiplier
+            q[column] + offset.
+    """
+
+    motion: Motion
+    gravity: Array
+    follows: Mapping[str, tuple[int, float, float]]
+
+    def of(self, joints: Sequence[str]) -> tuple[Array, Array, Array]:
+        """Return q, dq, ddq of the joints of a file, each (N, m).
+
+        Raises:
+            UnknownChoice: A joint that the model does not know.
+        """
+        for name in joints:
+            if name not in self.follows:
+                raise UnknownChoice("joint", name, list(self.follows))
+        turn, shift = self._map(joints)
+        return self.motion.q @ turn.T + shift, self.motion.dq @ turn.T, self.motion.ddq @ turn.T
+
+    def gather(self, joints: Sequence[str], torque: Array) -> Array:
+        """Return the torques (N, n) of the joints that move on their own from those of all joints (N, m)."""
+        return torque @ self._map(joints)[0]
+
+    def _map(self, joints: Sequence[str]) -> tuple[Array, Array]:
+        turn, shift = np.zeros((len(joints), self.motion.q.shape[1])), np.zeros(len(joints))
+        for row, name in enumerate(joints):
+            column, multiplier, offset = self.follows[name]
+            if column >= 0:
+                turn[row, column] = multiplier
+            shift[row] = offset
+        return turn, shift
+
+
+def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) -> States:
+    """Return the states of a proof; ``locked`` are joints of the file that the model has fixed, with positions."""
+    column = {name: i for i, name in enumerate(model.robot.joint_names)}
+    follows = {name: (-1, 0.0, float(position)) for name, position in (locked or {}).items()}
+    for joint in model.robot.joints:
+        follow = joint.mimic
+        follows[joint.name] = (
+            (column[joint.name], 1.0, 0.0)
+            if follow is None
+            else (column[follow.joint], float(follow.multiplier), float(follow.offset))
+        )
+    motion = model.random_motion(STATES, SEED)
+    # Friction that depends on the load takes the model's own torque, not a drawn one.
+    return States(Motion(motion.q, motion.dq, motion.ddq, None, motion.temperature), model.robot.gravity, follows)

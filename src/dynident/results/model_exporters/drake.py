@@ -1,0 +1,91 @@
+"""Drake: model directives and the SDF that they add, with the base welded to the world."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from dynident.errors import FileError
+from dynident.results.model_exporters._beside import left_out, place_beside
+from dynident.results.model_exporters._document import document_bytes
+from dynident.results.model_exporters._drives import Drives, Term, drives_of
+from dynident.results.model_exporters._identified import Identified
+from dynident.results.model_exporters._sdf_proof import drake_torque, own_torque
+from dynident.results.model_exporters._sdf_text import sdf_text
+from dynident.results.model_exporters._states import States
+from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+
+_PACKAGE = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+
+
+@dataclass(frozen=True)
+class Drake(ModelExporter):
+    """Drake: model directives (FILE), the SDF with reflected inertia that they add and weld, and its package.xml.
+
+    Attributes:
+        package: Name of the package, whose folder is that of FILE; the file's own name where none is given.
+    """
+
+    package: str = ""
+
+    needs_bodies: ClassVar[bool] = True
+
+    def content(self, subject: Identified, path: Path) -> ModelContent:
+        drives, package = drives_of(subject), self._package(path)
+        sdf, about = _sdf_place(path), path.with_name("package.xml")
+        if path in (sdf, about):
+            raise FileError(path, "a file beside the directives has this name", "call it NAME.dmd.yaml")
+        files = {
+            path: self._directives(subject, package, sdf),
+            sdf: sdf_text(subject, drives),
+            about: f'<package format="2"><name>{package}</name></package>\n'.encode("ascii"),
+            place_beside(path): document_bytes(subject, drives),
+        }
+        notes = [f"tell Drake where the package is: package_map().AddPackageXml('{about.name}')"]
+        notes.append("gravity is that of the plant; Drake has no dry friction of joints")
+        if any(joint.mimic is not None for joint in subject.model.robot.joints):
+            notes.append("joints that follow another move freely")
+        return ModelContent(files, (*_dry_terms(drives), *left_out(drives, armature=True, coupled=False)), tuple(notes))
+
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+        path = folder / next(iter(content.files)).name
+        yield own_torque(subject, _sdf_place(path), states)
+        yield drake_torque(subject, path, states, self._package(path))
+
+    def _package(self, path: Path) -> str:
+        name = self.package or path.name.split(".")[0]
+        if not _PACKAGE.fullmatch(name):
+            step = "use letters, digits, '_' and '-', a letter first; --option package=NAME gives another one"
+            raise FileError(path, f"'{name}' cannot name a package", step)
+        return name
+
+    def _directives(self, subject: Identified, package: str, sdf: Path) -> bytes:
+        model = json.dumps(subject.model.robot.name)
+        base = json.dumps(f"{subject.model.robot.name}::{subject.model.robot.base}")
+        lines = [
+            "directives:",
+            "- add_model:",
+            f"    name: {model}",
+            f"    file: {json.dumps(f'package://{package}/{sdf.name}')}",
+            "- add_weld:",
+            "    parent: world",
+            f"    child: {base}",
+        ]
+        return ("\n".join(lines) + "\n").encode("ascii")
+
+
+def _sdf_place(path: Path) -> Path:
+    return path.with_name(f"{path.name.split('.')[0]}.sdf")
+
+
+def _dry_terms(drives: Drives) -> tuple[Term, ...]:
+    dry = drives.at_joints()[2]
+    return tuple(
+        Term(name, "coulomb", "Fc", float(value), "N m or N", {})
+        for name, value in zip(drives.joints, dry, strict=True)
+        if value
+    )

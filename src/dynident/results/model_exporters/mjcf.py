@@ -1,0 +1,157 @@
+"""MJCF: the model of MuJoCo, with armature, damping, dry friction and the drives that turn several joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.model.parameters import to_mujoco_fullinertia
+from dynident.model.robot import Robot
+from dynident.results.model_exporters import _engine_mujoco, _engine_pinocchio
+from dynident.results.model_exporters._beside import left_out, place_beside, sharp_note
+from dynident.results.model_exporters._document import document_bytes
+from dynident.results.model_exporters._drives import Drives, drives_of, rigid_torque
+from dynident.results.model_exporters._identified import Identified
+from dynident.results.model_exporters._mjcf_text import geoms, joint_line, pose, sites
+from dynident.results.model_exporters._states import States
+from dynident.results.model_exporters._urdf_text import number, numbers
+from dynident.results.model_exporters._xml_names import checked_names, unused_name
+from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+
+
+@dataclass(frozen=True)
+class Mjcf(ModelExporter):
+    """MJCF for MuJoCo: bodies, armature, damping, frictionloss, a motor a joint; coupled drives as fixed tendons.
+
+    Attributes:
+        motors: Whether each joint that moves on its own gets a motor, with its effort limit where that is known.
+    """
+
+    motors: bool = True
+
+    needs_bodies: ClassVar[bool] = True
+
+    def content(self, subject: Identified, path: Path) -> ModelContent:
+        drives = drives_of(subject)
+        files = {path: self._text(subject, drives), place_beside(path): document_bytes(subject, drives)}
+        left = left_out(drives, armature=True, coupled=True)
+        notes = ["shapes are drawn and do not touch; meshes are left out"]
+        if any(joint.mimic is not None for joint in subject.model.robot.joints):
+            notes.append("joints that follow another are held to it by a soft equality constraint of MuJoCo")
+        if drives.dry.any():
+            notes.append("frictionloss is regularised by MuJoCo's solver: solreffriction and solimpfriction set how")
+        return ModelContent(files, left, (*notes, *sharp_note(drives, "MJCF")))
+
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+        path = folder / next(iter(content.files)).name
+        drives = drives_of(subject)
+        rigid = rigid_torque(subject, states.motion)
+        what = "bodies, armature, damping, dry friction"
+        if name := _engine_mujoco.version():
+            expected = rigid + drives.torque(states.motion, armature=True, coupled=True)
+            yield Reloaded(name, what, _engine_mujoco.torque(path, "mjcf", states), expected)
+        else:
+            yield Reloaded("MuJoCo", why_not="not installed")
+        if not (name := _engine_pinocchio.version()):
+            yield Reloaded("Pinocchio", why_not="not installed")
+        elif not drives.alone.all():
+            yield Reloaded(name, why_not="it does not read the tendons of drives that turn several joints")
+        elif sum(joint.parent < 0 for joint in subject.model.robot.joints) > 1:
+            yield Reloaded(name, why_not="it reads only the first of several bodies on the base")
+        else:
+            expected = rigid + drives.torque(states.motion, armature=True, coupled=False)
+            yield Reloaded(name, what, _engine_pinocchio.torque(path, "mjcf", states), expected)
+
+    def _text(self, subject: Identified, drives: Drives) -> bytes:
+        robot = subject.model.robot
+        checked_names("link", [link.name for link in robot.links])
+        checked_names("joint", [joint.name for joint in robot.joints])
+        checked_names("robot", [robot.name])
+        lines = [
+            f"<mujoco model={quoteattr(robot.name)}>",
+            '  <compiler angle="radian" autolimits="true" inertiafromgeom="false" boundmass="0" boundinertia="0"/>',
+            f'  <option gravity="{numbers(robot.gravity)}"/>',
+            "  <worldbody>",
+            *geoms(robot.base_shapes, "    "),
+            *sites(robot, -1, "    "),
+        ]
+        values = drives.at_joints()
+        lines += _bodies(subject, values, -1, "    ")
+        lines += ["  </worldbody>", *_tendons(drives), *_followers(robot)]
+        if self.motors:
+            lines += _motors(robot)
+        return ("\n".join([*lines, "</mujoco>"]) + "\n").encode("utf-8")
+
+
+def _bodies(subject: Identified, values: tuple[Array, Array, Array], parent: int, indent: str) -> Iterator[str]:
+    """Yield the bodies on a link, and all on them."""
+    robot = subject.model.robot
+    for i, (link, joint) in enumerate(zip(robot.links, robot.joints, strict=True)):
+        if joint.parent != parent:
+            continue
+        body, inner = subject.bodies[i], indent + "  "
+        yield f"{indent}<body name={quoteattr(link.name)} {pose(joint.rotation, joint.translation)}>"
+        full = to_mujoco_fullinertia(np.array([body.about_centre[a] for a in _SIX]))
+        yield (
+            f'{inner}<inertial pos="{numbers(body.centre_of_mass)}" mass="{number(body.mass)}" '
+            f'fullinertia="{numbers(full)}"/>'
+        )
+        own = (0.0, 0.0, 0.0)
+        if joint.mimic is None:
+            column = robot.joint_names.index(joint.name)
+            own = (float(values[0][column]), float(values[1][column]), float(values[2][column]))
+        yield inner + joint_line(joint, *own)
+        yield from geoms(link.shapes, inner)
+        yield from sites(robot, i, inner)
+        yield from _bodies(subject, values, i, inner)
+        yield f"{indent}</body>"
+
+
+#: Entries of a tensor in the order of the first six of TEN.
+_SIX = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+def _tendons(drives: Drives) -> Iterator[str]:
+    """Yield a fixed tendon, whose length is the motor's position, for each drive that turns several joints."""
+    coupled = np.flatnonzero(~drives.alone)
+    if not len(coupled):
+        return
+    yield "  <tendon>"
+    taken: set[str] = set()
+    for j in coupled:
+        name = unused_name(f"drive of {drives.joints[j]}", taken)
+        taken.add(name)
+        yield (
+            f'    <fixed name={quoteattr(name)} armature="{number(drives.armature[j])}" '
+            f'damping="{number(drives.damping[j])}" frictionloss="{number(drives.dry[j])}">'
+        )
+        for k in np.flatnonzero(drives.coupling[j]):
+            yield f'      <joint joint={quoteattr(drives.joints[k])} coef="{number(drives.coupling[j, k])}"/>'
+        yield "    </fixed>"
+    yield "  </tendon>"
+
+
+def _followers(robot: Robot) -> Iterator[str]:
+    lines = [
+        f"    <joint joint1={quoteattr(joint.name)} joint2={quoteattr(joint.mimic.joint)} "
+        f'polycoef="{number(joint.mimic.offset)} {number(joint.mimic.multiplier)} 0 0 0"/>'
+        for joint in robot.joints
+        if joint.mimic is not None
+    ]
+    if lines:
+        yield from ("  <equality>", *lines, "  </equality>")
+
+
+def _motors(robot: Robot) -> Iterator[str]:
+    yield "  <actuator>"
+    for joint in robot.active:
+        effort = joint.limits.effort
+        bound = f' ctrlrange="{number(-effort)} {number(effort)}"' if np.isfinite(effort) and effort > 0 else ""
+        yield f"    <motor name={quoteattr(joint.name)} joint={quoteattr(joint.name)}{bound}/>"
+    yield "  </actuator>"

@@ -1,0 +1,78 @@
+"""Pinocchio: a URDF and what a Model has beside it: armature, damping, friction, gravity."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from dynident.results.model_exporters import _engine_pinocchio
+from dynident.results.model_exporters._beside import left_out, place_beside, sharp_note
+from dynident.results.model_exporters._document import document_bytes
+from dynident.results.model_exporters._drives import Drives, drives_of, rigid_torque
+from dynident.results.model_exporters._identified import Identified
+from dynident.results.model_exporters._states import States
+from dynident.results.model_exporters._urdf_proof import locked_of, stated_friction
+from dynident.results.model_exporters._urdf_write import written_urdf
+from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+
+
+@dataclass(frozen=True)
+class Pinocchio(ModelExporter):
+    """Pinocchio: a URDF and FILE.pinocchio.json with armature, damping, friction and gravity by joint name.
+
+    Attributes:
+        lump: Whether links fixed to a moving one lose their inertia to it, in place of keeping what the file states.
+    """
+
+    lump: bool = False
+
+    needs_bodies: ClassVar[bool] = True
+
+    def content(self, subject: Identified, path: Path) -> ModelContent:
+        drives = drives_of(subject)
+        data, notes = written_urdf(subject, drives, self.lump)
+        files = {
+            path: data,
+            path.with_name(f"{path.name}.pinocchio.json"): _settings(subject, drives),
+            place_beside(path): document_bytes(subject, drives),
+        }
+        own = ["rnea has armature; it passes over damping and friction, and regressors pass over armature as well"]
+        if any(joint.mimic is not None for joint in subject.model.robot.joints):
+            own.append("load it with mimic=True, or joints that follow another are free")
+        left = left_out(drives, armature=True, coupled=False)
+        return ModelContent(files, left, (*notes, *own, *sharp_note(drives, "Pinocchio")))
+
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+        path, settings, _ = (folder / file.name for file in content.files)
+        name = _engine_pinocchio.version()
+        if not name:
+            yield Reloaded("Pinocchio", why_not="not installed")
+            return
+        robot, states = locked_of(subject, path)
+        expected = rigid_torque(subject, states.motion) + stated_friction(subject, robot, states)
+        expected += drives_of(subject).torque(states.motion, armature=True, coupled=False)
+        found: dict[str, Any] = json.loads(settings.read_bytes())
+        values = {key: found[key] for key in ("armature", "damping", "friction")}
+        torque = _engine_pinocchio.torque(path, "urdf", states, values)
+        yield Reloaded(name, "bodies, armature, damping, dry friction", torque, expected)
+
+
+def _settings(subject: Identified, drives: Drives) -> bytes:
+    """Return what a Model is told by joint name; joints of which the model has no friction are not named."""
+    armature, damping, dry = drives.at_joints()
+    known = np.any((drives.coupling != 0) & drives.has_friction[:, None], axis=0)
+    told = [name for name, is_known in zip(drives.joints, known, strict=True) if is_known]
+    facts = {
+        "kind": "dynident pinocchio settings",
+        "format": 1,
+        "gravity": subject.model.robot.gravity.tolist(),
+        "armature": dict(zip(drives.joints, armature.tolist(), strict=True)),
+        "damping": {n: v for n, v in zip(drives.joints, damping.tolist(), strict=True) if n in told},
+        "friction": {n: v for n, v in zip(drives.joints, dry.tolist(), strict=True) if n in told},
+    }
+    return (json.dumps(facts, indent=1, allow_nan=False) + "\n").encode("ascii")

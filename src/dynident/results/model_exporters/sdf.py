@@ -1,0 +1,42 @@
+"""SDF: the model of Gazebo and Drake."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from dynident.results.model_exporters._beside import left_out, place_beside, sharp_note
+from dynident.results.model_exporters._document import document_bytes
+from dynident.results.model_exporters._drives import drives_of
+from dynident.results.model_exporters._identified import Identified
+from dynident.results.model_exporters._sdf_proof import drake_torque, own_torque
+from dynident.results.model_exporters._sdf_text import sdf_text
+from dynident.results.model_exporters._states import States
+from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+
+
+@dataclass(frozen=True)
+class Sdf(ModelExporter):
+    """SDF 1.7 for Gazebo and Drake: bodies, damping and friction; rotor inertia by Drake's own elements."""
+
+    needs_bodies: ClassVar[bool] = True
+
+    def content(self, subject: Identified, path: Path) -> ModelContent:
+        drives = drives_of(subject)
+        files = {path: sdf_text(subject, drives), place_beside(path): document_bytes(subject, drives)}
+        notes = [
+            "gravity is that of the world, not of the model; the base link is free until the world holds it",
+            "Gazebo passes over Drake's rotor inertia, Drake over friction; meshes are left out",
+        ]
+        if any(joint.mimic is not None for joint in subject.model.robot.joints):
+            notes.append("joints that follow another move freely: SDF 1.7 cannot say that they follow")
+        left = left_out(drives, armature=True, coupled=False)
+        return ModelContent(files, left, (*notes, *sharp_note(drives, "SDF")))
+
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+        path = folder / next(iter(content.files)).name
+        yield own_torque(subject, path, states)
+        yield drake_torque(subject, path, states)
+        yield Reloaded("Gazebo", why_not="not a Python package; by its specification only")

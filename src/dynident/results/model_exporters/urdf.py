@@ -1,0 +1,41 @@
+"""URDF: the user's own file with the identified bodies and joint friction, or a new one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from dynident.results.model_exporters._beside import left_out, place_beside, sharp_note
+from dynident.results.model_exporters._document import document_bytes
+from dynident.results.model_exporters._drives import drives_of
+from dynident.results.model_exporters._identified import Identified
+from dynident.results.model_exporters._states import States
+from dynident.results.model_exporters._urdf_proof import reload_urdf
+from dynident.results.model_exporters._urdf_write import written_urdf
+from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+
+
+@dataclass(frozen=True)
+class Urdf(ModelExporter):
+    """URDF: the description's own file with new inertias, damping and friction and every other byte as it was.
+
+    Attributes:
+        lump: Whether links fixed to a moving one lose their inertia to it, in place of keeping what the file states.
+    """
+
+    lump: bool = False
+
+    needs_bodies: ClassVar[bool] = True
+
+    def content(self, subject: Identified, path: Path) -> ModelContent:
+        drives = drives_of(subject)
+        data, notes = written_urdf(subject, drives, self.lump)
+        files = {path: data, place_beside(path): document_bytes(subject, drives)}
+        left = left_out(drives, armature=False, coupled=False)
+        return ModelContent(files, left, (*notes, *sharp_note(drives, "URDF")))
+
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+        first, beside = (folder / file.name for file in content.files)
+        return reload_urdf(subject, first, beside)

@@ -1,0 +1,114 @@
+"""dynident gains: from two logs to a case file that identify can use, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynident import DynamicModel, FourierSeries, Inertia, Log, Robot, read_robot, write_log
+from dynident.cli.main import main
+from dynident.experiment.case_file.case import read_case
+from dynident.model.friction import FRICTION, Motion
+
+GAINS = np.array([60.0, 40.0, 900.0, 8.0])
+CASE = """case: 1
+robot: generic-scara
+drives:
+  shoulder: {gain: ask}   # ask: the gain
+friction: [coulomb, viscous]
+log: {columns: {current: "i{}"}}
+preprocessing: {filter: as_given, rate_hz: all, trim_s: 0, rest: keep}
+train: free.csv
+"""
+
+
+def recorded(robot: Robot, seed: int) -> Log:
+    model = DynamicModel(robot, (FRICTION.make("coulomb"), FRICTION.make("viscous")))
+    assert robot.nominal is not None
+    generator = np.random.default_rng(seed)
+    scale = np.array([0.6, 0.6, 0.05, 0.8])[:, None]
+    time = np.arange(900) / 60.0
+    q, dq, ddq = FourierSeries(np.zeros(4), *(scale * generator.normal(size=(2, 4, 4)) / 2), 7.5).evaluate(time)
+    torque = model.torque(Motion(q, dq, ddq), np.concatenate([robot.nominal, np.tile([1.0, 2.0], 4)]))
+    current = torque / GAINS
+    current += 0.01 * np.sqrt(np.mean(current**2, axis=0)) * generator.normal(size=current.shape)
+    return Log(robot.joint_names, time, q, dq, ddq, current=current)
+
+
+@pytest.fixture
+def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a case that asks for its gains, and runs without and with 2 kg at the tool."""
+    monkeypatch.chdir(tmp_path)
+    robot = read_robot("generic-scara")
+    names = robot.joint_names
+    body = Inertia.from_centre_of_mass(2.0, [0.05, 0.02, -0.03], np.diag([0.01, 0.01, 0.008]))
+    frame = robot.frames.get(robot.tool)
+    links = list(robot.links)
+    at = len(links) - 1 if frame is None else frame.link
+    stated = links[at].inertia
+    assert stated is not None
+    links[at] = replace(
+        links[at], inertia=stated + (body if frame is None else body.moved(frame.rotation, frame.translation))
+    )
+    write_log(recorded(robot, 1), "free.csv")
+    write_log(recorded(replace(robot, links=tuple(links)), 2), "loaded.csv")
+    text = CASE.replace("shoulder", names[0]).replace("as_given", "as_given")
+    columns = '{current: "i{}", ddq: "ddq{}"}'
+    (tmp_path / "case.yaml").write_text(text.replace('{current: "i{}"}', columns))
+    return tmp_path
+
+
+def test_gains_are_written_into_a_case_that_identify_takes(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    payload = ("--load", "loaded.csv", "--mass", "2", "--com", "0.05,0.02,-0.03")
+    assert main(["gains", "case.yaml", *payload, "-o", "out.yaml", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["complete"] is True
+    for gain, true in zip(found["gains"], GAINS, strict=True):
+        assert gain["low"] < gain["gain"] < gain["high"]
+        assert gain["gain"] == pytest.approx(true, rel=0.05)
+    drives = [joint.drive for joint in read_case("out.yaml").robot.active]
+    assert [drive.gain for drive in drives] == pytest.approx([gain["gain"] for gain in found["gains"]], rel=1e-5)
+    assert all(0 < drive.gain_deviation < 0.05 for drive in drives)
+    assert main(["identify", "out.yaml", "--cross-validate", "0"]) == 0
+    shown = capsys.readouterr().out
+    assert "Drive gains that are known to a deviation" in shown
+    assert "warning: drive gains are known to" in shown
+
+
+def test_the_lines_to_paste_and_the_method(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["gains", "case.yaml", "--load", "loaded.csv", "--mass", "2", "--com", "0.05,0.02,-0.03"]) == 0
+    shown = capsys.readouterr().out
+    assert "by the method 'structured'; the scale is set by a payload of 2 kg, centre 0.05, 0.02, -0.03 m" in shown
+    assert "for the case file:\n\ndrives:\n" in shown
+    assert "N/A" in shown and "identified" in shown
+
+
+def test_known_bodies_and_signs(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["gains", "case.yaml", "free.csv", "--prior-share", "0.05", "--quiet", "--json"]) in (0, 1)
+    assert "known bodies, each link within 5 % (std)" in json.loads(capsys.readouterr().out)["scale"]
+    assert main(["gains", "case.yaml", "--prior-share", "0", "--signed", "--quiet"]) in (0, 1)
+    assert "gains for each sign go into no case file" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["--load", "loaded.csv"], "weigh the payload"),
+        (["--mass", "2"], "name the logs with it"),
+        ([], "say how far the bodies are trusted"),
+        (["--load", "loaded.csv", "--mass", "2", "--com", "1,2"], "give 3 numbers with commas"),
+        (["--load", "loaded.csv", "--mass", "2", "--prior-share", "0.1"], "does not go with --load"),
+        (["--load", "free.csv", "--mass", "2"], "the same content as"),
+        (["--load", "loaded.csv", "--mass", "2", "-o", "case.yaml"], "would be overwritten"),
+        (["--prior-share", "0.1", "--method", "best"], "no method for drive gains called 'best'"),
+    ],
+)
+def test_refusals(cell: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], text: str) -> None:
+    assert main(["gains", "case.yaml", "free.csv", *arguments, "--quiet"]) == 1
+    told = capsys.readouterr().err
+    assert told.startswith("error: ") and text in told
+    assert "gain: ask" in Path("case.yaml").read_text()

@@ -1,0 +1,48 @@
+"""Case files that ``dynident init`` drafts for real logs, against those written by hand; skipped without the logs."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
+
+
+def drafts() -> ModuleType:
+    """Return benchmarks/init_cases.py, which has the answers."""
+    spec = importlib.util.spec_from_file_location("init_cases", ROOT / "benchmarks" / "init_cases.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["init_cases"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+cases = drafts()
+
+
+#: The others take longer.
+SHORT = ("tx40", "tiago")
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in SHORT else pytest.param(name, marks=pytest.mark.battery) for name in cases.SETS]
+)
+def test_a_draft_is_as_good_as_the_case_written_by_hand(
+    name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Only what the draft asks for is filled in; both are compared under the filter of the hand-written case."""
+    of = cases.SETS[name]
+    if not (DATA / of.robot).is_file():
+        pytest.skip(f"no {of.robot} under DYNIDENT_DATA or ../shared/data")
+    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    found = cases.outcome_of(name, DATA, tmp_path)
+    assert found.ratio <= cases.BOUND
+    assert found.own <= cases.BOUND * found.by_hand
+    assert found.asked <= found.answered <= found.asked + 1
