@@ -179,7 +179,7 @@ def estimator_coverage(bench, memory, runs, name):
         "smallest": round(float(np.mean(inside, axis=0).min()), 3),
         "stated_over_true": round(float(np.median(np.sqrt(np.mean(np.square(deviations), axis=0)) / true)), 3),
         "largest_bias": round(float(np.max(np.abs(np.mean(errors, axis=0)) / true)), 2),
-        "seconds": round((time.perf_counter() - start) / runs, 3),
+        "seconds_a_run": round((time.perf_counter() - start) / runs, 3),
     }
 
 

@@ -1,6 +1,6 @@
 """The chosen cut-off against a scan of cut-offs, and filters side by side, on virtual robots and on real logs.
 
-Virtual: two arms in closed loop for 20 s, six kinds of noise; printed are the chosen cut-offs of the seeds, the best one
+Virtual: two arms in closed loop for 20 s, six kinds of noise; printed are the chosen cut-offs of the seeds, the best
 of a scan by the mean squared error of the predicted torque over the seeds, and the ratio of that error at the chosen
 ones to the least of the scan (median and largest); the same with parameters scaled by the norms of their columns. Real:
 the held-out error, judged with the filter of the case file, at the chosen cut-off and the least of a scan. Filters: the
@@ -160,7 +160,7 @@ def filters(seeds: int) -> None:
     for name, values in options.items():
         if name == "fourier_fit":
             continue
-        how = replace(case.preprocessing, filter=FILTERS.make(name, **values), rate_hz=200.0, rows_per_period=8.0)
+        how = replace(case.preprocessing, filter=FILTERS.make(name, **values), rate_hz=None, rows_per_period=8.0)
         print(f"panda {name:18} held-out {100 * held_out(case, data, how, case.preprocessing):.3f} %", flush=True)
 
 

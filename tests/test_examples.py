@@ -48,6 +48,13 @@ def test_compare_estimators(tmp_path: Path) -> None:
     assert errors["consistent"][1] < errors["wls"][1] < errors["ols"][1]
 
 
+def test_computed_torque(tmp_path: Path) -> None:
+    """The identified model tracks with at most half the error of a nominal one that is 20 % wrong."""
+    said = said_by("computed_torque.py", tmp_path)
+    ratio = re.search(r"identified over nominal: ([\d.]+)", said)
+    assert ratio and 0 < float(ratio[1]) < 0.5
+
+
 @pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.py")), ids=lambda file: file.stem)
 def test_every_example_has_a_test(file: Path) -> None:
     """A new example needs a test above."""

@@ -23,7 +23,7 @@ def shown(outcome: Outcome) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("robots", nargs="*")
-    parser.add_argument("--only", default="", help="kinds whose name has these words")
+    parser.add_argument("--only", default="", help="kinds whose name has one of these words, separated by commas")
     options = parser.parse_args()
     total = named = 0
     with tempfile.TemporaryDirectory() as name:

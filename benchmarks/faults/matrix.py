@@ -61,7 +61,7 @@ def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "") -> Iterato
     """Yield the outcome of each kind at each strength on a robot."""
     clean, against = trial.examined(folder).findings, reference(trial, held, folder)
     for kind in KINDS:
-        if only not in kind.name or (kind.needs and kind.needs not in trial.columns):
+        if not any(word in kind.name for word in only.split(",")) or (kind.needs and kind.needs not in trial.columns):
             continue
         tried, searched = strengths(kind, trial, against, folder)
         for strength in tried:

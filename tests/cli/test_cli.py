@@ -148,7 +148,7 @@ def test_the_json_of_identify(capsys: Capture) -> None:
         for joint in data[part]["joints"]:
             assert set(joint) >= FIGURES
             assert 0 < joint["relative_error"] < 0.2 and 0.98 < joint["correlation"] <= 1 and 0.9 < joint["r2"] <= 1
-            assert joint["rmse"] < 0.3 * joint["rmse_unfiltered"] < 0.1  # the filter takes the noise away
+            assert joint["rmse"] < 0.5 * joint["rmse_unfiltered"] < 0.1  # the filter takes the noise away
     assert data["filter"] | {"kind": "butterworth", "order": 4, "torque": "same"} == data["filter"]
     choice = data["extras"]["cutoff_choice"]
     assert data["filter"]["cutoff_hz"] == choice["cutoff_hz"] and choice["reason"]

@@ -35,7 +35,7 @@ def add_case_options(parser: argparse.ArgumentParser) -> None:
     data.add_argument(
         "--cutoff", type=_hertz, metavar="HZ", help="cut-off of the Butterworth filter on both sides, or 'auto'"
     )
-    data.add_argument("--rate", metavar="HZ", help="rows a second that are used, or 'all'")
+    data.add_argument("--rate", metavar="HZ", help="rows a second that are used, 'all' or 'auto'")
     data.add_argument(
         "--delay", metavar="S", help="seconds by which torques lag behind positions, or 'auto': found for each log"
     )
@@ -55,7 +55,7 @@ def case_from(options: argparse.Namespace, open_gains: bool = False) -> Case:
         DynidentError: Any fault of the case or of an option.
     """
     from dynident.errors import BadOption
-    from dynident.experiment.case_file.case import AUTO, DEFAULT_FRICTION, read_case
+    from dynident.experiment.case_file.case import AUTO, DEFAULT_FRICTION, default_preprocessing, read_case
     from dynident.experiment.case_file.split import Split
     from dynident.experiment.preprocessing import FILTERS
     from dynident.model.friction import FRICTION
@@ -74,9 +74,11 @@ def case_from(options: argparse.Namespace, open_gains: bool = False) -> Case:
         how = replace(how, filter=FILTERS.make_from_text("butterworth", {"cutoff_hz": options.cutoff}))
     if options.rate is not None:
         try:
-            how = replace(how, rate_hz=None if options.rate == "all" else float(options.rate), rows_per_period=None)
+            rate = None if options.rate in ("all", AUTO) else float(options.rate)
+            rows = default_preprocessing().rows_per_period if options.rate == AUTO else None
+            how = replace(how, rate_hz=rate, rows_per_period=rows)
         except ValueError:
-            raise BadOption("rate", options.rate, "give rows a second, or 'all'") from None
+            raise BadOption("rate", options.rate, "give rows a second, 'all' or 'auto'") from None
     if options.delay is not None:
         try:
             how = replace(how, delay_s=None if options.delay == AUTO else float(options.delay))

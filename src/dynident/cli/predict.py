@@ -1,9 +1,9 @@
 """Predict the joint torques of a motion, with bands, and write them as CSV.
 
-The log is prepared like those of the fit (filter of the positions, rows trimmed), its torques are not needed; where it
-has them they are filtered and stand beside the prediction; it is filtered alike to count rows inside the band. For each joint: the model's torque, before any filter
-of torques; half the width of the 95 % band by the covariance of the parameters; and the same with the residual of the
-fit, which takes in noise and what the model does not have.
+The positions of the log are filtered like those of the fit. Its torques are not needed; where it has them they stand
+beside the prediction, filtered. For each joint: the model's torque, not filtered; half the width of the 95 % band by
+the covariance of the parameters; and the same with the residual of the fit, which takes in noise and what the model
+does not have. The table counts the rows inside it, both sides filtered alike.
 
   dynident predict estimate.json run.csv -o tau.csv
   dynident predict estimate.json planned.csv -o tau.csv --json

@@ -124,7 +124,7 @@ class Bench:
     def at(self, hertz: float) -> Preprocessing:
         """Return the preparation at a cut-off."""
         filter = replace(butterworth_of(self.how), cutoff_hz=hertz)
-        return replace(self.how, filter=filter, rows_per_period=ROWS_PER_PERIOD)
+        return replace(self.how, filter=filter, rate_hz=None, rows_per_period=ROWS_PER_PERIOD)
 
     def imitated(self, beta: Array, hertz: float) -> Bench:
         """Return the bench of logs without noise: positions smoothed as at a cut-off, and the torque they ask for.

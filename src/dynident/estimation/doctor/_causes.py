@@ -84,6 +84,7 @@ class Rows:
         columns: Positions in beta of its columns, shape (K_i,) each.
         size: Length of beta.
         target: What is fitted, shape (N, n).
+        measured: The torque that sizes are compared with, shape (N, n).
         masks: Which rows count, shape (N, n).
         oversampling: Rows for each that is independent where noise is white before the filter.
     """
@@ -92,6 +93,7 @@ class Rows:
     columns: Sequence[IntArray]
     size: int
     target: Array
+    measured: Array
     masks: BoolArray
     oversampling: float = 1.0
 
@@ -194,10 +196,10 @@ class Search:
         factor = float(np.median(self.rows.counts / worth))
         covariance = after.covariance[-size:, -size:] * factor
         torque = np.tensordot(values, cause.columns, 1)
-        masks, target = self.rows.masks, self.rows.target
+        masks, measured = self.rows.masks, self.rows.measured
         counts = self.rows.counts
         own = np.sqrt(np.sum(np.where(masks, torque, 0.0) ** 2, axis=0) / counts)
-        whole = np.sqrt(np.sum(np.where(masks, target, 0.0) ** 2, axis=0) / counts)
+        whole = np.sqrt(np.sum(np.where(masks, measured, 0.0) ** 2, axis=0) / counts)
         size_of_all = max(float(np.linalg.norm(whole)), 1e-300)
         return Blame(
             cause,

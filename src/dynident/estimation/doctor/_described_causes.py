@@ -41,13 +41,29 @@ class Against:
 
     @cached_property
     def rows(self) -> Rows:
-        """Friction columns alone; the torque of the described bodies is taken off."""
+        """Friction and rotor columns alone; the torque of the described bodies is taken off."""
         fit, rows = self.fit, self.fit.rows
-        friction = [fit.base.independent[own] >= fit.model.inertial_count for own in rows.columns]
-        blocks = [block[:, free] for block, free in zip(rows.blocks, friction, strict=True)]
-        columns = [own[free] for own, free in zip(rows.columns, friction, strict=True)]
+        merged = self._merged_rotors()
+        blocks, columns = [], []
+        for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
+            free = fit.base.independent[own] >= fit.model.inertial_count
+            blocks.append(np.column_stack([block[:, free], merged[:, :, i].T]))
+            columns.append(np.concatenate([own[free], fit.base.count + np.arange(len(merged))]))
         target = rows.torque - rows.known - self.bodies
-        return Rows(blocks, columns, fit.base.count, target, rows.masks, OVERSAMPLING)
+        size = fit.base.count + len(merged)
+        return Rows(blocks, columns, size, target, rows.torque, rows.masks, OVERSAMPLING)
+
+    def _merged_rotors(self) -> Array:
+        """Return the torque of the rotors that base parameters count with the bodies, (k, N, n) for 1 kg m^2 each."""
+        model, prepared = self.fit.model, self.fit.rows.prepared
+        coupling = np.asarray(model.robot.coupling)
+        tail = range(model.inertial_count, len(model.parameters))
+        lost = [k for k in tail if model.parameters[k].unit.startswith("kg") and k not in self.fit.base.independent]
+        drives = model.terms[0]
+        ddq = np.asarray(prepared.log.ddq) @ coupling.T
+        found = [ddq[:, j, None] * coupling[j] for j in (int(drives[k - model.inertial_count]) for k in lost)]
+        smooth = [prepared.smooth(column.T).T[prepared.keep] for column in found]
+        return np.array(smooth).reshape(-1, len(prepared.keep), model.robot.dof)
 
     @cached_property
     def each(self) -> Array:
@@ -77,8 +93,13 @@ class Against:
 
     @cached_property
     def excess(self) -> float:
-        """By how much the sum of the log variances falls when the bodies are free."""
-        return self.search.fit([]).score - self.fit.plain.score
+        """By how much the sum of the log variances falls when the bodies are free, beyond what noise alone gives.
+
+        Of columns that say nothing, each takes away one of the independent rows of a joint.
+        """
+        free = int(np.count_nonzero(self.fit.base.independent < self.fit.model.inertial_count))
+        by_noise = free / float(np.mean(self.fit.independent_rows))
+        return self.search.fit([]).score - self.fit.plain.score - by_noise
 
     def columns_of(self, link: int) -> tuple[Array, Array]:
         """Return independent columns of a body, (k, N, n), and its ten parameters for one unit of each, (10, k)."""

@@ -39,7 +39,7 @@ class Trends:
         """The causes that are sure, the one that explains most first."""
         rows = self.fit.rows
         target = rows.torque - rows.known
-        found = Rows(rows.blocks, rows.columns, self.fit.base.count, target, rows.masks, OVERSAMPLING)
+        found = Rows(rows.blocks, rows.columns, self.fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
         return Search(found, self.causes).blames()
 
     @cached_property

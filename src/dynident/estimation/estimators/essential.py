@@ -12,11 +12,10 @@ from dynident.errors import BadOption
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.bands import Band, bands
-from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
-from dynident.estimation.uncertainty.covariance import residual_factors
+from dynident.estimation.uncertainty.coloured import Uncertainty, spectral_uncertainty
+from dynident.estimation.uncertainty.covariance import residual_factors, sandwich
 from dynident.model.base_parameters import BaseParameters
-from dynident.model.reduction import Triangle, least_squares
+from dynident.model.reduction import Triangle
 
 
 @dataclass(frozen=True)
@@ -70,11 +69,9 @@ class Essential(Estimator):
         part = ESTIMATORS.make(self.of)
         full = self._asked(part, problem)
         passes = RowPasses(problem)
-        found = list(bands(passes))
         factors = residual_factors(passes, full.beta)
         keep = np.ones(problem.base.count, bool)
-        sure = _uncertainty(problem, full, keep, passes, found)
-        whole, spread = sure, sure.covariance
+        covariance = spread = _spread(problem, full, factors)
         rest = max(float(np.sum(problem.counts / factors)) - problem.base.count, 1.0)
         least = _residual(problem, full.beta, full.weights)
         current = full
@@ -82,7 +79,7 @@ class Essential(Estimator):
         significance: float | None = None
         while keep.sum() > 1:
             positions = np.flatnonzero(keep)
-            deviations = sure.deviations
+            deviations = np.sqrt(np.diag(covariance))
             ratio = deviations / np.maximum(np.abs(current.beta), np.finfo(float).tiny)
             worst = int(np.argmax(ratio))
             index = int(positions[worst])
@@ -97,15 +94,15 @@ class Essential(Estimator):
                 break
             gone[index] = (float(current.beta[worst]), float(deviations[worst]))
             keep, significance = fewer, chance
-            current, sure = less, _uncertainty(smaller, less, keep, passes, found)
+            current, covariance = less, _spread(smaller, less, factors)
         beta = np.zeros(len(keep))
         beta[keep] = current.beta
         moved = beta - full.beta
-        stated = whole.with_prior(np.outer(moved, moved))
+        stated = _uncertainty(passes, full).with_prior(np.outer(moved, moved))
         names, units = problem.base.names, problem.base.units
         dropped = [{"name": names[k], "unit": units[k], "value": v, "std": s} for k, (v, s) in gone.items()]
         extras = {"dropped": dropped, "kept": int(keep.sum()), "significance": significance}
-        extras["conditional_std"] = sure.deviations.tolist()
+        extras["conditional_std"] = np.sqrt(np.diag(covariance)).tolist()
         return Solution(beta, current.weights, covariance=stated.covariance, degrees=stated.degrees, extras=extras)
 
     def _asked(self, part: Estimator, problem: Problem) -> Solution:
@@ -116,19 +113,23 @@ class Essential(Estimator):
         return solution
 
 
-def _uncertainty(
-    problem: Problem, solution: Solution, keep: BoolArray, passes: RowPasses, found: list[Band]
-) -> Uncertainty:
-    """Return what the method states itself, or the covariance from those columns of the rows that are kept."""
+def _spread(problem: Problem, solution: Solution, factors: Array) -> Array:
+    """Return what decides: the method's own covariance, or one that hardly depends on where logs are cut.
+
+    Each joint has its residual deviation and one factor for rows that hang together.
+    """
     if solution.covariance is not None:
-        degrees = np.full(len(solution.beta), np.inf) if solution.degrees is None else solution.degrees
-        return Uncertainty(solution.covariance, degrees)
-    beta = np.zeros(len(keep))
-    beta[keep] = solution.beta
-    residual = passes.residuals(beta)
-    inverse = least_squares(problem.reduced(solution.weights)).unscaled_covariance
-    influence = Influence.of_rows(problem, residual, inverse, solution.weights**2)
-    return uncertainty_of((replace(band, rows=band.rows[:, :, keep]) for band in found), residual, influence)
+        return solution.covariance
+    weights, deviations = solution.weights, problem.joint_deviations(solution.beta)
+    return sandwich(problem.reduced(weights), problem.reduced(weights**2 * deviations * np.sqrt(factors)))
+
+
+def _uncertainty(passes: RowPasses, solution: Solution) -> Uncertainty:
+    """Return the covariance of the fit of all parameters."""
+    if solution.covariance is None:
+        return spectral_uncertainty(passes.problem, solution.weights, solution.beta, passes)
+    degrees = np.full(len(solution.beta), np.inf) if solution.degrees is None else solution.degrees
+    return Uncertainty(solution.covariance, degrees)
 
 
 def _residual(problem: Problem, beta: Array, weights: Array) -> float:

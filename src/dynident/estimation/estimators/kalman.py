@@ -39,11 +39,13 @@ POINTS = 50
 class Kalman(Estimator):
     """Extended Kalman filter with the base parameters among its states (Jazwinski 1970, section 8.3; Ljung 1979).
 
-    The measured torques drive the model, the measured positions correct states and parameters row by row; derivatives
-    are those of the integration rule, exact. It starts from the physically consistent fit with a deviation of
-    ``spread`` natural sizes, far more than what the data leave open: the start serves to linearise, and each further
-    pass starts anew from the parameters of the last one. Rows come at the log's
-    own rate, before the log is thinned out: the filter wants them close. A few milliseconds a row of a 6R arm.
+    The measured torques, with an error at each row, drive the model; the measured positions correct states, errors and
+    parameters row by row. Slopes are those of the integration rule, exact, along the smoothed measured motion, so that
+    noise of the torque is not in them. It starts from the physically consistent fit with a deviation of ``spread``
+    natural sizes, far more than what the data leave open: the start serves to linearise, and each further pass starts
+    anew from the parameters of the last one. Rows come at the log's own rate, before the log is thinned out: the filter
+    wants them close. The covariance is taken from the innovations, which need not be white; with a drift it is the
+    filter's own, times what the innovations are larger than tuned. About a millisecond a row of a 3R arm.
 
     Attributes:
         torque_noise: Standard deviation of the torques from row to row in N m or N; None: of the residuals of weighted
@@ -52,8 +54,8 @@ class Kalman(Estimator):
         spread: Standard deviation of the parameters at the start in natural sizes.
         drift: Standard deviation of their random walk over one second in natural sizes; 0 keeps them constant.
         passes: How often the logs are run through.
-        slopes_hz: Cut-off in Hz of a zero-phase filter of the measured motion along which slopes are taken: noise in them
-            biases the parameters. Well above the motion.
+        slopes_hz: Cut-off in Hz of a zero-phase filter of the measured motion along which slopes are taken, well above
+            the motion: noise in the slopes biases the parameters.
     """
 
     torque_noise: float | None = None

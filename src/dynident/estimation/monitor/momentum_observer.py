@@ -21,6 +21,7 @@ from dynident.estimation.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.kernels import batched
+from dynident.model.reduction import CHUNK
 
 #: Step along the motion for the change of the mass matrix, in s.
 ALONG = 1e-4
@@ -91,9 +92,14 @@ class MomentumObserver:
     def deviations(self, q: Array, dq: Array, temperature: Array | None = None) -> Array:
         """Return the standard deviation of the torque by the parameters' covariance, without acceleration, (N, n)."""
         model, base = self.model, self.estimate.base
-        motion = model.loaded(Motion(q, dq, np.zeros_like(q), temperature=temperature), self.theta)
-        columns = model.regressor(motion)[..., base.independent]
-        return np.linalg.norm(columns @ self._root, axis=-1)
+        found = np.empty(q.shape)
+        for start in range(0, len(q), CHUNK):
+            part = slice(start, start + CHUNK)
+            warm = None if temperature is None else temperature[part]
+            motion = Motion(q[part], dq[part], np.zeros_like(q[part]), temperature=warm)
+            columns = model.regressor(model.loaded(motion, self.theta))[..., base.independent]
+            found[part] = np.linalg.norm(columns @ self._root, axis=-1)
+        return found
 
     @cached_property
     def _root(self) -> Array:

@@ -11,15 +11,21 @@ from dynident.model.inertia import PSEUDO_BASIS, Inertia
 #: Weight of the pull towards the prior body; a datum of one standard deviation weighs 1.
 PULL = 0.01
 
-#: Newton steps at most, and decrement below which they end.
-STEPS, DONE = 200, 1e-16
+#: The pull is lowered to its weight in such steps from where Newton's method is sure to converge.
+LOWERED, HIGHEST = 10.0, 1e6
+
+#: Newton steps for one weight at most, decrement below which they end, and one that no noise tells from 0.
+STEPS, DONE, FAIR = 100, 1e-13, 0.1
+
+#: Least share of the prior that the start has along each direction.
+THIN = 1e-3
 
 
 def possible_body(ten: Array, information: Array, prior: Inertia, pull: float = PULL) -> Inertia:
     """Return the body with min (x - ten)' information (x - ten) / 2 + pull * D(P(x), P(prior)) among all with P > 0.
 
     D is the entropic divergence tr(P0^-1 P) - log det(P0^-1 P) - 4 (Lee, Wensing and Park 2020): a barrier at the edge
-    of what is possible, and where the data say nothing the prior. Newton's method with step halving.
+    of what is possible, and where the data say nothing the prior. Newton's method along falling weights of D.
 
     Args:
         ten: Found parameters in the order of TEN, shape (10,).
@@ -30,41 +36,59 @@ def possible_body(ten: Array, information: Array, prior: Inertia, pull: float = 
     Raises:
         SolverFailed: Newton's method did not converge.
     """
-    start = prior.vector
-    size = np.maximum(np.sqrt(np.abs(np.diag(_curvature(prior.pseudo)))), 1e-300)
-    inverse = np.linalg.inv(prior.pseudo)
-    linear = pull * np.einsum("kij,ij->k", PSEUDO_BASIS, inverse)
+    found = _Search(ten, information, prior)
+    x, weight = found.start(), HIGHEST
+    while weight > pull:
+        x = found.nearest(x, weight, sure=False)
+        weight /= LOWERED
+    return Inertia.from_vector(found.nearest(x, pull, sure=True))
 
-    def value(x: Array) -> float:
-        pseudo = np.einsum("k,kij->ij", x, PSEUDO_BASIS)
-        values = np.linalg.eigvalsh(inverse_root.T @ pseudo @ inverse_root)
+
+class _Search:
+    """The objective in coordinates in which the prior is the unit matrix."""
+
+    def __init__(self, ten: Array, information: Array, prior: Inertia) -> None:
+        self.ten, self.information = ten, information
+        self.root = np.linalg.cholesky(prior.pseudo)
+        inverse = np.linalg.inv(self.root)
+        self.basis = inverse @ PSEUDO_BASIS @ inverse.T
+        self.linear = np.trace(self.basis, axis1=1, axis2=2)
+        self.size = np.sqrt(np.einsum("kij,kij->k", self.basis, self.basis))
+
+    def start(self) -> Array:
+        """Return the ten with the eigenvalues of their pseudo-inertia lifted above zero."""
+        values, vectors = np.linalg.eigh(np.einsum("k,kij->ij", self.ten, self.basis))
+        lifted = self.root @ (vectors * np.maximum(values, THIN)) @ vectors.T @ self.root.T
+        return Inertia.from_pseudo(lifted).vector
+
+    def value(self, x: Array, pull: float) -> float:
+        """Return the objective; infinite where x is no possible body."""
+        values = np.linalg.eigvalsh(np.einsum("k,kij->ij", x, self.basis))
         if values[0] <= 0:
             return np.inf
-        away = x - ten
-        return float(0.5 * away @ information @ away + linear @ x - pull * np.sum(np.log(values)))
+        away = x - self.ten
+        return float(0.5 * away @ self.information @ away + pull * (self.linear @ x - np.sum(np.log(values))))
 
-    inverse_root = np.linalg.cholesky(inverse)
-    x, now = start, value(start)
-    for _ in range(STEPS):
-        pseudo = np.einsum("k,kij->ij", x, PSEUDO_BASIS)
-        inside = np.linalg.inv(pseudo)
-        slope = information @ (x - ten) + linear - pull * np.einsum("kij,ij->k", PSEUDO_BASIS, inside)
-        hessian = (information + pull * _curvature(pseudo)) / size / size[:, None]
-        step = -np.linalg.solve(hessian, slope / size) / size
-        decrement = float(-slope @ step)
-        if decrement <= DONE * max(1.0, abs(now)):
-            return Inertia.from_vector(x)
-        length = 1.0
-        while not value(x + length * step) <= now - 1e-4 * length * decrement:
-            length *= 0.5
-            if length < 1e-12:  # rounding: nothing smaller can be told
-                return Inertia.from_vector(x)
-        x = x + length * step
-        now = value(x)
-    raise SolverFailed("the possible payload", f"{STEPS} steps were not enough", "check the units of the log")
-
-
-def _curvature(pseudo: Array) -> Array:
-    """Return the Hessian of -log det P, tr(P^-1 B_i P^-1 B_j), shape (10, 10)."""
-    parts = np.linalg.solve(pseudo, PSEUDO_BASIS)
-    return np.einsum("iab,jba->ij", parts, parts)
+    def nearest(self, x: Array, pull: float, sure: bool) -> Array:
+        """Return the minimum for one weight of D from a start inside."""
+        now, decrement = self.value(x, pull), np.inf
+        for _ in range(STEPS):
+            inside = np.linalg.inv(np.einsum("k,kij->ij", x, self.basis))
+            parts = inside @ self.basis
+            slope = self.information @ (x - self.ten) + pull * (self.linear - np.trace(parts, axis1=1, axis2=2))
+            bend = self.information + pull * np.einsum("iab,jba->ij", parts, parts)
+            step = -np.linalg.solve(bend / self.size / self.size[:, None], slope / self.size) / self.size
+            decrement = float(-slope @ step)
+            if decrement <= DONE * max(1.0, abs(now)):
+                return x
+            length = 1.0
+            while not self.value(x + length * step, pull) <= now - 1e-4 * length * decrement and length > 1e-12:
+                length *= 0.5
+            if length <= 1e-12:
+                return x  # the objective cannot tell anything smaller
+            x = x + length * step
+            now = self.value(x, pull)
+        if sure and not decrement <= FAIR:
+            evidence = f"a decrement of {decrement:.2g} is left"
+            raise SolverFailed("the possible payload", evidence, "check the units of the log")
+        return x

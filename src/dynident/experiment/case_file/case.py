@@ -208,7 +208,7 @@ def _at_joints(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str, 
 def default_preprocessing() -> Preprocessing:
     """Return the default: zero-phase Butterworth, order 4, on both sides at a cut-off that identification chooses."""
     filter = FILTERS.make("butterworth")
-    return Preprocessing(filter, rate_hz=200.0, trim_s=0.5, standstill=0.02, rows_per_period=ROWS_PER_PERIOD)
+    return Preprocessing(filter, trim_s=0.5, standstill=0.02, rows_per_period=ROWS_PER_PERIOD)
 
 
 def case_of_robot(path: str) -> Case:
@@ -333,7 +333,7 @@ def _preprocessing(top: Section) -> Preprocessing:
         section.place(),
         lambda: replace(
             how,
-            rate_hz=stated.rate_hz if rate == AUTO else None if rate in (None, "all") else section.number("rate_hz"),
+            rate_hz=None if rate in (None, "all", AUTO) else section.number("rate_hz"),
             rows_per_period=stated.rows_per_period if rate == AUTO else None,
             trim_s=section.number("trim_s", stated.trim_s),
             standstill=section.number("standstill", stated.standstill),

@@ -32,6 +32,9 @@ LONGEST_DELAY = 1.0
 #: four times its cut-off, half the rate of such rows, so that nothing folds back.
 ROWS_PER_PERIOD = 8.0
 
+#: Rows a second that are kept where neither a rate is stated nor a cut-off.
+ROWS_A_SECOND = 200.0
+
 #: A joint that is slow for less time than this, in s, is turning round, not resting.
 SHORTEST_REST = 0.1
 
@@ -42,15 +45,15 @@ class Preprocessing:
 
     Attributes:
         filter: The filter part.
-        rate_hz: Rows a second that are kept; None keeps all.
-        rows_per_period: Rows a period of the filter's cut-off that are kept, in place of ``rate_hz`` where the filter
-            treats both sides and states a cut-off; None: as ``rate_hz`` says.
+        rate_hz: Rows a second that are kept; None: as ``rows_per_period`` says.
         trim_s: Seconds left out at both ends, where filters have no past or future.
         standstill: Speed in rad/s (or m/s) below which a joint is at rest when it stays there; its static friction is
             then unknown.
         rest: ``mask`` leaves rows at rest out of the fit, ``keep`` takes them in.
         delay_s: By how much the torque of the log lags behind its positions, in s; the motion is shifted by it. None:
             identification estimates it for each log.
+        rows_per_period: Rows a period of the filter's cut-off that are kept where no rate is stated, 200 a second where
+            a filter states no cut-off for both sides; None keeps all.
     """
 
     filter: Filter
@@ -78,10 +81,10 @@ class Preprocessing:
 
     def rows_hz(self, rate: float) -> float | None:
         """Return the rows a second that are kept of ``rate`` samples a second; None for all."""
-        cutoff = self.filter.bandwidth()
-        if self.rows_per_period is None or cutoff is None or not self.filter.reach(rate):
+        if self.rate_hz is not None or self.rows_per_period is None:
             return self.rate_hz
-        return self.rows_per_period * cutoff
+        cutoff = self.filter.bandwidth()
+        return self.rows_per_period * cutoff if cutoff is not None and self.filter.reach(rate) else ROWS_A_SECOND
 
     def statement(self) -> dict[str, object]:
         """Return what must stand beside every figure: the filter, the rows kept, and the rows at rest."""

@@ -1,0 +1,105 @@
+"""dynident payload, monitor and predict on logs of an arm with and without a load."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynident import (
+    ColumnMap,
+    DynamicModel,
+    FourierSeries,
+    Inertia,
+    Log,
+    Robot,
+    identify,
+    read_log,
+    read_robot,
+    write_estimate,
+    write_log,
+)
+from dynident.cli.main import main
+from dynident.experiment.preprocessing import Preprocessing
+from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.model.friction import FRICTION, Motion
+
+BODY = Inertia.from_centre_of_mass(2.0, [0.05, 0.02, -0.03], np.diag([0.01, 0.01, 0.008]))
+
+
+def recorded(robot: Robot, seed: int, contact: float = 0.0) -> Log:
+    model = DynamicModel(robot, (FRICTION.make("coulomb"), FRICTION.make("viscous")))
+    assert robot.nominal is not None
+    generator = np.random.default_rng(seed)
+    scale = np.array([0.6, 0.6, 0.05, 0.8])[:, None]
+    time = np.arange(3000) / 100.0
+    q, dq, ddq = FourierSeries(np.zeros(4), *(scale * generator.normal(size=(2, 4, 4)) / 2), 7.5).evaluate(time)
+    torque = model.torque(Motion(q, dq, ddq), np.concatenate([robot.nominal, np.tile([1.0, 2.0], 4)]))
+    torque += 0.01 * np.sqrt(np.mean(torque**2, axis=0)) * generator.normal(size=torque.shape)
+    torque[2000:2100, 0] -= contact
+    return Log(robot.joint_names, time, q, dq, ddq, torque)
+
+
+@pytest.fixture
+def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with an estimate, its log, another clean one, one with a load and one with a contact."""
+    monkeypatch.chdir(tmp_path)
+    robot = read_robot("generic-scara")
+    frame = robot.frames.get(robot.tool)
+    links = list(robot.links)
+    at = len(links) - 1 if frame is None else frame.link
+    own = links[at].inertia
+    assert own is not None
+    links[at] = replace(
+        links[at], inertia=own + (BODY if frame is None else BODY.moved(frame.rotation, frame.translation))
+    )
+    write_log(recorded(robot, 1), "train.csv")
+    write_log(recorded(robot, 2), "clean.csv")
+    write_log(recorded(replace(robot, links=tuple(links)), 3), "loaded.csv")
+    write_log(recorded(robot, 4, contact=60.0), "contact.csv")
+    model = DynamicModel(robot, (FRICTION.make("coulomb"), FRICTION.make("viscous")))
+    how = Preprocessing(AsGiven(), rest="keep")
+    columns = ColumnMap(joints=robot.joint_names, ddq="ddq{}")
+    write_estimate(identify(model, [read_log("train.csv", columns)], "wls", how, columns), "estimate.json")
+    return tmp_path
+
+
+def test_payload_states_mass_and_what_the_arm_cannot_tell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    main(["payload", "estimate.json", "loaded.csv", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    ten = {one["name"]: one for one in found["parameters"]}
+    assert abs(ten["m"]["value"] - 2.0) < 2 * ten["m"]["half_width"] < 0.5
+    assert ten["Ixx"]["label"] == "not determined" and ten["Ixx"]["value"] is None  # all axes are vertical
+    assert found["possible_body"]["mass"] == pytest.approx(2.0, abs=0.3)
+    assert main(["payload", "estimate.json", "loaded.csv", "--quiet"]) in (0, 1)
+    assert "payload in the frame" in capsys.readouterr().out
+    assert main(["payload", "estimate.json", "train.csv", "--quiet"]) == 1
+    assert "was identified from it" in capsys.readouterr().err
+
+
+def test_monitor_finds_the_contact_and_nothing_else(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", "estimate.json", "clean.csv", "--rate", "0.1", "--quiet"]) == 0
+    assert "thresholds from 1 clean logs" in capsys.readouterr().out
+    assert main(["monitor", "estimate.json", "contact.csv", "--clean", "train.csv", "clean.csv", "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    first = found["logs"][0]["alarms"][0]
+    assert first["joint"] == read_robot("generic-scara").joint_names[0]
+    assert 20.0 <= first["start"] <= 20.05 and first["peak"] == pytest.approx(60.0, rel=0.3)
+    assert main(["monitor", "estimate.json", "clean.csv", "--rate", "never"]) == 1
+    assert "false alarms an hour" in capsys.readouterr().err
+
+
+def test_predict_writes_torques_and_bands(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["predict", "estimate.json", "clean.csv", "-o", "tau.csv", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert all(0.85 < joint["inside"] <= 1.0 for joint in told["joints"])
+    rows = np.genfromtxt("tau.csv", delimiter=",", names=True)
+    assert len(rows) == told["samples"] == 3000
+    assert np.all(rows["half_whole1"] > rows["half_parameters1"]) and np.all(rows["half_parameters1"] >= 0)
+    assert np.std(rows["tau_model1"] - rows["tau_measured1"]) < 0.05 * np.std(rows["tau_measured1"])
+    write_log(replace(recorded(read_robot("generic-scara"), 2), torque=None), "planned.csv")
+    assert main(["predict", "estimate.json", "planned.csv", "-o", "tau2.csv", "--quiet"]) == 0
+    assert main(["predict", "estimate.json", "clean.csv", "-o", "clean.csv"]) == 1

@@ -1,0 +1,148 @@
+"""The momentum observer against finite differences, thresholds, and a stream against a log."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident import DynamicModel, Estimate, FourierSeries, Log, Robot, identify, read_robot
+from dynident.errors import BadOption, LogMismatch
+from dynident.estimation.compensation import (
+    computed_torque,
+    feed_forward,
+    friction_torque,
+    gravity_torque,
+    mass_matrices,
+    parameters_of,
+)
+from dynident.estimation.monitor import MomentumObserver, MonitorState, calibrated, run_monitor, step
+from dynident.estimation.monitor.signals import signals_of
+from dynident.estimation.monitor.tails import tail_of
+from dynident.experiment.preprocessing import Preprocessing
+from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.model.friction import FRICTION, Motion
+
+GIVEN = Preprocessing(AsGiven(), rest="keep")
+
+
+def run_of(robot: Robot, seed: int, seconds: float = 12.0, rate: float = 100.0, noise: float = 0.2) -> Log:
+    model = DynamicModel(
+        robot, tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset", "rotor_inertia"))
+    )
+    generator = np.random.default_rng(seed)
+    time = np.arange(int(seconds * rate)) / rate
+    sine, cosine = 0.3 * generator.normal(size=(2, robot.dof, 5))
+    q, dq, ddq = FourierSeries(np.zeros(robot.dof), sine, cosine, 6.0).evaluate(time)
+    assert robot.nominal is not None
+    theta = np.concatenate([robot.nominal, np.tile([2.0, 3.0, 0.4, 0.3], robot.dof)])
+    torque = model.torque(Motion(q, dq, ddq), theta) + noise * generator.normal(size=q.shape)
+    return Log(robot.joint_names, time, q, dq, ddq, torque)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return read_robot("generic-6r")
+
+
+@pytest.fixture(scope="module")
+def estimate(robot: Robot) -> Estimate:
+    friction = tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset", "rotor_inertia"))
+    return identify(DynamicModel(robot, friction), [run_of(robot, 1)], "wls", GIVEN)
+
+
+def test_compensation_adds_up_to_the_model(estimate: Estimate) -> None:
+    model, theta = estimate.model, parameters_of(estimate)
+    motion = model.random_motion(7, seed=3)
+    whole = feed_forward(model, theta, motion.q, motion.dq, motion.ddq)
+    np.testing.assert_allclose(whole, model.torque(motion, theta), rtol=1e-12)
+    masses, rest = mass_matrices(model, theta, motion.q), np.zeros_like(motion.dq)
+    inertial = np.einsum("sij,sj->si", masses, motion.ddq)
+    turning = feed_forward(model, theta, motion.q, motion.dq, rest) - gravity_torque(model, theta, motion.q)
+    turning -= friction_torque(model, theta, motion.q, motion.dq)
+    parts = inertial + turning + gravity_torque(model, theta, motion.q)
+    np.testing.assert_allclose(parts + friction_torque(model, theta, motion.q, motion.dq), whole, rtol=1e-9, atol=1e-9)
+    planned = (motion.q, motion.dq, motion.ddq)
+    there = computed_torque(model, theta, planned, motion.q, motion.dq, 100.0, 20.0)
+    np.testing.assert_allclose(there, whole, rtol=1e-12, atol=1e-12)
+
+
+def test_compensation_of_one_state_and_refusals(estimate: Estimate) -> None:
+    model, theta, q = estimate.model, parameters_of(estimate), np.linspace(0.1, 0.6, 6)
+    assert gravity_torque(model, theta, q).shape == (6,) and mass_matrices(model, theta, q).shape == (6, 6)
+    half = friction_torque(model, theta, q, q, share=0.5)
+    np.testing.assert_allclose(2 * half, friction_torque(model, theta, q, q))
+    sides = [friction_torque(model, theta, q, sign * q, offset=False) for sign in (1, -1)]
+    np.testing.assert_allclose(sides[0], -sides[1])
+    with pytest.raises(BadOption, match="each of the 6 joints"):
+        gravity_torque(model, theta, q[:5])
+    with pytest.raises(BadOption, match="share of the friction"):
+        friction_torque(model, theta, q, q, share=1.5)
+
+
+def test_the_drift_is_that_of_hamiltons_equations(estimate: Estimate) -> None:
+    """g + friction - C' dq = friction - d/dq (dq' M dq / 2 - potential), by central differences of M and gravity."""
+    observer, motion = MomentumObserver(estimate), estimate.model.random_motion(3, seed=5)
+    model, theta = estimate.model, observer.theta
+    for q, dq in zip(motion.q, motion.dq, strict=True):
+        slope = np.empty(6)
+        for j in range(6):
+            ends = [mass_matrices(model, theta, q + sign * 1e-6 * np.eye(6)[j]) for sign in (1, -1)]
+            slope[j] = 0.5 * dq @ (ends[0] - ends[1]) @ dq / 2e-6
+        expected = gravity_torque(model, theta, q) + friction_torque(model, theta, q, dq) - slope
+        np.testing.assert_allclose(observer.drift(q[None], dq[None])[0], expected, rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(
+            observer.momentum(q[None], dq[None])[0], mass_matrices(model, theta, q) @ dq, rtol=1e-9
+        )
+
+
+def test_a_contact_is_seen_as_it_is_and_a_stream_says_what_a_log_does(robot: Robot, estimate: Estimate) -> None:
+    observer = MomentumObserver(estimate)
+    clean = [signals_of(estimate, run_of(robot, seed)) for seed in (2, 3, 4)]
+    monitor = calibrated(observer, clean, 1.0 / 3600.0)
+    log = run_of(robot, 5)
+    assert not run_monitor(monitor, log).alarms
+    threshold = monitor.thresholds(log.q, np.asarray(log.dq))[:, 2]
+    torque = np.array(log.torque)
+    torque[600:, 2] -= 5.0 * threshold[600:]
+    found = run_monitor(monitor, replace(log, torque=torque))
+    first = found.alarms[0]
+    assert {alarm.joint for alarm in found.alarms} == {robot.joint_names[2]}
+    assert 0 <= first.start - log.time[600] <= 0.02
+    assert first.peak == pytest.approx(5.0 * first.threshold, rel=0.5)
+    state, started = MonitorState(), []
+    for k in range(580, 640):
+        state, reading = step(monitor, state, float(log.time[k]), log.q[k], np.asarray(log.dq)[k], torque[k])
+        started += [(reading.time, name) for name in reading.alarms]
+        if k > 610:
+            np.testing.assert_allclose(reading.threshold, found.threshold[k], rtol=1e-9)
+    np.testing.assert_allclose(reading.residual, found.residual[639], atol=1e-2)  # what was before 580 is forgotten
+    assert started == [(first.start, first.joint)]
+
+
+def test_rates_set_thresholds(robot: Robot, estimate: Estimate) -> None:
+    observer = MomentumObserver(estimate)
+    clean = [signals_of(estimate, run_of(robot, seed)) for seed in (2, 3, 4)]
+    often, seldom = (calibrated(observer, clean, rate / 3600.0) for rate in (600.0, 1.0))
+    assert np.all(np.asarray(often.factors) < np.asarray(seldom.factors))
+    with pytest.raises(BadOption, match="false alarms a second"):
+        calibrated(observer, clean, -1.0)
+    with pytest.raises(BadOption, match="choose a rate below"):
+        calibrated(observer, clean, 1e3)
+    with pytest.raises(LogMismatch, match="no clean run"):
+        calibrated(observer, [], 1.0)
+    with pytest.raises(LogMismatch, match="send samples in order"):
+        step(often, MonitorState(1.0, *[np.zeros(6)] * 4), 0.5, *[np.zeros(6)] * 3)
+    with pytest.raises(LogMismatch, match="no finite number"):
+        step(often, MonitorState(), 0.0, np.full(6, np.nan), np.zeros(6), np.zeros(6))
+
+
+def test_the_tail_of_a_known_process() -> None:
+    """Independent exponential peaks: rising above u happens exp(-u) times a sample."""
+    signal = np.random.default_rng(0).exponential(size=200_000)
+    signal[1::2] = 0.0
+    tail = tail_of([signal], [1.0], 1.0, "joint")
+    assert tail.threshold(1e-3) == pytest.approx(np.log(0.5 / 1e-3), rel=0.05)
+    with pytest.raises(LogMismatch, match="too few"):
+        tail_of([signal[:40]], [1.0], 1.0, "joint")

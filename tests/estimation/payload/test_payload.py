@@ -1,0 +1,166 @@
+"""A payload as a difference: truth within its intervals, verdicts, what is possible, vendors' words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident import DynamicModel, Estimate, FourierSeries, Inertia, Log, Robot, identify, read_robot
+from dynident.errors import BadOption, LogMismatch, UnknownChoice
+from dynident.estimation.payload import identify_payload, vendor_forms
+from dynident.estimation.payload.possible_body import possible_body
+from dynident.estimation.payload.vendor_forms import angles_zyx, forms_of, principal_axes, quaternion
+from dynident.experiment.preprocessing import Preprocessing
+from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.model.friction import FRICTION, Motion
+from dynident.model.robot import rotation_about
+
+BODY = Inertia.from_centre_of_mass(2.6, [0.05, 0.1, 0.04], np.diag([0.02, 0.015, 0.012]))
+GIVEN = Preprocessing(AsGiven(), rest="keep")
+
+
+def model_of(robot: Robot) -> DynamicModel:
+    return DynamicModel(robot, tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset")))
+
+
+def with_body(robot: Robot) -> Robot:
+    frame = robot.frames.get(robot.tool)
+    links = list(robot.links)
+    at = len(links) - 1 if frame is None else frame.link
+    own = links[at].inertia
+    assert own is not None
+    moved = BODY if frame is None else BODY.moved(frame.rotation, frame.translation)
+    links[at] = replace(links[at], inertia=own + moved)
+    return replace(robot, links=tuple(links))
+
+
+def run_of(robot: Robot, seed: int, noise: float = 0.2, warm: float = 1.0) -> Log:
+    model, generator = model_of(robot), np.random.default_rng(seed)
+    assert robot.nominal is not None
+    time = np.arange(600) / 50.0
+    sine, cosine = 0.3 * np.random.default_rng(seed).normal(size=(2, robot.dof, 5))
+    q, dq, ddq = FourierSeries(np.zeros(robot.dof), sine, cosine, 6.0).evaluate(time)
+    theta = np.concatenate([robot.nominal, warm * np.tile([2.0, 3.0, 0.4], robot.dof)])
+    torque = model.torque(Motion(q, dq, ddq), theta) + noise * generator.normal(size=q.shape)
+    return Log(robot.joint_names, time, q, dq, ddq, torque)
+
+
+def postures_of(robot: Robot, noise: float = 0.05) -> Log:
+    held = np.random.default_rng(3).uniform(-1.2, 1.2, size=(8, robot.dof))
+    q = np.concatenate([np.tile(one, (60, 1)) for one in held])
+    none = np.zeros_like(q)
+    assert robot.nominal is not None
+    theta = np.concatenate([robot.nominal, np.tile([2.0, 3.0, 0.4], robot.dof)])
+    torque = model_of(robot).torque(Motion(q, none, none), theta)
+    torque = torque + noise * np.random.default_rng(4).normal(size=q.shape)
+    speed = np.where(np.arange(len(q))[:, None] % 60 < 5, 1.0, none)  # it comes to each posture from another one
+    return Log(robot.joint_names, np.arange(len(q)) / 50.0, q, speed, none, torque)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return read_robot("generic-6r")
+
+
+@pytest.fixture(scope="module")
+def estimate(robot: Robot) -> Estimate:
+    return identify(model_of(robot), [run_of(robot, 1)], "wls", GIVEN)
+
+
+@pytest.mark.parametrize(("share", "warm"), [(1.0, 1.2), (0.0, 1.0)])
+def test_all_ten_are_found_within_their_intervals(robot: Robot, estimate: Estimate, share: float, warm: float) -> None:
+    found = identify_payload(estimate, [run_of(with_body(robot), 2, warm=warm)], friction_share=share)
+    away = np.array([one.value for one in found.parameters]) - BODY.vector
+    halves = np.array([one.half_width for one in found.parameters])
+    assert np.all(np.abs(away) < 2.5 * halves) and np.sum(np.abs(away) < halves) >= 7
+    assert found.rows == "motion" and found.placed and found.body.is_consistent()
+    assert found.body.mass == pytest.approx(2.6, abs=2 * found.mass.half_width)
+    assert found.parts["noise"] > 0 and found.parts["robot"] > 0 and found.parts["gains"] == 0
+    assert all(with_it < without for without, with_it in found.residual.values())
+
+
+def test_the_robots_own_doubt_is_part_of_the_payloads(robot: Robot, estimate: Estimate) -> None:
+    log = run_of(with_body(robot), 2)
+    sure = identify_payload(replace(estimate, covariance=0.0 * estimate.covariance), [log])
+    unsure = identify_payload(replace(estimate, covariance=9.0 * estimate.covariance), [log])
+    assert sure.parts["robot"] == 0 and unsure.mass.half_width > sure.mass.half_width
+
+
+def test_exact_data_give_the_exact_payload(robot: Robot) -> None:
+    exact = identify(model_of(robot), [run_of(robot, 1, noise=0.0)], "wls", GIVEN)
+    found = identify_payload(exact, [run_of(with_body(robot), 2, noise=0.0)])
+    np.testing.assert_allclose([one.value for one in found.parameters], BODY.vector, atol=1e-6)
+
+
+def test_drive_gains_and_a_stated_mass(robot: Robot, estimate: Estimate) -> None:
+    log = run_of(with_body(robot), 2)
+    doubted = identify_payload(estimate, [log], gain_deviation=0.05)
+    assert 0.01 * 2.6 < doubted.parts["gains"] < 0.08 * 2.6
+    told = identify_payload(estimate, [log], mass=2.6, mass_deviation=0.001)
+    assert told.mass.value == pytest.approx(2.6, abs=0.002) and told.mass.half_width < 0.003
+    assert told.centre[1].half_width <= identify_payload(estimate, [log]).centre[1].half_width * 1.001
+
+
+def test_postures_tell_mass_and_centre_only(robot: Robot, estimate: Estimate) -> None:
+    found = identify_payload(estimate, [postures_of(with_body(robot))])
+    assert found.rows == "poses" and found.samples == 8
+    assert [one.label for one in found.parameters[:6]] == ["not determined"] * 6
+    assert abs(found.mass.value - 2.6) < found.mass.half_width < 1.3
+    assert "postures tell mass and centre of mass only" in " ".join(found.remarks)
+    assert found.body.is_consistent()
+
+
+def test_a_run_without_payload_says_so(robot: Robot, estimate: Estimate) -> None:
+    found = identify_payload(estimate, [run_of(robot, 5)])
+    assert not found.placed and "shows no payload" in " ".join(found.remarks)
+    with pytest.raises(BadOption, match="not determined well enough"):
+        vendor_forms(found)
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "text"),
+    [
+        ({"mass": -1.0}, BadOption, "above 0"),
+        ({"mass_deviation": 0.1}, BadOption, "of a stated mass"),
+        ({"rows": "all"}, BadOption, "choose 'auto'"),
+        ({"friction_share": -1.0}, BadOption, "share of the friction"),
+        ({"gain_deviation": 2.0}, BadOption, "share of the gain"),
+        ({"level": 0.2}, BadOption, "confidence"),
+        ({"flange": "nowhere"}, UnknownChoice, "no link or frame"),
+        ({"rows": "poses"}, LogMismatch, "stands still at 0 postures"),
+    ],
+)
+def test_refusals(
+    robot: Robot, estimate: Estimate, options: dict[str, object], kind: type[Exception], text: str
+) -> None:
+    with pytest.raises(kind, match=text):
+        identify_payload(estimate, [run_of(robot, 5)], **options)  # type: ignore[arg-type]
+
+
+def test_the_possible_body_is_the_ten_where_they_are_one_and_the_prior_where_nothing_is_known() -> None:
+    ball = Inertia.from_centre_of_mass(2.0, [0, 0, 0], 0.01 * np.eye(3))
+    np.testing.assert_allclose(possible_body(BODY.vector, 1e10 * np.eye(10), ball).vector, BODY.vector, atol=1e-6)
+    np.testing.assert_allclose(possible_body(BODY.vector, np.zeros((10, 10)), ball).vector, ball.vector, atol=1e-6)
+    broken = BODY.vector.copy()
+    broken[0] = -0.1
+    assert possible_body(broken, 1e8 * np.eye(10), ball).is_consistent()
+
+
+def test_vendor_forms_say_the_same_body() -> None:
+    turn = rotation_about([0.6, 0.0, 0.8], 0.7)
+    inertia = turn @ np.diag([0.02, 0.03, 0.04]) @ turn.T
+    moments, axes = principal_axes(inertia)
+    np.testing.assert_allclose(axes @ np.diag(moments) @ axes.T, inertia, atol=1e-14)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+    a, b, c = angles_zyx(axes)
+    again = rotation_about([0, 0, 1], a) @ rotation_about([0, 1, 0], b) @ rotation_about([1, 0, 0], c)
+    np.testing.assert_allclose(again, axes, atol=1e-14)
+    w, *xyz = quaternion(axes)
+    angle = 2 * np.arctan2(np.linalg.norm(xyz), w)
+    np.testing.assert_allclose(rotation_about(np.array(xyz) / np.linalg.norm(xyz), angle), axes, atol=1e-14)
+    forms = forms_of(Inertia.from_centre_of_mass(2.0, [0.01, -0.02, 0.03], np.diag([0.02, 0.03, 0.04])))
+    assert forms["universal_robots"] == "set_target_payload(2, [0.01, -0.02, 0.03], [0.02, 0.03, 0.04, 0, 0, 0])"
+    assert "M 2, CM {X 10.0000, Y -20.0000, Z 30.0000, A 0.0000, B 0.0000, C 0.0000}" in forms["kuka"]
+    assert "[2, [10.0000, -20.0000, 30.0000], [1.00000000, 0.00000000, 0.00000000, 0.00000000], 0.02," in forms["abb"]

@@ -1,0 +1,40 @@
+"""The chosen cut-off on real logs: held-out error near that of the filter stated by hand; skipped without the logs."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from dynident.cli.jobs import read_data
+from dynident.estimation.estimators.wls import WLS
+from dynident.estimation.identify import pose, validate_prepared
+from dynident.experiment.case_file.case import read_case
+from dynident.experiment.preprocessing import ROWS_PER_PERIOD, preprocess
+from dynident.experiment.preprocessing.butterworth import Butterworth
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
+
+
+@pytest.mark.parametrize(("name", "folder"), [("panda", "panda_gaz2019"), ("lwr4", "kuka_lwr4_flobaroid")])
+def test_the_chosen_cut_off_predicts_as_well_as_the_stated_one(
+    name: str, folder: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not (DATA / folder).is_dir():
+        pytest.skip(f"no folder {folder} under DYNIDENT_DATA or ../shared/data")
+    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    case = read_case(ROOT / "examples" / "cases" / f"{name}.yaml")
+    data = read_data(case, (), ())
+    model = replace(case.model, friction=tuple(part for part in case.friction if "torque" not in part.needs))
+    stated = replace(case.preprocessing, delay_s=0.0)
+    chosen = replace(stated, filter=Butterworth(None), rate_hz=None, rows_per_period=ROWS_PER_PERIOD)
+    tests = [preprocess(log.ordered(case.robot.joint_names), stated) for log in data.test]
+    errors = []
+    for how in (stated, chosen):
+        problem = pose(model, data.train, how)
+        found = validate_prepared(problem.model, problem.base, tests, WLS().solve(problem).beta)
+        errors.append(found.total_relative_error)
+    assert errors[1] < 1.1 * errors[0]
