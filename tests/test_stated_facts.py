@@ -26,6 +26,7 @@ from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import to_mujoco_fullinertia, to_pinocchio
 from dynident.plugins import Family
 from dynident.results.exporters import EXPORTERS
+from dynident.results.model_exporters import MODEL_EXPORTERS
 from dynident.results.report.sections import SECTIONS
 from test_documentation import PAGES, ROOT, rows_after
 
@@ -41,6 +42,7 @@ FAMILIES: dict[str, Family[Any]] = {
     "DESCRIPTIONS": DESCRIPTIONS,
     "SECTIONS": SECTIONS,
     "EXPORTERS": EXPORTERS,
+    "MODEL_EXPORTERS": MODEL_EXPORTERS,
 }
 
 

@@ -35,10 +35,11 @@ def recorded(robot: Robot, seed: int, contact: float = 0.0) -> Log:
     assert robot.nominal is not None
     generator = np.random.default_rng(seed)
     scale = np.array([0.6, 0.6, 0.05, 0.8])[:, None]
+    sine, cosine = scale * generator.normal(size=(2, 4, 4)) / 2
     time = np.arange(3000) / 100.0
-    q, dq, ddq = FourierSeries(np.zeros(4), *(scale * generator.normal(size=(2, 4, 4)) / 2), 7.5).evaluate(time)
+    q, dq, ddq = FourierSeries(np.zeros(4), sine, cosine, 7.5).evaluate(time)
     torque = model.torque(Motion(q, dq, ddq), np.concatenate([robot.nominal, np.tile([1.0, 2.0], 4)]))
-    torque += 0.01 * np.sqrt(np.mean(torque**2, axis=0)) * generator.normal(size=torque.shape)
+    torque += np.array([0.3, 0.3, 1.0, 0.05]) * generator.normal(size=torque.shape)
     torque[2000:2100, 0] -= contact
     return Log(robot.joint_names, time, q, dq, ddq, torque)
 
@@ -62,7 +63,7 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_log(recorded(robot, 4, contact=60.0), "contact.csv")
     model = DynamicModel(robot, (FRICTION.make("coulomb"), FRICTION.make("viscous")))
     how = Preprocessing(AsGiven(), rest="keep")
-    columns = ColumnMap(joints=robot.joint_names, ddq="ddq{}")
+    columns = ColumnMap(joints=robot.joint_names, ddq=tuple(f"ddq{i}" for i in range(1, 5)))
     write_estimate(identify(model, [read_log("train.csv", columns)], "wls", how, columns), "estimate.json")
     return tmp_path
 

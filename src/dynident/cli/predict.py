@@ -84,17 +84,12 @@ def _motion(path: str, columns: object, robot: object) -> Log:
     from dataclasses import replace
     from typing import Any
 
-    from dynident.errors import LogFormatError
     from dynident.experiment.case_file.case import read_with
 
     own: Any = columns
     arm: Any = robot
-    try:
-        return read_with(path, own, arm)
-    except LogFormatError:
-        if own.torque is None and own.current is None:
-            raise
-        return read_with(path, replace(own, torque=None, current=None), arm)
+    both = ("torque", "current") if own.current is not None else ("torque",)
+    return read_with(path, replace(own, optional=tuple(dict.fromkeys((*own.optional, *both)))), arm)
 
 
 def _rms(values: Array) -> Array:

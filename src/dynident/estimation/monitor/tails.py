@@ -21,6 +21,9 @@ QUANTILE = 0.95
 #: Peaks that a fit needs at least.
 FEWEST = 20
 
+#: Least shape of the tail, about that of normal noise: few peaks may look as if they ended, and rare ones then surprise.
+LIGHTEST = -0.1
+
 #: Largest shape of the tail: beyond it levels of rare events mean nothing.
 HEAVIEST = 0.5
 
@@ -75,7 +78,7 @@ def tail_of(signals: Sequence[Array], steps: Sequence[float], apart: float, name
     count = len(over)
     first = float(over.mean())
     second = float(np.mean(over * (count - 1 - np.arange(count)) / (count - 1)))
-    shape = float(np.clip(2.0 - first / max(first - 2.0 * second, 1e-12 * first), -HEAVIEST, HEAVIEST))
+    shape = float(np.clip(2.0 - first / max(first - 2.0 * second, 1e-12 * first), LIGHTEST, HEAVIEST))
     return Tail(level, count / seconds, first * (1.0 - shape), shape, seconds)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 from functools import cached_property
 
 import numpy as np
@@ -152,5 +153,5 @@ def _least(cost: Callable[[float], float], low: float, high: float) -> float:
     grid = np.linspace(low, high, POINTS)
     best = int(np.argmin([cost(float(point)) for point in grid]))
     bounds = (float(grid[max(best - 1, 0)]), float(grid[min(best + 1, POINTS - 1)]))
-    found = scipy.optimize.minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 0.02})
+    found: Any = scipy.optimize.minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 0.02})
     return float(found.x)
