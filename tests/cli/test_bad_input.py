@@ -28,7 +28,8 @@ URDF = """<?xml version="1.0"?>
 def rows(count: int = 2000) -> list[list[float]]:
     time = np.arange(count) / 200
     q = np.column_stack([np.sin(1.7 * time) + 0.3 * np.sin(5 * time), np.cos(2.3 * time) + 0.2 * np.sin(7 * time)])
-    torque = 10 * np.cos(q) + 0.5 * np.gradient(q, time, axis=0)
+    noise = np.random.default_rng(0).normal(0, 0.1, q.shape)
+    torque = 10 * np.cos(q) + 0.5 * np.gradient(q, time, axis=0) + noise
     return np.column_stack([time, q, torque]).tolist()
 
 

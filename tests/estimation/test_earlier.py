@@ -34,7 +34,7 @@ def logs(model: DynamicModel, exact_log: Callable[..., Log]) -> tuple[Log, ...]:
 def test_logs_know_what_their_estimate_knows(model: DynamicModel, logs: tuple[Log, ...]) -> None:
     how = default_preprocessing()
     estimate = identify(model, logs, "wls", how)
-    prior, noise = prior_of_logs(model, logs, how)
+    prior, noise = prior_of_logs(model, logs, estimate.preprocessing)
     np.testing.assert_allclose(noise, noise_of(estimate), rtol=0.01)
     # A correlation factor per joint here, the colour of each parameter's own scores in the estimate.
     share = deviations_of(prior.information) / estimate.deviations

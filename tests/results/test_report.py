@@ -212,7 +212,7 @@ def test_every_section_has_a_title_and_a_template_and_every_template_a_section()
     folder = Path(builder.__file__).parent / "templates"
     used = {SECTIONS.get(name).template for name in SECTIONS.names()}
     assert used == {f"{name}.html" for name in SECTIONS.names()}
-    shared = {"report.html", "style.css", "_parts.html"}
+    shared = {"report.html", "style.css", "_parts.html", "difference.html"}
     assert {path.name for path in folder.iterdir()} == used | shared
     titles = [SECTIONS.get(name).title for name in SECTIONS.names()]
     assert all(titles) and len(set(titles)) == len(titles)

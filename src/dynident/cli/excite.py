@@ -172,7 +172,7 @@ def _design(
     from dynident.experiment.design.excitation import ROWS_A_SECOND, design_excitation
     from dynident.experiment.design.limits import limits_of
 
-    rate = case.preprocessing.rate_hz or ROWS_A_SECOND
+    rate = known.rate or case.preprocessing.rate_hz or ROWS_A_SECOND
     with console.progress(max(options.starts, 1), options.quiet or options.json) as progress:
         plan = design_excitation(
             case.model,

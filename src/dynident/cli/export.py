@@ -60,7 +60,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     model.add_argument(
         "--description",
         metavar="FILE",
-        help="the URDF whose inertias and friction change; default: that of the identification, where it is unchanged",
+        help="the URDF whose inertias and friction change (urdf, pinocchio); default: that of the identification, "
+        "where it is unchanged",
     )
     model.add_argument("--no-proof", action="store_true", help="do not load the files again; saves a second or two")
     output = parser.add_argument_group("output")
@@ -101,11 +102,18 @@ def _is_estimate(path: str) -> bool:
 
 def _export_plan(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
+    from dynident.errors import FileError
+    from dynident.estimation.estimate_file import read_estimate
     from dynident.experiment.design.plan import read_plan
     from dynident.results.exporters import EXPORTERS, export, export_data
     from dynident.results.model_exporters import MODEL_EXPORTERS
 
-    plan = read_plan(options.file)
+    try:
+        plan = read_plan(options.file)
+    except FileError:
+        if options.to in MODEL_EXPORTERS.names():
+            read_estimate(options.file)  # an estimate was meant: its reader says what is to be given
+        raise
     _check_target(options.to, EXPORTERS.names(), MODEL_EXPORTERS.names(), "plan")
     part = EXPORTERS.make_from_text(options.to, _pairs(options.option))
     posture = _posture(options.from_posture, plan, options.units or "rad")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dynident.arrays import Array
+    from dynident.estimation.estimate import Estimate
     from dynident.experiment.case_file.case import Case
     from dynident.experiment.design.prior import Prior
     from dynident.experiment.design.torque_uncertainty import TorqueUncertainty
@@ -25,6 +26,7 @@ class Knowledge:
         uncertainty: Chance margin of the torque limits.
         model: Where the torque limits come from, in words; empty for the description.
         earlier: What earlier runs know.
+        rate: Rows a second that the noise is of, where it comes from residuals; None: those of the case.
     """
 
     noise: Array | None = None
@@ -33,6 +35,7 @@ class Knowledge:
     uncertainty: TorqueUncertainty | None = None
     model: str = ""
     earlier: Prior | None = None
+    rate: float | None = None
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -95,18 +98,24 @@ def knowledge_of(options: argparse.Namespace, case: Case, model: DynamicModel) -
             raise BadOption(f"--{name}", getattr(options, second), f"it stands beside --{first}; give one of the two")
     if options.sigmas is not None and not options.model:
         raise BadOption("--sigmas", options.sigmas, "it needs --model, the estimate whose uncertainty it is about")
-    earlier, noise, source = _earlier(options, case, model)
+    earlier, noise, source, rate = _earlier(options, case, model)
     if options.noise is not None:
-        noise, source = _given(options.noise), "given"
+        noise, source, rate = _given(options.noise), "given", None
     if options.noise_from:
         from dynident.estimation.earlier import check_same, noise_of
         from dynident.estimation.estimate_file import read_estimate
 
         estimate = read_estimate(options.noise_from)
         check_same(estimate, model, options.noise_from)
-        noise, source = noise_of(estimate), f"residuals of {options.noise_from}"
+        noise, source, rate = noise_of(estimate), f"residuals of {options.noise_from}", _rows_a_second(estimate)
     theta, uncertainty = _model(options, model)
-    return Knowledge(noise, source, theta, uncertainty, options.model or "", earlier)
+    return Knowledge(noise, source, theta, uncertainty, options.model or "", earlier, rate)
+
+
+def _rows_a_second(estimate: Estimate) -> float | None:
+    """Return how many rows a second the noise of an estimate is stated for."""
+    rate = estimate.train.filter.get("rate_hz")
+    return None if rate is None else float(rate)
 
 
 def _given(noise: list[float]) -> Array:
@@ -115,26 +124,31 @@ def _given(noise: list[float]) -> Array:
     return np.array(noise[0] if len(noise) == 1 else noise)
 
 
-def _earlier(options: argparse.Namespace, case: Case, model: DynamicModel) -> tuple[Prior | None, Array | None, str]:
-    """Return what earlier runs know, and their noise with its source."""
+def _earlier(
+    options: argparse.Namespace, case: Case, model: DynamicModel
+) -> tuple[Prior | None, Array | None, str, float | None]:
+    """Return what earlier runs know, and their noise with its source and the rows a second that it is of."""
     if options.earlier:
         from dynident.estimation.earlier import noise_of, prior_of_estimate
         from dynident.estimation.estimate_file import read_estimate
 
         estimate = read_estimate(options.earlier)
         prior = prior_of_estimate(estimate, model, options.earlier)
-        return prior, noise_of(estimate), f"residuals of {options.earlier}"
+        return prior, noise_of(estimate), f"residuals of {options.earlier}", _rows_a_second(estimate)
     if options.earlier_logs:
         from dynident.errors import BadOption
+        from dynident.estimation.cutoff.choice import with_cutoff
         from dynident.estimation.earlier import prior_of_logs
 
-        prior, noise = prior_of_logs(model, [case.read(name) for name in options.earlier_logs], case.preprocessing)
+        logs = [case.read(name) for name in options.earlier_logs]
+        how, _ = with_cutoff(model, logs, case.preprocessing)
+        prior, noise = prior_of_logs(model, logs, how)
         resting = [name for name, level in zip(model.robot.joint_names, noise, strict=True) if not level > 0]
         if resting and options.noise is None and not options.noise_from:
             step = f"{', '.join(resting)} never moved in them, so its noise is not known; give --noise"
             raise BadOption("--earlier-logs", prior.source, step)
-        return prior, noise, f"residuals of {prior.source}"
-    return None, None, ""
+        return prior, noise, f"residuals of {prior.source}", how.rows_hz(logs[0].rate) or logs[0].rate
+    return None, None, "", None
 
 
 def _model(options: argparse.Namespace, model: DynamicModel) -> tuple[Array | None, TorqueUncertainty | None]:

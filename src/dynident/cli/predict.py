@@ -84,12 +84,19 @@ def _motion(path: str, columns: object, robot: object) -> Log:
     from dataclasses import replace
     from typing import Any
 
+    from dynident.errors import LogFormatError
     from dynident.experiment.case_file.case import read_with
 
     own: Any = columns
     arm: Any = robot
     both = ("torque", "current") if own.current is not None else ("torque",)
-    return read_with(path, replace(own, optional=tuple(dict.fromkeys((*own.optional, *both)))), arm)
+    lenient = replace(own, optional=tuple(dict.fromkeys((*own.optional, *both))))
+    try:
+        return read_with(path, lenient, arm)
+    except LogFormatError:
+        if own.torque is not None:
+            raise
+    return read_with(path, replace(lenient, torque=()), arm)
 
 
 def _rms(values: Array) -> Array:

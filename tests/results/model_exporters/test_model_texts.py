@@ -11,7 +11,7 @@ from dynident.model.descriptions.base import rotation_from_rpy
 from dynident.results.model_exporters._rotations import quaternion, roll_pitch_yaw
 from dynident.results.model_exporters._xml_edit import elements, with_attributes, without_elements
 from dynident.results.model_exporters.csv import text
-from dynident.results.model_exporters.latex import escaped
+from dynident.results.model_exporters.latex import escaped, share
 
 ANGLE = st.one_of(st.floats(-np.pi, np.pi), st.sampled_from([0.0, np.pi / 2, -np.pi / 2, np.pi, 1.5708, -1.5708]))
 
@@ -56,3 +56,19 @@ def test_elements_are_found_past_comments_and_unread_sections() -> None:
     (found,) = elements("", data).children
     assert data[found.start : found.end] == "<b t='>'><c/>é</b>".encode()
     assert without_elements(data, ("c",)) == data.replace(b"<c/>", b"")
+
+
+def test_latex_prints_a_quote_without_a_package() -> None:
+    assert escaped('a"b') == r"a\texttt{\char34}b"  # \textquotedbl is not there in the encoding that LaTeX starts with
+
+
+@pytest.mark.parametrize(
+    ("relative", "words"),
+    [(5.51, "551"), (0.04, "4.0"), (0.0061, "0.61"), (0.55, "55"), (1e-6, "$<0.01$"), (50.0, "$>999$")],
+)
+def test_latex_prints_shares_as_the_tables_do(relative: float, words: str) -> None:
+    assert share(relative) == rf"{words}\,\%"
+
+
+def test_latex_prints_no_share_of_nothing() -> None:
+    assert share(float("nan")) == "--" and share(float("inf")) == "--"

@@ -17,6 +17,7 @@ from dynident.estimation.doctor._causes import Blame, Cause, Rows, Search
 from dynident.estimation.doctor._trend_causes import OVERSAMPLING, Trends
 from dynident.estimation.problem import motion_of
 from dynident.model.kernels import batched
+from dynident.model.robot import Robot
 
 #: Columns of a body.
 TEN = 10
@@ -29,41 +30,56 @@ LIKELIER = 1.05
 
 
 class Against:
-    """What the torques leave where bodies are held as described.
+    """What the torques leave where bodies, and rotors that are known, are held as described.
 
     Attributes:
         fit: The quick fit, whose bodies are free.
         theta: Standard parameters of the description, shape (p,).
+        robot: The robot with its known rotor inertias; None where they are to be identified.
     """
 
-    def __init__(self, trends: Trends, theta: Array) -> None:
-        self.fit, self.theta, self._trends = trends.fit, theta, trends
+    def __init__(self, trends: Trends, theta: Array, robot: Robot | None) -> None:
+        self.fit, self.theta, self.robot, self._trends = trends.fit, theta, robot, trends
 
     @cached_property
     def rows(self) -> Rows:
-        """Friction and rotor columns alone; the torque of the described bodies is taken off."""
+        """Friction columns alone, rotors with them where they are not known; torques of described bodies taken off."""
         fit, rows = self.fit, self.fit.rows
-        merged = self._merged_rotors()
+        units = [fit.model.parameters[k].unit for k in fit.base.independent]
+        rotor = np.array([unit.startswith("kg") for unit in units])
+        friction = fit.base.independent >= fit.model.inertial_count
+        free = friction & ~rotor if self.robot is not None else friction
+        merged = self._rotors([] if self.robot is not None else self._merged())
         blocks, columns = [], []
         for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
-            free = fit.base.independent[own] >= fit.model.inertial_count
-            blocks.append(np.column_stack([block[:, free], merged[:, :, i].T]))
-            columns.append(np.concatenate([own[free], fit.base.count + np.arange(len(merged))]))
-        target = rows.torque - rows.known - self.bodies
+            blocks.append(np.column_stack([block[:, free[own]], merged[:, :, i].T]))
+            columns.append(np.concatenate([own[free[own]], fit.base.count + np.arange(len(merged))]))
+        target = rows.torque - rows.known - self.bodies - self._known_rotors()
         size = fit.base.count + len(merged)
         return Rows(blocks, columns, size, target, rows.torque, rows.masks, OVERSAMPLING)
 
-    def _merged_rotors(self) -> Array:
-        """Return the torque of the rotors that base parameters count with the bodies, (k, N, n) for 1 kg m^2 each."""
+    def _merged(self) -> list[int]:
+        """Return the drives whose rotor inertia base parameters count with the bodies."""
+        model, independent = self.fit.model, set(self.fit.base.independent.tolist())
+        tail = range(model.inertial_count, len(model.parameters))
+        lost = [k for k in tail if model.parameters[k].unit.startswith("kg") and k not in independent]
+        return [int(model.terms[0][k - model.inertial_count]) for k in lost]
+
+    def _rotors(self, drives: list[int]) -> Array:
+        """Return the torque of rotors of 1 kg m^2, filtered, (k, N, n)."""
         model, prepared = self.fit.model, self.fit.rows.prepared
         coupling = np.asarray(model.robot.coupling)
-        tail = range(model.inertial_count, len(model.parameters))
-        lost = [k for k in tail if model.parameters[k].unit.startswith("kg") and k not in self.fit.base.independent]
-        drives = model.terms[0]
         ddq = np.asarray(prepared.log.ddq) @ coupling.T
-        found = [ddq[:, j, None] * coupling[j] for j in (int(drives[k - model.inertial_count]) for k in lost)]
-        smooth = [prepared.smooth(column.T).T[prepared.keep] for column in found]
+        smooth = [prepared.smooth((ddq[:, j, None] * coupling[j]).T).T[prepared.keep] for j in drives]
         return np.array(smooth).reshape(-1, len(prepared.keep), model.robot.dof)
+
+    def _known_rotors(self) -> Array:
+        """Return the torque of the rotors that are known, filtered, shape (N, n)."""
+        prepared = self.fit.rows.prepared
+        if self.robot is None:
+            return np.zeros_like(self.fit.rows.torque)
+        torque = np.asarray(prepared.log.ddq) @ self.robot.reflected_inertia
+        return prepared.smooth(torque.T).T[prepared.keep]
 
     @cached_property
     def each(self) -> Array:

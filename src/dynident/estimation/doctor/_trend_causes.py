@@ -97,10 +97,18 @@ class Trends:
         return column
 
     def _clock(self) -> Array:
-        """Return the derivative of the torque by the speed of the clock, shape (N, n)."""
-        log, speed = self._log, 1.0 + CLOCK_STEP
+        """Return the derivative of the bodies' torque by the speed of the clock, shape (N, n).
+
+        Friction is left out: what a clock does to it, its own columns take in, but for the width of its sign, and a
+        wrong width would be taken for a wrong clock.
+        """
+        log, speed, model = self._log, 1.0 + CLOCK_STEP, self.fit.model
+        of_bodies = [
+            k < model.inertial_count or model.parameters[k].unit.startswith("kg") for k in self.fit.base.independent
+        ]
+        beta = np.where(of_bodies, self.fit.plain.beta, 0.0)
         faster = replace(log, dq=np.asarray(log.dq) * speed, ddq=np.asarray(log.ddq) * speed**2)
-        return (self.fit.observer.predict(faster, self.fit.plain.beta) - self._predicted) / CLOCK_STEP
+        return (self.fit.observer.predict(faster, beta) - self.fit.observer.predict(log, beta)) / CLOCK_STEP
 
     def _tilts(self) -> Iterator[Cause]:
         """Yield the lean of the base about both axes across gravity; the first joint then carries its own link too."""

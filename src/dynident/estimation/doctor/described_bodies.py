@@ -12,6 +12,7 @@ from dynident.estimation.doctor._causes import Blame
 from dynident.estimation.doctor._described_causes import Against
 from dynident.estimation.doctor.base import Check, Finding, Severity, Subject
 from dynident.estimation.doctor.residual_trends import believable, trend_finding
+from dynident.model.friction import FRICTION
 
 #: Share of what free bodies would explain that the told causes must explain together, or the description is too far
 #: off to blame one thing.
@@ -32,7 +33,8 @@ class DescribedBodies(Check):
         theta = None if trends is None else trends.fit.model.nominal()
         if trends is None or theta is None:
             return []
-        against = Against(trends, theta)
+        asked = any(FRICTION.name_of(part) == "rotor_inertia" for part in subject.case.friction)
+        against = Against(trends, theta, None if asked else subject.case.robot)
         explained, found = 0.0, []
         for blame in against.blames:
             explained += blame.gain

@@ -21,8 +21,9 @@ QUANTILE = 0.95
 #: Peaks that a fit needs at least.
 FEWEST = 20
 
-#: Least shape of the tail, about that of normal noise: few peaks may look as if they ended, and rare ones then surprise.
-LIGHTEST = -0.1
+#: Peaks above a level that the log must have seen for its own shape to hold there. Beyond it the shape is at least that
+#: of normal noise and the scale a share of the log's: a few peaks may look as if they ended.
+SEEN, LIGHTEST, LEAST = 3.0, -0.1, 0.25
 
 #: Largest shape of the tail: beyond it levels of rare events mean nothing.
 HEAVIEST = 0.5
@@ -47,11 +48,21 @@ class Tail:
     seconds: float
 
     def threshold(self, rate: float) -> float:
-        """Return the level that is risen above ``rate`` times a second."""
-        ratio = self.rate / rate
-        if abs(self.shape) < 1e-6:
-            return self.level + self.scale * float(np.log(ratio))
-        return self.level + self.scale / self.shape * (ratio**self.shape - 1.0)
+        """Return the level that is risen above ``rate`` times a second.
+
+        Beyond what the log has seen a few times the tail goes on like that of normal noise, or heavier.
+        """
+        seen = SEEN / self.seconds
+        if rate >= seen or self.shape >= LIGHTEST or seen >= self.rate:
+            return self.level + self.scale * _stretched(self.rate / rate, self.shape)
+        reached = self.level + self.scale * _stretched(self.rate / seen, self.shape)
+        scale = max(self.scale + self.shape * (reached - self.level), LEAST * self.scale)
+        return reached + scale * _stretched(seen / rate, LIGHTEST)
+
+
+def _stretched(ratio: float, shape: float) -> float:
+    """Return (ratio^shape - 1) / shape."""
+    return float(np.log(ratio)) if abs(shape) < 1e-6 else (ratio**shape - 1.0) / shape
 
 
 def tail_of(signals: Sequence[Array], steps: Sequence[float], apart: float, name: str) -> Tail:
@@ -78,7 +89,7 @@ def tail_of(signals: Sequence[Array], steps: Sequence[float], apart: float, name
     count = len(over)
     first = float(over.mean())
     second = float(np.mean(over * (count - 1 - np.arange(count)) / (count - 1)))
-    shape = float(np.clip(2.0 - first / max(first - 2.0 * second, 1e-12 * first), LIGHTEST, HEAVIEST))
+    shape = float(np.clip(2.0 - first / max(first - 2.0 * second, 1e-12 * first), -HEAVIEST, HEAVIEST))
     return Tail(level, count / seconds, first * (1.0 - shape), shape, seconds)
 
 

@@ -60,5 +60,5 @@ def check_answered(path: object, data: bytes) -> None:
 
 def without_open_gains(data: bytes) -> bytes:
     """Return a case file in which drive gains are no longer asked for, its lines where they were."""
-    data = re.sub(rb"\bgain:[ \t]*ask\b(?![\w'\"./-])[^,}\r\n]*", b"gain_deviation: 0 ", data)
+    data = re.sub(rb"\bgain:[ \t]*ask\b(?![\w'\"./-])(?:[ \t]+#[^\r\n]*)?", b"gain_deviation: 0", data)
     return re.sub(rb"^drives:[ \t]*ask\b[^\r\n]*", b"", data, flags=re.MULTILINE)

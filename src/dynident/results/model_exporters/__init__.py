@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from dynident.errors import BadOption
 from dynident.estimation.estimate import Estimate
 from dynident.plugins import Family
 from dynident.results.export_files import write_files
@@ -54,20 +55,23 @@ def export_model(
         estimate: The estimate.
         exporter: Name of an exporter, or a part with its options.
         path: The file to write; further files stand beside it.
-        description: The robot description to put the model into; None takes the one that the estimate's provenance
-            names, where it is unchanged.
+        description: The robot description to put the model into, for targets that are one; None takes the one that
+            the estimate's provenance names, where it is unchanged.
         proof: Whether the files are loaded again and torques compared.
         write: False checks and tells what would be written.
         options: Options of the exporter.
 
     Raises:
         UnknownChoice: No such exporter.
-        BadOption: An option or a name that cannot be.
+        BadOption: An option or a name that cannot be, or a description where the target takes none.
         NotConsistent: No possible robot has these base parameters; the message names the worst body and what to do.
         DescriptionError: The robot description is faulty, or of another robot.
         FileError: The proof fails, or a file cannot be written.
     """
     target, part = Path(path), MODEL_EXPORTERS.make(exporter, **options)
+    if description is not None and not part.edits_description:
+        step = f"the target {MODEL_EXPORTERS.name_of(part)} is written from the estimate alone; leave it out"
+        raise BadOption("description", str(description), step)
     subject = identified(estimate, find_source(estimate, description), part.needs_bodies)
     content = part.content(subject, target)
     proofs = proofs_of(part, subject, content, target) if proof else ()

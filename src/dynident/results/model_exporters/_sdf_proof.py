@@ -11,6 +11,7 @@ from dynident.results.model_exporters import _engine_drake
 from dynident.results.model_exporters._drives import drives_of, rigid_torque
 from dynident.results.model_exporters._identified import Identified
 from dynident.results.model_exporters._sdf_reader import read_sdf
+from dynident.results.model_exporters._sdf_text import base_name
 from dynident.results.model_exporters._states import States
 from dynident.results.model_exporters.base import Reloaded
 
@@ -33,6 +34,6 @@ def drake_torque(subject: Identified, path: Path, states: States, package: str =
     name = _engine_drake.version()
     if not name:
         return Reloaded("Drake", why_not="not installed")
-    found = _engine_drake.torque(path, states, subject.model.robot.base, package)
+    found = _engine_drake.torque(path, states, base_name(subject.model.robot), package)
     own = drives_of(subject).torque(states.motion, armature=True, coupled=False, dry=False)
     return Reloaded(name, "bodies, armature, damping", found, rigid_torque(subject, states.motion) + own)

@@ -8,6 +8,7 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.errors import BadOption
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Joint, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
@@ -16,7 +17,7 @@ from dynident.results.model_exporters._identified import Identified
 from dynident.results.model_exporters._rotations import roll_pitch_yaw
 from dynident.results.model_exporters._urdf_new import along
 from dynident.results.model_exporters._urdf_text import number, numbers
-from dynident.results.model_exporters._xml_names import checked_names
+from dynident.results.model_exporters._xml_names import checked_names, unused_name
 
 #: SDF of libsdformat 10 and later: poses relative to named frames (1.7); read unchanged by later ones.
 VERSION = "1.7"
@@ -28,18 +29,19 @@ def sdf_text(subject: Identified, drives: Drives) -> bytes:
     """Return the SDF of a model; the frame of the model is that of its base link.
 
     Raises:
-        BadOption: A name that XML cannot have, two links or joints of one name, or a joint that follows another.
+        BadOption: A name that XML or SDF cannot have, or two links or joints of one name.
     """
     robot = subject.model.robot
-    names = checked_names("link", [robot.base, *(link.name for link in robot.links)])
+    names = checked_names("link", [base_name(robot), *(link.name for link in robot.links)])
     joints = checked_names("joint", [joint.name for joint in robot.joints])
     checked_names("name", [*names, *joints])  # links and joints are frames of one room
     checked_names("robot", [robot.name])
+    _check_sdf([robot.name, *names, *joints])
     lines = [
         '<?xml version="1.0" encoding="utf-8"?>',
         f'<sdf version="{VERSION}" xmlns:drake="http://drake.mit.edu">',
         f"  <model name={quoteattr(robot.name)}>",
-        f"    <link name={quoteattr(robot.base)}>",
+        f"    <link name={quoteattr(names[0])}>",
         *_shapes(robot.base_shapes),
         "    </link>",
     ]
@@ -53,6 +55,30 @@ def sdf_text(subject: Identified, drives: Drives) -> bytes:
         lines += [*_inertial(subject.bodies[i]), *_shapes(link.shapes), "    </link>"]
     lines += _frames(robot, names)
     return ("\n".join([*lines, "  </model>", "</sdf>"]) + "\n").encode("utf-8")
+
+
+def base_name(robot: Robot) -> str:
+    """Return what the base link is called in SDF, where ``world``, a usual name in URDF, is not free."""
+    if not _is_reserved(robot.base):
+        return robot.base
+    return unused_name("base", {*(link.name for link in robot.links), *(joint.name for joint in robot.joints)})
+
+
+def base_note(subject: Identified) -> list[str]:
+    """Return what is to be said where the base link has another name in SDF."""
+    own, name = subject.model.robot.base, base_name(subject.model.robot)
+    return [] if name == own else [f"the base link '{own}' is '{name}' here: SDF keeps that name for itself"]
+
+
+def _is_reserved(name: str) -> bool:
+    return name == "world" or "::" in name or (len(name) > 3 and name.startswith("__") and name.endswith("__"))
+
+
+def _check_sdf(names: Sequence[str]) -> None:
+    for name in names:
+        if _is_reserved(name):
+            step = "SDF keeps 'world', names between two '__' and '::' for itself; rename it in the robot description"
+            raise BadOption("name", name, step)
 
 
 def _joint(joint: Joint, parent: str, child: str, values: Sequence[float]) -> Iterator[str]:
@@ -88,7 +114,7 @@ def _inertial(body: Inertia) -> Iterator[str]:
 def _frames(robot: Robot, names: Sequence[str]) -> Iterator[str]:
     taken = {*names, *(joint.name for joint in robot.joints)}
     for name, frame in robot.frames.items():
-        if name not in taken and name.isprintable() and name.strip():
+        if name not in taken and name.isprintable() and name.strip() and not _is_reserved(name):
             pose = _pose(frame.rotation, frame.translation)
             yield f"    <frame name={quoteattr(name)} attached_to={quoteattr(names[frame.link + 1])}>"
             yield f"      <pose>{pose}</pose>"

@@ -58,10 +58,12 @@ class ModelExporter(ABC):
 
     Attributes:
         needs_bodies: Whether it takes only physically consistent standard parameters.
+        edits_description: Whether it writes into the user's robot description.
     """
 
     takes: ClassVar[str] = "estimate"
     needs_bodies: ClassVar[bool] = True
+    edits_description: ClassVar[bool] = False
 
     @abstractmethod
     def content(self, subject: Identified, path: Path) -> ModelContent:

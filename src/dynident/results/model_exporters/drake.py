@@ -15,7 +15,7 @@ from dynident.results.model_exporters._document import document_bytes
 from dynident.results.model_exporters._drives import Drives, Term, drives_of
 from dynident.results.model_exporters._identified import Identified
 from dynident.results.model_exporters._sdf_proof import drake_torque, own_torque
-from dynident.results.model_exporters._sdf_text import sdf_text
+from dynident.results.model_exporters._sdf_text import base_name, base_note, sdf_text
 from dynident.results.model_exporters._states import States
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
 
@@ -47,6 +47,7 @@ class Drake(ModelExporter):
         }
         notes = [f"tell Drake where the package is: package_map().AddPackageXml('{about.name}')"]
         notes.append("gravity is that of the plant; Drake has no dry friction of joints")
+        notes += base_note(subject)
         if any(joint.mimic is not None for joint in subject.model.robot.joints):
             notes.append("joints that follow another move freely")
         return ModelContent(files, (*_dry_terms(drives), *left_out(drives, armature=True, coupled=False)), tuple(notes))
@@ -65,7 +66,7 @@ class Drake(ModelExporter):
 
     def _directives(self, subject: Identified, package: str, sdf: Path) -> bytes:
         model = json.dumps(subject.model.robot.name)
-        base = json.dumps(f"{subject.model.robot.name}::{subject.model.robot.base}")
+        base = json.dumps(f"{subject.model.robot.name}::{base_name(subject.model.robot)}")
         lines = [
             "directives:",
             "- add_model:",

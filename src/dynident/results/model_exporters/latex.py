@@ -18,7 +18,7 @@ from dynident.results.model_exporters.base import ModelContent, ModelExporter, R
 _ESCAPES = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "#": r"\#", "_": r"\_", "%": r"\%",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
-    "|": r"\textbar{}", '"': r"\textquotedbl{}", "[": r"{[}", "]": r"{]}",
+    "|": r"\textbar{}", '"': r"\texttt{\char34}", "[": r"{[}", "]": r"{]}",
 }  # fmt: skip
 
 _VALUE = re.compile(r"\$(-?\d\.\d+)(?: \\cdot 10\^\{(-?\d+)\})?\$")
@@ -56,8 +56,8 @@ class Latex(ModelExporter):
             estimate.relative_deviations, strict=True,
         )  # fmt: skip
         for k, (name, value, std, unit, relative) in enumerate(table, start=1):
-            share = rf"{100 * relative:.2g}\,\%" if np.isfinite(relative) and relative < 10 else "--"
-            cells = (str(k), escaped(name), _number(value, self.digits), _number(std, 3), _unit(unit), share)
+            numbers = _number(value, self.digits), _number(std, 3)
+            cells = (str(k), escaped(name), *numbers, _unit(unit), share(relative))
             lines.append(" & ".join(cells) + r" \\")
         lines += [r"\hline", r"\end{tabular}"]
         notes = (f"values have {self.digits} digits; the tables of the exporter csv have all",)
@@ -85,6 +85,17 @@ def _number(value: float, digits: int) -> str:
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
     power = int(exponent)
     return f"${mantissa}$" if power == 0 else rf"${mantissa} \cdot 10^{{{power}}}$"
+
+
+def share(relative: float) -> str:
+    """Return a relative deviation in percent with two digits, as LaTeX prints it; two dashes where there is none."""
+    percent = 100.0 * relative
+    if not np.isfinite(percent):
+        return "--"
+    if not 0.01 <= percent <= 999:
+        return r"$<0.01$\,\%" if percent < 1 else r"$>999$\,\%"
+    digits = f"{percent:.0f}" if percent >= 9.95 else f"{percent:#.2g}"
+    return rf"{digits}\,\%"
 
 
 def _unit(unit: str) -> str:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from dynident.model.robot import Robot
 from dynident.results.model_exporters import _engine_pinocchio
 from dynident.results.model_exporters._beside import left_out, place_beside, sharp_note
 from dynident.results.model_exporters._document import document_bytes
@@ -32,6 +33,7 @@ class Pinocchio(ModelExporter):
     lump: bool = False
 
     needs_bodies: ClassVar[bool] = True
+    edits_description: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:
         drives = drives_of(subject)
@@ -42,8 +44,7 @@ class Pinocchio(ModelExporter):
             place_beside(path): document_bytes(subject, drives),
         }
         own = ["rnea has armature; it passes over damping and friction, and regressors pass over armature as well"]
-        if any(joint.mimic is not None for joint in subject.model.robot.joints):
-            own.append("load it with mimic=True, or joints that follow another are free")
+        own += _mimic_notes(subject.model.robot)
         left = left_out(drives, armature=True, coupled=False)
         return ModelContent(files, left, (*notes, *own, *sharp_note(drives, "Pinocchio")))
 
@@ -60,6 +61,19 @@ class Pinocchio(ModelExporter):
         values = {key: found[key] for key in ("armature", "damping", "friction")}
         torque = _engine_pinocchio.torque(path, "urdf", states, values)
         yield Reloaded(name, "bodies, armature, damping, dry friction", torque, expected)
+
+
+def _mimic_notes(robot: Robot) -> list[str]:
+    """Return how joints that follow another are loaded; Pinocchio ties no continuous joint to a bounded one."""
+    endless = {joint.name: not np.isfinite([joint.limits.lower, joint.limits.upper]).all() for joint in robot.joints}
+    follows = [(joint.name, joint.mimic.joint) for joint in robot.joints if joint.mimic is not None]
+    if not follows:
+        return []
+    mixed = [name for name, leader in follows if endless[name] != endless[leader]]
+    if mixed:
+        told = f"of {', '.join(mixed)} and its leader one is continuous and one has bounds"
+        return [f"Pinocchio refuses this URDF with mimic=True ({told}): load it without, and set followers yourself"]
+    return ["load it with mimic=True, or joints that follow another are free"]
 
 
 def _settings(subject: Identified, drives: Drives) -> bytes:

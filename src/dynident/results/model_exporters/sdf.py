@@ -12,7 +12,7 @@ from dynident.results.model_exporters._document import document_bytes
 from dynident.results.model_exporters._drives import drives_of
 from dynident.results.model_exporters._identified import Identified
 from dynident.results.model_exporters._sdf_proof import drake_torque, own_torque
-from dynident.results.model_exporters._sdf_text import sdf_text
+from dynident.results.model_exporters._sdf_text import base_note, sdf_text
 from dynident.results.model_exporters._states import States
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
 
@@ -30,6 +30,7 @@ class Sdf(ModelExporter):
             "gravity is that of the world, not of the model; the base link is free until the world holds it",
             "Gazebo passes over Drake's rotor inertia, Drake over friction; meshes are left out",
         ]
+        notes += base_note(subject)
         if any(joint.mimic is not None for joint in subject.model.robot.joints):
             notes.append("joints that follow another move freely: SDF 1.7 cannot say that they follow")
         left = left_out(drives, armature=True, coupled=False)

@@ -28,6 +28,7 @@ class Urdf(ModelExporter):
     lump: bool = False
 
     needs_bodies: ClassVar[bool] = True
+    edits_description: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:
         drives = drives_of(subject)

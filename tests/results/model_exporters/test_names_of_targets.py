@@ -1,0 +1,73 @@
+"""What a target cannot take as it is: names that SDF keeps, a description it does not need, followers of Pinocchio."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pinocchio
+import pytest
+from identified_arms import URDF, estimate_of
+
+from dynident.errors import BadOption
+from dynident.estimation.estimate import Estimate
+from dynident.experiment.log import Log
+from dynident.model.descriptions.urdf import read_urdf
+from dynident.model.robot import Robot
+from dynident.results.model_exporters import export_model
+
+
+@pytest.fixture
+def on_world(planar_2r: Robot, exact_log: Callable[..., Log]) -> Estimate:
+    return estimate_of(replace(planar_2r, base="world"), exact_log, exact=True)
+
+
+def test_a_base_called_world_has_another_name_in_sdf(on_world: Estimate, tmp_path: Path) -> None:
+    """libsdformat refuses a link that is called world, a usual root of URDFs."""
+    found = export_model(on_world, "sdf", tmp_path / "arm.sdf")
+    model = ElementTree.parse(tmp_path / "arm.sdf").getroot().find("model")
+    assert model is not None
+    assert "world" not in [element.get("name") for element in model] and model[0].get("name") == "base"
+    assert "world" not in [parent.text for parent in model.iter("parent")]
+    assert any("'world' is 'base'" in note for note in found.notes)
+    assert next(proof for proof in found.proofs if proof.engine == "dynident").relative < 1e-12
+    export_model(on_world, "drake", tmp_path / "arm.dmd.yaml")
+    assert "::base" in (tmp_path / "arm.dmd.yaml").read_text()
+
+
+@pytest.mark.parametrize("name", ["world", "__root__", "a::b"])
+def test_other_names_that_sdf_keeps_are_refused(
+    planar_2r: Robot, exact_log: Callable[..., Log], tmp_path: Path, name: str
+) -> None:
+    links = (replace(planar_2r.links[0], name=name), *planar_2r.links[1:])
+    estimate = estimate_of(replace(planar_2r, links=links), exact_log, exact=True)
+    with pytest.raises(BadOption, match="rename it in the robot description"):
+        export_model(estimate, "sdf", tmp_path / "arm.sdf")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_description_is_refused_where_nothing_is_written_into_one(on_world: Estimate, tmp_path: Path) -> None:
+    with pytest.raises(BadOption, match="mjcf is written from the estimate alone"):
+        export_model(on_world, "mjcf", tmp_path / "arm.xml", description=tmp_path / "other.urdf")
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_what_is_said_of_followers_is_what_pinocchio_does(
+    exact_log: Callable[..., Log], tmp_path: Path, mixed: bool
+) -> None:
+    """Pinocchio ties no joint with bounds to a continuous one."""
+    data = URDF.replace('joint="grip"', 'joint="shoulder"') if mixed else URDF
+    source = tmp_path / "own.urdf"
+    source.write_text(data)
+    estimate = estimate_of(read_urdf(source, source.read_bytes()), exact_log, exact=True)
+    path = tmp_path / "arm.urdf"
+    notes = " ".join(export_model(estimate, "pinocchio", path, description=source).notes)
+    if mixed:
+        assert "refuses this URDF with mimic=True" in notes
+        with pytest.raises(ValueError, match="different sizes"):
+            pinocchio.buildModelFromUrdf(str(path), mimic=True)
+    else:
+        assert "load it with mimic=True" in notes
+        assert pinocchio.buildModelFromUrdf(str(path), mimic=True).nv == 3
