@@ -115,7 +115,10 @@ def test_what_to_record_next(robot: str, capsys: pytest.CaptureFixture[str]) -> 
     assert main([*command, "next.json", *known, "--repeats", "2"]) == 0
     shown = capsys.readouterr().out
     assert "noise: residuals of estimate.json; torque limits: estimate.json, 2 sigmas free" in shown
-    assert "Expected from 2400 independent rows of each joint, " in shown and "known before: estimate.json." in shown
+    # two periods of 6 s, at the rows a second that the estimate's noise is of
+    rows = 12 * float(str(read_estimate("estimate.json").train.filter["rate_hz"]))
+    assert f"Expected from {rows:.0f} independent rows of each joint, " in shown
+    assert "known before: estimate.json." in shown
     speed = next(line.split() for line in shown.splitlines() if line.split()[1:3] == ["tool", "speed"])
     assert speed[4] == "1.5" and float(speed[6]) <= 100.0
     assert "clearance: at least 0.05 m: " in shown and " | floor" in shown and "not checked: floor" not in shown

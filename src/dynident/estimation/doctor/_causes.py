@@ -58,6 +58,8 @@ class Blame:
         share: Largest share of a joint's residual variance that it took away.
         size: Its torque as a share of the measured one, root mean squares: of its joint, or of all joints together.
         torque: Root mean square of its torque at each joint, shape (n,).
+        taken: Root mean square that it took off the residual of each joint, shape (n,); what the other columns could
+            have taken in is not in it.
     """
 
     cause: Cause
@@ -68,6 +70,7 @@ class Blame:
     share: float
     size: float
     torque: Array
+    taken: Array
 
     @property
     def deviations(self) -> Array:
@@ -210,4 +213,5 @@ class Search:
             float(np.max(1.0 - after.variances / before.variances)),
             float(np.max(own / np.maximum(whole, 1e-300)) if cause.joint else np.linalg.norm(own) / size_of_all),
             own,
+            np.sqrt(np.maximum(before.variances - after.variances, 0.0)),
         )

@@ -61,7 +61,7 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
         "value": float(blame.values[int(np.argmax(np.abs(blame.values)))]),
         "certainty": blame.certainty,
         "share": blame.share,
-        "torque": float(blame.torque.max()),
+        "torque": float((blame.taken if blame.cause.name == "friction curve" else blame.torque).max()),
     }
     return Finding(severity, blame.cause.name, blame.cause.joint, evidence + counted, remedy, numbers)
 
@@ -96,7 +96,7 @@ def _friction_drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
 
 
 def _friction_curve(blame: Blame, fit: QuickFit) -> tuple[str, str]:
-    evidence = f"friction bends over speed or grows with load by {blame.torque.max():.3g} N m (or N) rms"
+    evidence = f"friction bends over speed or grows with load, {blame.taken.max():.3g} N m (or N) rms"
     return evidence, "let the friction be chosen from the log (friction: auto), or add degressive and load"
 
 

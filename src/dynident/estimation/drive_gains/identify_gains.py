@@ -31,6 +31,10 @@ from dynident.model.dynamic_model import DynamicModel
 #: Passes of load-dependent friction agree when no gain changes by more than this share.
 AGREED = 1e-4
 
+#: Gains beyond this are not determined; for the delay of the currents, which no common factor changes, they are scaled
+#: down, so that the currents still read as torques.
+LARGEST_GAIN = 1e6
+
 Progress = Callable[[str], None]
 Runs = tuple[tuple[Log, ...], ...]
 
@@ -227,6 +231,7 @@ class _Solve:
         gains = np.zeros(robot.dof)
         for group, gain in zip(_groups(robot.joint_names, self.signed), fit.gains, strict=True):
             gains[group] += gain / (2.0 if self.signed else 1.0)
+        gains *= min(1.0, LARGEST_GAIN / max(float(np.max(np.abs(gains))), 1e-100))
         coupling = np.asarray(robot.coupling)
         delays: list[float] = []
         prepared: list[tuple[Prepared, ...]] = []

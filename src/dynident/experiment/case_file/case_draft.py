@@ -197,7 +197,7 @@ def _remarks(found: Found) -> list[str]:
         remarks.append(
             f"{name} never moves; it is locked where it stands; record a motion of all joints to identify it"
         )
-    if not found.effort:
+    if not found.effort and not {"torque", "current"} & found.rivals.keys():
         remarks.append("no torques and no currents: nothing can be identified without one of them")
     return remarks + _against(found)
 

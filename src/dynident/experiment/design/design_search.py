@@ -12,6 +12,9 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.experiment.design.design_problem import GUARD, DesignProblem, Point
 
+#: Free numbers beyond this size are no motion, and the squares of what they make overflow.
+BEYOND = 1e8
+
 #: An iterate may pass a bound on the grid by this share; it is shrunk before it is judged.
 _SLACK = 2e-3
 
@@ -68,6 +71,8 @@ class Trail:
             self.cut = time.perf_counter() > self._deadline
             if self.cut or not np.all(np.isfinite(x)):
                 raise _Stopped
+            if np.abs(x).max(initial=0.0) > BEYOND:
+                raise _Lost
             self._at, self._point = x.copy(), self._problem.point(x, self._sharpness)
             self._report(self._at, self._point)
             self._away = self._away + 1 if self._point.used.max() > FAR else 0

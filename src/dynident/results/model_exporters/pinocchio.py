@@ -64,7 +64,7 @@ class Pinocchio(ModelExporter):
 
 
 def _mimic_notes(robot: Robot) -> list[str]:
-    """Return how joints that follow another are loaded; Pinocchio ties no continuous joint to a bounded one."""
+    """Return how joints that follow another are loaded; Pinocchio 4 ties no continuous joint to a bounded one."""
     endless = {joint.name: not np.isfinite([joint.limits.lower, joint.limits.upper]).all() for joint in robot.joints}
     follows = [(joint.name, joint.mimic.joint) for joint in robot.joints if joint.mimic is not None]
     if not follows:
@@ -73,7 +73,11 @@ def _mimic_notes(robot: Robot) -> list[str]:
     if mixed:
         told = f"of {', '.join(mixed)} and its leader one is continuous and one has bounds"
         return [f"Pinocchio refuses this URDF with mimic=True ({told}): load it without, and set followers yourself"]
-    return ["load it with mimic=True, or joints that follow another are free"]
+    order = "it reads branches in the order of joint names, and a follower must come after its leader"
+    return [
+        "load it with mimic=True, or joints that follow another are free; "
+        f"where Pinocchio refuses that ({order}), load it without and set followers yourself"
+    ]
 
 
 def _settings(subject: Identified, drives: Drives) -> bytes:

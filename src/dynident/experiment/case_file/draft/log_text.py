@@ -119,6 +119,8 @@ def _units(found: Found) -> list[str]:
     for key in ("time", "position", "velocity", "torque", "current"):
         told = found.units.get(key)
         if told is None:
+            if key in choices and not (key == "torque" and found.effort == "current"):
+                lines.append(_unseen(key, choices[key]))
             continue
         if told.certain:
             lines.append(f"    {key}: {told.text}   # {plain(told.why)}")
@@ -127,6 +129,13 @@ def _units(found: Found) -> list[str]:
             what = found.time if key == "time" else found.sources[signal].shown()
             lines.append(asked(f"    {key}", f"the unit of {what} ({choices[key]}): {told.why}", told.text))
     return lines if len(lines) > 1 else []
+
+
+def _unseen(key: str, choices: str) -> str:
+    """Return the question for a unit of columns that the draft could not tell, or the default would be taken for it."""
+    which = {"time": "the time", "position": "the positions", "torque": "the torques"}[key]
+    currents = "; SI where currents are named in their place" if key == "torque" else ""
+    return asked(f"    {key}", f"the unit of {which} ({choices}{currents}): the draft has not seen them")
 
 
 def _side(found: Found) -> list[str]:

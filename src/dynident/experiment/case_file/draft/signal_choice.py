@@ -57,7 +57,8 @@ def choose_signals(groups: Sequence[Group], joints: int, effort_only: bool = Fal
         best = _best([g for g in told if _same_joints(g, first)], joints)
         if len(best) == 1:
             chosen[f"{signal}_ref"] = best[0]
-    return Choice(chosen, rivals, refused)
+    read = list(chosen.values())
+    return Choice(chosen, rivals, tuple((group, why) for group, why in refused if group not in read))
 
 
 def _why_refused(group: Group) -> str:
