@@ -87,6 +87,13 @@ def test_the_lines_to_paste_and_the_method(cell: Path, capsys: pytest.CaptureFix
     assert "N/A" in shown and "identified" in shown
 
 
+def test_a_loaded_run_without_its_load_determines_nothing(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_log(recorded(read_robot("generic-scara"), 3), "loaded.csv")
+    assert main(["gains", "case.yaml", "--load", "loaded.csv", "--mass", "2", "--delay", "auto", "--json"]) == 1
+    verdicts = [gain["verdict"] for gain in json.loads(capsys.readouterr().out)["gains"]]
+    assert verdicts == ["not determined"] * 4
+
+
 def test_known_bodies_and_signs(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["gains", "case.yaml", "free.csv", "--prior-share", "0.05", "--quiet", "--json"]) in (0, 1)
     assert "known bodies, each link within 5 % (std)" in json.loads(capsys.readouterr().out)["scale"]

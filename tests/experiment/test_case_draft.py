@@ -159,21 +159,24 @@ def test_torques_are_taken_before_currents_and_commands_never(
 ) -> None:
     columns = numbered(motion) | {f"i{k}": motion["time"] for k in range(1, 7)}
     columns |= {f"tau_des{k}": motion["time"] for k in range(1, 7)}
-    columns |= {f"q_ref{k}": motion["q"][:, k - 1] for k in range(1, 7)}
+    columns |= {f"q_cmd{k}": motion["q"][:, k - 1] for k in range(1, 7)}
     draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
     case = read(draft, tmp_path)
     assert case.columns.torque == tuple(f"tau{k}" for k in range(1, 7)) and not case.columns.current
-    assert case.columns.q_ref == tuple(f"q_ref{k}" for k in range(1, 7))
+    assert case.columns.q_ref == tuple(f"q_cmd{k}" for k in range(1, 7))
     assert "# current: i1 to i6 are there as well" in draft.text
     assert "# not read: tau_des1 to tau_des6, commanded" in draft.text
+    assert "not read: q_cmd" not in draft.text
 
 
 def test_two_groups_that_fit_equally_are_asked(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
     columns = numbered(motion, torque="left_tau{}") | numbered(motion, torque="right_tau{}")
     draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
-    (question,) = draft.needed
+    question, unit = draft.needed
     assert question.text == "which columns are the measured joint torques: 'left_tau{}' or 'right_tau{}'"
-    case = read(draft, tmp_path, {"which columns": "'right_tau{}'"})
+    assert unit.text.startswith("the unit of the torques (N m, mN m,")
+    assert draft.remarks == ()
+    case = read(draft, tmp_path, {"which columns": "'right_tau{}'", "the unit of the torques": "N m"})
     assert case.columns.torque == tuple(f"right_tau{k}" for k in range(1, 7))
 
 
@@ -258,16 +261,20 @@ def test_only_positions_and_no_time_still_say_what_is_there(arm: str, motion: di
     assert question.text.endswith("the log also has odd") and "position: rad" in draft.text
     timeless = {name: values for name, values in numbered(motion).items() if name != "t"}
     draft = draft_case(arm, write_log(tmp_path / "b.csv", {"odd": motion["time"], **timeless}), tmp_path)
-    (question,) = draft.needed
+    question, *units = draft.needed
     assert question.text.startswith("the column of the time; the log has odd, q1")
-    case = read(draft, tmp_path, {"the column of the time": "odd"})
+    assert [unit.text.split(" (")[0] for unit in units] == [
+        f"the unit of the {what}" for what in ("time", "positions", "torques")
+    ]
+    answers = {"the unit of the time": "s", "the unit of the positions": "rad", "the unit of the torques": "SI"}
+    case = read(draft, tmp_path, {"the column of the time": "odd", **answers})
     np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
 
 
 def test_nothing_but_odd_columns(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
     columns = {"t": motion["time"]} | {f"{chr(97 + k % 26)}x{k}": motion["time"] for k in range(300)}
     draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
-    assert len(draft.needed) == 2 and "(300 in all)" in draft.needed[0].text
+    assert len(draft.needed) == 4 and "(300 in all)" in draft.needed[0].text
     assert max(map(len, draft.text.splitlines())) < 1500
     with pytest.raises(DescriptionError, match="asks for the measured positions"):
         read(draft, tmp_path)

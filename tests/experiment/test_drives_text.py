@@ -19,7 +19,7 @@ drives:   # from the data sheet
   {first}: {{gain: 1.5, gear_ratio: 100}}
   # a remark
   {last}:
-    gain: ask   # ask: the gain
+    gain: ask   # ask: the drive gain, N m at the joint per unit of i4; {{roughly}} 8
     bias: 2
 
 # after the drives

@@ -129,6 +129,17 @@ def test_gravity_upside_down_on_a_small_arm_shows_against_the_description(planar
     assert "gravity: [0, 0, -9.81]" in finding.remedy or "gravity: [0, -9.81, 0]" in finding.remedy
 
 
+def test_another_width_of_the_sign_is_no_wrong_clock(case: Case, tmp_path: Path) -> None:
+    sharp = replace(case, friction=(FRICTION.make("coulomb", width=0.005), *case.friction[1:]))
+    trial = virtual(sharp, rate=RATE)
+    exact = trial.columns["tau"]
+    found = replace(trial, case=case).examined(tmp_path).findings
+    assert "time scale" not in [finding.name for finding in found]
+    for finding in found:
+        if finding.name == "friction curve":
+            assert finding.numbers["torque"] < 0.1 * float(np.std(exact))
+
+
 def test_a_payload_is_weighed(trial: Trial, tmp_path: Path) -> None:
     found = put.loaded(trial, 0.8, np.random.default_rng(0)).examined(tmp_path).findings
     (load,) = [finding for finding in found if finding.name == "load at the flange"]

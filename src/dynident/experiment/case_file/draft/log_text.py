@@ -90,8 +90,8 @@ def _columns(found: Found) -> list[str]:
 
 
 def _missing_effort(found: Found) -> str:
-    text = f"{_WORDS['torque']}, one column per joint; or write current: for motor currents{_refused(found, 'torque')}"
-    return asked("torque", f"{text}{_listing(found)}")
+    text = f"{_WORDS['torque']} in N m (else state units: torque), one column per joint"
+    return asked("torque", f"{text}; or write current: for motor currents{_refused(found, 'torque')}{_listing(found)}")
 
 
 def _listing(found: Found) -> str:
@@ -119,7 +119,7 @@ def _units(found: Found) -> list[str]:
     for key in ("time", "position", "velocity", "torque", "current"):
         told = found.units.get(key)
         if told is None:
-            if key in choices and not (key == "torque" and found.effort == "current"):
+            if key in choices and (key != "torque" or found.effort == "torque" or "torque" in found.rivals):
                 lines.append(_unseen(key, choices[key]))
             continue
         if told.certain:
@@ -134,8 +134,7 @@ def _units(found: Found) -> list[str]:
 def _unseen(key: str, choices: str) -> str:
     """Return the question for a unit of columns that the draft could not tell, or the default would be taken for it."""
     which = {"time": "the time", "position": "the positions", "torque": "the torques"}[key]
-    currents = "; SI where currents are named in their place" if key == "torque" else ""
-    return asked(f"    {key}", f"the unit of {which} ({choices}{currents}): the draft has not seen them")
+    return asked(f"    {key}", f"the unit of {which} ({choices}): it could not be looked at")
 
 
 def _side(found: Found) -> list[str]:
