@@ -134,11 +134,13 @@ def _attribute_lines(doc: str) -> dict[str, str]:
 
 def _from_text(name: str, kind: str, text: str | None) -> Any:
     """Return the value that ``text`` writes for a field annotated ``kind``."""
-    if text is None or text.strip().lower() in ("none", "null", "auto"):
+    told = "none" if text is None else text.strip().lower()
+    empty = text is None or (told in ("none", "null") and f"'{told}'" not in kind)
+    if empty or (told == "auto" and "None" in kind):
         if "None" in kind:
             return None
         raise BadOption(name, text, f"give a value of the kind {kind}")
-    word = text.strip()
+    word = (text or "").strip()
     if kind.startswith("bool"):
         if word.lower() not in ("true", "false"):
             raise BadOption(name, text, "write true or false")

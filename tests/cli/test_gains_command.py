@@ -90,7 +90,7 @@ def test_the_lines_to_paste_and_the_method(cell: Path, capsys: pytest.CaptureFix
 def test_a_loaded_run_without_its_load_determines_nothing(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_log(recorded(read_robot("generic-scara"), 3), "loaded.csv")
     assert main(["gains", "case.yaml", "--load", "loaded.csv", "--mass", "2", "--delay", "auto", "--json"]) == 1
-    verdicts = [gain["verdict"] for gain in json.loads(capsys.readouterr().out)["gains"]]
+    verdicts = [gain["label"] for gain in json.loads(capsys.readouterr().out)["gains"]]
     assert verdicts == ["not determined"] * 4
 
 

@@ -100,7 +100,7 @@ def test_every_method_has_the_figures_of_identify_and_validate(
         assert outcome.estimate is not None and outcome.test is not None and not outcome.failure
         np.testing.assert_array_equal(outcome.estimate.beta, estimate.beta)
         expected = validate(estimate, [test])
-        assert outcome.test.figures() == expected.figures()
+        assert outcome.test.figures() | {"bands": []} == expected.figures() | {"bands": []}  # a contest draws none
         assert outcome.figure == expected.total_relative_error
         columns = np.linalg.norm(contest.problem.rows.matrix, axis=0)
         truth = contest.problem.base.from_standard(theta)

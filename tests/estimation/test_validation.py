@@ -119,7 +119,7 @@ def test_several_logs_are_put_end_to_end() -> None:
 def test_figures_are_plain_data() -> None:
     torque = np.random.default_rng(0).normal(size=(50, 2))
     data = compared(torque, torque * 0.9, units=("N m", "N")).figures()
-    assert set(data) == {"total_relative_error", "samples", "logs", "joints", "moving"}
+    assert set(data) == {"total_relative_error", "samples", "logs", "joints", "moving", "bands"}
     assert set(data["joints"][0]) == {
         "name", "unit", "rows", "rmse", "rmse_unfiltered", "correlation", "r2", "relative_error",
     }  # fmt: skip
