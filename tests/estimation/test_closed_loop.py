@@ -103,7 +103,13 @@ def stiff(planar_2r):
     return problem, problem.base.from_standard(theta)
 
 
-@pytest.mark.parametrize("options", [KNOWN, LoopOptions(feedforward="measured")], ids=["held", "continuous"])
+@pytest.mark.parametrize(
+    "options",
+    [
+        pytest.param(KNOWN, id="held", marks=pytest.mark.battery),
+        pytest.param(LoopOptions(feedforward="measured"), id="continuous"),
+    ],
+)
 def test_implicit_steps_find_what_small_explicit_ones_find(stiff, options, monkeypatch):
     problem, truth = stiff
     loop = closed_loop(problem, options, truth)

@@ -15,6 +15,8 @@ from dynident.experiment.case_file.case import read_case
 from dynident.experiment.preprocessing import ROWS_PER_PERIOD, preprocess
 from dynident.experiment.preprocessing.butterworth import Butterworth
 
+pytestmark = pytest.mark.battery
+
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 

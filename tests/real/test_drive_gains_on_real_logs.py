@@ -17,6 +17,8 @@ from dynident.estimation.identify import identify
 from dynident.experiment.case_file.case import read_case
 from dynident.model.descriptions import read_robot
 
+pytestmark = pytest.mark.battery
+
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 

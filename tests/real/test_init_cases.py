@@ -10,6 +10,8 @@ from types import ModuleType
 
 import pytest
 
+pytestmark = pytest.mark.battery
+
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
@@ -27,13 +29,7 @@ def drafts() -> ModuleType:
 cases = drafts()
 
 
-#: The others take longer.
-SHORT = ("tx40", "tiago")
-
-
-@pytest.mark.parametrize(
-    "name", [name if name in SHORT else pytest.param(name, marks=pytest.mark.battery) for name in cases.SETS]
-)
+@pytest.mark.parametrize("name", list(cases.SETS))
 def test_a_draft_is_as_good_as_the_case_written_by_hand(
     name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
