@@ -2,6 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 NOISE := --disable-pip-version-check --quiet
+PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 
 .PHONY: demo test test-all lint type imports check benchmark constraints clean
 
@@ -9,10 +10,10 @@ demo: .venv/core  ## the article's case from end to end, into ./dynident-demo
 	$(BIN)/dynident demo --out dynident-demo
 
 test: .venv/dev  ## the tests (under 8 minutes on 2 cores)
-	$(BIN)/python -m pytest -q -m "not battery"
+	$(BIN)/python -m pytest -q $(PARALLEL) -m "not battery"
 
 test-all: .venv/dev  ## the tests and the long batteries
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q $(PARALLEL)
 
 lint: .venv/dev
 	$(BIN)/ruff check .

@@ -1,4 +1,4 @@
-"""Array aliases and the one way to freeze an array.
+"""Array aliases, the one way to freeze an array, and the one way to write a number that JSON may not hold.
 
 The letters of shapes are the same everywhere: N samples, n joints, r = N n rows, p standard, b base parameters,
 k coefficients, l links.
@@ -6,7 +6,7 @@ k coefficients, l links.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -19,13 +19,27 @@ BoolArray: TypeAlias = npt.NDArray[np.bool_]
 def frozen(values: npt.ArrayLike, shape: tuple[int | None, ...] | None = None, name: str = "array") -> Array:
     """Return a read-only float64 copy of ``values``, checked against ``shape`` (None: any length).
 
+    An array that nobody can write to is returned as it is.
+
     Raises:
         ValueError: The shape differs.
     """
-    array = np.array(values, dtype=np.float64)
+    array = values if _is_frozen(values) else np.array(values, dtype=np.float64)
     if shape is not None and (
         array.ndim != len(shape) or any(want not in (None, got) for want, got in zip(shape, array.shape, strict=True))
     ):
         raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
     array.setflags(write=False)
     return array
+
+
+def _is_frozen(values: npt.ArrayLike) -> TypeGuard[Array]:
+    """Return whether nobody can write to an array: it is read-only and no view of another one."""
+    if not isinstance(values, np.ndarray) or type(values) is not np.ndarray or values.dtype != np.float64:
+        return False
+    return values.base is None and not values.flags.writeable
+
+
+def finite(value: float) -> float | None:
+    """Return the number, or None where it is not finite and JSON has no word for it."""
+    return float(value) if np.isfinite(value) else None

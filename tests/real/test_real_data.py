@@ -49,6 +49,7 @@ def test_panda_unconstrained_and_consistent_on_the_held_out_third(
     assert found["filter"]["cutoff_hz"] == 4
 
 
+@pytest.mark.battery
 def test_panda_on_all_data(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     text = (ROOT / "examples" / "cases" / "panda.yaml").read_text(encoding="utf-8")
     whole = tmp_path / "panda.yaml"
@@ -86,6 +87,7 @@ def test_ur10e_from_currents_on_two_held_out_runs(
     assert found["base_parameters"] == 70
 
 
+@pytest.mark.battery
 @pytest.mark.parametrize(
     ("train", "test", "bound"), [((2, 3), 1, 0.026), ((1, 3), 2, 0.0246), ((1, 2), 3, 0.049)], ids=["1", "2", "3"]
 )
@@ -103,6 +105,7 @@ def test_lwr4_from_two_runs_to_the_third(
     assert found["physically_consistent"] is True
 
 
+@pytest.mark.battery
 def test_tiago_with_the_weight_that_its_log_leaves_out(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

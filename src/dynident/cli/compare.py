@@ -213,8 +213,9 @@ def _report(place: str, case: Case, table: Sequence[Outcome], data: Data) -> Non
 
 
 def _figures(contest: Contest, table: Sequence[Outcome], stopped: bool) -> dict[str, Any]:
+    from dynident.arrays import finite
     from dynident.cli.jobs import repeat_command
-    from dynident.estimation.estimate_file import finite, plain
+    from dynident.estimation.estimate_file import plain
 
     problem = contest.problem
     return {

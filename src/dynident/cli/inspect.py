@@ -125,7 +125,7 @@ def _exact_count(model: DynamicModel) -> int | None:
 
 
 def _data(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> dict[str, Any]:
-    from dynident.estimation.estimate_file import finite
+    from dynident.arrays import finite
     from dynident.model.robot import consistency_defects
 
     return {

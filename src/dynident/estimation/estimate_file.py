@@ -4,27 +4,30 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array, frozen
+from dynident.arrays import Array, finite, frozen
 from dynident.errors import DynidentError, EstimateFormatError
 from dynident.estimation.consistency.labels import labels_of
 from dynident.estimation.estimate import Consistency, Estimate
+from dynident.estimation.saved_values import (
+    columns_from_dict,
+    columns_to_dict,
+    model_from_dict,
+    model_to_dict,
+    preprocessing_from_dict,
+    preprocessing_to_dict,
+)
 from dynident.estimation.uncertainty.envelope import Envelope
 from dynident.estimation.uncertainty.propagation import mass_matrix
 from dynident.estimation.validation import Fit, Validation
 from dynident.estimation.warnings import warnings_of
-from dynident.experiment.formats import ColumnMap, Units
-from dynident.experiment.preprocessing import FILTERS, Preprocessing
 from dynident.files import unreadable, write_atomically
 from dynident.model.base_parameters import base_parameters
-from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
-from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION
 
 KIND, FORMAT = "dynident estimate", 1
 
@@ -100,10 +103,9 @@ def write_estimate(estimate: Estimate, path: str | Path) -> None:
         "kind": KIND,
         "format": FORMAT,
         "summary": summary(estimate),
-        "robot": robot_to_dict(estimate.model.robot),
-        "friction": [{FRICTION.name_of(part): plain(_options(part))} for part in estimate.model.friction],
-        "preprocessing": _preprocessing(estimate.preprocessing),
-        "columns": plain(asdict(estimate.columns)),
+        **plain(model_to_dict(estimate.model)),
+        "preprocessing": plain(preprocessing_to_dict(estimate.preprocessing)),
+        "columns": plain(columns_to_dict(estimate.columns)),
         "beta": estimate.beta.tolist(),
         "covariance": estimate.covariance.tolist(),
         "theta": None if estimate.theta is None else estimate.theta.tolist(),
@@ -160,20 +162,10 @@ def read_estimate(path: str | Path) -> Estimate:
 
 
 def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
-    friction = tuple(
-        FRICTION.make(name, **{key: _tuples(value) for key, value in options.items()})
-        for item in data["friction"]
-        for name, options in item.items()
-    )
-    model = DynamicModel(robot_from_dict(data["robot"], path), friction)
+    model = model_from_dict(data, path)
     base = base_parameters(model)
     facts, train = data["summary"], data["train"]
     joints, theta, rows = model.robot.dof, data["theta"], len(train["signals"]["time"])
-    how = data["preprocessing"]
-    ((kind, options),) = how["filter"].items()
-    columns = {name: _tuples(value) for name, value in data["columns"].items()}
-    units: Any = {name: _tuples(value) for name, value in data["columns"]["units"].items()}
-    columns["units"] = Units(**units)
     signals: dict[str, Any] = {
         name: _array(train["signals"][name], (rows,) if name == "time" else (rows, joints), name) for name in _SIGNALS
     }
@@ -206,10 +198,8 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
             deviations=_optional(train.get("deviations"), (rows, joints), "deviations"),
             noise=_array(facts["joint_deviations"], (joints,), "joint_deviations"),
         ),
-        preprocessing=Preprocessing(
-            filter=FILTERS.make(kind, **options), **{k: v for k, v in how.items() if k != "filter"}
-        ),
-        columns=ColumnMap(**columns),
+        preprocessing=preprocessing_from_dict(data["preprocessing"]),
+        columns=columns_from_dict(data["columns"]),
         extras=facts["extras"],
         provenance=data["provenance"],
         degrees=_degrees(facts, base.count),
@@ -236,22 +226,9 @@ def _envelope(data: Mapping[str, Any], joints: int) -> Envelope | None:
     return Envelope(**arrays, furthest=float(found["furthest"]), bands=_array(found["bands"], (joints,), "bands"))
 
 
-def _preprocessing(how: Preprocessing) -> dict[str, Any]:
-    rest = {f.name: getattr(how, f.name) for f in fields(how) if f.name != "filter"}
-    return {"filter": {FILTERS.name_of(how.filter): plain(_options(how.filter))}, **rest}
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
 def _rounded(values: Array) -> Any:
     """Return signals as lists of seven significant digits, enough to draw."""
     return [float(f"{x:.7g}") for x in values] if values.ndim == 1 else [_rounded(row) for row in values]
-
-
-def _options(part: Any) -> dict[str, Any]:
-    return {f.name: getattr(part, f.name) for f in fields(part)}
 
 
 def _array(values: Any, shape: tuple[int, ...], name: str) -> Array:
@@ -274,11 +251,6 @@ def _stds(facts: Mapping[str, Any]) -> list[float] | None:
 def _with_nan(figures: Mapping[str, Any]) -> dict[str, Any]:
     """Return figures with NaN where the file has null."""
     return {name: float("nan") if value is None else value for name, value in figures.items()}
-
-
-def finite(value: float) -> float | None:
-    """Return the number, or None where it is not finite and JSON has no word for it."""
-    return float(value) if np.isfinite(value) else None
 
 
 def plain(value: Any) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array, BoolArray, finite
 from dynident.estimation.uncertainty.envelope import Departure
 from dynident.experiment.log import Log
 
@@ -122,7 +122,7 @@ class Validation:
     def figures(self) -> dict[str, Any]:
         """Return the figures as plain data for JSON; a figure that does not exist is None."""
         return {
-            "total_relative_error": _plain(self.total_relative_error),
+            "total_relative_error": finite(self.total_relative_error),
             "samples": self.samples,
             "logs": list(self.logs),
             "joints": [_figures(fit) for fit in self.joints],
@@ -131,17 +131,13 @@ class Validation:
         }
 
 
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def _figures(fit: Fit) -> dict[str, Any]:
     numbers = ("rmse", "rmse_unfiltered", "correlation", "r2", "relative_error")
     return {
         "name": fit.name,
         "unit": fit.unit,
         "rows": fit.rows,
-        **{name: _plain(getattr(fit, name)) for name in numbers},
+        **{name: finite(getattr(fit, name)) for name in numbers},
     }
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, finite
 from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.design.bounds import Label
 from dynident.experiment.design.limits import LimitRow
@@ -288,20 +288,16 @@ def inspection_data(view: PlanView) -> dict[str, Any]:
         },
         "criterion": plan.criterion,
         "values": [
-            {"name": name, "file": _plain(value), "again": _plain(check.values.get(name, float("nan")))}
+            {"name": name, "file": finite(value), "again": finite(check.values.get(name, float("nan")))}
             for name, value in plan.values.items()
         ],
         "kept": check.kept,
         "samples": plan.samples,
         "rows": [
-            {**asdict(row), "limit": _plain(row.limit), "again": again}
+            {**asdict(row), "limit": finite(row.limit), "again": again}
             for row, again in zip(check.rows, check.again, strict=True)
         ],
         "findings": list(check.findings),
         "remarks": plan_remarks(view),
         "settings": dict(plan.settings),
     }
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

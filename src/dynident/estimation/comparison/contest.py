@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from dynident.arrays import Array
+from dynident.arrays import Array, finite
 from dynident.errors import DynidentError
 from dynident.estimation.consistency.culprit import culprit
 from dynident.estimation.estimate import Estimate
-from dynident.estimation.estimate_file import finite, plain
+from dynident.estimation.estimate_file import plain
 from dynident.estimation.estimators import Estimator
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import estimate_of, validate_prepared

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, finite
 from dynident.errors import BadOption, DynidentError
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.problem import Observer
@@ -90,7 +90,7 @@ class Difference:
                     "samples": each.samples,
                     "logs": list(each.train.logs),
                     "base_parameters": each.base.count,
-                    "training_error": _plain(each.train.total_relative_error),
+                    "training_error": finite(each.train.total_relative_error),
                     "physically_consistent": each.consistency.consistent,
                 }
                 for name, each in zip(self.names, self.estimates, strict=True)
@@ -99,9 +99,9 @@ class Difference:
                 {
                     "name": each.name,
                     "unit": each.unit,
-                    "values": [_plain(v) for v in each.values],
-                    "std": [_plain(v) for v in each.deviations],
-                    "off_by": [_plain(v) for v in each.gaps],
+                    "values": [finite(v) for v in each.values],
+                    "std": [finite(v) for v in each.deviations],
+                    "off_by": [finite(v) for v in each.gaps],
                 }
                 for each in self.shared
             ],
@@ -181,7 +181,3 @@ def _torques(estimates: Sequence[Estimate], names: Sequence[str], seed: int) -> 
     sizes = np.sqrt([np.mean(torque**2, axis=0) for torque in found])
     gaps = np.sqrt([np.mean((torque - found[0]) ** 2, axis=0) for torque in found])
     return TorqueGap(sizes, gaps), ""
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

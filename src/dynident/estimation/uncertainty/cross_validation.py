@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, finite
 from dynident.errors import BadOption, DynidentError
 from dynident.estimation.estimators import ESTIMATORS, Estimator
 from dynident.estimation.problem import Problem
@@ -68,10 +68,10 @@ class CrossValidation:
         return {
             "over": self.over,
             "estimator": self.estimator,
-            "relative_error": _plain(self.relative_error),
-            "in_sample": _plain(self.in_sample),
+            "relative_error": finite(self.relative_error),
+            "in_sample": finite(self.in_sample),
             "folds": [
-                {"name": fold.name, "rows": fold.rows, "relative_error": _plain(fold.relative_error)}
+                {"name": fold.name, "rows": fold.rows, "relative_error": finite(fold.relative_error)}
                 for fold in self.folds
             ],
         }
@@ -160,7 +160,3 @@ def _between(passes: RowPasses, first: int, stop: int) -> tuple[Triangle, ...]:
 
 def _square(triangles: Sequence[Triangle], beta: Array) -> float:
     return sum(triangle.residual_square(beta) for triangle in triangles)
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, finite
 from dynident.errors import BadOption, DynidentError, FileError
 from dynident.experiment.design.bounds import Label
 from dynident.experiment.design.limits import JOINTLESS, UNITS, LimitRow, MotionLimits, check_limits
@@ -104,7 +104,7 @@ def write_plan(plan: Plan, path: str | Path) -> None:
 
 def plan_data(plan: Plan) -> dict[str, Any]:
     """Return a plan as plain data: the content of its file, and what ``--json`` prints."""
-    limits = {name: [_finite(v) for v in getattr(plan.limits, name)] for name in _BOUNDS}
+    limits = {name: [finite(v) for v in getattr(plan.limits, name)] for name in _BOUNDS}
     return {
         "kind": KIND,
         "format": FORMAT,
@@ -119,11 +119,11 @@ def plan_data(plan: Plan) -> dict[str, Any]:
             "run_in": plan.run_in,
         },
         "criterion": plan.criterion,
-        "values": {name: _finite(value) for name, value in plan.values.items()},
+        "values": {name: finite(value) for name, value in plan.values.items()},
         "limits": limits,
         "check": {
             "samples": plan.samples,
-            "rows": [{**asdict(row), "limit": _finite(row.limit)} for row in plan.rows],
+            "rows": [{**asdict(row), "limit": finite(row.limit)} for row in plan.rows],
         },
         "settings": dict(plan.settings),
     }
@@ -241,7 +241,3 @@ def samples_text(time: Array, signals: Sequence[Array]) -> str:
     text = io.StringIO()
     np.savetxt(text, np.column_stack([time, *signals]), fmt="%.12g", delimiter=",", header=header, comments="")
     return text.getvalue()
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

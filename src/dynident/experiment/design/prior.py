@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.arrays import Array, frozen
+from dynident.arrays import Array, finite, frozen
 from dynident.errors import BadOption
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
@@ -173,7 +173,7 @@ class Outlook:
         values = np.full(len(self.names), np.nan) if self.values is None else self.values
         rows = zip(self.names, self.units, values, self.before, self.after, strict=True)
         parameters = [
-            {"name": name, "unit": unit, "value": _plain(value), "std_before": _plain(old), "std_after": _plain(new)}
+            {"name": name, "unit": unit, "value": finite(value), "std_before": finite(old), "std_after": finite(new)}
             for name, unit, value, old, new in rows
         ]
         return {"rows": self.rows, "before": self.source, "parameters": parameters}
@@ -217,7 +217,3 @@ def _unit_columns(columns: Array) -> Array:
     """Return columns scaled to unit length, without the empty ones."""
     norms = np.linalg.norm(columns, axis=0)
     return columns[:, norms > 0] / norms[norms > 0]
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
