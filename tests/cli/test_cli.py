@@ -175,8 +175,9 @@ def test_every_estimator_by_name(estimator: str, capsys: Capture) -> None:
     assert (data["standard_parameters"] is not None) == (estimator == "consistent")
 
 
-def test_options_of_the_command_line(capsys: Capture) -> None:
-    words = ["identify", "arm.json", "run.csv", "--estimator", "wls", "--option", "iterations=1", "--cutoff", "3"]
+@pytest.mark.parametrize("estimator", [["wls", "--option", "iterations=1"], ["wls:iterations=1"]])
+def test_options_of_the_command_line(estimator: list[str], capsys: Capture) -> None:
+    words = ["identify", "arm.json", "run.csv", "--cutoff", "3", "--estimator", *estimator]
     data = answered_json(capsys, *words, "--rate", "50", "--friction", "viscous")
     assert data["options"]["iterations"] == 1 and data["extras"]["iterations"] == 1
     assert data["filter"]["cutoff_hz"] == 3 and data["filter"]["rate_hz"] == 50

@@ -38,7 +38,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--from", dest="triangles", metavar="FILE", help="triangles of 'dynident reduce' or 'merge' in place of logs"
     )
     method = parser.add_argument_group("estimator")
-    method.add_argument("--estimator", metavar="NAME", help="see 'dynident list estimators'; default: consistent")
+    estimators = "see 'dynident list estimators', such as huber:bound=2; default: consistent"
+    method.add_argument("--estimator", metavar="NAME[:KEY=VALUE...]", help=estimators)
     method.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the estimator")
     known = parser.add_argument_group("what is known beforehand (a case file states these for good)")
     known.add_argument("--prior", metavar="FILE", help="robot description or estimate whose inertias are the prior")

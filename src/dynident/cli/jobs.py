@@ -161,7 +161,7 @@ def log_quality(case: Case, logs: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def estimator_from(case: Case, name: str | None, options: Sequence[str]) -> Estimator:
-    """Return the estimator of the case, or the named one, with ``key=value`` options.
+    """Return the estimator of the case, or the named one, with ``key=value`` options, also behind the name with colons.
 
     Raises:
         UnknownChoice: No such estimator.
@@ -171,8 +171,11 @@ def estimator_from(case: Case, name: str | None, options: Sequence[str]) -> Esti
     from dynident.estimation.estimators import ESTIMATORS
 
     chosen = case.estimator
+    written: list[str] = []
+    if name is not None:
+        name, *written = name.split(":")
     texts: dict[str, str | None] = dict(chosen.options) if name in (None, chosen.name) else {}
-    for item in options:
+    for item in (*written, *options):
         key, equals, value = item.partition("=")
         if not equals:
             raise BadOption("--option", item, "write key=value, such as --option iterations=500")

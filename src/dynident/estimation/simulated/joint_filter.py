@@ -193,7 +193,7 @@ def filter_log(
 
     Raises:
         NotConsistent: Parameters on the way cannot be simulated.
-        SolverFailed: The motion is lost.
+        SolverFailed: The motion, the parameters or the covariance are lost.
     """
     rows, joints = positions.shape
     own = 3 * joints
@@ -215,7 +215,13 @@ def filter_log(
         seen = covariance[:joints, :joints] + np.diag(tuning.position**2)
         gain = np.linalg.solve(seen, covariance[:joints]).T
         normalised[row] = innovation @ np.linalg.solve(seen, innovation)
-        seen_rows[row], root = _known_parameters(covariance, seen, own)
+        try:
+            seen_rows[row], root = _known_parameters(covariance, seen, own)
+        except np.linalg.LinAlgError as error:
+            step = "state a greater position_noise: positions that were filtered have no white noise of their own"
+            raise SolverFailed(
+                "the Kalman filter", f"its covariance is lost to rounding at row {row + 1}", step
+            ) from error
         seen_values[row] = np.linalg.solve(root, innovation) + seen_rows[row] @ beta
         change = gain @ innovation
         state, beta = np.append(moved, np.zeros(joints)) + change[:own], beta + change[own:]
