@@ -2,9 +2,11 @@
 PYTHON ?= python3
 BIN := .venv/bin
 NOISE := --disable-pip-version-check --quiet
+# The time that a release carries in place of the clock's, so that two builds are the same bytes.
+WHEN = $(shell git log -1 --format=%ct 2>/dev/null || date -r CHANGELOG.md +%s)
 PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 
-.PHONY: demo test test-all lint type imports check benchmark constraints clean
+.PHONY: demo test test-all lint type imports check benchmark docs release constraints clean
 
 demo: .venv/core  ## the article's case from end to end, into ./dynident-demo
 	$(BIN)/dynident demo --out dynident-demo
@@ -30,6 +32,19 @@ check: lint type imports test
 benchmark: .venv/dev  ## speed and accuracy, side by side with the peers that are installed
 	$(BIN)/python -m benchmarks.run
 
+docs: .venv/docs  ## the documentation, into build/docs/index.html: opens without a server, fetches nothing
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
+release: constraints/release.txt constraints/core.txt  ## wheel, sdist and bill of materials, into dist
+	$(PYTHON) -m venv --clear build/release
+	build/release/bin/python -m pip install $(NOISE) --require-hashes -r constraints/release.txt
+	SOURCE_DATE_EPOCH=$(WHEN) build/release/bin/python -m build --no-isolation --outdir dist .
+	$(PYTHON) -m venv --clear build/shipped
+	build/shipped/bin/python -m pip install $(NOISE) --require-hashes -r constraints/core.txt
+	build/shipped/bin/python -m pip install $(NOISE) --no-deps --no-index --find-links dist dynident
+	build/release/bin/cyclonedx-py environment --output-reproducible --pyproject pyproject.toml \
+	    --output-file dist/dynident.cdx.json build/shipped/bin/python
+
 .venv/bin/python:
 	$(PYTHON) -m venv .venv
 
@@ -42,6 +57,10 @@ benchmark: .venv/dev  ## speed and accuracy, side by side with the peers that ar
 	$(BIN)/python -m pip install $(NOISE) --require-hashes -r constraints/dev.txt
 	$(BIN)/python -m pip install $(NOISE) --no-deps --no-build-isolation -e .
 	touch .venv/core $@
+
+.venv/docs: constraints/docs.txt | .venv/bin/python
+	$(BIN)/python -m pip install $(NOISE) --require-hashes -r constraints/docs.txt
+	touch $@
 
 constraints:  ## renew the exact versions and hashes (needs pip-tools)
 	$(PYTHON) scripts/lock.py

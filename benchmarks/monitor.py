@@ -5,7 +5,7 @@ noise of the velocities, torque noise of first order with 0.9 from sample to sam
 thresholds; other motions of 600 s count the false alarms at several rates (``expected``: the rate times the time,
 ``joints``: alarms of each joint). A contact of five thresholds at one joint, constant from its start on, comes at 200
 moments of each joint; the motion goes on as planned and the drive takes the contact. Printed: false alarms, largest and
-median delay until the alarm, and the time of one step of a stream.
+median delay until the alarm, and the processor time of one step of a stream (median).
 Run: python -m benchmarks.monitor [seconds of the clean test runs]
 """
 
@@ -57,7 +57,7 @@ def delays(monitor, log):
     observer, generator = monitor.observer, np.random.default_rng(9)
     signals = signals_of(observer.estimate, log)
     residual = residuals_of(observer, signals)
-    threshold = monitor.thresholds(signals.q, signals.dq)
+    threshold = monitor.thresholds(signals)
     found, window = [], 100
     keep = np.exp(-observer.gain * signals.step)
     rise = 1.0 - keep ** np.arange(1, window)  # answer of the linear observer to a step between two samples
@@ -85,16 +85,27 @@ def main() -> None:
         print(json.dumps({**told, "joints": joints.tolist(), "mean": float(np.mean(joints))}), flush=True)
     monitor = calibrated(observer, clean, 1.0 / 3600.0)
     late = delays(monitor, tests[0])
-    state, log, started = MonitorState(), tests[0], clock.perf_counter()
-    for k in range(500):
+    state, log, taken = MonitorState(), tests[0], []
+    for k in range(2000):
+        started = clock.process_time()
         state, _ = step(monitor, state, float(log.time[k]), log.q[k], log.dq[k], log.torque[k])
-    each = (clock.perf_counter() - started) / 500
+        taken.append(clock.process_time() - started)
+    each = float(np.median(taken[100:]))
     seen = {
         "contacts": len(late),
         "largest_ms": round(1e3 * late.max(), 2),
         "median_ms": round(1e3 * np.median(late), 2),
     }
-    print(json.dumps({"alarms_an_hour": 1.0, **seen, "step_ms": round(1e3 * each, 3)}))
+    print(
+        json.dumps(
+            {
+                "alarms_an_hour": 1.0,
+                **seen,
+                "step_ms": round(1e3 * each, 3),
+                "slowest_of_100_ms": round(1e3 * float(np.quantile(taken[100:], 0.99)), 3),
+            }
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -117,12 +117,14 @@ def write_mcap(path, rows):
 
 
 def measured(words):
-    """Return wall time in s and peak memory in MB of a process."""
+    """Return wall time and processor time in s, and peak memory in MB, of a process."""
     code = "import resource, subprocess, sys; r = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL).returncode; "
-    code += "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024); sys.exit(r)"
+    code += "u = resource.getrusage(resource.RUSAGE_CHILDREN); "
+    code += "print(u.ru_utime + u.ru_stime, u.ru_maxrss / 1024); sys.exit(r)"
     start = time.perf_counter()
     found = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True)
-    return time.perf_counter() - start, float(found.stdout)
+    processor, memory = map(float, found.stdout.split())
+    return time.perf_counter() - start, processor, memory
 
 
 def compared(folder):
@@ -154,9 +156,9 @@ def main() -> None:
             except ImportError as error:
                 print(f"{kind}: left out, {error}")
                 continue
-            bare, bare_memory = measured([sys.executable, "-c", READERS[kind], str(path)])
+            bare, bare_cpu, bare_memory = measured([sys.executable, "-c", READERS[kind], str(path)])
             words = ["reduce", str(case), str(path), "-o", str(folder / f"{kind}.tri"), "--quiet"]
-            ours, memory = measured(
+            ours, cpu, memory = measured(
                 [sys.executable, "-c", "from dynident.cli.main import entry_point; entry_point()", *words]
             )
             result[kind] = {
@@ -165,6 +167,8 @@ def main() -> None:
                 "reader_s": round(bare, 2),
                 "reduce_s": round(ours, 2),
                 "ratio": round(ours / bare, 2),
+                "reader_cpu_s": round(bare_cpu, 2),
+                "reduce_cpu_s": round(cpu, 2),
                 "reader_peak_mb": round(bare_memory),
                 "reduce_peak_mb": round(memory),
             }

@@ -1,7 +1,13 @@
-"""Write constraints/core.txt and constraints/dev.txt: exact versions with hashes, no addresses (needs pip-tools)."""
+"""Write constraints/*.txt: exact versions with hashes, no addresses (needs pip-tools).
 
+``core`` is what the package needs, ``dev`` adds the tests; ``docs`` and ``release`` stand alone, and take what they
+share with ``dev`` in its versions, so that all can go into one environment. Names on the command line choose some.
+"""
+
+import re
 import subprocess
 import sys
+import tempfile
 import tomllib
 from pathlib import Path
 
@@ -11,15 +17,26 @@ FLAGS += ["--allow-unsafe", "--strip-extras", "--no-annotate", "--quiet"]
 
 
 def main() -> None:
-    """Resolve the core dependencies, and the core with the development groups."""
+    """Resolve the core dependencies, and the development groups."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     groups = project["dependency-groups"]
     core = [*project["project"]["dependencies"], *groups["build"]]
-    for name, wanted in {"core": core, "dev": [*core, *groups["test"], *groups["lint"]]}.items():
+    wanted = {"core": core, "dev": [*core, *groups["test"], *groups["lint"]]}
+    wanted |= {name: groups[name] for name in ("docs", "release")}
+    for name in sys.argv[1:] or wanted:
         target = ROOT / "constraints" / f"{name}.txt"
-        command = [sys.executable, "-m", "piptools", "compile", *FLAGS, "--output-file", str(target), "-"]
-        subprocess.run(command, input="\n".join(wanted), text=True, check=True)
+        with tempfile.TemporaryDirectory() as folder:
+            shared = Path(folder) / "dev.txt"
+            shared.write_text("" if name in ("core", "dev") else pins(ROOT / "constraints" / "dev.txt"))
+            command = [sys.executable, "-m", "piptools", "compile", *FLAGS, "--output-file", str(target)]
+            command += ["--constraint", str(shared), "-"]
+            subprocess.run(command, input="\n".join(wanted[name]), text=True, check=True)
         print(f"wrote {target.relative_to(ROOT)}")
+
+
+def pins(path: Path) -> str:
+    """Return the versions of a file of constraints without their hashes."""
+    return "\n".join(re.findall(r"^[\w.-]+==[^\s\\]+", path.read_text(), re.MULTILINE))
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.formats import FORMATS
 from dynident.experiment.preprocessing import FILTERS
 from dynident.experiment.profiles import PROFILES
+from dynident.experiment.simulation.controllers import CONTROLLERS
 from dynident.experiment.trajectories import TRAJECTORIES
 from dynident.model.descriptions.base import DESCRIPTIONS
 from dynident.model.friction import FRICTION
@@ -40,6 +41,7 @@ FAMILIES: tuple[Family[Any], ...] = (
     FILTERS,
     TRAJECTORIES,
     CRITERIA,
+    CONTROLLERS,
     DESCRIPTIONS,
     FRICTION,
 )

@@ -3,6 +3,8 @@
 Blocks that are marked in the line of the three backticks are run in a folder with a robot and two logs, page by page:
 ``python run`` in one namespace per page, ``console run`` with its output compared (``...`` is anything), ``yaml case``
 read as a case, ``yaml robot`` as a robot, ``yaml refused`` compared with the message in the block after it.
+``console run battery`` is left to `make test-all`, ``console real`` needs the folder of DYNIDENT_DATA. A comment
+``<!-- run with: OPTIONS -->`` before a block makes its commands short, ``<!-- run before: COMMAND -->`` prepares them.
 ``python tests/test_documentation.py`` writes the generated tables of docs/case-file.md anew.
 """
 
@@ -13,9 +15,11 @@ import importlib
 import io
 import itertools
 import json
+import os
 import re
 import shlex
 import shutil
+import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from importlib.util import module_from_spec, spec_from_file_location
@@ -40,7 +44,7 @@ from dynident.model.inertia import Inertia
 from dynident.plugins import Family
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 GENERATED: dict[str, Family[Any]] = {"friction": FRICTION, "filters": FILTERS, "estimators": ESTIMATORS}
 
 URDF = """<robot name="arm2">
@@ -70,6 +74,13 @@ class Block:
     @property
     def place(self) -> str:
         return f"{self.page.name}:{self.line}"
+
+    def remark(self, word: str) -> list[str]:
+        """Return the words of the comment ``<!-- WORD: ... -->`` that stands right before the block."""
+        before = self.page.read_text(encoding="utf-8").splitlines()[: self.line - 1]
+        last = next((line for line in reversed(before) if line.strip()), "")
+        found = re.fullmatch(rf"<!-- {word}: (.*) -->", last)
+        return shlex.split(found[1]) if found else []
 
 
 def blocks_of(page: Path) -> list[Block]:
@@ -128,10 +139,18 @@ def workshop(material: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 # --- pages run -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def _name(page: Path) -> str:
+    return page.stem if page.parent.name in ("docs", ROOT.name) else f"{page.parent.name}-{page.stem}"
+
+
+def _pages_with(*marks: str) -> list[Path]:
+    return [page for page in PAGES if any(set(marks) <= {block.language, *block.marks} for block in blocks_of(page))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_name)
 def test_the_marked_blocks_of_a_page_run(page: Path, workshop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every block that is marked runs, in order, and shows what the page shows."""
-    blocks = blocks_of(page)
+    blocks = [block for block in blocks_of(page) if "battery" not in block.marks]
     namespace: dict[str, Any] = {"__name__": "page"}
     for block, after in itertools.pairwise([*blocks, Block(page, 0, "", (), "")]):
         if block.language == "python" and "run" in block.marks:
@@ -144,6 +163,27 @@ def test_the_marked_blocks_of_a_page_run(page: Path, workshop: Path, monkeypatch
             _read_yaml(block, after, workshop)
 
 
+@pytest.mark.battery
+@pytest.mark.parametrize("page", _pages_with("console", "battery"), ids=_name)
+def test_the_long_blocks_of_a_page_run(page: Path, workshop: Path) -> None:
+    """Blocks marked ``battery`` run, and show what the page shows."""
+    for block in blocks_of(page):
+        if block.language == "console" and {"run", "battery"} <= set(block.marks):
+            _run_console(block)
+
+
+@pytest.mark.battery
+@pytest.mark.parametrize("page", _pages_with("console", "real"), ids=_name)
+def test_the_blocks_on_real_logs_run(page: Path, workshop: Path) -> None:
+    """Blocks marked ``real`` run where the data are, and show what the page shows."""
+    if not Path(os.environ.get("DYNIDENT_DATA") or "no such folder").is_dir():
+        pytest.skip("DYNIDENT_DATA names no folder with the real logs")
+    shutil.copytree(ROOT / "examples" / "cases", workshop / "examples" / "cases")
+    for block in blocks_of(page):
+        if block.language == "console" and "real" in block.marks:
+            _run_console(block)
+
+
 def _run_python(block: Block, namespace: dict[str, Any]) -> None:
     source = "\n" * block.line + block.text  # so that a traceback names the line of the page
     with contextlib.redirect_stdout(io.StringIO()):
@@ -151,13 +191,18 @@ def _run_python(block: Block, namespace: dict[str, Any]) -> None:
 
 
 def _run_console(block: Block) -> None:
+    if before := block.remark("run before"):
+        with contextlib.redirect_stdout(io.StringIO()):
+            assert main(before) == 0
     for part in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
         command, _, expected = part.partition("\n")
         program, *arguments = shlex.split(command)
-        assert program == "dynident", f"{block.place}: {command}"
+        if program == "export":  # the test has a folder of its own
+            continue
+        assert Path(program).name == "dynident", f"{block.place}: {command}"
         shown, said = io.StringIO(), io.StringIO()
         with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(said):
-            code = main(arguments)
+            code = main([*arguments, *block.remark("run with")])
         output = shown.getvalue() + said.getvalue()
         assert code == ("error:" in expected), f"{block.place}: {command}\n{output}"
         assert _matches(expected, output), f"{block.place}: {command}\nexpected:\n{expected}\ngot:\n{output}"
@@ -227,6 +272,54 @@ def _read_yaml(block: Block, after: Block, workshop: Path) -> None:
             dynident.read_case("case.yaml")
         assert after.language == "text", f"{block.place}: a refused case is followed by its message"
         assert _matches(after.text, str(caught.value)), f"{block.place}: {caught.value}"
+
+
+# --- the site --------------------------------------------------------------------------------------------------------
+
+
+def _anchors_of(page: Path) -> set[str]:
+    """Return the anchors of the headings of a page, as Python-Markdown makes them."""
+    found: set[str] = set()
+    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE):
+        plain = unicodedata.normalize("NFKD", re.sub(r"[`*]|\]\([^)]*\)|\[", "", heading))
+        word = re.sub(r"[^\w\s-]", "", plain.encode("ascii", "ignore").decode()).strip().lower()
+        found.add(re.sub(r"[-\s]+", "-", word))
+    return found
+
+
+@pytest.mark.parametrize("page", PAGES, ids=_name)
+def test_the_links_of_a_page_lead_somewhere(page: Path) -> None:
+    """Every link to a file of the repository names one that is there, and every anchor a heading."""
+    text = re.sub(r"^```.*?^```$|`[^`\n]*`", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"https?:|mailto:", target):
+            continue
+        place, _, anchor = target.partition("#")
+        file = (page.parent / place).resolve() if place else page
+        assert file.exists(), f"{page.name}: {target}"
+        if anchor:
+            assert anchor in _anchors_of(file), f"{page.name}: {target}"
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    """mkdocs.yml lists each page of docs once, and nothing else."""
+    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]
+    listed = re.findall(r"[\w/-]+\.md", text)
+    assert sorted(listed) == sorted(page.relative_to(ROOT / "docs").as_posix() for page in PAGES[1:])
+
+
+def test_the_reference_of_python_names_what_is_there() -> None:
+    """Modules and members of the pages that docstrings fill exist, and every name of the front door is among them."""
+    shown: set[str] = {"DynidentError"}
+    for page in sorted((ROOT / "docs" / "api").glob("*.md")):
+        for module, options in re.findall(r"^::: (\S+)\n((?:    .*\n?)*)", page.read_text(), re.MULTILINE):
+            listed = re.search(r"members: \[(.*)\]", options)
+            members = listed[1].split(", ") if listed else []
+            assert all(hasattr(importlib.import_module(module), name) for name in members), f"{page.name}: {module}"
+            shown.update(members)
+    families = {"FRICTION", "FILTERS", "ESTIMATORS", "EXPORTERS", "MODEL_EXPORTERS"}  # Family is shown
+    assert {name for name in dir(dynident) if name in dynident._HOME_OF} <= shown | families
 
 
 # --- the case file ---------------------------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         for robot, (trial, held) in robots(options.robots).items():
             begin, each = time.perf_counter(), []
-            counts = alarms(trial, Path(name))
+            counts = alarms(trial, held, Path(name))
             print(f"{robot}: clean: " + ", ".join(f"{count} {severity}s" for severity, count in counts.items()))
             for outcome in outcomes(trial, held, Path(name), options.only):
                 each.append(outcome)

@@ -25,6 +25,7 @@ class Kind:
         fixed: Strengths, or numbers of joints or variants, where none is looked for.
         needs: A column that the log must have.
         why: Why there is no strength, or why no smallest one is looked for.
+        joint: Number of the joint that must be named, of a trial and a strength; None where it is the whole log.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Kind:
     fixed: tuple[float, ...] = (0.0, 1.0, 3.0)
     needs: str = ""
     why: str = "either there or not"
+    joint: Callable[[Trial, float], int] | None = None
 
 
 REFUSED = "one such row and the log is refused"
@@ -56,9 +58,15 @@ KINDS = (
         why=REFUSED,
     ),
     Kind("two publishers [share]", ("two publishers",), put.flips, (1e-4, 0.5)),
-    Kind("one spike [range]", ("spikes",), lambda c, s, g: put.spikes(c, s, g, 1), (0.01, 100.0)),
-    Kind("five spikes [range]", ("spikes",), put.spikes, (0.01, 100.0)),
-    Kind("encoder wrap [quantile]", ("encoder wrap",), put.wrap, fixed=(0.3, 0.5, 0.8)),
+    Kind(
+        "one spike [range]",
+        ("spikes",),
+        lambda c, s, g: put.spikes(c, s, g, 1),
+        (0.01, 100.0),
+        joint=lambda c, s: put.heaviest(c),
+    ),
+    Kind("five spikes [range]", ("spikes",), put.spikes, (0.01, 100.0), joint=lambda c, s: put.heaviest(c)),
+    Kind("encoder wrap [quantile]", ("encoder wrap",), put.wrap, fixed=(0.3, 0.5, 0.8), joint=lambda c, s: 0),
     Kind(
         "positions in deg",
         ("positions in degrees",),
@@ -78,7 +86,13 @@ KINDS = (
         fixed=(1.0,),
         needs="dq",
     ),
-    Kind("sign of velocity", ("velocity sign",), lambda c, s, g: put.turned(c, ("dq",), int(s)), needs="dq"),
+    Kind(
+        "sign of velocity",
+        ("velocity sign",),
+        lambda c, s, g: put.turned(c, ("dq",), int(s)),
+        needs="dq",
+        joint=lambda c, s: int(s),
+    ),
     Kind("order of velocities", ("velocity order",), lambda c, s, g: put.swapped(c, ("dq",), int(s)), needs="dq"),
     Kind(
         "lag of velocity [samples]",
@@ -88,22 +102,56 @@ KINDS = (
         needs="dq",
         why=HARMLESS,
     ),
-    Kind("saturation [share]", ("torque saturation",), put.clipped, (1e-4, 0.4)),
-    Kind("coarse torque [range]", ("coarse torques",), lambda c, s, g: put.coarse(c, s, "tau"), (1e-3, 0.5)),
-    Kind("coarse position [range]", ("coarse positions",), lambda c, s, g: put.coarse(c, s, "q"), (1e-4, 0.5)),
-    Kind("joint never moved", ("joint never moved",), lambda c, s, g: put.still(c, int(s), g)),
+    Kind("saturation [share]", ("torque saturation",), put.clipped, (1e-4, 0.4), joint=lambda c, s: put.heaviest(c)),
+    Kind(
+        "coarse torque [range]",
+        ("coarse torques",),
+        lambda c, s, g: put.coarse(c, s, "tau"),
+        (1e-3, 0.5),
+        joint=lambda c, s: put.heaviest(c),
+    ),
+    Kind(
+        "coarse position [range]",
+        ("coarse positions",),
+        lambda c, s, g: put.coarse(c, s, "q"),
+        (1e-4, 0.5),
+        joint=lambda c, s: put.heaviest(c),
+    ),
+    Kind(
+        "joint never moved", ("joint never moved",), lambda c, s, g: put.still(c, int(s), g), joint=lambda c, s: int(s)
+    ),
     Kind("standstill [share]", ("standstill",), put.pause, fixed=(0.55, 0.7, 0.9), why="rows at rest are left out"),
-    Kind("sign of torque", ("torque sign",), lambda c, s, g: put.turned(c, ("tau",), int(s))),
+    Kind(
+        "sign of torque", ("torque sign",), lambda c, s, g: put.turned(c, ("tau",), int(s)), joint=lambda c, s: int(s)
+    ),
     Kind("signs of all torques", ("torque sign",), lambda c, s, g: c.with_columns(tau=-c.columns["tau"]), fixed=(1.0,)),
     Kind("order of torques", ("torque order",), lambda c, s, g: put.swapped(c, ("tau",), int(s))),
-    Kind("sign of position", ("position sign",), lambda c, s, g: put.turned(c, ("q", "dq"), int(s)), fixed=(1, 2, 3)),
+    Kind(
+        "sign of position",
+        ("position sign",),
+        lambda c, s, g: put.turned(c, ("q", "dq"), int(s)),
+        fixed=(1, 2, 3),
+        joint=lambda c, s: int(s),
+    ),
     Kind("order of joints", ("joint order",), lambda c, s, g: put.swapped(c, ("q", "dq"), int(s))),
     Kind("delay of torque [samples]", ("torque delay",), lambda c, s, g: put.delayed(c, s), (0.01, 50.0)),
-    Kind("spring [of torque]", ("spring",), lambda c, s, g: put.sprung(c, s, 0), (1e-3, 1.0)),
-    Kind("counterbalance [of torque]", ("counterbalance", "spring"), put.balanced, (1e-3, 1.0)),
-    Kind("drift [of torque]", ("drift",), put.drifting, (1e-3, 2.0)),
+    Kind("spring [of torque]", ("spring",), lambda c, s, g: put.sprung(c, s, 0), (1e-3, 1.0), joint=lambda c, s: 0),
+    Kind(
+        "counterbalance [of torque]",
+        ("counterbalance", "spring"),
+        put.balanced,
+        (1e-3, 1.0),
+        joint=lambda c, s: put.heaviest(c),
+    ),
+    Kind("drift [of torque]", ("drift",), put.drifting, (1e-3, 2.0), joint=lambda c, s: put.heaviest(c)),
     Kind("friction warms up [of torque]", ("friction drift",), put.warming, (1e-3, 1.0)),
-    Kind("torque scale of a joint [share]", ("torque scale",), lambda c, s, g: put.scaled(c, s, 1), (1e-3, 1.0)),
+    Kind(
+        "torque scale of a joint [share]",
+        ("torque scale",),
+        lambda c, s, g: put.scaled(c, s, 1),
+        (1e-3, 1.0),
+        joint=lambda c, s: 1,
+    ),
     Kind("torque scale of all [share]", ("torque unit", "torque scale"), lambda c, s, g: put.scaled(c, s), (1e-3, 1.0)),
     Kind(
         "current for torque [A per N m]",
@@ -112,7 +160,13 @@ KINDS = (
         fixed=(5.0, 11.0, 100.0),
         why="drive gains are what they are",
     ),
-    Kind("gear ratio forgotten", ("torque scale",), lambda c, s, g: put.scaled(c, 1 / 50 - 1, int(s)), fixed=(1, 2, 3)),
+    Kind(
+        "gear ratio forgotten",
+        ("torque scale",),
+        lambda c, s, g: put.scaled(c, 1 / 50 - 1, int(s)),
+        fixed=(1, 2, 3),
+        joint=lambda c, s: int(s),
+    ),
     Kind("payload [kg]", ("load at the flange",), put.loaded, (1e-3, 50.0)),
     Kind("mounting [variant]", ("mounting",), lambda c, s, g: put.mounted(c, int(s)), fixed=(0, 1, 2)),
     Kind("tilt of the base [deg]", ("tilt",), put.tilted, (1e-3, 20.0)),

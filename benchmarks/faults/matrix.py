@@ -40,12 +40,21 @@ def strengths(kind: Kind, trial: Trial, against: Reference, folder: Path) -> tup
     return ((kind.between[1],), False) if least is None else (tuple(least * factor for factor in MULTIPLES), True)
 
 
-def named(kind: Kind, found: tuple[Finding, ...], clean: tuple[Finding, ...]) -> bool:
-    """Return whether a finding names the fault that the clean log does not have, or not so strongly."""
+def named(kind: Kind, joint: str, found: tuple[Finding, ...], clean: tuple[Finding, ...]) -> bool:
+    """Return whether a finding names the fault, at its joint, that the clean log does not have, or not so strongly."""
     known = {(finding.name, finding.joint): finding for finding in clean}
     return any(
-        finding.name in kind.right and _is_new(finding, known.get((finding.name, finding.joint))) for finding in found
+        finding.name in kind.right
+        and (not joint or joint in finding.joint.split(", "))
+        and _is_new(finding, known.get((finding.name, finding.joint)))
+        for finding in found
     )
+
+
+def joint_of(kind: Kind, trial: Trial, strength: float) -> str:
+    """Return the joint that must be named; empty where it is the whole log."""
+    names = trial.case.robot.joint_names
+    return "" if kind.joint is None else names[kind.joint(trial, strength) % len(names)]
 
 
 def _is_new(finding: Finding, known: Finding | None) -> bool:
@@ -59,19 +68,21 @@ def _is_new(finding: Finding, known: Finding | None) -> bool:
 
 def outcomes(trial: Trial, held: Trial, folder: Path, only: str = "") -> Iterator[Outcome]:
     """Yield the outcome of each kind at each strength on a robot."""
-    clean, against = trial.examined(folder).findings, reference(trial, held, folder)
+    earlier, against = held.estimate(folder), reference(trial, held, folder)
+    clean = trial.examined(folder, earlier).findings
     for kind in KINDS:
         if not any(word in kind.name for word in only.split(",")) or (kind.needs and kind.needs not in trial.columns):
             continue
         tried, searched = strengths(kind, trial, against, folder)
         for strength in tried:
             faulty = kind.inject(trial, strength, np.random.default_rng(1))
-            found = faulty.examined(folder).findings
+            found = faulty.examined(folder, earlier).findings
             said = tuple(f"{one.severity}: {one.name}" + (f" ({one.joint})" * bool(one.joint)) for one in found)
-            yield Outcome(kind.name, strength, named(kind, found, clean), said, searched)
+            right = named(kind, joint_of(kind, trial, strength), found, clean)
+            yield Outcome(kind.name, strength, right, said, searched)
 
 
-def alarms(trial: Trial, folder: Path) -> Mapping[str, int]:
+def alarms(trial: Trial, held: Trial, folder: Path) -> Mapping[str, int]:
     """Return the count of findings on a clean log by severity."""
-    found = [finding.severity for finding in trial.examined(folder).findings]
+    found = [finding.severity for finding in trial.examined(folder, held.estimate(folder)).findings]
     return {severity: found.count(severity) for severity in SEVERITIES}

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from dynident.estimation.doctor import Examination, examine
+from dynident.estimation.estimate import Estimate
+from dynident.estimation.identify import identify
 from dynident.experiment.case_file.case import Case, read_case
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -50,8 +52,12 @@ class Trial:
         np.savez(path, **self.columns)  # type: ignore[arg-type]
         return path
 
-    def examined(self, folder: Path) -> Examination:
-        return examine(self.case, str(self.written(folder)))
+    def examined(self, folder: Path, earlier: Estimate | None = None) -> Examination:
+        return examine(self.case, str(self.written(folder)), earlier)
+
+    def estimate(self, folder: Path) -> Estimate:
+        """Return what is identified from the log by weighted least squares, as the case prepares it."""
+        return identify(self.case.model, [self.case.read(self.written(folder))], "wls", self.case.preprocessing)
 
 
 def smooth_motion(

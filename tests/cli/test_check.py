@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import json
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+sys.path.append(str(Path(__file__).parents[2]))
+
+from benchmarks.faults import injections as put
+from benchmarks.faults.trials import virtual
+
 from dynident.cli.main import main
+from dynident.estimation.estimate_file import write_estimate
+from dynident.experiment.case_file.case import default_preprocessing, read_case
 from dynident.experiment.formats import read_log
 
 
@@ -79,3 +88,18 @@ def test_a_broken_cell_is_a_finding_and_cannot_be_fixed(tmp_path: Path, capsys: 
     assert "error: unreadable" in capsys.readouterr().out
     assert main(["check", "generic-scara", str(log), "--quiet", "--fix", str(tmp_path / "out.csv")]) == 1
     assert not (tmp_path / "out.csv").exists()
+
+
+def test_logs_are_held_against_an_earlier_estimate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    case = replace(read_case("generic-scara"), preprocessing=default_preprocessing())
+    trial = virtual(case, rate=100.0)
+    write_estimate(virtual(case, seed=1, rate=100.0).estimate(tmp_path), "earlier.json")
+    put.loaded(trial, 0.6, np.random.default_rng(0)).written(tmp_path, "loaded")
+    assert main(["check", "generic-scara", "loaded.npz", "--against", "earlier.json", "--json"]) == 0
+    (log,) = json.loads(capsys.readouterr().out)["logs"]
+    assert "load at the flange" in {finding["name"] for finding in log["findings"]}
+    assert main(["check", "er16", "loaded.npz", "--against", "earlier.json"]) == 1
+    assert "give an estimate of this robot" in capsys.readouterr().err

@@ -158,6 +158,15 @@ def test_logs_that_leave_parameters_open_are_a_prior(robot: str, capsys: pytest.
     assert all(item["std_after"] is not None for item in outlook["parameters"])
 
 
+def test_friction_that_needs_a_log_is_left_out_and_named(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("case.yaml").write_text(CASE.replace("[coulomb, viscous]", "[coulomb, viscous, load]"))
+    assert main(["excite", "case.yaml", *QUICK, "--json", "-o", "plan.json"]) == 0
+    shown = capsys.readouterr()
+    assert json.loads(shown.out)["settings"]["friction"] == ["coulomb", "viscous"] and shown.err == ""
+    assert main(["excite", "case.yaml", *QUICK]) == 0
+    assert "designed without load: its torque is known from a log only" in capsys.readouterr().err
+
+
 def test_a_search_is_kept_and_goes_on(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["excite", robot, *QUICK, "-o", "plan.json", "--resume"]
     assert main(command) == 0

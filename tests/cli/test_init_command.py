@@ -68,3 +68,11 @@ def test_the_kind_of_log_can_be_stated(capsys: Capture, tmp_path: Path) -> None:
     assert "write --format NAME --format-option key=value" in capsys.readouterr().err
     assert main(["init", "generic-6r", log, "-o", case, "--format", "csv", "--format-option", "decimal=."]) == 0
     assert "format: {csv: {decimal: .}}" in Path(case).read_text() and read_case(case).columns.form == "csv"
+
+
+def test_a_log_that_is_named_twice_is_refused(capsys: Capture, tmp_path: Path) -> None:
+    log, case = write(tmp_path, "tau")
+    for logs in ([log, log], [log, "--test", str(tmp_path / "." / "run.csv")]):
+        assert main(["init", "generic-6r", *logs, "-o", case]) == 1
+        assert "name each log once" in capsys.readouterr().err
+    assert not Path(case).exists()

@@ -68,9 +68,17 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def documented(name: str) -> set[str]:
+    """Return the keys of a command in docs/json-output.md."""
+    page = (Path(__file__).resolve().parents[2] / "docs" / "json-output.md").read_text(encoding="utf-8")
+    rows = page.partition(f"<!-- json: {name} -->")[2].strip().split("\n\n", 1)[0].splitlines()[2:]
+    return {row.split("`")[1].removesuffix("[]") for row in rows}
+
+
 def test_payload_states_mass_and_what_the_arm_cannot_tell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     main(["payload", "estimate.json", "loaded.csv", "--json"])
     found = json.loads(capsys.readouterr().out)
+    assert set(found) == documented("payload")
     ten = {one["name"]: one for one in found["parameters"]}
     assert abs(ten["m"]["value"] - 2.0) < 2 * ten["m"]["half_width"] < 0.5
     assert ten["Ixx"]["label"] == "not determined" and ten["Ixx"]["value"] is None  # all axes are vertical
@@ -86,6 +94,7 @@ def test_monitor_finds_the_contact_and_nothing_else(cell: Path, capsys: pytest.C
     assert "thresholds from 1 clean logs" in capsys.readouterr().out
     assert main(["monitor", "estimate.json", "contact.csv", "--clean", "train.csv", "clean.csv", "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
+    assert set(found) == documented("monitor")
     first = found["logs"][0]["alarms"][0]
     assert first["joint"] == read_robot("generic-scara").joint_names[0]
     assert 20.0 <= first["start"] <= 20.05 and first["peak"] == pytest.approx(60.0, rel=0.3)
@@ -96,6 +105,7 @@ def test_monitor_finds_the_contact_and_nothing_else(cell: Path, capsys: pytest.C
 def test_predict_writes_torques_and_bands(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["predict", "estimate.json", "clean.csv", "-o", "tau.csv", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
+    assert set(told) == documented("predict")
     assert all(0.85 < joint["inside"] <= 1.0 for joint in told["joints"])
     rows = np.genfromtxt("tau.csv", delimiter=",", names=True)
     assert len(rows) == told["samples"] == 3000

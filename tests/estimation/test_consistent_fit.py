@@ -106,6 +106,26 @@ def test_a_thousand_noisy_problems(arms: int) -> None:
             check(posed, fit_of(posed))
 
 
+@pytest.mark.parametrize("metric", METRICS)
+def test_data_without_noise_that_ask_for_the_impossible_are_fitted(metric: Metric) -> None:
+    """Friction below zero and nothing else wrong: the free fit leaves nothing, possible robots as with little noise."""
+    model, base, regressor, exact = arm(4, 4, 1.0, 600)
+    friction = [k for k in range(base.count) if base.names[k].startswith("Fv")]
+    torque = exact - regressor[:, friction].sum(axis=1) * 10.0
+    scale = natural_scale(model, np.full(4, np.std(torque)), np.full(4, 6.0))
+    left, b = [], base.count
+    for noise in (0.0, 1e-5):
+        noisy_torque = torque + noise * np.std(torque) * np.random.default_rng(0).normal(size=len(torque))
+        factor = triangle_of(np.column_stack([regressor, noisy_torque]))
+        reduced = Reduced(factor[:b, :b], factor[:b, b], float(factor[b, b] ** 2), len(torque))
+        posed = model, base, reduced, scale
+        fit = fit_of(posed, metric=metric)
+        check(posed, fit)
+        left.append(reduced.residual_square(base.from_standard(fit.theta)))
+    assert left[0] == pytest.approx(left[1], rel=0.02)  # the prior is weighed with another variance
+    assert left[0] > 1e-4 * np.sum(torque**2)
+
+
 @pytest.mark.parametrize("mass", [1e-4, 1e4])
 @pytest.mark.parametrize("metric", METRICS)
 def test_arms_of_grams_and_of_tonnes(mass: float, metric: Metric) -> None:

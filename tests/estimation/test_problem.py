@@ -11,7 +11,7 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import LogMismatch, PoorExcitation
-from dynident.estimation import problem as problem_module
+from dynident.estimation import thinned_rows
 from dynident.estimation.identify import pose
 from dynident.estimation.problem import Observer, Problem, counting_rows, make_problem, motion_of, target_torque
 from dynident.experiment.log import Log
@@ -106,7 +106,7 @@ def test_filtering_in_segments_is_filtering_at_once(
     log = exact_log(model, theta_of(model), noise=0.1, samples=3000)
     how = Preprocessing(Butterworth(cutoff_hz=8.0), trim_s=0.5, rest="keep")
     whole = pose(model, [log], how)
-    monkeypatch.setattr(problem_module, "SEGMENT", 257)
+    monkeypatch.setattr(thinned_rows, "SEGMENT", 257)
     parts = pose(model, [log], how)
     size = np.abs(whole.rows.matrix).max()
     np.testing.assert_allclose(parts.rows.matrix, whole.rows.matrix, atol=1e-8 * size)

@@ -104,7 +104,7 @@ def subject_of(
     covariance = noise**2 * np.linalg.pinv(stacked.T @ stacked)
     generator = np.random.default_rng(7)
     values, directions = np.linalg.eigh(covariance)
-    spread = directions * np.sqrt(np.maximum(values, 0.0))
+    spread = (directions * np.sqrt(np.maximum(values, 0.0))) @ directions.T  # whatever the signs of the directions
     beta = base.from_standard(theta) + spread @ generator.normal(size=base.count)
     how = Preprocessing(FILTERS.make("five_point"), standstill=0.02)
     train = _compared(model, base.to_standard(beta), made, how)

@@ -89,7 +89,12 @@ def whole(case: tuple[Estimate, Validation]) -> str:
 
 def drawings(text: str) -> Iterator[str]:
     """Yield the figures of a page."""
-    yield from re.findall(r"<svg.*?</svg>", text, flags=re.DOTALL)
+    yield from re.findall(r"<figure>(<svg.*?</svg>)</figure>", text, flags=re.DOTALL)
+
+
+def allowed(content: str) -> str:
+    """Return the source of a policy that allows a style or a script and no other."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()}'"
 
 
 def check_inert(text: str) -> Page:
@@ -97,7 +102,6 @@ def check_inert(text: str) -> Page:
     page = Page(text)
     tags = {tag for tag, _ in page.elements}
     assert not tags & {
-        "script",
         "img",
         "link",
         "iframe",
@@ -114,12 +118,15 @@ def check_inert(text: str) -> Page:
         assert (attributes.get("href") or "#").startswith("#")
         for name, value in attributes.items():
             assert "://" not in (value or "") or name == "xmlns"
+    scripts = re.findall(r"<script>(.*?)</script>", text, flags=re.DOTALL)
+    assert len(scripts) == text.count("<script") == text.count("</script")
     style = text.partition("<style>")[2].partition("</style>")[0]
     assert "@import" not in style and "url(" not in style
     policy = next(a["content"] or "" for tag, a in page.elements if tag == "meta" and "http-equiv" in a)
-    mark = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     assert policy.startswith("default-src 'none'; ")
-    assert f"style-src 'sha256-{mark}'" in policy
+    assert f"style-src {allowed(style)};" in policy
+    assert policy.count("sha256-") == 1 + len(scripts)
+    assert (f"script-src {' '.join(map(allowed, scripts))};" in policy) if scripts else "script-src" not in policy
     return page
 
 
@@ -134,7 +141,7 @@ def test_the_page_is_inert_and_has_all_sections_in_order(whole: str) -> None:
 
 def test_every_figure_is_well_formed_and_its_labels_do_not_touch(whole: str) -> None:
     found = list(drawings(whole))
-    assert len(found) == 3 * 2 + (3 + 1) * 2 + 3 + 2 * 3 + 1 + 1 + (1 + 1 + 3)
+    assert len(found) == 3 * 2 + (3 + 1) * 2 + 3 + 2 * 3 + 1 + 1 + (1 + 1 + 3) + 3
     for drawing in found:
         check_labels(html.unescape(drawing) if "&nbsp;" in drawing else drawing)
 
@@ -160,6 +167,7 @@ def test_sections_with_nothing_to_show_leave_themselves_out() -> None:
     estimate, _ = subject_of(standard=False, friction=(), samples=300)
     bare = replace(estimate, extras={}, provenance={})
     page = check_inert(build_report(bare))
+    assert "data-zoom" in build_report(bare) and "<script>" not in render(Subject(bare), ["verdict", "friction"])
     assert set(ORDER) - set(page.sections) == {
         "log_quality", "excitation", "bodies", "trust", "friction", "choices", "convergence", "comparison",
     }  # fmt: skip
@@ -168,7 +176,7 @@ def test_sections_with_nothing_to_show_leave_themselves_out() -> None:
     )
     empty = replace(bare, train=replace(without_rows, time=np.zeros(0), samples=0))
     page = check_inert(build_report(empty))
-    assert page.sections == ["verdict", "robot", "parameters", "mass_matrix", "provenance"]
+    assert page.sections == ["verdict", "robot", "parameters", "mass_distribution", "mass_matrix", "provenance"]
 
 
 def hostile() -> tuple[Estimate, Validation]:
@@ -212,7 +220,16 @@ def test_every_section_has_a_title_and_a_template_and_every_template_a_section()
     folder = Path(builder.__file__).parent / "templates"
     used = {SECTIONS.get(name).template for name in SECTIONS.names()}
     assert used == {f"{name}.html" for name in SECTIONS.names()}
-    shared = {"report.html", "style.css", "_parts.html", "difference.html"}
+    shared = {
+        "report.html",
+        "style.css",
+        "cards.css",
+        "_parts.html",
+        "difference.html",
+        "zoom.js",
+        "turn.js",
+        "benchmark.html",
+    }
     assert {path.name for path in folder.iterdir()} == used | shared
     titles = [SECTIONS.get(name).title for name in SECTIONS.names()]
     assert all(titles) and len(set(titles)) == len(titles)

@@ -103,10 +103,33 @@ def test_the_verdict_on_a_bad_model(case: tuple[Estimate, Validation]) -> None:
 
 
 def test_the_verdict_without_a_test_says_so(case: tuple[Estimate, Validation]) -> None:
-    found = context("verdict", with_errors(case, 0.03, []))
+    subject = with_errors(case, 0.03, [])
+    found = context("verdict", subject)
     answer = found["answers"][0]
-    assert (answer.value, answer.detail, answer.tone) == ("3.0 %", "no log was held out", "fair")
-    assert found["sentences"][0].startswith("The model misses 3.0 % of the torques it was fitted to. No log was held")
+    assert (answer.value, answer.detail, answer.tone) == ("3.0 %", "no test on other data", "fair")
+    flatters = "the error on the data of the fit flatters a model"
+    assert found["sentences"][:2] == [
+        "The model misses 3.0 % of the torques it was fitted to.",
+        f"No log was held out, and {flatters}: record a second, different motion and test on it with --test LOG.",
+    ]
+    gone = context("verdict", replace(subject, why_no_test="run.csv is gone"))["sentences"][1]
+    assert gone.startswith(f"No test can be repeated (run.csv is gone), and {flatters}")
+
+
+@pytest.mark.parametrize(
+    ("step", "split"),
+    [
+        ("first 0.6667 of the duration", "first:0.6667"),
+        ("rows 0 to 300 of 700", "rows:0:300,300:700"),
+        ("rows 400 to 700 of 700", "rows:400:700,0:400"),
+    ],
+)
+def test_rows_that_the_fit_kept_apart_are_named(case: tuple[Estimate, Validation], step: str, split: str) -> None:
+    subject = with_errors(case, 0.03, [])
+    logs = [{"path": "run.csv", "steps": ["read as text", step]}]
+    parted = replace(subject, estimate=replace(subject.estimate, provenance={"logs": logs}))
+    said = context("verdict", parted)["sentences"][1]
+    assert f"test on it with --test LOG --split {split}, since" in said and "kept a part of its log apart" in said
 
 
 def test_the_verdict_on_a_test_without_torque(case: tuple[Estimate, Validation]) -> None:

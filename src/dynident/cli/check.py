@@ -7,6 +7,7 @@ finding at error level.
 
   dynident check case.yaml run.csv
   dynident check robot.urdf run.csv --fix mended.csv
+  dynident check case.yaml monday.csv --against estimate.json
   dynident check case.yaml --json
 """
 
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dynident.estimation.doctor import Examination
+    from dynident.estimation.estimate import Estimate
     from dynident.experiment.case_file.case import Case
 
 SUMMARY = "look at logs before a fit: what is wrong with them and what to do"
@@ -27,6 +29,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot description")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to look at; default: those of the case file")
+    parser.add_argument(
+        "--against",
+        metavar="ESTIMATE",
+        help="earlier estimate of the robot: tells what has changed since; default: the case's prior if it is one",
+    )
     parser.add_argument("--fix", metavar="OUT", help="write the one log after the safe mends here (CSV, SI units)")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
     parser.add_argument("--quiet", action="store_true", help="no progress and no remarks")
@@ -49,11 +56,12 @@ def run(options: argparse.Namespace) -> int:
             raise BadOption("--fix", options.fix, "name one log on the command line: one log is written")
         check_place(options.fix)
         jobs.check_outputs((options.fix,), (options.case, *case.files, *(case.find(name) for name in names)))
+    earlier = _earlier(case, options.against)
     found = []
     with console.progress(len(names), options.quiet or options.json) as progress:
         for name in names:
             progress.step(f"looking at {name}")
-            found.append(examine(case, name))
+            found.append(examine(case, name, earlier))
     mends = _fixed(case, found[0], options.fix) if options.fix else None
     if options.json:
         console.answer_json(_figures(case, found, mends))
@@ -63,6 +71,22 @@ def run(options: argparse.Namespace) -> int:
         for mend in mends or ():
             console.answer(f"{options.fix}: {mend}")
     return 0 if all(examination.sound for examination in found) else 1
+
+
+def _earlier(case: Case, name: str | None) -> Estimate | None:
+    """Return the estimate that logs are held against, of the joints of the case; None where there is none."""
+    from dynident.errors import LogMismatch
+    from dynident.estimation.estimate_file import read_estimate
+
+    if name is None and not case.prior.endswith(".json"):
+        return None
+    path = name or str(case.find(case.prior))
+    found = read_estimate(path)
+    ours, theirs = case.robot.joint_names, found.model.robot.joint_names
+    if ours != theirs:
+        evidence = f"an estimate of {', '.join(theirs)}, where the case has {', '.join(ours)}"
+        raise LogMismatch(path, evidence, "give an estimate of this robot, with the same joints locked")
+    return found
 
 
 def _fixed(case: Case, examination: Examination, out: str) -> tuple[str, ...]:

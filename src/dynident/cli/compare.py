@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 
 SUMMARY = "many estimators on one problem, by their error on unseen logs"
 
+#: Held-out error of a stated truth over that of the best method from which it is not what made the logs.
+NOT_THE_TRUTH = 1.5
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
@@ -261,6 +264,9 @@ def _show(contest: Contest, table: Sequence[Outcome]) -> None:
         if outcome.failure or outcome.verdict:
             console.answer(f"{outcome.method}: {outcome.failure or outcome.verdict}")
     if contest.truth_error is not None:
-        console.answer(f"the known truth has a held-out error of {percent(contest.truth_error)}: that is noise")
+        far = bool(table) and contest.truth_error > NOT_THE_TRUTH * table[0].figure
+        lacking = "these logs have another truth (friction that a description does not state counts as zero)"
+        meaning = lacking if far else "that is noise"
+        console.answer(f"the known truth has a held-out error of {percent(contest.truth_error)}: {meaning}")
     if not contest.tests:
         console.answer("no test logs: the order is that of the training error, which flatters the freest method")

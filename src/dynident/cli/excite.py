@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from dynident.experiment.design.multistart import SearchState
     from dynident.experiment.design.plan import Plan
     from dynident.experiment.room.clearance import Clearance
+    from dynident.model.friction import Friction
 
 SUMMARY = "design the motion to record"
 
@@ -103,6 +104,8 @@ def run(options: argparse.Namespace) -> int:
     case, resume = _case(options)
     if options.friction is not None:
         case = replace(case, friction=tuple(FRICTION.make(name) for name in options.friction))
+    else:
+        case = replace(case, friction=_known_before(case.friction, options.quiet or options.json))
     clearance = _clearance(case)
     plan = _design(options, case, knowledge_of(options, case, case.model), clearance, resume)
     if options.json:
@@ -118,6 +121,19 @@ def run(options: argparse.Namespace) -> int:
         text = f"saved {options.csv}: {rows} rows at {options.rate:g} Hz, {length:g} s"
         console.remark(text, options.quiet or options.json)
     return 0
+
+
+def _known_before(friction: tuple[Friction, ...], quiet: bool) -> tuple[Friction, ...]:
+    """Return the parts whose columns follow from the motion alone; those of torque and temperature are named."""
+    from dynident.cli import console
+    from dynident.model.friction import FRICTION
+
+    kept = tuple(part for part in friction if not part.needs)
+    for part in friction:
+        if part.needs:
+            needed = " and ".join(sorted(part.needs))
+            console.remark(f"designed without {FRICTION.name_of(part)}: its {needed} is known from a log only", quiet)
+    return kept
 
 
 def _case(options: argparse.Namespace) -> tuple[Case, str | None]:

@@ -12,6 +12,7 @@ are); where the value is the word 'ask', the case cannot be used before it is an
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 
 SUMMARY = "a commented case file from a robot and its logs"
 
@@ -46,6 +47,7 @@ def run(options: argparse.Namespace) -> int:
     if Path(options.output).exists() and not options.force:
         raise FileError(options.output, "it is there already", "choose another name with -o, or give --force")
     check_outputs((options.output,), (options.robot, *options.logs, *options.test))
+    _check_once([*options.logs, *options.test])
     draft = draft_case(
         options.robot,
         options.logs,
@@ -69,6 +71,20 @@ def run(options: argparse.Namespace) -> int:
     else:
         console.remark(f"wrote {options.output}; next: {follow}")
     return 0
+
+
+def _check_once(logs: Sequence[str]) -> None:
+    """Refuse a log that is named twice: it would count twice in the fit, or be tested on after it was learned from."""
+    from pathlib import Path
+
+    from dynident.errors import BadOption
+
+    seen: dict[Path, str] = {}
+    for log in logs:
+        place = Path(log).resolve()
+        if place in seen:
+            raise BadOption("LOG", log, f"it is the same file as {seen[place]}: name each log once")
+        seen[place] = log
 
 
 def _format_options(options: argparse.Namespace) -> dict[str, str | None]:

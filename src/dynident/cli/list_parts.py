@@ -20,6 +20,7 @@ FAMILIES = (
     "checks",
     "trajectories",
     "criteria",
+    "controllers",
     "exporters",
     "model_exporters",
     "robots",
@@ -62,6 +63,7 @@ def _parts(name: str) -> list[dict]:
     from dynident.experiment.formats import FORMATS
     from dynident.experiment.preprocessing import FILTERS
     from dynident.experiment.profiles import PROFILES
+    from dynident.experiment.simulation.controllers import CONTROLLERS
     from dynident.experiment.trajectories import TRAJECTORIES
     from dynident.model.descriptions import read_robot
     from dynident.model.descriptions.base import shipped_robots
@@ -82,6 +84,7 @@ def _parts(name: str) -> list[dict]:
         "checks": CHECKS,
         "trajectories": TRAJECTORIES,
         "criteria": CRITERIA,
+        "controllers": CONTROLLERS,
         "exporters": EXPORTERS,
         "model_exporters": MODEL_EXPORTERS,
     }

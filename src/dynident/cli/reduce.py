@@ -78,6 +78,7 @@ def report(digest: Digest, options: argparse.Namespace) -> None:
         "samples": digest.samples,
         "rows": [int(joint.counts.sum()) for joint in digest.joints],
         "stretches": len(digest.joints[0].counts),
+        "filter": digest.how.statement(),
         "logs": [
             {"path": c.path, "sha256": c.sha256, "rows": c.rows, "samples": c.samples, "steps": list(c.steps)}
             for c in digest.chunks
@@ -90,5 +91,8 @@ def report(digest: Digest, options: argparse.Namespace) -> None:
         f"{facts['robot']}: {facts['base_parameters']} base parameters, {digest.samples:,} samples "
         f"of {len(digest.chunks)} log{'s' if len(digest.chunks) > 1 else ''}"
     )
+    cutoff, delay = digest.how.filter.bandwidth(), digest.how.delay_s or 0.0
+    told = f"both sides at {cutoff:g} Hz" if cutoff is not None else str(digest.how.statement()["kind"])
+    console.answer(f"  filter: {told}" + f", delay of the torque {delay:.4g} s" * bool(delay))
     for chunk in digest.chunks:
         console.answer(f"  {chunk.path}: {chunk.rows:,} rows, {chunk.samples:,} used at {chunk.rate:.5g} Hz")

@@ -23,9 +23,9 @@ from dynident.estimation.estimators import ESTIMATORS, Estimator
 from dynident.estimation.friction.alike import same_for_all
 from dynident.estimation.friction.delay import common_delay, find_delays
 from dynident.estimation.friction.friction_choice import choose_friction
-from dynident.estimation.friction.load import PASSES, agrees, loaded_problem, with_load, without_load
+from dynident.estimation.friction.load import PASSES, agrees, problem_of, with_load, without_load
 from dynident.estimation.friction.variable_projection import has_varying, vary_fields
-from dynident.estimation.problem import Observer, Problem, counting_rows, make_problem
+from dynident.estimation.problem import Observer, Problem, counting_rows
 from dynident.estimation.uncertainty.coloured import spectral_uncertainty
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.estimation.uncertainty.envelope import departure_of, envelope_of
@@ -133,7 +133,7 @@ def pose(
     progress("base parameters")
     base = base_parameters(model)
     progress("reduction")
-    problem = loaded_problem(model, base, prepared) if "torque" in model.needs else make_problem(model, base, prepared)
+    problem = problem_of(model, base, prepared)
     known = constraints or Constraints()
     known.check(model.robot, model.parameters)
     return replace(problem, facts=facts, constraints=known, prior=prior and prior.for_model(model))

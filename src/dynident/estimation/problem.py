@@ -12,6 +12,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import LogMismatch, PoorExcitation
 from dynident.estimation.consistency.scale import BodyPrior
+from dynident.estimation.thinned_rows import stretches, thinned_rows
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, at_rest
 from dynident.model.base_parameters import BaseParameters
@@ -142,10 +143,6 @@ class Problem:
         return Rows(matrix, torque, joints, samples)
 
 
-#: Rows filtered at a time.
-SEGMENT = 1 << 16
-
-
 class Observer:
     """Streams a log into the rows of the base observation matrix, joint by joint, in chunks that stay in the cache.
 
@@ -215,11 +212,20 @@ class Observer:
                 part = slice(start, min(start + CHUNK, len(keep)))
                 yield part, self._block(motion, part, torque, self.load)
             return
-        for start in range(0, log.samples, SEGMENT):
-            inner = slice(start, min(start + SEGMENT, log.samples))
+        for inner in stretches(log.samples, reach):
             outer = slice(max(0, inner.start - reach), min(log.samples, inner.stop + reach))
             wanted = slice(*np.searchsorted(keep, [inner.start, inner.stop]))
             if wanted.start == wanted.stop:
+                continue
+            whole = outer.start == inner.start - reach and outer.stop == inner.stop + reach
+            if prepared.thinning is not None and whole:
+                own, sizes = keep[wanted], [len(columns) for columns in self.columns]
+
+                def make(part: slice, blocks: Sequence[Array]) -> None:
+                    self._block(motion, part, load=self.load, blocks=blocks)
+
+                found = thinned_rows(make, sizes, outer, own, prepared.thinning)
+                yield wanted, tuple(np.vstack([rows, torque[own, i]]) for i, rows in enumerate(found))
                 continue
             blocks = self._block(motion, outer, torque, self.load)
             for block in blocks:  # the torque is filtered already
@@ -228,11 +234,16 @@ class Observer:
             yield wanted, tuple(block[:, inside] for block in blocks)
 
     def _block(
-        self, motion: Motion, part: slice, torque: Array | None = None, load: Array | None = None
+        self,
+        motion: Motion,
+        part: slice,
+        torque: Array | None = None,
+        load: Array | None = None,
+        blocks: Sequence[Array] | None = None,
     ) -> tuple[Array, ...]:
-        """Return [W_i, tau_i]' of each joint over a slice of the samples, not filtered."""
+        """Return [W_i, tau_i]' of each joint over a slice of the samples, not filtered; in ``blocks`` if given."""
         cut = motion.rows(part)
-        blocks = [np.empty((len(columns) + 1, len(cut.q))) for columns in self.columns]
+        blocks = blocks or [np.empty((len(columns) + 1, len(cut.q))) for columns in self.columns]
         heads = [block[: len(found)] for block, found in zip(blocks, self._kernel.columns, strict=True)]
         self._kernel.evaluate(cut.q, cut.dq, cut.ddq, out=heads)
         if load is not None and "torque" in self.model.needs:

@@ -36,9 +36,9 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     found += _gains(estimate)
     above = estimate.extras.get("residual_above_unconstrained")
     if above is not None and above > POOR_CONSISTENCY:
+        worse = f"fit {100 * above:.0f} % worse than" if above < 9 else "leave over ten times the residual of"
         found.append(
-            f"possible robots fit {100 * above:.0f} % worse than impossible ones: check signs of torques, order of "
-            "joints, gravity and gear ratios"
+            f"possible robots {worse} impossible ones: check signs of torques, order of joints, gravity and gear ratios"
         )
     moved = sensitivity_warning(estimate.extras.get("cutoff_sensitivity") or {})
     if moved:

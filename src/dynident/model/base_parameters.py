@@ -174,7 +174,8 @@ def _rank(scaled: Array) -> int:
         raise SolverFailed(
             "the base parameter count",
             f"singular values {values[rank - 1]:.2g} and {after:.2g} leave the rank open",
-            "check the robot description for nearly, but not exactly, parallel or intersecting axes",
+            "check the robot description for nearly, but not exactly, parallel or intersecting axes, and for friction "
+            "parts that say nearly the same, such as asymmetric beside offset",
         )
     return rank
 

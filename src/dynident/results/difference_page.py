@@ -151,7 +151,7 @@ def _friction(difference: Difference) -> list[str]:
         if curves:
             rate = "rad/s" if unit == "N m" else "m/s"
             heading = f"friction [{pretty_unit(unit)}]"
-            drawings.append(drawn(line_chart(label(name), curves, f"speed [{rate}]", heading)))
+            drawings.append(drawn(line_chart(label(name), curves, f"speed [{rate}]", heading), "friction", name))
     return drawings
 
 

@@ -13,13 +13,16 @@ _ROS_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_./-]*")
 _NOT_PLAIN = re.compile(r"[^A-Za-z0-9_.-]")
 _NOT_COMMENT = re.compile(r"[^A-Za-z0-9 _.,:()+*^=%/-]")
 
+#: What begins or ends a comment in C, made of signs that are harmless one by one.
+_ENDS = re.compile(r"\*/|/\*")
+
 #: Longest name and longest line of free text that is written into a file.
 LONGEST_NAME, LONGEST_LINE = 64, 110
 
 
 def comment_text(text: str) -> str:
-    """Return one line of plain ASCII for a comment: no sign in it ends or begins anything in any target language."""
-    return _NOT_COMMENT.sub("_", text)[:LONGEST_LINE]
+    """Return one line of plain ASCII for a comment: nothing in it ends or begins anything in any target language."""
+    return _ENDS.sub("__", _NOT_COMMENT.sub("_", text))[:LONGEST_LINE]
 
 
 def shown_names(names: Sequence[str]) -> tuple[tuple[str, ...], dict[str, str]]:

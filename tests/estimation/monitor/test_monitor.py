@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.signal
 
 from dynident import DynamicModel, Estimate, FourierSeries, Log, Robot, identify, read_robot
 from dynident.errors import BadOption, LogMismatch
@@ -18,10 +19,13 @@ from dynident.estimation.compensation import (
     parameters_of,
 )
 from dynident.estimation.monitor import MomentumObserver, MonitorState, calibrated, run_monitor, step
+from dynident.estimation.monitor.band import fitted_band, lagged
+from dynident.estimation.monitor.equations import Equations
 from dynident.estimation.monitor.signals import signals_of
-from dynident.estimation.monitor.tails import tail_of
+from dynident.estimation.monitor.tails import Tail, shrunk, tail_of
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.model.base_parameters import base_parameters
 from dynident.model.friction import FRICTION, Motion
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
@@ -103,7 +107,7 @@ def test_a_contact_is_seen_as_it_is_and_a_stream_says_what_a_log_does(robot: Rob
     monitor = calibrated(observer, clean, 1.0 / 3600.0)
     log = run_of(robot, 5)
     assert not run_monitor(monitor, log).alarms
-    threshold = monitor.thresholds(log.q, np.asarray(log.dq))[:, 2]
+    threshold = monitor.thresholds(signals_of(estimate, log))[:, 2]
     torque = np.array(log.torque)
     torque[600:, 2] -= 5.0 * threshold[600:]
     found = run_monitor(monitor, replace(log, torque=torque))
@@ -134,16 +138,89 @@ def test_rates_set_thresholds(robot: Robot, estimate: Estimate) -> None:
     with pytest.raises(LogMismatch, match="no clean run"):
         calibrated(observer, [], 1.0)
     with pytest.raises(LogMismatch, match="send samples in order"):
-        step(often, MonitorState(1.0, *[np.zeros(6)] * 4), 0.5, *[np.zeros(6)] * 3)
+        step(often, MonitorState(1.0, *[np.zeros(6)] * 5), 0.5, *[np.zeros(6)] * 3)
     with pytest.raises(LogMismatch, match="no finite number"):
         step(often, MonitorState(), 0.0, np.full(6, np.nan), np.zeros(6), np.zeros(6))
 
 
 def test_the_tail_of_a_known_process() -> None:
-    """Independent exponential peaks: rising above u happens exp(-u) times a sample."""
-    signal = np.random.default_rng(0).exponential(size=200_000)
-    signal[1::2] = 0.0
-    tail = tail_of([signal], [1.0], 1.0, "joint")
-    assert tail.threshold(1e-3) == pytest.approx(np.log(0.5 / 1e-3), rel=0.05)
+    """Normal noise that changes slowly rises above u as often as Rice 1945 says: exp(-u^2 / 2) as often as above 0."""
+    noise = np.random.default_rng(0).normal(size=2_000_000)
+    signal = np.asarray(scipy.signal.lfilter([1.0], np.poly([0.9, 0.9, 0.8]), noise))
+    signal /= signal.std()
+    tail = tail_of([np.abs(signal)], [1.0], 10.0, "joint")
+    turns = 2 * np.mean((signal[1:] > 0) & (signal[:-1] <= 0))
+    for size in (3.0, 4.0):
+        assert tail.threshold(turns * np.exp(-0.5 * size**2)) == pytest.approx(size, rel=0.02)
     with pytest.raises(LogMismatch, match="too few"):
-        tail_of([signal[:40]], [1.0], 1.0, "joint")
+        tail_of([np.abs(signal[:40])], [1.0], 1.0, "joint")
+
+
+def test_a_few_peaks_do_not_make_a_tail_heavy_and_many_do() -> None:
+    few = [Tail(2.0, 1.0, 1.0, shape, 100.0) for shape in (-0.1, 0.1, 0.05, -0.05)]
+    assert [tail.shape for tail in shrunk(few)] == [0.0] * 4
+    many = [Tail(2.0, 1.0, 1.0, shape, 1e5) for shape in (0.3, 0.25, 0.2, 0.35)]
+    found = shrunk(many)
+    np.testing.assert_allclose([tail.shape for tail in found], [0.3, 0.25, 0.2, 0.35], rtol=1e-3)
+    before, after = ([tail.scale / (1 - tail.shape) for tail in tails] for tails in (many, found))
+    np.testing.assert_allclose(after, before)
+
+
+def test_the_generated_equations_are_the_generic_ones(estimate: Estimate, monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = estimate.model.random_motion(11, seed=3)
+    fast = Equations(estimate).at(motion.q, motion.dq)
+    one = Equations(estimate).at(motion.q[:1], motion.dq[:1])
+    monkeypatch.setenv("DYNIDENT_KERNEL", "generic")
+    slow = Equations(estimate).at(motion.q, motion.dq)
+    for name in ("mass", "momentum", "friction", "columns", "drift"):
+        tolerance = 1e-5 if name == "drift" else 1e-10  # of central differences
+        np.testing.assert_allclose(getattr(fast, name), getattr(slow, name), rtol=tolerance, atol=tolerance)
+        np.testing.assert_allclose(getattr(one, name)[0], getattr(fast, name)[0], rtol=1e-12, atol=1e-12)
+    torque = fast.columns @ estimate.beta + estimate.model.known_torque(Motion(motion.q, motion.dq, 0 * motion.q))
+    whole = estimate.model.torque(Motion(motion.q, motion.dq, 0 * motion.q), parameters_of(estimate))
+    np.testing.assert_allclose(torque, whole, rtol=1e-9, atol=1e-9)
+
+
+def test_load_friction_and_temperatures_are_those_of_the_model(robot: Robot) -> None:
+    model = DynamicModel(robot, tuple(FRICTION.make(name) for name in ("load", "temperature", "viscous")))
+    base = base_parameters(model)
+    estimate = object.__new__(Estimate)
+    nominal = np.asarray(robot.nominal)
+    theta = np.r_[nominal, np.full(len(model.parameters) - len(nominal), 0.3)]
+    values = {"model": model, "base": base, "beta": base.from_standard(theta), "covariance": np.eye(base.count)}
+    for key, value in values.items():
+        object.__setattr__(estimate, key, value)
+    motion, warm = model.random_motion(5, seed=3), np.full((5, 6), 31.0)
+    terms = Equations(estimate).at(motion.q, motion.dq, warm)
+    expected = friction_torque(model, theta, motion.q, motion.dq, warm)
+    np.testing.assert_allclose(terms.friction, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_the_band_finds_which_noise_it_is() -> None:
+    """A residual of constant noise and of noise that grows with a shape of the state has the variance of both."""
+    generator, keep = np.random.default_rng(0), 0.6
+    moments = np.zeros((20_000, 1, 8))
+    moments[:, 0, 0] = 1.0
+    moments[:, 0, 3] = 2.0 * (1 + np.sin(np.arange(20_000) / 300.0))
+    variance = lagged(0.5 * moments[:, 0, 0] + 3.0 * moments[:, 0, 3], keep)
+    residual = (np.sqrt(variance) * generator.normal(size=20_000))[:, None]
+    residual[::500] *= 30.0  # what is rare is left to the tail
+    band = fitted_band([residual], [moments], [keep], np.ones(1))
+    assert np.asarray(band.weights)[0, [0, 3]] == pytest.approx([0.5, 3.0], rel=0.08)
+    assert not np.asarray(band.weights)[0, [1, 2, 4, 5, 6, 7]].any()
+
+
+def test_false_alarms_come_at_the_chosen_rate(robot: Robot, estimate: Estimate) -> None:
+    """Noise of velocities enters by the inertia, which changes with the posture: the band follows it."""
+    observer, generator = MomentumObserver(estimate), np.random.default_rng(7)
+
+    def noisy(seed: int) -> Log:
+        log = run_of(robot, seed, 30.0)
+        return replace(log, dq=np.asarray(log.dq) + 3e-3 * generator.normal(size=log.q.shape))
+
+    clean = [signals_of(estimate, noisy(seed)) for seed in range(20, 30)]
+    monitor = calibrated(observer, clean, 1.0 / 14.0)
+    tests = [run_monitor(monitor, noisy(seed)) for seed in range(40, 54)]
+    counts = np.sum([[joint["alarms"] for joint in one.figures()["joints"]] for one in tests], axis=0)
+    assert 0.7 * 30 <= counts.mean() <= 1.4 * 30, counts
+    assert np.all((counts >= 0.4 * 30) & (counts <= 1.9 * 30)), counts

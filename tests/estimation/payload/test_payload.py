@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from dynident import DynamicModel, Estimate, FourierSeries, Inertia, Log, Robot, identify, read_robot
+from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch, UnknownChoice
-from dynident.estimation.payload import identify_payload, vendor_forms
+from dynident.estimation.payload import CarriedLoad, identify_payload, vendor_forms
+from dynident.estimation.payload.gain_doubt import variance_of_shares
 from dynident.estimation.payload.possible_body import possible_body
 from dynident.estimation.payload.vendor_forms import angles_zyx, forms_of, principal_axes, quaternion
 from dynident.experiment.preprocessing import Preprocessing
@@ -101,6 +103,35 @@ def test_drive_gains_and_a_stated_mass(robot: Robot, estimate: Estimate) -> None
     told = identify_payload(estimate, [log], mass=2.6, mass_deviation=0.001)
     assert told.mass.value == pytest.approx(2.6, abs=0.002) and told.mass.half_width < 0.003
     assert told.centre[1].half_width <= identify_payload(estimate, [log]).centre[1].half_width * 1.001
+
+
+def test_joints_that_disagree_say_how_far_gains_are_off(robot: Robot) -> None:
+    """Currents, the gains of which are wrong in both runs alike; what the joints have in common stays unseen."""
+    errors = 1.0 + np.array([0.06, -0.05, 0.07, -0.04, 0.05, -0.06])
+
+    def found_with(factors: Array) -> CarriedLoad:
+        empty, loaded = (run_of(one, seed, 0.05) for one, seed in ((robot, 1), (with_body(robot), 2)))
+        empty, loaded = (replace(log, torque=np.asarray(log.torque) * factors) for log in (empty, loaded))
+        loaded = replace(loaded, current=np.asarray(loaded.torque) / 10.0)
+        return identify_payload(identify(model_of(robot), [empty], "wls", GIVEN), [loaded])
+
+    wrong, right = found_with(errors), found_with(np.ones(6))
+    assert abs(wrong.mass.value - 2.6) <= wrong.mass.half_width <= 0.3 * 2.6
+    assert wrong.parts["gains"] > 3 * wrong.parts["noise"]
+    assert any("off by" in remark and "dynident gains" in remark for remark in wrong.remarks)
+    assert right.mass.half_width < 0.3 * wrong.mass.half_width
+
+
+def test_the_variance_of_gains_is_that_of_the_scores() -> None:
+    generator, variance = np.random.default_rng(0), 0.05**2
+    root = generator.normal(size=(6, 5)) * 600.0
+    matrix = root @ root.T  # of rank 5: one combination of gains is not seen
+    values, vectors = np.linalg.eigh(matrix)
+    spread = vectors * np.sqrt(np.maximum(values + variance * values**2, 0.0))
+    draws = [variance_of_shares(matrix, spread @ generator.normal(size=6)) for _ in range(400)]
+    assert np.mean([found for found, _ in draws]) == pytest.approx(variance, rel=0.1)
+    assert np.median([degrees for _, degrees in draws]) == pytest.approx(5.0, abs=0.5)
+    assert variance_of_shares(matrix, np.zeros(6)) == (0.0, np.inf)
 
 
 def test_postures_tell_mass_and_centre_only(robot: Robot, estimate: Estimate) -> None:

@@ -19,6 +19,7 @@ from dynident.estimation.streaming import digest, windows
 from dynident.estimation.streaming.estimate import identify_digest
 from dynident.estimation.streaming.reduction import reduce_logs
 from dynident.estimation.streaming.time_scan import StreamedMedian
+from dynident.estimation.streaming.triangle_file import check_case
 from dynident.experiment.case_file.case import Case, read_case
 from dynident.experiment.formats import write_log
 from dynident.experiment.log import Log
@@ -129,6 +130,18 @@ def test_a_cut_off_that_is_left_open_is_that_of_the_log(case: Case, make: Callab
     assert_same(found, wanted)
 
 
+def test_a_delay_that_is_left_open_is_that_of_the_log(case: Case, make: Callable[..., Path]) -> None:
+    case = replace(case, preprocessing=replace(case.preprocessing, delay_s=None))
+    log = make("run.npz", samples=8000)
+    raw = case.read(log)
+    late = np.roll(np.asarray(raw.torque), 3, axis=0)[3:]  # three samples behind the positions
+    np.savez(log, t=raw.time[3:], q=raw.q[3:], tau=late)
+    digest = reduce_logs(case, [log])
+    assert digest.how.delay_s == pytest.approx(3 / raw.rate, abs=0.1 / raw.rate)
+    check_case(digest, "part.tri", case.model, case.preprocessing)
+    assert_same(identify_digest(digest, "wls"), in_memory(case, [log], "wls"))
+
+
 def test_few_stretches_are_merged_and_the_estimate_stays(
     case: Case, make: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -164,10 +177,7 @@ def test_intervals_cover_the_truth_under_coloured_noise(case: Case, exact_log: M
 def test_what_needs_all_rows_is_refused_in_words(case: Case, make: Callable[..., Path], tmp_path: Path) -> None:
     log = make("run.npz", samples=4000)
     whole = FILTERS.make("fourier_fit", period_s=5.0)
-    for how, words in (
-        ({"filter": whole}, "the filter 'fourier_fit' needs the whole log at once"),
-        ({"delay_s": None}, "delay_s: auto needs all rows at once"),
-    ):
+    for how, words in (({"filter": whole}, "the filter 'fourier_fit' needs the whole log at once"),):
         changed = replace(case, preprocessing=replace(case.preprocessing, **how))  # type: ignore[arg-type]
         with pytest.raises(LogMismatch, match=words):
             reduce_logs(changed, [log])

@@ -19,8 +19,9 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
-from dynident.results.model_exporters import ModelContent, _c_friction, _c_programs, export_model
+from dynident.results.model_exporters import ModelContent, export_model
 from dynident.results.model_exporters.c_header import CHeader
+from dynident.results.model_exporters.writing import c_friction, c_programs
 
 WARNINGS = ("-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-Wshadow", "-Wdouble-promotion")
 
@@ -236,8 +237,8 @@ def test_a_header_that_is_wrong_is_not_written(
 def test_friction_without_a_formula_in_c_is_refused(
     pendulum: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    known = {name: term for name, term in _c_friction.TERMS.items() if name != "viscous"}
-    monkeypatch.setattr(_c_friction, "TERMS", known)
+    known = {name: term for name, term in c_friction.TERMS.items() if name != "viscous"}
+    monkeypatch.setattr(c_friction, "TERMS", known)
     with pytest.raises(BadOption, match=r"the C header knows asymmetric.*export to json"):
         export_model(bare(pendulum, ("viscous",)), "c_header", tmp_path / "arm.h")
 
@@ -245,7 +246,7 @@ def test_friction_without_a_formula_in_c_is_refused(
 def test_a_robot_that_no_compiler_takes_is_refused(
     pendulum: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_c_programs, "LARGEST", 10)
+    monkeypatch.setattr(c_programs, "LARGEST", 10)
     with pytest.raises(DynidentError, match=r"operations.*too long for a compiler"):
         export_model(bare(pendulum, ("viscous",)), "c_header", tmp_path / "arm.h")
 
@@ -255,7 +256,7 @@ def test_base_parameters_of_the_bodies_shorten_the_program(spatial_3r: Robot) ->
     model = DynamicModel(spatial_3r, ("viscous", "rotor_inertia"))  # type: ignore[arg-type]
     theta = model.nominal()
     assert theta is not None
-    short = _c_programs.folded(model, theta)
+    short = c_programs.folded(model, theta)
     own = theta[: model.inertial_count]
     assert np.count_nonzero(short) < np.count_nonzero(own)
     motion = model.random_motion(20, seed=9)

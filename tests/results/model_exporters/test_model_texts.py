@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dynident.model.descriptions.base import rotation_from_rpy
-from dynident.results.model_exporters._rotations import quaternion, roll_pitch_yaw
-from dynident.results.model_exporters._xml_edit import elements, with_attributes, without_elements
 from dynident.results.model_exporters.csv import text
 from dynident.results.model_exporters.latex import escaped, share
+from dynident.results.model_exporters.writing.rotations import quaternion, roll_pitch_yaw
+from dynident.results.model_exporters.writing.xml_edit import elements, with_attributes, without_elements
 
 ANGLE = st.one_of(st.floats(-np.pi, np.pi), st.sampled_from([0.0, np.pi / 2, -np.pi / 2, np.pi, 1.5708, -1.5708]))
 

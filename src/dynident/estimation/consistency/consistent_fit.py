@@ -43,6 +43,10 @@ MISSED = 1e-7
 #: Slack in natural sizes below which a condition is active.
 ACTIVE = 1e-5
 
+#: Residual of possible robots over that of the free fit from which the latter is no unit where solvers fail; and how
+#: often the unit is renewed then.
+FAR, RENEWALS = 10.0, 4
+
 #: The prior's pseudo-inertias are whitened with eigenvalues of at least this share of their trace.
 _THIN = 1e-6
 
@@ -110,10 +114,11 @@ def consistent_fit(
     """
     program = pose_program(model, base, reduced, scale, pull, margin, metric, constraints)
     with one_blas_thread():  # matrices this small are slower on several threads
-        found, best, path, failed = _first_good(program, constraints is not None and not constraints.is_empty)
-        shares = data_shares(program, found.phi)
-    theta = found.phi * scale.parameters
-    return ConsistentFit(theta, best, path, failed, active_conditions(program.conditions, found), shares)
+        answer, failed = _first_good(program, constraints is not None and not constraints.is_empty)
+        found = answer.candidate
+        shares = data_shares(answer.program, found.phi)
+    theta, active = found.phi * scale.parameters, active_conditions(program.conditions, found)
+    return ConsistentFit(theta, answer.optimality, answer.path, failed, active, shares)
 
 
 def pose_program(
@@ -177,12 +182,40 @@ def _start_inside(program: Program) -> Array:
     return found
 
 
-def _first_good(program: Program, stated: bool) -> tuple[Candidate, Optimality, str, tuple[str, ...]]:
-    """Return the first answer that passes the check, else the best fair one."""
+@dataclass(frozen=True)
+class _Answer:
+    """A checked answer, the program that it answers, and the path that gave it."""
+
+    program: Program
+    candidate: Candidate
+    optimality: Optimality
+    path: str
+
+
+def _residual(program: Program, phi: Array) -> float:
+    """Return the residual in units of the program, that of the free fit included."""
+    return float(np.hypot(1.0, np.linalg.norm(program.data @ phi - program.target)))
+
+
+def _first_good(program: Program, stated: bool) -> tuple[_Answer, tuple[str, ...]]:
+    """Return the first answer that passes the check, else the best fair one, and what the others lack."""
     if stated:
         check_room(program.conditions)  # else a body of next to no mass could pass for one within the tolerances
     failed: list[str] = []
-    fair: list[tuple[Candidate, Optimality, str]] = []
+    best = _best_answer(program, failed)
+    if best is None or best.optimality.gap > GOOD:
+        place = _clipped(program.conditions, program.start) if best is None else best.candidate.phi
+        best = _in_own_units(program, place) or best
+    if best is not None:
+        return best, tuple(failed)
+    check_room(program.conditions)
+    step = "check the units of the log and the robot description, or use --estimator wls"
+    raise SolverFailed("the consistent fit", "; ".join(failed), step)
+
+
+def _best_answer(program: Program, failed: list[str]) -> _Answer | None:
+    """Return the first answer with a good gap, else the best fair one; what paths lack is added to ``failed``."""
+    fair: list[_Answer] = []
     for name, path in paths_of(program).items():
         try:
             raw = path(program)
@@ -192,19 +225,36 @@ def _first_good(program: Program, stated: bool) -> tuple[Candidate, Optimality, 
         checked = _checked(program, raw)
         if checked is None:
             failed.append(f"{name}: status {raw.said}, and its answer breaks the conditions")
-        else:
-            candidate, found = checked
-            if found.gap <= GOOD:
-                return candidate, found, name, tuple(failed)
-            failed.append(f"{name}: status {raw.said}, proven gap {found.gap:.2g}")
-            if found.gap <= FAIR:
-                fair.append((candidate, found, name))
-    if fair:
-        candidate, found, name = min(fair, key=lambda item: item[1].gap)
-        return candidate, found, name, tuple(failed)
-    check_room(program.conditions)
-    step = "check the units of the log and the robot description, or use --estimator wls"
-    raise SolverFailed("the consistent fit", "; ".join(failed), step)
+            continue
+        answer = _Answer(program, *checked, name)
+        if answer.optimality.gap <= GOOD:
+            return answer
+        failed.append(f"{name}: status {raw.said}, proven gap {answer.optimality.gap:.2g}")
+        if answer.optimality.gap <= FAIR:
+            fair.append(answer)
+    return min(fair, key=lambda answer: answer.optimality.gap, default=None)
+
+
+def _in_own_units(program: Program, place: Array) -> _Answer | None:
+    """Return the answer in units of the residual that possible robots leave, from a place near; None without one.
+
+    Where data have next to no noise and ask for the impossible, the free fit's residual is no unit: the data's part is
+    so many times the prior's that no solver sees both. The residual variance that weighs the prior is then that of the
+    consistent fit itself, renewed a few times.
+    """
+    best: _Answer | None = None
+    for _ in range(RENEWALS):
+        unit = _residual(program, place)
+        if unit < FAR:
+            break
+        found = _best_answer(replace(program, data=program.data / unit, target=program.target / unit), [])
+        if found is None:
+            break
+        best = replace(found, path=f"{found.path}, in units of its own residual")
+        place = found.candidate.phi
+        if _residual(program, place) > unit / 2:
+            break
+    return best
 
 
 def _checked(program: Program, raw: Candidate) -> tuple[Candidate, Optimality] | None:

@@ -15,6 +15,7 @@ from dynident.errors import LogFormatError, LogMismatch
 from dynident.estimation.doctor._mending import Mended, mend
 from dynident.estimation.doctor._recording import Recording, read_recording
 from dynident.estimation.doctor.base import SEVERITIES, Check, Finding, Subject
+from dynident.estimation.estimate import Estimate
 from dynident.experiment.case_file.case import Case
 from dynident.plugins import Family
 
@@ -59,12 +60,13 @@ class Examination:
         }
 
 
-def examine(case: Case, name: str) -> Examination:
+def examine(case: Case, name: str, earlier: Estimate | None = None) -> Examination:
     """Return what is wrong with a log of a case; nothing is changed and nothing refused.
 
     Args:
         case: Robot, columns and preparation.
         name: The log, as the case or the command line names it.
+        earlier: An estimate of the same robot, whose bodies take the place of the description's.
 
     Raises:
         FileError: The file cannot be read at all.
@@ -74,21 +76,20 @@ def examine(case: Case, name: str) -> Examination:
     except (LogFormatError, LogMismatch) as error:
         finding = Finding("error", "unreadable", "", error.evidence, error.step)
         return Examination(str(case.find(name)), (finding,), "no check was made, the file is no table of the case")
-    return examine_recording(case, recording)
+    return examine_recording(case, recording, earlier)
 
 
-def examine_recording(case: Case, recording: Recording) -> Examination:
+def examine_recording(case: Case, recording: Recording, earlier: Estimate | None = None) -> Examination:
     """Return what is wrong with a recording; see :func:`examine`."""
     mended = mend(recording, case.robot)
-    subject = Subject(case, recording, mended.recording)
+    subject = Subject(case, recording, mended.recording, earlier)
     found: list[Finding] = []
     left_out = ""
     checks = [CHECKS.make(name) for name in CHECKS.names()]
     for stage in _STAGES:
         for check in checks:
             if check.stage == stage:
-                told = {finding.name for finding in found}  # two checks may see one thing: the first one tells it
-                found += [finding for finding in check.findings(subject) if finding.name not in told]
+                found += check.findings(subject)
         lasting = [each.name for each in found if each.severity == "error" and each.name not in _MENDABLE]
         if lasting and stage < _STAGES[-1]:
             left_out = f"checks that need sound {'signals' if stage == 0 else 'units'} were left out: mend {lasting[0]}"
@@ -99,5 +100,8 @@ def examine_recording(case: Case, recording: Recording) -> Examination:
 def ordered(found: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return findings with the gravest first, those that another one explains left out."""
     explained = {name for finding in found for name in finding.explains}
-    kept = [finding for finding in found if finding.name not in explained]
+    first: dict[tuple[str, str], Finding] = {}
+    for finding in found:  # two checks may see one thing: the first one tells it
+        first.setdefault((finding.name, finding.joint), finding)
+    kept = [finding for finding in first.values() if finding.name not in explained]
     return tuple(sorted(kept, key=lambda finding: SEVERITIES.index(finding.severity)))

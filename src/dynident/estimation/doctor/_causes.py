@@ -1,31 +1,37 @@
 """Which of many possible causes explains what a fit leaves: columns that are added to it one after another.
 
-Each cause (a spring, a tilt, a load) is a few columns more of the linear problem. The one by which the likelihood
-grows most beyond what its number of columns earns (Schwarz 1978) is taken in, then the next, until none is sure: a
-score test in each round (Rao 1948), so that one fault is told once and not in the words of its neighbours.
+Each cause (a spring, a tilt, a load) is a few columns more of the linear problem. Of those that chance would hardly
+make (likelihood ratio, Wilks 1938, all causes counted) the one by which the likelihood grows most beyond what its
+columns earn (Schwarz 1978) is taken in, then the next, until none is sure: one fault is told once and not in the words
+of its neighbours. Where the log does not tell it from others, these are its rivals.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy.special
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.estimation.doctor._quick_fit import EXACT, RIDGE, Solved, weighted_products
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.model.reduction import triangle_of
 
-#: Root of the likelihood ratio, rows that hang together counted once, from which a cause is sure.
-SURE = 6.0
+#: Chance that a log without any cause has one told in a round, rows that hang together counted once.
+CHANCE = 1e-4
+
+#: Difference of two criteria of Schwarz below which the log does not tell two causes apart (Kass and Raftery 1995:
+#: beyond 6 the evidence is strong), and rivals that are told at most.
+CLOSE, RIVALS = 6.0, 2
 
 #: Causes that are taken in at most.
 MOST = 4
 
 #: Candidates of a round that are fitted with weights of their own.
-FITTED = 4
+FITTED = 6
 
 
 @dataclass(frozen=True)
@@ -60,6 +66,7 @@ class Blame:
         torque: Root mean square of its torque at each joint, shape (n,).
         taken: Root mean square that it took off the residual of each joint, shape (n,); what the other columns could
             have taken in is not in it.
+        rivals: Causes that explain it about as well in its place.
     """
 
     cause: Cause
@@ -71,6 +78,7 @@ class Blame:
     size: float
     torque: Array
     taken: Array
+    rivals: tuple[Blame, ...] = ()
 
     @property
     def deviations(self) -> Array:
@@ -124,21 +132,24 @@ class Search:
         extra = np.concatenate([cause.columns for cause in causes]) if causes else np.zeros((0, *rows.target.shape))
         joints = rows.target.shape[1]
         self._grams, self._sides = np.zeros((joints, total, total)), np.zeros((joints, total))
-        self._squares = np.zeros(joints)
+        self.squares = np.zeros(joints)
         for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
             every = np.concatenate([own, np.arange(rows.size, total)])
             full = triangle_of(np.column_stack([block, extra[:, :, i].T, rows.target[:, i]])[rows.masks[:, i]])
             product = full.T @ full
             self._grams[i][np.ix_(every, every)] = product[:-1, :-1]
             self._sides[i][every] = product[:-1, -1]
-            self._squares[i] = product[-1, -1]
-        self._floors = np.maximum(EXACT**2 * self._squares / rows.counts, 1e-300)
+            self.squares[i] = product[-1, -1]
+        self.floors = np.maximum(EXACT**2 * self.squares / rows.counts, 1e-300)
 
     def fit(self, chosen: Sequence[int]) -> Solved:
         """Return the fit with some of the causes, by their numbers."""
+        return weighted_products(*self.products(chosen), self.squares, self.rows.counts, self.floors)
+
+    def products(self, chosen: Sequence[int]) -> tuple[Array, Array]:
+        """Return W_i' W_i (n, k, k) and W_i' tau_i (n, k) of each joint with the columns of some of the causes."""
         use = np.concatenate([np.arange(self.rows.size), *(self._places[k] for k in chosen)])
-        grams, sides = self._grams[:, use][:, :, use], self._sides[:, use]
-        return weighted_products(grams, sides, self._squares, self.rows.counts, self._floors)
+        return self._grams[:, use][:, :, use], self._sides[:, use]
 
     def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
         """Return by how much the rows of each joint hang together under a fit, shape (n,)."""
@@ -160,19 +171,32 @@ class Search:
             found.append(blame)
         return tuple(found)
 
-    def _next(self, before: Solved, chosen: list[int]) -> tuple[int, Solved, Blame] | None:
+    def candidates(self, before: Solved, chosen: Sequence[int]) -> list[int]:
+        """Return the causes that are worth a fit, by their numbers."""
         rest = [k for k in range(len(self.causes)) if k not in chosen]
-        best, found = 0.0, None
-        for k in sorted(rest, key=lambda k: -self._quick(before, chosen, k))[:FITTED]:
+        return sorted(rest, key=lambda k: -self._quick(before, chosen, k))[:FITTED]
+
+    def spread(self, worth: Array) -> float:
+        """Return the factor on the covariance of a fit for rows that hang together."""
+        return float(np.median(self.rows.counts / worth))
+
+    def _next(self, before: Solved, chosen: list[int]) -> tuple[int, Solved, Blame] | None:
+        sure: list[tuple[float, int, Solved, Array]] = []
+        for k in self.candidates(before, chosen):
             after, columns = self.fit([*chosen, k]), len(self._places[k])
             worth = self.rows.counts / self.factors(after, [*chosen, k])
-            ratio = float(worth @ np.log(before.variances / after.variances))
-            merit = self.causes[k].likelier * (ratio - columns * float(np.log(worth.sum())))
-            if merit > best and ratio > SURE**2 + 2 * columns:
-                best, found = merit, (k, after, self._blame(before, after, k, worth))
-        return found
+            ratio = _ratio(before, after, worth)
+            if len(self.causes) * scipy.special.chdtrc(columns, max(ratio, 0.0)) < CHANCE:
+                merit = self.causes[k].likelier * (ratio - columns * float(np.log(worth.sum())))
+                sure.append((merit, k, after, worth))
+        if not sure:
+            return None
+        (best, k, after, worth), *others = sorted(sure, key=lambda each: -each[0])
+        close = [each for each in others if best - each[0] < CLOSE][:RIVALS]
+        rivals = tuple(self._blame(before, solved, other, own) for _, other, solved, own in close)
+        return k, after, replace(self._blame(before, after, k, worth), rivals=rivals)
 
-    def _quick(self, before: Solved, chosen: list[int], k: int) -> float:
+    def _quick(self, before: Solved, chosen: Sequence[int], k: int) -> float:
         """Return about how likely one cause is, with the weights as they are: one step of elimination."""
         use = np.concatenate([np.arange(self.rows.size), *(self._places[c] for c in chosen)])
         new, weights = self._places[k], 1.0 / before.variances
@@ -187,8 +211,8 @@ class Search:
         every = np.concatenate([use, new])
         beta = np.concatenate([before.beta, np.zeros(len(new))]) + shift
         grams, sides = self._grams[:, every][:, :, every], self._sides[:, every]
-        left = self._squares - 2 * sides @ beta + np.einsum("k,ikl,l->i", beta, grams, beta)
-        variances = np.maximum(left, 0.0) / self.rows.counts + self._floors
+        left = self.squares - 2 * sides @ beta + np.einsum("k,ikl,l->i", beta, grams, beta)
+        variances = np.maximum(left, 0.0) / self.rows.counts + self.floors
         worth = self.rows.counts / self.rows.oversampling
         ratio = float(worth @ np.log(before.variances / variances))
         return self.causes[k].likelier * (ratio - len(new) * float(np.log(worth.sum())))
@@ -196,8 +220,7 @@ class Search:
     def _blame(self, before: Solved, after: Solved, k: int, worth: Array) -> Blame:
         cause, size = self.causes[k], len(self._places[k])
         values = after.beta[-size:]
-        factor = float(np.median(self.rows.counts / worth))
-        covariance = after.covariance[-size:, -size:] * factor
+        covariance = after.covariance[-size:, -size:] * self.spread(worth)
         torque = np.tensordot(values, cause.columns, 1)
         masks, measured = self.rows.masks, self.rows.measured
         counts = self.rows.counts
@@ -208,10 +231,15 @@ class Search:
             cause,
             values,
             covariance,
-            float(np.sqrt(worth @ np.log(before.variances / after.variances))),
+            float(np.sqrt(max(_ratio(before, after, worth), 0.0))),
             before.score - after.score,
             float(np.max(1.0 - after.variances / before.variances)),
             float(np.max(own / np.maximum(whole, 1e-300)) if cause.joint else np.linalg.norm(own) / size_of_all),
             own,
             np.sqrt(np.maximum(before.variances - after.variances, 0.0)),
         )
+
+
+def _ratio(before: Solved, after: Solved, worth: Array) -> float:
+    """Return twice the logarithm of the likelihood ratio of two fits, of ``worth`` (n,) independent rows each."""
+    return float(worth @ np.log(before.variances / after.variances)) + before.surprise - after.surprise

@@ -81,12 +81,14 @@ class Solved:
         variances: Residual variance of each joint, shape (n,).
         score: Sum of their logarithms; lower is likelier.
         covariance: Of beta for independent rows.
+        surprise: Squared distance from what was known of beta before, in its deviations; 0 where nothing was.
     """
 
     beta: Array
     variances: Array
     score: float
     covariance: Array
+    surprise: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from dynident.errors import DynidentError
+from dynident.estimation.doctor._earlier_causes import Known, known_bodies
 from dynident.estimation.doctor._quick_fit import QuickFit, quick_fit
 from dynident.estimation.doctor._recording import Recording
 from dynident.estimation.doctor._trend_causes import Trends
+from dynident.estimation.estimate import Estimate
 from dynident.estimation.friction.delay import Delay, find_delays
 from dynident.experiment.case_file.case import Case
 
@@ -69,11 +71,13 @@ class Subject:
         case: Robot, columns and preparation.
         raw: The log as its file has it.
         sound: The same after the safe mends: time runs forward, every value is finite.
+        earlier: An estimate of the same robot that bodies are held against; None for the description.
     """
 
     case: Case
     raw: Recording
     sound: Recording
+    earlier: Estimate | None = None
 
     @cached_property
     def fit(self) -> QuickFit | None:
@@ -100,6 +104,13 @@ class Subject:
         late = 0.0 if self.delay is None else self.delay.applied
         fit = replace(self.fit, how=replace(self.fit.how, delay_s=late)) if late else self.fit
         return Trends(fit, self.fit.gravity_observers)
+
+    @cached_property
+    def known(self) -> Known | None:
+        """What the earlier estimate knows of the bodies; None where there is none, or it knows nothing of them."""
+        if self.fit is None or self.earlier is None:
+            return None
+        return known_bodies(self.earlier, self.fit.model, self.fit.base)
 
 
 class Check(ABC):

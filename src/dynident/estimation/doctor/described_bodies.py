@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from dynident.estimation.doctor._causes import Blame
 from dynident.estimation.doctor._described_causes import Against
+from dynident.estimation.doctor._earlier_causes import with_rotors
 from dynident.estimation.doctor.base import Check, Finding, Severity, Subject
-from dynident.estimation.doctor.residual_trends import believable, trend_finding
+from dynident.estimation.doctor.residual_trends import believable, rival_findings, trend_finding
 from dynident.model.friction import FRICTION
 
 #: Share of what free bodies would explain that the told causes must explain together, or the description is too far
@@ -33,6 +34,9 @@ class DescribedBodies(Check):
         theta = None if trends is None else trends.fit.model.nominal()
         if trends is None or theta is None:
             return []
+        described = with_rotors(theta, trends.fit.model, subject.case.robot)
+        if subject.known is not None and not subject.known.agrees(trends.fit.base.from_standard(described)):
+            return []  # what the earlier estimate says of the bodies is what the torques are held against
         asked = any(FRICTION.name_of(part) == "rotor_inertia" for part in subject.case.friction)
         against = Against(trends, theta, None if asked else subject.case.robot)
         explained, found = 0.0, []
@@ -42,9 +46,18 @@ class DescribedBodies(Check):
         share = explained / max(against.excess, 1e-9)
         if share < ENOUGH:
             return []
-        return [
-            _finding(blame, against) for blame in found if blame.cause.name != "described body" and believable(blame)
-        ]
+        return [finding for blame in found for finding in _findings(blame, against) if believable(blame)]
+
+
+def _findings(blame: Blame, against: Against) -> list[Finding]:
+    """Return what is said of a cause and of its rivals; of a wrong body nothing is, unless a load is its rival."""
+    found = [] if blame.cause.name == "described body" else [_finding(blame, against)]
+    loads = [rival for rival in blame.rivals if rival.cause.name == "load at the flange"]
+    other = f"{blame.cause.name}" + f" ({blame.cause.joint})" * bool(blame.cause.joint)
+    for finding in (_finding(load, against) for load in loads):
+        told = f"the log does not tell it from {other}: {finding.evidence}"
+        found.append(replace(finding, severity="note", evidence=told))
+    return [*found, *rival_findings(blame, against.fit)]
 
 
 def _finding(blame: Blame, against: Against) -> Finding:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -39,10 +39,19 @@ class ResidualTrends(Check):
             FRICTION.name_of(part) not in PLAIN for part in subject.case.friction
         )
         return [
-            trend_finding(blame, trends.fit)
+            finding
             for blame in trends.blames
             if not (chosen and blame.cause.name == "friction curve") and believable(blame)
+            for finding in (trend_finding(blame, trends.fit), *rival_findings(blame, trends.fit))
         ]
+
+
+def rival_findings(blame: Blame, fit: QuickFit) -> list[Finding]:
+    """Return what is said of causes that explain about as well, each a note."""
+    of = f" ({blame.cause.joint})" * bool(blame.cause.joint)
+    found = [trend_finding(rival, fit) for rival in blame.rivals if rival.cause.name in _TEXTS and believable(rival)]
+    told = f"the log does not tell it from {blame.cause.name}{of}: "
+    return [replace(finding, severity="note", evidence=told + finding.evidence) for finding in found]
 
 
 def believable(blame: Blame) -> bool:

@@ -59,7 +59,8 @@ def _gaps(subject: Subject, middle: float) -> list[Finding]:
         return []
     worst = int(long[np.argmax(steps[long])])
     where = subject.sound.place(worst)
-    evidence = f"{len(long)} gaps, the longest of {steps[worst]:.4g} s after {where}; the median step is {middle:.4g} s"
+    many = f"{len(long)} gaps, the longest" if len(long) > 1 else "a gap"
+    evidence = f"{many} of {steps[worst]:.4g} s after {where}; the median step is {middle:.4g} s"
     numbers = {"gaps": len(long), "longest_s": float(steps[worst])}
     if steps[worst] > max(LONGEST_GAP, 10 * middle):
         return [Finding("error", "gap in time", "", evidence, "split the log there", numbers)]

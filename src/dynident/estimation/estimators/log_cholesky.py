@@ -52,7 +52,8 @@ class LogCholesky(Estimator):
         reduced, scale = problem.reduced(weights), scale_of(problem)
         program = pose_program(problem.model, problem.base, reduced, scale, self.pull)
         proven = consistent_fit(problem.model, problem.base, reduced, scale, self.pull)
-        best, held = proven.optimality.objective, {str(condition["condition"]) for condition in proven.active}
+        best = program.objective(proven.theta / scale.parameters)
+        held = {str(condition["condition"]) for condition in proven.active}
         with one_blas_thread():
             found = descend(program, self.iterations)
             shares = data_shares(program, found.phi)

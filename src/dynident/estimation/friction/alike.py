@@ -17,8 +17,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import PoorExcitation, SolverFailed
 from dynident.estimation.estimators.consistent import Consistent
-from dynident.estimation.friction.load import loaded_problem
-from dynident.estimation.problem import Problem, make_problem
+from dynident.estimation.friction.load import problem_of
+from dynident.estimation.problem import Problem
 from dynident.estimation.uncertainty.cross_validation import cross_validate
 from dynident.experiment.preprocessing import Prepared
 from dynident.model.base_parameters import base_parameters
@@ -121,8 +121,7 @@ def _like(name: str, chosen: Sequence[Friction]) -> Friction:
 
 
 def _problem(model: DynamicModel, logs: Sequence[Prepared]) -> Problem:
-    base = base_parameters(model)
-    return loaded_problem(model, base, logs) if "torque" in model.needs else make_problem(model, base, logs)
+    return problem_of(model, base_parameters(model), logs)
 
 
 def _held_out(problem: Problem, scale: Array) -> Array | None:

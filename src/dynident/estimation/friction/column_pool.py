@@ -111,7 +111,7 @@ def make_pool(
             cut belong to none.
         load: Standard inertial parameters (10 l,) whose torque loads the drives; None where no part asks.
     """
-    labelled = tuple(Candidate(part, str(k)) for k, part in enumerate(parts))
+    labelled = tuple(Candidate(part, str(k), joints=part.joints) for k, part in enumerate(parts))
     whole = DynamicModel(model.robot, labelled)
     rigid = base_parameters(DynamicModel(model.robot))
     independent = np.concatenate([rigid.independent, np.arange(whole.inertial_count, len(whole.parameters))])

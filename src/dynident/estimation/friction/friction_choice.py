@@ -2,7 +2,8 @@
 
 Parts are added one by one to a drive, or exchanged, while that lowers the held-out error; then the shortest list is
 kept whose error is within one standard error of the best (Breiman, Friedman, Olshen and Stone 1984, section 3.4.3; the
-error of the difference, block by block). Of lists as long and as good the most usual one is taken. No test log has a
+error of the difference, block by block). Of lists as long and as good the most usual one is taken. Where drives take
+the Stribeck effect, its velocity is found for each by variable projection, and all choose once more. No test log has a
 part in it.
 """
 
@@ -18,11 +19,13 @@ from dynident.arrays import Array, IntArray
 from dynident.errors import LogMismatch
 from dynident.estimation.friction.column_pool import Pool, fit, loss, make_pool
 from dynident.estimation.friction.load import default_load
+from dynident.estimation.friction.variable_projection import vary_fields
 from dynident.experiment.preprocessing import Prepared
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction
+from dynident.model.friction.stribeck import Stribeck
 
-#: What a drive can have, the most usual first; non-linear fields on a small grid.
+#: What a drive can have, the most usual first; non-linear fields on a small grid, Stribeck velocities to begin with.
 CANDIDATES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("coulomb", {"width": 0.02}),
     ("viscous", {}),
@@ -44,14 +47,18 @@ CANDIDATES: tuple[tuple[str, dict[str, Any]], ...] = (
 #: What the drives have before their turn comes.
 START = ("coulomb", "viscous", "offset")
 
-#: Parts that say the same in two ways.
-RIVALS = ({"coulomb", "asymmetric"},)
+#: Parts that say the same in two ways, or nearly: asymmetry and offset are told apart by standstill alone.
+RIVALS = ({"coulomb", "asymmetric"}, {"asymmetric", "offset"})
 
 #: A part that takes less than this share off the held-out error is none.
 NOTHING = 5e-3
 
 #: Blocks of rows at least; parts of a drive at most; rounds over the drives.
 BLOCKS, LONGEST, ROUNDS = 8, 8, 2
+
+#: Parts of speed alone pass for a Stribeck effect of another velocity; these stay beside the usual ones where they were
+#: chosen while the velocity is found.
+BESIDE = ("rotor_inertia", "load", "temperature", "periodic")
 
 #: How often a list may be improved by exchanging one of its parts, before it grows.
 EXCHANGES = 2
@@ -119,24 +126,43 @@ def choose_friction(
     if any(log.log.temperature is None for log in logs):
         parts = tuple(part for part in parts if "temperature" not in part.needs)
     progress("friction: candidates")
-    start = replace(model, friction=tuple(FRICTION.make(name) for name in START))
-    pool = make_pool(model, parts, logs, max(BLOCKS, len(logs)), default_load(start, logs))
-    if len(pool.products) < 3 or np.min(pool.rows.sum(axis=1)) < 2 * pool.inertial:
-        rows = int(pool.rows.sum())
-        raise LogMismatch(logs[0].log.name, f"{rows} rows are too few to choose friction", "give longer logs")
-    search = _Search(pool, _positions(parts, start.friction))
+    search = _Search.over(model, parts, logs)
+    names = model.robot.joint_names
     for turn in range(ROUNDS):
-        for joint, name in enumerate(model.robot.joint_names):
+        for joint, name in enumerate(names):
             progress(f"friction: {name}, round {turn + 1} of {ROUNDS}")
             search.improve(joint)
-    names = model.robot.joint_names
+    search = _refined(search, model, logs, progress)
     return FrictionChoice(
-        _gathered(parts, search.sets, names), dict(zip(names, search.steps, strict=True)), search.blocks
+        _gathered(search.pool.parts, search.sets, names), dict(zip(names, search.steps, strict=True)), search.blocks
     )
 
 
-def _positions(parts: Sequence[Friction], wanted: Sequence[Friction]) -> tuple[int, ...]:
-    return tuple(parts.index(part) for part in wanted)
+def _refined(
+    search: _Search, model: DynamicModel, logs: Sequence[Prepared], progress: Callable[[str], None]
+) -> _Search:
+    """Return the search once more with Stribeck velocities of the drives' own, where some drives took the effect.
+
+    The velocities are found by variable projection with the parts that were chosen; what is held out then decides
+    whether they, and which parts beside them, are taken. A drive may take that of another one.
+    """
+    pool, names = search.pool, model.robot.joint_names
+    others = [part for part in pool.parts if not isinstance(part, Stribeck)]
+    chosen = _gathered(pool.parts, search.sets, names)
+    usual = tuple(FRICTION.make(name) for name in START)
+    fixed = [*usual, *(part for part in chosen if FRICTION.name_of(part) in BESIDE)]
+    taken = [(name, pool.parts[p]) for name, own in zip(names, search.sets, strict=True) for p in own]
+    varied = [replace(part, joints=(name,), vary=("velocity",)) for name, part in taken if isinstance(part, Stribeck)]
+    if not varied:
+        return search
+    found, _ = vary_fields(replace(model, friction=(*fixed, *varied)), logs, progress)
+    kinds = dict.fromkeys(replace(part, joints=None, vary=None) for part in found.friction[len(fixed) :])
+    place = next(p for p, part in enumerate(pool.parts) if isinstance(part, Stribeck))
+    finer = _Search.over(model, (*others[:place], *kinds, *others[place:]), logs)
+    for joint, name in enumerate(names):
+        progress(f"friction: {name}, Stribeck velocities of its own")
+        finer.improve(joint)
+    return finer
 
 
 def _gathered(parts: Sequence[Friction], sets: Sequence[Sequence[int]], names: Sequence[str]) -> tuple[Friction, ...]:
@@ -152,8 +178,8 @@ def _gathered(parts: Sequence[Friction], sets: Sequence[Sequence[int]], names: S
 def label(part: Friction) -> str:
     """Return a part as the table of the choice names it: ``stribeck (velocity 0.1)``."""
     name = FRICTION.name_of(part)
-    options = dict(next((o for p, o in CANDIDATES if p == name and FRICTION.make(p, **o) == part), {}))
-    return name + (f" ({', '.join(f'{key} {value:g}' for key, value in options.items())})" if options else "")
+    options = next((o for p, o in CANDIDATES if p == name), {})
+    return name + (f" ({', '.join(f'{key} {getattr(part, key):.3g}' for key in options)})" if options else "")
 
 
 def _without(own: tuple[int, ...], place: int) -> tuple[int, ...]:
@@ -180,13 +206,22 @@ class _Search:
         self._rows = pool.rows.sum(axis=1)
         self._known: dict[bytes, Array] = {}
 
+    @classmethod
+    def over(cls, model: DynamicModel, parts: Sequence[Friction], logs: Sequence[Prepared]) -> _Search:
+        """Return the search among some parts, before its first step."""
+        start = replace(model, friction=tuple(FRICTION.make(name) for name in START))
+        pool = make_pool(model, parts, logs, max(BLOCKS, len(logs)), default_load(start, logs))
+        if len(pool.products) < 3 or np.min(pool.rows.sum(axis=1)) < 2 * pool.inertial:
+            rows = int(pool.rows.sum())
+            raise LogMismatch(logs[0].log.name, f"{rows} rows are too few to choose friction", "give longer logs")
+        return cls(pool, tuple(parts.index(part) for part in start.friction))
+
     def improve(self, joint: int) -> None:
         """Choose the parts of one drive, those of the others held."""
         path: list[tuple[int, ...]] = [()]
         scores = [self._scores(joint, ())]
         while len(path[-1]) < LONGEST:
-            usual = self.start[: len(path[-1]) + 1]  # two parts may stand in for the usual two: exchanges miss these
-            best = self._best(joint, [*self._longer(path[-1]), *([usual] if len(usual) > len(path[-1]) else [])])
+            best = self._best(joint, [*self._longer(path[-1]), *self._usual(len(path[-1]) + 1)])
             if best is None or np.mean(best[1]) >= (1.0 - NOTHING) * np.mean(scores[-1]):
                 break
             for _ in range(EXCHANGES):  # what came first need not be in the best of this length
@@ -208,6 +243,12 @@ class _Search:
             Step(tuple(label(self.pool.parts[p]) for p in own), float(np.mean(each)), float(error), k == pick)
             for k, (own, each, error) in enumerate(zip(path, scores, errors, strict=True))
         )
+
+    def _usual(self, length: int) -> list[tuple[int, ...]]:
+        """Return the usual lists of a length: two parts may stand in for two of theirs, which exchanges would miss."""
+        bent = [p for p, part in enumerate(self.pool.parts) if isinstance(part, Stribeck)] if length == 3 else []
+        usual = [self.start[:length]] if length <= len(self.start) else []
+        return usual + [(*self.start[:2], p) for p in bent]
 
     def _longer(self, own: tuple[int, ...]) -> list[tuple[int, ...]]:
         return [(*own, p) for p in range(len(self.pool.parts)) if self._fits(own, p)]

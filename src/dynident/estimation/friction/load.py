@@ -31,6 +31,16 @@ def without_load(model: DynamicModel) -> DynamicModel:
     return replace(model, friction=tuple(part for part in model.friction if "torque" not in part.needs))
 
 
+def problem_of(model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared]) -> Problem:
+    """Return the problem of a model, by :func:`loaded_problem` where its friction depends on the load.
+
+    Raises:
+        LogMismatch: See :func:`make_problem`.
+        PoorExcitation: The rows do not determine all base parameters.
+    """
+    return loaded_problem(model, base, logs) if "torque" in model.needs else make_problem(model, base, logs)
+
+
 def loaded_problem(model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared]) -> Problem:
     """Return the problem of a model whose friction depends on the load, the load that of a fit without those parts.
 

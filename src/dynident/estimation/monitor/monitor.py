@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from dynident.arrays import Array, frozen
 from dynident.errors import BadOption, LogMismatch
+from dynident.estimation.monitor.band import Band, fitted_band, lagged, shapes
 from dynident.estimation.monitor.momentum_observer import MomentumObserver
 from dynident.estimation.monitor.signals import Signals, residuals_of
-from dynident.estimation.monitor.tails import Tail, tail_of
+from dynident.estimation.monitor.tails import Tail, shrunk, tail_of
 
 #: Time constants of the observer below the threshold after which an alarm is over.
 APART = 5.0
@@ -25,31 +26,38 @@ LOST = 20.0
 class Monitor:
     """A momentum observer with a threshold for each joint.
 
-    The threshold of a joint is its factor times its torque band sqrt(noise^2 + s(q, dq)^2), s the deviation of the
-    model's torque by the covariance of its parameters: wider where the model is less sure.
+    The threshold of a joint is its factor times its torque band, the standard deviation of the residual at that state:
+    wider where the model is less sure.
 
     Attributes:
         observer: The observer.
+        band: The torque band.
         factors: Shape (n,).
-        noise: Residual deviation of each joint in the fit, shape (n,), in N m or N.
         rates: False alarms a second that were asked for, shape (n,).
         tails: Of each joint's residual over its band, by which the factors were found.
     """
 
     observer: MomentumObserver
+    band: Band
     factors: Array
-    noise: Array
     rates: Array
     tails: tuple[Tail, ...]
 
     def __post_init__(self) -> None:
         joints = self.observer.model.robot.dof
-        for name in ("factors", "noise", "rates"):
+        for name in ("factors", "rates"):
             object.__setattr__(self, name, frozen(getattr(self, name), (joints,), name))
 
-    def thresholds(self, q: Array, dq: Array, temperature: Array | None = None) -> Array:
-        """Return the threshold of each joint at some states, shape (N, n), in N m or N."""
-        return np.asarray(self.factors) * np.hypot(self.noise, self.observer.deviations(q, dq, temperature))
+    def thresholds(self, run: Signals) -> Array:
+        """Return the threshold of each joint along a run, shape (N, n), in N m or N."""
+        observer, found = self.observer, []
+        start = 0
+        for terms in observer.chunks(run.q, run.dq, run.temperature):
+            dq = run.dq[start : start + len(terms.momentum)]
+            found.append(self.band.variances(terms, observer.deviations(terms), dq))
+            start += len(dq)
+        keep = float(np.exp(-observer.gain * run.step))
+        return np.asarray(self.factors) * np.sqrt(lagged(np.concatenate(found), keep))
 
 
 @dataclass(frozen=True)
@@ -61,6 +69,7 @@ class MonitorState:
         momentum: Then, shape (n,).
         push: Measured torque less the model's drift then, shape (n,).
         residual: Torque from outside, shape (n,), in N m or N.
+        variance: Of the residual without contact, shape (n,).
         active: Time at which each joint was last above its threshold, shape (n,); -inf for never.
     """
 
@@ -68,6 +77,7 @@ class MonitorState:
     momentum: Array | None = None
     push: Array | None = None
     residual: Array | None = None
+    variance: Array | None = None
     active: Array | None = None
 
 
@@ -129,16 +139,13 @@ def calibrated(observer: MomentumObserver, clean: Sequence[Signals], rates: npt.
     wanted = np.broadcast_to(wanted, (model.robot.dof,))
     if not clean:
         raise LogMismatch("monitor", "no clean run", "give at least one log without contact")
-    noise = np.maximum(np.asarray(observer.estimate.joint_deviations), 1e-12)
-    shares = []
-    for run in clean:
-        residual = residuals_of(observer, run)
-        band = np.hypot(noise, observer.deviations(run.q, run.dq, run.temperature))
-        shares.append((np.abs(residual) / band)[_settled(run, observer) :])
+    band, shares = _band_and_shares(observer, clean)
     steps = [run.step for run in clean]
-    tails = tuple(
-        tail_of([one[:, j] for one in shares], steps, APART / observer.gain, name)
-        for j, name in enumerate(model.robot.joint_names)
+    tails = shrunk(
+        [
+            tail_of([one[:, j] for one in shares], steps, APART / observer.gain, name)
+            for j, name in enumerate(model.robot.joint_names)
+        ]
     )
     factors = []
     for tail, rate, name in zip(tails, wanted, model.robot.joint_names, strict=True):
@@ -146,7 +153,28 @@ def calibrated(observer: MomentumObserver, clean: Sequence[Signals], rates: npt.
             step = f"choose a rate below {3600 * tail.rate:.3g} alarms an hour for {name}"
             raise BadOption("rates", float(rate), step)
         factors.append(tail.threshold(float(rate)))
-    return Monitor(observer, np.array(factors), noise, wanted, tails)
+    return Monitor(observer, band, np.array(factors), wanted, tails)
+
+
+def _band_and_shares(observer: MomentumObserver, clean: Sequence[Signals]) -> tuple[Band, list[Array]]:
+    """Return the band of clean runs, and the residual of each over it once the start is forgotten, (N, n) each."""
+    speeds = np.maximum(np.sqrt(np.mean(np.concatenate([run.dq**2 for run in clean]), axis=0)), 1e-9)
+    residuals, moments = [], []
+    for run in clean:
+        terms = list(observer.chunks(run.q, run.dq, run.temperature))
+        ends = np.cumsum([0, *(len(one.momentum) for one in terms)])
+        parts = zip(terms, ends, ends[1:], strict=False)
+        moments.append(np.concatenate([shapes(o, observer.deviations(o), run.dq[a:b], speeds) for o, a, b in parts]))
+        residuals.append(residuals_of(observer, run))
+    keeps = [float(np.exp(-observer.gain * run.step)) for run in clean]
+    starts = [_settled(run, observer) for run in clean]
+    cut = [(one[s:], rows[s:]) for one, rows, s in zip(residuals, moments, starts, strict=True)]
+    band = fitted_band([one for one, _ in cut], [rows for _, rows in cut], keeps, speeds)
+    shares = []
+    for residual, rows, keep, start in zip(residuals, moments, keeps, starts, strict=True):
+        variance = lagged(np.einsum("sjf,jf->sj", rows, band.weights), keep)
+        shares.append((np.abs(residual) / np.sqrt(variance))[start:])
+    return band, shares
 
 
 def _settled(run: Signals, observer: MomentumObserver) -> int:
@@ -181,28 +209,30 @@ def step(
         BadOption: A shape that does not fit the robot.
         LogMismatch: Time that does not run forward, or a value that is no finite number.
     """
-    observer, names = monitor.observer, monitor.observer.model.robot.joint_names
+    observer, names = monitor.observer, monitor.observer.joint_names
     here, speed, effort = (_row(names, name, one) for name, one in (("q", q), ("dq", dq), ("torque", torque)))
     warm = None if temperature is None else _row(names, "temperature", temperature)
     if not np.isfinite(time) or (state.time is not None and time <= state.time):
         raise LogMismatch("stream", f"time {time:g} s after {state.time} s", "send samples in order, each once")
-    momentum, push = observer.momentum(here, speed), effort - observer.drift(here, speed, warm)
-    residual = np.zeros(len(names)) if state.residual is None else np.asarray(state.residual)
+    terms = observer.equations.at(here, speed, warm)
+    momentum, push = terms.momentum, effort - terms.drift
+    fresh = monitor.band.variances(terms, observer.deviations(terms), speed)[0]
     if state.time is None or (time - state.time) * observer.gain > LOST:
-        residual = np.zeros(len(names))
+        residual, variance = np.zeros(len(names)), fresh
     else:
         dt = time - state.time
         pair = np.stack([np.asarray(state.momentum), momentum[0]]), np.stack([np.asarray(state.push), push[0]])
         outside = observer.steps(np.array([dt]), *pair)[0]
         keep = np.exp(-observer.gain * dt)
-        residual = keep * residual + (1.0 - keep) * outside
-    threshold = monitor.thresholds(here, speed, warm)[0]
+        residual = keep * np.asarray(state.residual) + (1.0 - keep) * outside
+        variance = keep**2 * np.asarray(state.variance) + (1.0 - keep**2) * fresh
+    threshold = np.asarray(monitor.factors) * np.sqrt(variance)
     above = np.abs(residual) > threshold
     last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
-    fresh = above & (time - last > APART / observer.gain)
-    following = MonitorState(float(time), momentum[0], push[0], residual, np.where(above, time, last))
+    begins = above & (time - last > APART / observer.gain)
+    following = MonitorState(float(time), momentum[0], push[0], residual, variance, np.where(above, time, last))
     named = tuple(name for name, one in zip(names, above, strict=True) if one)
-    begun = tuple(name for name, one in zip(names, fresh, strict=True) if one)
+    begun = tuple(name for name, one in zip(names, begins, strict=True) if one)
     return following, Reading(float(time), residual, threshold, named, begun)
 
 

@@ -72,7 +72,7 @@ def run_monitor(monitor: Monitor, log: Log) -> Monitored:
     observer = monitor.observer
     signals = signals_of(observer.estimate, log)
     residual = residuals_of(observer, signals)
-    threshold = monitor.thresholds(signals.q, signals.dq, signals.temperature)
+    threshold = monitor.thresholds(signals)
     names = observer.model.robot.joint_names
     found = [
         alarm

@@ -1,14 +1,14 @@
 """How often a signal rises above a level: peaks over a threshold, beyond what the log itself has seen.
 
-Peaks of |s| over a high level are nearly independent and follow a generalised Pareto distribution (Pickands 1975), here
-by probability-weighted moments (Hosking and Wallis 1987, (14)). Rising above u happens rate * (1 + k (u - level) /
-scale)^(-1 / k) times a second.
+Peaks of |s| over a high level are nearly independent; x = s^2 / 2 of them follows a generalised Pareto distribution
+(Pickands 1975), here by probability-weighted moments (Hosking and Wallis 1987, (14)). Normal noise has shape 0 and
+scale 1 in x (Rice 1945). Rising above u happens rate * (1 + k (u^2 / 2 - level) / scale)^(-1 / k) times a second.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,21 +23,24 @@ FEWEST = 20
 
 #: Peaks above a level that the log must have seen for its own shape to hold there. Beyond it the shape is at least that
 #: of normal noise and the scale a share of the log's: a few peaks may look as if they ended.
-SEEN, LIGHTEST, LEAST = 3.0, -0.1, 0.25
+SEEN, LIGHTEST, LEAST = 3.0, 0.0, 0.25
 
 #: Largest shape of the tail: beyond it levels of rare events mean nothing.
 HEAVIEST = 0.5
 
+#: Variance of a shape near 0, times the number of peaks (Hosking and Wallis 1987, table 2).
+SCATTER = 4.0 / 3.0
+
 
 @dataclass(frozen=True)
 class Tail:
-    """The peaks of a signal.
+    """The peaks of a signal s, in x = s^2 / 2.
 
     Attributes:
         level: Above which they are peaks.
         rate: Peaks a second.
         scale: Of the generalised Pareto distribution.
-        shape: k; 0 an exponential tail, below 0 one that ends.
+        shape: k; 0 as normal noise has, below 0 one that ends.
         seconds: Length of what they were found in.
     """
 
@@ -48,16 +51,41 @@ class Tail:
     seconds: float
 
     def threshold(self, rate: float) -> float:
-        """Return the level that is risen above ``rate`` times a second.
+        """Return the size of the signal that is risen above ``rate`` times a second.
 
         Beyond what the log has seen a few times the tail goes on like that of normal noise, or heavier.
         """
         seen = SEEN / self.seconds
         if rate >= seen or self.shape >= LIGHTEST or seen >= self.rate:
-            return self.level + self.scale * _stretched(self.rate / rate, self.shape)
+            return _size(self.level + self.scale * _stretched(self.rate / rate, self.shape))
         reached = self.level + self.scale * _stretched(self.rate / seen, self.shape)
         scale = max(self.scale + self.shape * (reached - self.level), LEAST * self.scale)
-        return reached + scale * _stretched(seen / rate, LIGHTEST)
+        return _size(reached + scale * _stretched(seen / rate, LIGHTEST))
+
+    @property
+    def count(self) -> float:
+        """Number of the peaks."""
+        return self.rate * self.seconds
+
+
+def shrunk(tails: Sequence[Tail]) -> tuple[Tail, ...]:
+    """Return tails whose shapes are drawn to that of normal noise as far as their scatter explains the difference.
+
+    The shapes are taken for normal about 0, their variance by the joints together (Efron and Morris 1975): a few peaks
+    do not make a tail heavy or light, and many do.
+    """
+    scatter = np.array([SCATTER / tail.count for tail in tails])
+    shapes = np.array([tail.shape for tail in tails])
+    spread = max(float(np.mean(shapes**2 - scatter)), 0.0)
+    kept = shapes * spread / (spread + scatter)
+    return tuple(
+        replace(tail, shape=float(shape), scale=tail.scale * (1.0 - float(shape)) / (1.0 - tail.shape))
+        for tail, shape in zip(tails, kept, strict=True)
+    )
+
+
+def _size(half_square: float) -> float:
+    return float(np.sqrt(2.0 * half_square))
 
 
 def _stretched(ratio: float, shape: float) -> float:
@@ -77,8 +105,9 @@ def tail_of(signals: Sequence[Array], steps: Sequence[float], apart: float, name
     Raises:
         LogMismatch: Too few peaks.
     """
-    level = float(np.quantile(np.concatenate(signals), QUANTILE))
-    peaks = [peak for one, step in zip(signals, steps, strict=True) for peak in _peaks(one, level, apart / step)]
+    halves = [0.5 * one**2 for one in signals]
+    level = float(np.quantile(np.concatenate(halves), QUANTILE))
+    peaks = [peak for one, step in zip(halves, steps, strict=True) for peak in _peaks(one, level, apart / step)]
     seconds = float(sum(len(one) * step for one, step in zip(signals, steps, strict=True)))
     if len(peaks) < FEWEST:
         evidence = (

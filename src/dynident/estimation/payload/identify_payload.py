@@ -19,6 +19,7 @@ from dynident.estimation.payload.difference_fit import (
     independent_covariance,
     noise_covariance,
 )
+from dynident.estimation.payload.gain_doubt import GainDoubt, gain_doubt, scaled_rows
 from dynident.estimation.payload.poses import holding_friction, mostly_standing, posture_log
 from dynident.estimation.payload.statement import Found, stated
 from dynident.estimation.problem import Observer, Problem, counting_rows
@@ -62,7 +63,8 @@ def identify_payload(
         friction_share: How far friction may have changed since the robot was identified: standard deviation of the
             torque of each friction term as a share of all friction of its joint; 0: not at all.
         gain_deviation: Relative standard deviation of each drive gain, errors of different drives independent; None:
-            those of the robot's drives.
+            those of the robot's drives, or, where torques are made of currents and the gains have none, as far as the
+            joints disagree about the payload.
         level: Confidence of the intervals.
         preprocessing: Another preparation than that of the fit.
         progress: Told each step in words.
@@ -79,21 +81,31 @@ def identify_payload(
     if rows == "auto":
         rows = "poses" if mostly_standing(prepared) else "motion"
     used = [posture_log(log) for log in prepared] if rows == "poses" else prepared
-    drives = [joint.drive.gain_deviation for joint in estimate.model.robot.active]
-    gains = np.array(drives) if gain_deviation is None else np.full(len(drives), gain_deviation)
+    gains = _gain_deviations(estimate, logs, gain_deviation)
     beforehand = _Beforehand(mass, mass_deviation, friction_share, gains)
     run = _Run(estimate, used, rows, place, beforehand, progress)
     return stated(run.solve(), estimate, flange, level, tuple(log.name for log in logs))
 
 
+def _gain_deviations(estimate: Estimate, logs: Sequence[Log], deviation: float | None) -> Array | None:
+    """Return the relative deviation of each drive gain, (n,); 0 where torques are measured, None for unknown."""
+    stated = np.array([joint.drive.gain_deviation for joint in estimate.model.robot.active])
+    if deviation is not None:
+        return np.full(len(stated), deviation)
+    return None if not np.any(stated) and any(log.current is not None for log in logs) else stated
+
+
 @dataclass(frozen=True)
 class _Beforehand:
-    """What the caller knows: the mass and its deviation, change of friction, deviation of each drive gain (n,)."""
+    """What the caller knows: the mass and its deviation, change of friction, deviation of each drive gain (n,).
+
+    Without deviations (None) the joints have to say how far their gains are off.
+    """
 
     mass: float | None
     deviation: float
     friction_share: float
-    gains: Array
+    gains: Array | None
 
 
 @dataclass(frozen=True)
@@ -188,11 +200,12 @@ class _Run:
         else:
             noise = independent_covariance(problem, fit.weights, found, fit.deviations)
             degrees = np.full(len(noise), np.inf)
+        doubt = self._gain_doubt(fit)
         parts = {
             "noise": noise,
             "robot": found.by_robot,
             "friction": found.by_known[10:].sum(axis=0),
-            "gains": self._gain_covariance(fit),
+            "gains": np.zeros_like(noise) if doubt is None else doubt.covariance,
             "stated": found.by_known[:10].sum(axis=0),
         }
         ten = slice(0, 10)
@@ -205,7 +218,7 @@ class _Run:
             rows=self.rows,
             samples=problem.samples,
             residual=(_rms(before, fit.passes), _rms(fit.residual, fit.passes)),
-            gains_told=bool(np.any(self.told.gains)),
+            gains=doubt,
         )
 
     def _pass(self, problem: Problem, deviations: Array, factors: Array) -> _Pass:
@@ -247,26 +260,13 @@ class _Run:
         sizes = np.r_[own, spread]
         return Known(estimate.beta, estimate.covariance, columns, sizes, means, deviations)
 
-    def _gain_covariance(self, fit: _Pass) -> Array:
-        """Return what doubt about drive gains adds, shape (k, k): by the payload's own torque, whose scale they set.
-
-        The robot's parameters carry the same error as the run, which takes most of the rest away.
-        """
-        passes, found = fit.passes, fit.found
-        added = np.zeros((len(found.x),) * 2)
-        if not np.any(self.told.gains):
-            return added
-        of_payload = fit.known.columns[:, :10] @ found.x[:10]
-        torque = np.zeros(passes.counting.shape)
-        for segment in passes:
-            for i, (own, block) in enumerate(zip(passes.columns, segment.blocks, strict=True)):
-                torque[segment.samples, i] = of_payload[own] @ block[:-1]
-        coupling = np.asarray(self.estimate.model.robot.coupling)
-        drives = torque @ np.linalg.inv(coupling)
-        for k in np.flatnonzero(self.told.gains):
-            slope = found.transfer @ passes.products(drives[:, [k]] * (coupling[k] * fit.weights**2))
-            added += self.told.gains[k] ** 2 * np.outer(slope, slope)
-        return added
+    def _gain_doubt(self, fit: _Pass) -> GainDoubt | None:
+        """Return the doubt about drive gains; None where no torque is made of one."""
+        if self.told.gains is not None and not np.any(self.told.gains):
+            return None
+        carried = fit.known.columns[:, :10] @ fit.found.x[:10]
+        scaled = scaled_rows(fit.problem, fit.passes, fit.weights, carried, fit.residual)
+        return gain_doubt(fit.problem, fit.weights, fit.known, fit.found, scaled, self.told.gains)
 
 
 def _is_friction(estimate: Estimate, k: int, unit: str) -> bool:

@@ -11,6 +11,7 @@ import scipy.stats
 from dynident.arrays import Array, BoolArray
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.payload.carried_load import IDENTIFIED, NOT_DETERMINED, WEAK, CarriedLoad, LoadParameter
+from dynident.estimation.payload.gain_doubt import GainDoubt
 from dynident.estimation.payload.possible_body import possible_body
 from dynident.model.inertia import TEN, Inertia
 
@@ -39,7 +40,7 @@ class Found:
         rows: ``motion`` or ``poses``.
         samples: Rows used.
         residual: Root mean square torque that is left without and with the payload, shape (n,) each.
-        gains_told: Whether doubt about drive gains is in the covariance.
+        gains: Doubt about drive gains; None where no torque is made of one, or they are said to be exact.
     """
 
     ten: Array
@@ -50,7 +51,7 @@ class Found:
     rows: str
     samples: int
     residual: tuple[Array, Array]
-    gains_told: bool = False
+    gains: GainDoubt | None = None
 
 
 def stated(found: Found, estimate: Estimate, flange: str, level: float, logs: tuple[str, ...]) -> CarriedLoad:
@@ -58,9 +59,7 @@ def stated(found: Found, estimate: Estimate, flange: str, level: float, logs: tu
     robot = estimate.model.robot
     closed = np.outer(~found.open, ~found.open)
     covariance = np.where(closed, sum(found.parts.values()), 0.0)
-    own = np.diag(found.parts["noise"])
-    total = np.maximum(np.diag(covariance), 1e-300)
-    degrees = found.degrees * np.maximum(total / np.maximum(own, 1e-300), 1.0) ** 2  # only that of the noise is doubted
+    degrees = _degrees(found, np.where(found.open, np.inf, np.maximum(np.diag(covariance), 1e-300)))
     quantile = scipy.stats.t.ppf(0.5 + 0.5 * level, degrees)
     half = np.where(found.open, np.inf, np.sqrt(np.diag(covariance)) * quantile)
     mass = float(found.ten[9])
@@ -91,6 +90,13 @@ def stated(found: Found, estimate: Estimate, flange: str, level: float, logs: tu
         logs=logs,
         remarks=_remarks(found, estimate, parameters, distance),
     )
+
+
+def _degrees(found: Found, total: Array) -> Array:
+    """Return the degrees of freedom of variances of which that by noise and by gains are doubted (Satterthwaite)."""
+    degrees = np.inf if found.gains is None else found.gains.degrees
+    noise, gains = (np.minimum(np.diag(found.parts[name]) / total, 1.0) for name in ("noise", "gains"))
+    return 1.0 / np.maximum(noise**2 / found.degrees + gains**2 / degrees, 1e-12)
 
 
 def _parameter(name: str, value: float, half: float, unit: str, enough: float) -> LoadParameter:
@@ -149,9 +155,13 @@ def _remarks(
         text = f"no body is as found: the nearest is {distance:.3g} standard deviations away; friction or drive gains "
         remarks.append(text + "may have changed, or the payload may have moved")
     drives = [joint.drive for joint in estimate.model.robot.active]
-    if any(drive.gain is not None for drive in drives) and not found.gains_told:
+    if found.gains is None and any(drive.gain is not None for drive in drives):
         remarks.append("drive gains are taken for exact: one that is 10 % off makes the mass up to 10 % wrong; "
                        "see 'dynident gains'")  # fmt: skip
+    elif found.gains is not None and np.isfinite(found.gains.degrees):
+        share = 100.0 * float(found.gains.deviations.max())
+        text = f"joints disagree about the payload as drive gains do that are off by {share:.2g} % each; "
+        remarks.append(text + "what all gains have in common is not seen: 'dynident gains' finds it with a known mass")
     if found.rows == "poses":
         remarks.append("postures tell mass and centre of mass only; a motion tells the inertia as well")
     return tuple(remarks)

@@ -215,13 +215,7 @@ def filter_log(
         seen = covariance[:joints, :joints] + np.diag(tuning.position**2)
         gain = np.linalg.solve(seen, covariance[:joints]).T
         normalised[row] = innovation @ np.linalg.solve(seen, innovation)
-        try:
-            seen_rows[row], root = _known_parameters(covariance, seen, own)
-        except np.linalg.LinAlgError as error:
-            step = "state a greater position_noise: positions that were filtered have no white noise of their own"
-            raise SolverFailed(
-                "the Kalman filter", f"its covariance is lost to rounding at row {row + 1}", step
-            ) from error
+        seen_rows[row], root = _known_parameters(covariance, seen, own, row + 1)
         seen_values[row] = np.linalg.solve(root, innovation) + seen_rows[row] @ beta
         change = gain @ innovation
         state, beta = np.append(moved, np.zeros(joints)) + change[:own], beta + change[own:]
@@ -248,13 +242,21 @@ def _carried(ahead: Prediction, covariance: Array, torque: Array) -> Array:
     return covariance
 
 
-def _known_parameters(covariance: Array, seen: Array, own: int) -> tuple[Array, Array]:
-    """Return the slopes of the innovation by the parameters over its deviations were they known, and these, (n, n)."""
+def _known_parameters(covariance: Array, seen: Array, own: int, row: int) -> tuple[Array, Array]:
+    """Return the slopes of the innovation by the parameters over its deviations were they known, and these, (n, n).
+
+    Raises:
+        SolverFailed: The covariance is lost to rounding, at ``row``.
+    """
     joints = len(seen)
     of_beta, size = covariance[own:, own:], np.sqrt(np.diag(covariance)[own:])
     scaled = of_beta / size / size[:, None]
-    slopes = np.linalg.solve(scaled, covariance[own:, :joints] / size[:, None]).T / size
-    root = np.linalg.cholesky(seen - slopes @ covariance[own:, :joints])
+    try:
+        slopes = np.linalg.solve(scaled, covariance[own:, :joints] / size[:, None]).T / size
+        root = np.linalg.cholesky(seen - slopes @ covariance[own:, :joints])
+    except np.linalg.LinAlgError as error:
+        step = "state a greater position_noise: positions that were filtered have no white noise of their own"
+        raise SolverFailed("the Kalman filter", f"row {row}: the covariance is lost to rounding", step) from error
     return np.linalg.solve(root, slopes), root
 
 

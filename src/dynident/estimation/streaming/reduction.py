@@ -12,6 +12,7 @@ import numpy as np
 
 from dynident.errors import DynidentError, LogMismatch
 from dynident.estimation.cutoff.choice import LONGEST_S, with_cutoff
+from dynident.estimation.friction.delay import find_delays
 from dynident.estimation.friction.variable_projection import has_varying
 from dynident.estimation.problem import Observer
 from dynident.estimation.streaming.digest import Chunk, Digest
@@ -64,8 +65,8 @@ def reduce_logs(
 ) -> Digest:
     """Reduce logs, each on its own, to one digest; memory holds one window.
 
-    The result is that of :func:`make_problem` on the whole logs. A cut-off that is left open is chosen from the first
-    minutes of the first log. Formats that are slow to decode are decoded once and
+    The result is that of :func:`make_problem` on the whole logs. A cut-off and a delay of the torque that are left open
+    are those of the first two minutes of the first log. Formats that are slow to decode are decoded once and
     kept meanwhile in a temporary file of 8 bytes a number beside the result.
 
     Args:
@@ -82,7 +83,7 @@ def reduce_logs(
     check_streamable(case)
     if not logs:
         raise LogMismatch("reduce", "no log", "give at least one log")
-    case = replace(case, preprocessing=_with_cutoff(case, case.find(str(logs[0])), progress))
+    case = replace(case, preprocessing=_settled(case, case.find(str(logs[0])), progress))
     base = base_parameters(case.model)
     observer = Observer(case.model, base)
     digests, seen = list[Digest](), dict[str, str]()
@@ -102,14 +103,13 @@ def check_streamable(case: Case) -> None:
     """Refuse what needs all rows at once.
 
     Raises:
-        LogMismatch: Friction that is chosen, varied or loaded, a split, or an unknown delay.
+        LogMismatch: Friction that is chosen, varied or loaded, or a split.
     """
     model = case.model
     step = "find it on a part of the log, and state it in the case file"
     for asked, what in (
         (case.choose_friction, "friction: auto"),
         (has_varying(model), "a friction part that varies a field (vary)"),
-        (case.preprocessing.delay_s is None, "delay_s: auto"),
     ):
         if asked:
             raise LogMismatch(case.path or "case", f"{what} needs all rows at once, which a stream does not have", step)
@@ -121,11 +121,24 @@ def check_streamable(case: Case) -> None:
         raise LogMismatch(case.path or "case", "a log is reduced as a whole, not split", step)
 
 
-def _with_cutoff(case: Case, path: Path, progress: Callable[[str], None]) -> Preprocessing:
-    """Return the preprocessing with a cut-off that is a number, chosen from the head of a log where it is open."""
+def _settled(case: Case, path: Path, progress: Callable[[str], None]) -> Preprocessing:
+    """Return the preprocessing with a cut-off and a delay that are numbers, found from the head of a log where open."""
     how = case.preprocessing
-    if not isinstance(how.filter, Butterworth) or how.filter.cutoff_hz is not None:
+    is_open = isinstance(how.filter, Butterworth) and how.filter.cutoff_hz is None
+    if not is_open and how.delay_s is not None:
         return how
+    head = _head(case, path)
+    _check_signals(case, head)
+    how = with_cutoff(case.model, [head], how, progress)[0]
+    if how.delay_s is None:
+        progress("delay of the torque")
+        (delay,), _ = find_delays(case.model, base_parameters(case.model), [head], how)
+        how = replace(how, delay_s=delay.applied)
+    return how
+
+
+def _head(case: Case, path: Path) -> Log:
+    """Return the first minutes of a log."""
     stream, parts, rows = stream_log(path, case.columns), list[Log](), 0
     for block in stream.blocks():
         parts.append(with_meaning(block, case.columns, case.robot, case.locked))
@@ -133,7 +146,7 @@ def _with_cutoff(case: Case, path: Path, progress: Callable[[str], None]) -> Pre
         if parts[-1].time[-1] - parts[0].time[0] >= LONGEST_S or rows >= _HEAD:
             break
     signals = {name: np.concatenate([getattr(p, name) for p in parts]) for name in ("time", *parts[0].signals())}
-    return with_cutoff(case.model, [replace(parts[0], **signals)], how, progress)[0]
+    return replace(parts[0], **signals)
 
 
 def _reduce(

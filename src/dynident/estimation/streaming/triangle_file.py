@@ -154,7 +154,7 @@ def merged_file(paths: Sequence[str | Path]) -> Digest:
 
 
 def check_case(digest: Digest, path: str | Path, model: DynamicModel, how: Preprocessing) -> None:
-    """Refuse triangles that are not those of a case; a cut-off that the case leaves open is that of the triangles.
+    """Refuse triangles that are not those of a case; a cut-off or delay that it leaves open is that of the triangles.
 
     Raises:
         TriangleFileError: They are of another model or another preparation.
@@ -163,6 +163,8 @@ def check_case(digest: Digest, path: str | Path, model: DynamicModel, how: Prepr
     if isinstance(how.filter, Butterworth) and isinstance(digest.how.filter, Butterworth):
         if how.filter.cutoff_hz is None:
             how = replace(how, filter=replace(how.filter, cutoff_hz=digest.how.filter.cutoff_hz))
+    if how.delay_s is None:
+        how = replace(how, delay_s=digest.how.delay_s)
     mine = model_hash(digest.model, digest.how, digest.base.independent.tolist())
     if mine != model_hash(model, how, independent):
         evidence = f"other than the case: {_difference((model, how), (digest.model, digest.how))}"

@@ -1,5 +1,7 @@
 """How sure an estimate is where residuals are coloured, differ between logs and depend on each other between joints.
 
+A covariance consistent under heteroscedasticity and autocorrelation (HAC), by frequency in place of a kernel over lags.
+
 The error of every estimator here is, to first order, sum_i G_i X_i' v_i: X_i the rows of joint i, v_i their residuals
 or what the estimator makes of them (bounded, signs, whitened between joints), G_i its influence; for least squares
 with weights w it is w_i^2 A^-1. Its covariance is sum_f L(f)* S(f) L(f) over the frequencies (Hannan 1970, chapter

@@ -2,7 +2,8 @@
 
 Format 1, YAML. Keys: case (the format), robot, gravity, limits, locked, joints, coupling, drives, friction, log
 (profile, format, columns, units, ...), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, train,
-test, split, workspace, note. Unknown keys are errors that name the nearest known one. docs/case-file.md describes each.
+test, split, workspace, cell, note. Unknown keys are errors that name the nearest known one. docs/case-file.md describes
+each.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import numpy as np
 
 from dynident.errors import LogMismatch
 from dynident.experiment.case_file.case_values import guarded, part_of, texts
+from dynident.experiment.case_file.cell_section import KEYS as CELL_KEYS
+from dynident.experiment.case_file.cell_section import CellSetup, cell_of
 from dynident.experiment.case_file.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.experiment.case_file.constraints_file import constraints_of
 from dynident.experiment.case_file.limits_section import robot_with_limits
@@ -67,7 +70,7 @@ _KEYS = (
     "log",
     "preprocessing",
 )
-_KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "workspace", "note")
+_KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "workspace", "cell", "note")
 
 #: Keys of a joint under ``drives``.
 DRIVE_KEYS = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_deviation")
@@ -101,6 +104,7 @@ class Case:
         workspace: What the robot must keep clear of; None where the case does not say.
         constraints: What is known about bodies beforehand.
         prior: Robot description or estimate file with inertias known beforehand, as written; empty for none.
+        cell: The virtual cell in which the case is simulated; None where the case does not say.
         path: The case file; empty for a case made from a robot alone.
         robot_path: The robot description.
     """
@@ -120,6 +124,7 @@ class Case:
     choose_friction: bool = False
     constraints: Constraints = field(default_factory=Constraints)
     prior: str = ""
+    cell: CellSetup | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -266,6 +271,7 @@ def read_case(path: str | Path, open_gains: bool = False) -> Case:
         workspace=read_workspace(top, robot, robot_path),
         constraints=constraints_of(top.section("constraints", CONSTRAINT_KEYS), robot),
         prior=top.text("prior", ""),
+        cell=cell_of(top.section("cell", CELL_KEYS)) if top.has("cell") else None,
         path=str(path),
         robot_path=robot_path,
     )

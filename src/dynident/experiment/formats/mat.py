@@ -50,7 +50,7 @@ def _old(path: str | Path, digest: str) -> ArrayTable:
     try:
         data = loadmat(path, simplify_cells=True)
     except Exception as error:  # the parser lets any error out of a damaged file
-        evidence = f"no MATLAB file, or a damaged one ({type(error).__name__}: {error})"
+        evidence = f"it does not read as a MATLAB file, or is damaged: {error}"
         raise LogFormatError(path, None, evidence, _STEP) from error
     arrays = dict(_walk_values(data, "", 0))
     places, count = columns_of(path, {name: array.shape for name, array in arrays.items()}, number_vectors=False)
@@ -106,7 +106,7 @@ def _opened(path: str | Path) -> Iterator[Any]:
         with h5py.File(path, "r") as file:
             yield file
     except (OSError, RuntimeError, ValueError, KeyError) as error:
-        evidence = f"no MATLAB 7.3 file, or a damaged one ({error})"
+        evidence = f"it does not read as a MATLAB 7.3 file, or is damaged: {error}"
         raise LogFormatError(path, None, evidence, _STEP) from error
 
 

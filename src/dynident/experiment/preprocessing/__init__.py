@@ -11,6 +11,7 @@ from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing._shift import shifted
+from dynident.experiment.preprocessing._thinning import Thinning
 from dynident.experiment.preprocessing.base import Filter
 from dynident.plugins import Family
 
@@ -115,6 +116,14 @@ class Prepared:
     def kept(self) -> Log:
         """The log of the rows that are used."""
         return self.log.rows(self.keep, f"{len(self.keep)} of {self.log.samples} rows kept, one in {self.every}")
+
+    @cached_property
+    def thinning(self) -> Thinning | None:
+        """The filter of both sides at one sample in ``every``; None where the rows that are used stand otherwise."""
+        apart = np.diff(self.keep)
+        if not len(apart) or self.every < 2 or np.any(apart % self.every):
+            return None
+        return self.how.filter.thinning(self.log.rate, self.every)
 
     def statement(self) -> dict[str, object]:
         """Return what must stand beside every figure; ``rate_hz`` is the rate of the rows that are used."""

@@ -1,59 +1,72 @@
-"""The two sides of the equation for filters that smooth positions by other means than a low-pass."""
+"""Filters that smooth positions by other means than a low-pass: what they do to torque and regressor."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from abc import abstractmethod
+from functools import cached_property
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.experiment.log import Log
+from dynident.experiment.preprocessing._thinning import Thinning
+from dynident.experiment.preprocessing.base import Filter
 from dynident.experiment.preprocessing.butterworth import Butterworth
 
 
-@dataclass(frozen=True)
-class TorqueSide:
+class PositionSmoother(Filter):
     """A zero-phase Butterworth of order 4 on torque and regressor alike, or nothing on both.
 
-    Attributes:
-        cutoff_hz: Frequency of half amplitude in Hz.
-        torque: ``same`` or ``none``.
+    The part that derives from it has the fields ``cutoff_hz``, frequency of half amplitude in Hz, and ``torque``,
+    ``same`` or ``none``.
     """
 
     cutoff_hz: float
     torque: str
 
-    def __post_init__(self) -> None:
+    @abstractmethod
+    def apply(self, log: Log) -> Log: ...
+
+    def check_sides(self) -> None:
+        """Refuse a cut-off that is no frequency, and another word for the torque.
+
+        Raises:
+            BadOption: Either of them.
+        """
         if not 0 < self.cutoff_hz < float("inf"):
             raise BadOption("cutoff_hz", self.cutoff_hz, "give a frequency in Hz above 0")
         if self.torque not in ("same", "none"):
             raise BadOption("torque", self.torque, "choose 'same' or 'none'")
 
-    @property
-    def filter(self) -> Butterworth:
-        """The filter of both sides."""
-        return Butterworth(self.cutoff_hz)
-
-    def check(self, log: Log) -> None:
-        """Refuse a log that is too short or too slow for the filter.
+    def check_length(self, log: Log) -> None:
+        """Refuse a log that is too short or too slow for the filter of the torque.
 
         Raises:
             LogMismatch: It is.
         """
-        if self.torque == "same":
-            self.filter.check(log)
-
-    def smooth(self, signals: Array, rate: float) -> Array:
-        """Return signals, shape (k, N), filtered, or as they are."""
-        return self.filter.smooth(signals, rate) if self.torque == "same" else signals
+        if self._sides is not None:
+            self._sides.check(log)
 
     def measured(self, log: Log) -> Array | None:
         """Return the torque of a log (N, n), filtered as the regressor will be; None where it has none."""
         return None if log.torque is None else self.smooth(log.torque.T, log.rate).T
 
-    def reach(self, rate: float) -> int:
-        """Return over how many samples the filter looks to either side."""
-        return self.filter.reach(rate) if self.torque == "same" else 0
-
-    def text(self) -> str:
+    def sides_text(self) -> str:
         """Return what is done to both sides in words."""
-        return f"both sides at {self.cutoff_hz:g} Hz" if self.torque == "same" else "torque raw"
+        return f"both sides at {self.cutoff_hz:g} Hz" if self._sides is not None else "torque raw"
+
+    def smooth(self, signals: Array, rate: float) -> Array:
+        return signals if self._sides is None else self._sides.smooth(signals, rate)
+
+    def thinning(self, rate: float, every: int) -> Thinning | None:
+        return None if self._sides is None else self._sides.thinning(rate, every)
+
+    def bandwidth(self) -> float | None:
+        return None if self._sides is None else self.cutoff_hz
+
+    def reach(self, rate: float) -> int:
+        return 0 if self._sides is None else self._sides.reach(rate)
+
+    @cached_property
+    def _sides(self) -> Butterworth | None:
+        """The filter of both sides; None where they stay as they are."""
+        return Butterworth(self.cutoff_hz) if self.torque == "same" else None

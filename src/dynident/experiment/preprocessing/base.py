@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 
 from dynident.arrays import Array
 from dynident.experiment.log import Log
+from dynident.experiment.preprocessing._thinning import Thinning
 
 
 class Filter(ABC):
@@ -33,6 +34,10 @@ class Filter(ABC):
         that treats only positions returns the signals as they are.
         """
         return signals
+
+    def thinning(self, rate: float, every: int) -> Thinning | None:
+        """Return what gives one in ``every`` of the samples of ``smooth`` in less time; None where nothing does."""
+        return None
 
     def bandwidth(self) -> float | None:
         """Return the highest frequency in Hz that passes; None where the filter states none."""

@@ -10,6 +10,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log
+from dynident.experiment.preprocessing._thinning import Thinning, thinning
 from dynident.experiment.preprocessing._zero_phase import zero_phase
 from dynident.experiment.preprocessing.base import Filter
 
@@ -87,6 +88,9 @@ class Butterworth(Filter):
 
     def smooth(self, signals: Array, rate: float) -> Array:
         return signals if self.torque == "none" else _zero_phase(signals, self._cutoff, self.order, rate)
+
+    def thinning(self, rate: float, every: int) -> Thinning | None:
+        return None if self.torque == "none" or every < 2 else thinning(self._cutoff, self.order, rate, every)
 
     def bandwidth(self) -> float:
         return self._cutoff

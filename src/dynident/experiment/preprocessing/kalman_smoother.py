@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,8 +13,7 @@ from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing._spectra import noise_floor
 from dynident.experiment.preprocessing._state_smoother import likelihood, smoothed
-from dynident.experiment.preprocessing._torque_side import TorqueSide
-from dynident.experiment.preprocessing.base import Filter
+from dynident.experiment.preprocessing._torque_side import PositionSmoother
 
 #: Samples in a row that the likelihood looks at, at most, from the middle of the log.
 LONGEST = 8192
@@ -31,7 +29,7 @@ ORDERS = {"jerk": 3, "snap": 4}
 
 
 @dataclass(frozen=True)
-class KalmanSmoother(Filter):
+class KalmanSmoother(PositionSmoother):
     """Positions as integrated white jerk (or snap) under white noise, smoothed with their derivatives over the log.
 
     The smoother of Rauch, Tung and Striebel (1965). Intensity of the jerk and noise of the positions are found joint by
@@ -55,16 +53,16 @@ class KalmanSmoother(Filter):
             raise BadOption("model", self.model, "choose 'jerk' or 'snap'")
         if self.position_noise is not None and not 0 < self.position_noise < np.inf:
             raise BadOption("position_noise", self.position_noise, "give a standard deviation above 0")
-        assert self._side
+        self.check_sides()
 
     def apply(self, log: Log) -> Log:
         q, deviations, noises = self._states(log)
         step = (
             f"Kalman smoother of white {self.model}, noise of positions "
             f"{', '.join(f'{noise:.2g}' for noise in noises)}, of accelerations "
-            f"{', '.join(f'{float(np.median(each)):.2g}' for each in deviations[2].T)} (stated), {self._side.text()}"
+            f"{', '.join(f'{float(np.median(each)):.2g}' for each in deviations[2].T)} (stated), {self.sides_text()}"
         )
-        return log.with_step(step, q=q[0], dq=q[1], ddq=q[2], torque=self._side.measured(log), raw_torque=log.torque)
+        return log.with_step(step, q=q[0], dq=q[1], ddq=q[2], torque=self.measured(log), raw_torque=log.torque)
 
     def deviations(self, log: Log) -> tuple[Array, Array, Array]:
         """Return the standard deviations of q, dq and ddq that the model states, each (N, n)."""
@@ -81,24 +79,11 @@ class KalmanSmoother(Filter):
             "position_noise": "by likelihood" if self.position_noise is None else self.position_noise,
         }
 
-    def smooth(self, signals: Array, rate: float) -> Array:
-        return self._side.smooth(signals, rate)
-
-    def bandwidth(self) -> float | None:
-        return self.cutoff_hz if self.torque == "same" else None
-
-    def reach(self, rate: float) -> int:
-        return self._side.reach(rate)
-
-    @cached_property
-    def _side(self) -> TorqueSide:
-        return TorqueSide(self.cutoff_hz, self.torque)
-
     def _states(self, log: Log) -> tuple[tuple[Array, ...], tuple[Array, ...], list[float]]:
         """Return q, dq, ddq, their deviations, (N, n) each, and the noise of each joint's positions."""
         if log.samples < 10:
             raise LogMismatch(log.name, f"{log.samples} samples", "a Kalman smoother takes at least 10 samples")
-        self._side.check(log)
+        self.check_length(log)
         order = ORDERS[self.model]
         unit = 1.0 / log.rate
         steps = np.diff(log.time) / unit

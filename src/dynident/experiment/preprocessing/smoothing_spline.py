@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -11,15 +10,14 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing._spectra import power_spectrum
-from dynident.experiment.preprocessing._torque_side import TorqueSide
-from dynident.experiment.preprocessing.base import Filter
+from dynident.experiment.preprocessing._torque_side import PositionSmoother
 
 #: Penalties that are tried, in powers of ten of a sample's length cubed.
 PENALTIES = (-6.0, 14.0)
 
 
 @dataclass(frozen=True)
-class SmoothingSpline(Filter):
+class SmoothingSpline(PositionSmoother):
     """Cubic spline that minimises sum (y - q)^2 + penalty * integral of (q'')^2 (Reinsch 1967), and its derivatives.
 
     The penalty of each joint is the one of least generalised cross-validation (Craven and Wahba 1979), or the one that
@@ -39,14 +37,14 @@ class SmoothingSpline(Filter):
     def __post_init__(self) -> None:
         if self.position_noise is not None and not 0 < self.position_noise < np.inf:
             raise BadOption("position_noise", self.position_noise, "give a standard deviation above 0")
-        assert self._side
+        self.check_sides()
 
     def apply(self, log: Log) -> Log:
         import scipy.interpolate
 
         if log.samples < 10:
             raise LogMismatch(log.name, f"{log.samples} samples", "a smoothing spline takes at least 10 samples")
-        self._side.check(log)
+        self.check_length(log)
         place = np.arange(log.samples, dtype=float)  # a unit of time of one sample keeps the equations well scaled
         signals: list[list[Array]] = [[], [], []]
         residuals = []
@@ -57,8 +55,8 @@ class SmoothingSpline(Filter):
                 signals[order].append(spline.derivative(order)(place) * log.rate**order if order else spline(place))
             residuals.append(float(np.sqrt(np.mean((column - signals[0][-1]) ** 2))))
         q, dq, ddq = (np.stack(each, axis=1) for each in signals)
-        step = f"smoothing spline, leaves {', '.join(f'{each:.2g}' for each in residuals)}, {self._side.text()}"
-        return log.with_step(step, q=q, dq=dq, ddq=ddq, torque=self._side.measured(log), raw_torque=log.torque)
+        step = f"smoothing spline, leaves {', '.join(f'{each:.2g}' for each in residuals)}, {self.sides_text()}"
+        return log.with_step(step, q=q, dq=dq, ddq=ddq, torque=self.measured(log), raw_torque=log.torque)
 
     def statement(self) -> dict[str, object]:
         return {
@@ -68,19 +66,6 @@ class SmoothingSpline(Filter):
             "torque": self.torque,
             "position_noise": "by cross-validation" if self.position_noise is None else self.position_noise,
         }
-
-    def smooth(self, signals: Array, rate: float) -> Array:
-        return self._side.smooth(signals, rate)
-
-    def bandwidth(self) -> float | None:
-        return self.cutoff_hz if self.torque == "same" else None
-
-    def reach(self, rate: float) -> int:
-        return self._side.reach(rate)
-
-    @cached_property
-    def _side(self) -> TorqueSide:
-        return TorqueSide(self.cutoff_hz, self.torque)
 
 
 def penalty_of(signal: Array, rate: float, noise: float | None) -> float:

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from dynident.arrays import Array
 from dynident.errors import BadOption, UnknownChoice
 from dynident.experiment.log import Log, Source
+from dynident.experiment.simulation.commanded import Course, course
 from dynident.experiment.simulation.plant import Clock, Plant, clock, plant
 from dynident.experiment.trajectories.base import Trajectory
-from dynident.experiment.trajectories.quintic import Quintic
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
 
@@ -95,7 +95,8 @@ def simulate(
 ) -> SimulatedRun:
     """Return the log of a robot with the parameters theta (p,) of ``model`` that follows ``trajectory``.
 
-    Integrated by the classical Runge-Kutta rule; torques stop at the joints' effort limits.
+    Integrated by the classical Runge-Kutta rule; torques stop at the joints' effort limits. Other
+    controllers, all friction parts and the other effects of a cell: ``simulate_cell`` in cell_simulation.py.
 
     Args:
         model: Robot, coupling, known rotor inertia and friction of the plant.
@@ -120,20 +121,20 @@ def simulate(
     """
     controller, noise = controller or Controller(), noise or Noise()
     body = plant(model, theta)
-    course = _course(trajectory, lead_in, duration, body.joints)
-    masses = body.masses(course.evaluate(np.linspace(-lead_in, course.length, LOOKS))[0])
+    motion = course(trajectory, lead_in, duration, body.joints)
+    masses = body.masses(motion.evaluate(np.linspace(-lead_in, motion.length, LOOKS))[0])
     tables = _gains(controller, masses, body.robot)
     decay = body.fastest_decay(masses)
-    ticks = clock(rate, controller.rate, integration_rate, decay, lead_in, course.length)
+    ticks = clock(rate, controller.rate, integration_rate, decay, lead_in, motion.length)
     errors = _Errors.drawn(noise, ticks, body.joints, seed)
     encoder = _per_joint("resolution", resolution, body.joints, 0.0)
-    reference = _reference(body, course, ticks.control_times, controller.gravity)
+    reference = _reference(body, motion, ticks.control_times, controller.gravity)
     out, cut = body.run(ticks, reference[0, :2], tables, encoder, reference, errors.states)
     text = f"{controller.rate:g} Hz control, {ticks.rate:g} Hz integration, seed {seed}"
     source = Source(rows=ticks.rows, steps=(f"virtual robot '{model.robot.name}': {text}",))
     truth = Log(model.robot.joint_names, ticks.row_times, *np.moveaxis(out[:, :4], 1, 0), source=source)
     speed = None if noise.velocity is None else out[:, 5]
-    told = course.evaluate(ticks.row_times)
+    told = motion.evaluate(ticks.row_times)
     log = Log(truth.joints, truth.time, out[:, 4], speed, q_ref=told[0], dq_ref=told[1], source=source)
     effort = _measured_effort(model.robot, out[:, 3], errors.torque, gains)
     return SimulatedRun(replace(log, **effort), truth, cut)
@@ -181,42 +182,9 @@ def free_motion(
     return Log(model.robot.joint_names, ticks.row_times, *np.moveaxis(out[:, :4], 1, 0), source=source)
 
 
-@dataclass(frozen=True)
-class _Course:
-    """A trajectory with its run-in before time 0."""
-
-    trajectory: Trajectory
-    run_in: Quintic | None
-    length: float
-
-    def evaluate(self, time: Array) -> tuple[Array, Array, Array]:
-        """Return q, dq and ddq at the times (N,), each (N, n)."""
-        early = time < 0
-        q, dq, ddq = self.trajectory.evaluate(np.where(early, 0.0, time))
-        if self.run_in is not None and np.any(early):
-            # The first control can be a fraction of a tick before the run-in starts: at rest.
-            run_in = self.run_in.evaluate(np.maximum(time[early] + self.run_in.length, 0.0))
-            q[early], dq[early], ddq[early] = run_in
-        return q, dq, ddq
-
-
-def _course(trajectory: Trajectory, lead_in: float, duration: float | None, joints: int) -> _Course:
-    if trajectory.joints != joints:
-        raise BadOption("trajectory", f"for {trajectory.joints} joints", f"the robot has {joints}")
-    if not 0 <= lead_in < np.inf:
-        raise BadOption("lead_in", lead_in, "give seconds, 0 or more")
-    length = trajectory.duration if duration is None else duration
-    if not 0 < length < np.inf:
-        raise BadOption("duration", duration, "give seconds, above 0")
-    if length > trajectory.duration * (1 + 1e-9) and not trajectory.periodic:
-        raise BadOption("duration", duration, f"the trajectory ends after {trajectory.duration:g} s and has no period")
-    start = np.array(trajectory.evaluate(0.0))[:, 0]
-    return _Course(trajectory, Quintic.from_rest(start, lead_in) if lead_in else None, length)
-
-
-def _reference(body: Plant, course: _Course, time: Array, gravity: bool) -> Array:
+def _reference(body: Plant, motion: Course, time: Array, gravity: bool) -> Array:
     """Return per control the commanded q and dq and the torque fed forward, shape (K, 3, n)."""
-    q, dq, _ = course.evaluate(time)
+    q, dq, _ = motion.evaluate(time)
     return np.stack([q, dq, body.gravity(q) if gravity else np.zeros_like(q)], axis=1)
 
 

@@ -7,6 +7,7 @@ The functions below can be called inside another compiled loop (a simulation); n
     joint_torque(links, reals, gravity, theta, q, dq, ddq, tau, work)       tau (n,) <- M ddq + c + g
     bias_torque(links, reals, gravity, theta, q, dq, bias, work)            bias (n,) <- c + g (ddq = 0)
     joint_mass(links, reals, theta, q, mass, work)                          mass (n, n) <- M
+    placed_mass(links, reals, theta, mass, work)            the same, right after a call above at the same q
     solve(matrix, vector, scale) -> bool     vector <- matrix^-1 vector, both overwritten, scale (n,) scratch;
                                              False where the matrix is singular (vector is then of no use)
 
@@ -265,9 +266,16 @@ def unit_wrench(links: IntArray, reals: Array, i: int, work: Array) -> tuple[flo
 @inlined
 def joint_mass(links: IntArray, reals: Array, theta: Array, q: Array, mass: Array, work: Array) -> None:
     """Write the mass matrix (n, n) of one sample by composite bodies; see the head of the file."""
+    for i in range(len(links)):
+        place(links, reals, i, q, work)
+    placed_mass(links, reals, theta, mass, work)
+
+
+@inlined
+def placed_mass(links: IntArray, reals: Array, theta: Array, mass: Array, work: Array) -> None:
+    """Write the mass matrix (n, n) of links that are placed already, as after bias_torque at the same q."""
     size = len(links)
     for i in range(size):
-        place(links, reals, i, q, work)
         for k in range(10):
             work[i, 27 + k] = theta[10 * i + k]
     mass[:, :] = 0.0

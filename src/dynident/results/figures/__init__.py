@@ -1,5 +1,6 @@
 """Figures: data to SVG text. Each is a pure function; nothing is read, written or fetched."""
 
+from dynident.results.figures.bodies import Scene, mass_scene, scene_chart, scene_text
 from dynident.results.figures.convergence import convergence_chart
 from dynident.results.figures.deviations import deviation_chart
 from dynident.results.figures.friction import friction_chart
@@ -7,10 +8,11 @@ from dynident.results.figures.limits import Bounded, limit_chart
 from dynident.results.figures.path import ToolPath, path_chart, tool_path
 from dynident.results.figures.residuals import residual_chart
 from dynident.results.figures.scenery import Scenery, Spot
-from dynident.results.figures.signals import TorqueBands, line_chart, torque_chart, trajectory_chart
+from dynident.results.figures.signals import TorqueBands, line_chart, torque_chart, torque_overview, trajectory_chart
 
 __all__ = [
     "Bounded",
+    "Scene",
     "Scenery",
     "Spot",
     "ToolPath",
@@ -20,9 +22,13 @@ __all__ = [
     "friction_chart",
     "limit_chart",
     "line_chart",
+    "mass_scene",
     "path_chart",
     "residual_chart",
+    "scene_chart",
+    "scene_text",
     "tool_path",
     "torque_chart",
+    "torque_overview",
     "trajectory_chart",
 ]

@@ -11,6 +11,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.results.figures import svg
 from dynident.results.figures.scales import Linear, Log, Scale, finite_range, round_step, upright, upright_log
+from dynident.results.figures.zoom import Live, LivePlot, zoom_text
 from dynident.results.text import shorten
 
 #: Width of a figure: two stand side by side on a page, one fills a telephone.
@@ -54,6 +55,14 @@ class Mark(ABC):
     def sample(self, x: float, y: float) -> str:
         """Return what stands before the label in the legend, 18 wide, its middle at height ``y``."""
 
+    @abstractmethod
+    def live(self) -> Live:
+        """Return what a page needs to draw the mark anew when it is zoomed.
+
+        Raises:
+            NotImplementedError: A mark of its kind is not drawn over time.
+        """
+
 
 @dataclass(frozen=True)
 class Line(Mark):
@@ -77,6 +86,9 @@ class Line(Mark):
 
     def sample(self, x: float, y: float) -> str:
         return svg.stroke(svg.track(np.array([x, x + 18]), np.array([y, y])), self.colour, 2.0, self.dashed)
+
+    def live(self) -> Live:
+        return Live(self.colour, self.y[None, :], self.width, dashed=self.dashed)
 
 
 @dataclass(frozen=True)
@@ -114,6 +126,9 @@ class Band(Mark):
     def sample(self, x: float, y: float) -> str:
         return svg.filled(f"M{svg.number(x)} {svg.number(y - 5)}h18v10h-18z", self.colour, self.opacity)
 
+    def live(self) -> Live:
+        return Live(self.colour, np.stack([self.low, self.y]), opacity=self.opacity)
+
 
 @dataclass(frozen=True)
 class Cloud(Mark):
@@ -137,6 +152,9 @@ class Cloud(Mark):
 
     def sample(self, x: float, y: float) -> str:
         return svg.filled(f"M{svg.number(x + 6)} {svg.number(y - 3)}h6v6h-6z", self.colour, 0.7)
+
+    def live(self) -> Live:
+        raise NotImplementedError("a density has no order in time")
 
 
 @dataclass(frozen=True)
@@ -212,7 +230,9 @@ class Across:
         return found
 
 
-def chart(title: str, description: str, across: Across, plots: Sequence[Plot], width: float = WIDTH) -> str:
+def chart(
+    title: str, description: str, across: Across, plots: Sequence[Plot], width: float = WIDTH, detail: int = 0
+) -> str:
     """Return a figure of plots with a common horizontal axis.
 
     Args:
@@ -221,6 +241,8 @@ def chart(title: str, description: str, across: Across, plots: Sequence[Plot], w
         across: The horizontal axis.
         plots: From top to bottom.
         width: In units of the drawing.
+        detail: So many values of each mark go with the drawing, for a page that can zoom; 0 for none. All marks are
+            lines or bands over the same rows then.
     """
     head, top = heading(title, [mark for plot in plots for mark in plot.marks if mark.label], width)
     tops = []
@@ -231,15 +253,35 @@ def chart(title: str, description: str, across: Across, plots: Sequence[Plot], w
     scales = [plot.scale(at) for plot, at in zip(plots, tops, strict=True)]
     left = 9 + max(svg.breadth(tick.text) for scale in scales for tick in scale.ticks(30.0))
     pieces = across.pieces(plots, left, width - 12)
-    body = [head]
-    for plot, scale, at in zip(plots, scales, tops, strict=True):
-        body.append(_grid(plot, scale, at, pieces, left))
-        body += [_marks(mark, scale, pieces) for mark in plot.marks]
-        body.append(_levels(plot, scale, left, width - 12))
+    live = []
+    for plot, scale in zip(plots, scales, strict=True):
+        live.append(_grid(plot, scale, pieces, left))
+        live += [_marks(mark, scale, pieces) for mark in plot.marks]
+        live.append(_levels(plot, scale, left, width - 12))
     bottom = tops[-1] + plots[-1].height
-    body.append(_ticks(pieces, bottom))
+    live.append(_ticks(pieces, bottom))
+    body = [head, *(svg.words(plot.heading, 0, at - 12) for plot, at in zip(plots, tops, strict=True))]
+    body.append(svg.element("g", "".join(live), class_="live") if detail else "".join(live))
     body.append(svg.words(across.heading, width - 12, bottom + 2 * _ROW - 1, anchor="end"))
-    return svg.drawing(width, bottom + 2 * _ROW + 5, "".join(body), title, description)
+    data = {"data_zoom": _zoom(plots, tops, across, pieces, detail)} if detail else {}
+    return svg.drawing(width, bottom + 2 * _ROW + 5, "".join(body), title, description, **data)
+
+
+def _zoom(
+    plots: Sequence[Plot],
+    tops: Sequence[float],
+    across: Across,
+    pieces: Sequence[tuple[slice, Scale]],
+    detail: int,
+) -> str:
+    x = plots[0].marks[0].x
+    places = np.concatenate([scale.at(x[rows]) for rows, scale in pieces])
+    live = [
+        LivePlot(top, plot.height, tuple(mark.live() for mark in plot.marks))
+        for plot, top in zip(plots, tops, strict=True)
+    ]
+    ends = [(scale.start, scale.end, scale.low, scale.high) for _, scale in pieces if isinstance(scale, Linear)]
+    return zoom_text(live, places, across.starts, ends, detail)
 
 
 def heading(title: str, marks: Sequence[Mark], width: float) -> tuple[str, float]:
@@ -261,9 +303,9 @@ def heading(title: str, marks: Sequence[Mark], width: float) -> tuple[str, float
     return "".join(body), (y if legend else 15.0) + 5
 
 
-def _grid(plot: Plot, scale: Scale, top: float, pieces: Sequence[tuple[slice, Scale]], left: float) -> str:
+def _grid(plot: Plot, scale: Scale, pieces: Sequence[tuple[slice, Scale]], left: float) -> str:
     spans = [sorted(_ends(piece)) for _, piece in pieces]
-    body = [svg.words(plot.heading, 0, top - 12)]
+    body: list[str] = []
     for tick in scale.ticks(30.0):
         y = float(scale.at(np.array(tick.value)))
         body += [svg.rule(a, y, b, y, strong=tick.value == 0 and not plot.log) for a, b in spans]

@@ -90,6 +90,7 @@ def torque_chart(
     starts: Sequence[int] = (0,),
     bands: TorqueBands | None = None,
     width: float = WIDTH,
+    detail: int = 0,
 ) -> str:
     """Return measured and predicted torque of a joint and, below on the same time axis, the residual.
 
@@ -105,6 +106,7 @@ def torque_chart(
         starts: First row of each log; a gap stands between two.
         bands: Half widths; None draws none.
         width: Of the figure.
+        detail: So many values of each signal go with it, for a page that can zoom; 0 for none.
     """
     shown = run_time(time, starts)
     kind = f"{'torque' if unit == 'N m' else 'force'} [{pretty_unit(unit)}]"
@@ -126,7 +128,43 @@ def torque_chart(
     if bands is not None and len(known):
         inside = float(np.mean(np.abs(known) <= bands.whole[np.isfinite(residual)]))
         said += f" {format_percent(inside)} of the samples lie in the 95 % band."
-    return chart(label(joint), said, Across("time [s]", tuple(starts)), plots, width)
+    return chart(label(joint), said, Across("time [s]", tuple(starts)), plots, width, detail)
+
+
+def torque_overview(
+    title: str,
+    joints: Sequence[tuple[str, str]],
+    time: Array,
+    measured: Array,
+    predicted: Array,
+    starts: Sequence[int] = (0,),
+    width: float = WIDTH,
+) -> str:
+    """Return measured and predicted torques of all joints, one plot each over a common time axis. Figures 7 and 9.
+
+    Args:
+        title: What it shows.
+        joints: Name and unit, N m or N, of each of the n joints.
+        time: Shape (N,), in s; starts anew with each log.
+        measured: Shape (N, n).
+        predicted: Shape (N, n).
+        starts: First row of each log; a gap stands between two.
+        width: Of the figure.
+    """
+    shown = run_time(time, starts)
+    plots = [
+        Plot(
+            f"{label(name)} [{pretty_unit(unit)}]",
+            (
+                Line("measured", shown, measured[:, k], 1, 1.6),
+                Line("predicted", shown, predicted[:, k], 2, 1.1),
+            ),
+            105.0,
+        )
+        for k, (name, unit) in enumerate(joints)
+    ]
+    said = f"Measured and predicted torques of {', '.join(label(name) for name, _ in joints)} over time."
+    return chart(title, said, Across("time [s]", tuple(starts)), plots, width)
 
 
 def trajectory_chart(

@@ -130,8 +130,17 @@ def kept_rows(x: Array, y: Array, bucket: float = 0.5) -> IntArray:
     return np.unique(np.concatenate(found))
 
 
-def drawing(width: float, height: float, body: str, title: str, description: str) -> str:
-    """Return a whole figure with its title and the description that stands for it where it cannot be seen."""
+def drawing(width: float, height: float, body: str, title: str, description: str, **data: str) -> str:
+    """Return a whole figure with its title and the description that stands for it where it cannot be seen.
+
+    Args:
+        width: Of the drawing.
+        height: Of the drawing.
+        body: What stands in it, as SVG.
+        title: What it shows.
+        description: What can be seen.
+        data: Further attributes of the root element.
+    """
     title = label(title)
     return element(
         "svg",
@@ -143,4 +152,5 @@ def drawing(width: float, height: float, body: str, title: str, description: str
         aria_label=title,
         font_family="system-ui, sans-serif",
         font_size=SIZE,
+        **data,
     )

@@ -31,17 +31,34 @@ class View:
     height: float
 
     @classmethod
-    def around(cls, points: Array, width: float, most: float) -> View:
-        """Return the view that fits points (N, 3) into a width and a height, with room for labels around them."""
-        sine, cosine = np.sin(AZIMUTH), np.cos(AZIMUTH)
+    def around(
+        cls,
+        points: Array,
+        width: float,
+        most: float,
+        azimuth: float = AZIMUTH,
+        elevation: float = ELEVATION,
+        top: float = 48.0,
+    ) -> View:
+        """Return the view that fits points (N, 3) into a width and a height, with room for labels around them.
+
+        Args:
+            points: What must be seen, shape (N, 3), in m.
+            width: Of the drawing.
+            most: Height of the points at most.
+            azimuth: The eye about the vertical, in rad.
+            elevation: How far it is raised, in rad.
+            top: Room above the points.
+        """
+        sine, cosine = np.sin(azimuth), np.cos(azimuth)
         right = np.array([-sine, cosine, 0.0])
-        up = np.array([-cosine * np.sin(ELEVATION), -sine * np.sin(ELEVATION), np.cos(ELEVATION)])
+        up = np.array([-cosine * np.sin(elevation), -sine * np.sin(elevation), np.cos(elevation)])
         flat = points @ np.array([right, -up]).T
-        low, span = flat.min(axis=0), np.ptp(flat, axis=0)
+        low, span = flat.min(axis=0), np.maximum(np.ptp(flat, axis=0), 1e-6)
         room = np.array([width - 124.0, most])
         scale = float(np.min(room / span))
-        shift = np.array([62.0 + (room[0] - scale * span[0]) / 2, 48.0]) - scale * low
-        return cls(scale * np.array([right, -up]), shift, width, scale * float(span[1]) + 100.0)
+        shift = np.array([62.0 + (room[0] - scale * span[0]) / 2, top]) - scale * low
+        return cls(scale * np.array([right, -up]), shift, width, scale * float(span[1]) + top + 52.0)
 
     def at(self, points: Array) -> Array:
         """Return the places (N, 2) of points (N, 3)."""

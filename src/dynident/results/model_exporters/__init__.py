@@ -13,10 +13,16 @@ from dynident.errors import BadOption
 from dynident.estimation.estimate import Estimate
 from dynident.plugins import Family
 from dynident.results.export_files import write_files
-from dynident.results.model_exporters._identified import Identified, identified
-from dynident.results.model_exporters._proof import ModelExport, Proof, model_export_data, neglected_torque, proofs_of
-from dynident.results.model_exporters._source import find_source
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.proving.proof import (
+    ModelExport,
+    Proof,
+    model_export_data,
+    neglected_torque,
+    proofs_of,
+)
+from dynident.results.model_exporters.subject.identified import Identified, identified
+from dynident.results.model_exporters.subject.source import find_source
 
 MODEL_EXPORTERS: Family[ModelExporter] = Family(
     "dynident.results.model_exporters",

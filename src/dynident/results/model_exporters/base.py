@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from dynident.arrays import Array
-from dynident.results.model_exporters._drives import Term
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._states import States
+from dynident.results.model_exporters.subject.drives import Term
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States
 
 #: Largest difference of torques, as a share of the largest torque of the joint, with which an export is written.
 LARGEST = 1e-6

@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dynident.results.model_exporters._casadi_text import casadi_text
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._states import States
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States
+from dynident.results.model_exporters.writing.casadi_text import casadi_text
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.estimation.consistency.labels import labels_of
-from dynident.results.model_exporters._document import base_torque
-from dynident.results.model_exporters._identified import NONE, Identified
-from dynident.results.model_exporters._states import States
-from dynident.results.model_exporters._urdf_text import number
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.subject.identified import NONE, Identified
+from dynident.results.model_exporters.subject.states import States
+from dynident.results.model_exporters.writing.document import base_torque
+from dynident.results.model_exporters.writing.urdf_text import number
 
 #: Signs with which a spreadsheet begins a formula.
 FORMULA = ("=", "+", "-", "@", "\t", "\r")

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import ClassVar
 
 from dynident.errors import FileError
-from dynident.results.model_exporters._beside import left_out, place_beside
-from dynident.results.model_exporters._document import document_bytes
-from dynident.results.model_exporters._drives import Drives, Term, drives_of
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._sdf_proof import drake_torque, own_torque
-from dynident.results.model_exporters._sdf_text import base_name, base_note, sdf_text
-from dynident.results.model_exporters._states import States
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.proving.sdf_proof import drake_torque, own_torque
+from dynident.results.model_exporters.subject.drives import Drives, Term, drives_of
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States
+from dynident.results.model_exporters.writing.beside import left_out, place_beside
+from dynident.results.model_exporters.writing.document import document_bytes
+from dynident.results.model_exporters.writing.sdf_text import base_name, base_note, sdf_text
 
 _PACKAGE = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from dynident.results.model_exporters._document import base_torque, document_bytes, read_document
-from dynident.results.model_exporters._drives import drives_of
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._states import States
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.subject.drives import drives_of
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States
+from dynident.results.model_exporters.writing.document import base_torque, document_bytes, read_document
 
 
 @dataclass(frozen=True)

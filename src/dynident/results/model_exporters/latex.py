@@ -10,10 +10,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.results.model_exporters._document import base_torque
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._states import States
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States
+from dynident.results.model_exporters.writing.document import base_torque
 
 _ESCAPES = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "#": r"\#", "_": r"\_", "%": r"\%",

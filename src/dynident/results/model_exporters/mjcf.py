@@ -13,16 +13,16 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.model.parameters import to_mujoco_fullinertia
 from dynident.model.robot import Robot
-from dynident.results.model_exporters import _engine_mujoco, _engine_pinocchio
-from dynident.results.model_exporters._beside import left_out, place_beside, sharp_note
-from dynident.results.model_exporters._document import document_bytes
-from dynident.results.model_exporters._drives import Drives, drives_of, rigid_torque
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._mjcf_text import geoms, joint_line, pose, sites
-from dynident.results.model_exporters._states import States
-from dynident.results.model_exporters._urdf_text import number, numbers
-from dynident.results.model_exporters._xml_names import checked_names, unused_name
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.proving import engine_mujoco, engine_pinocchio
+from dynident.results.model_exporters.subject.drives import Drives, drives_of, rigid_torque
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States
+from dynident.results.model_exporters.writing.beside import left_out, place_beside, sharp_note
+from dynident.results.model_exporters.writing.document import document_bytes
+from dynident.results.model_exporters.writing.mjcf_text import geoms, joint_line, pose, sites
+from dynident.results.model_exporters.writing.urdf_text import number, numbers
+from dynident.results.model_exporters.writing.xml_names import checked_names, unused_name
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,12 @@ class Mjcf(ModelExporter):
         drives = drives_of(subject)
         rigid = rigid_torque(subject, states.motion)
         what = "bodies, armature, damping, dry friction"
-        if name := _engine_mujoco.version():
+        if name := engine_mujoco.version():
             expected = rigid + drives.torque(states.motion, armature=True, coupled=True)
-            yield Reloaded(name, what, _engine_mujoco.torque(path, "mjcf", states), expected)
+            yield Reloaded(name, what, engine_mujoco.torque(path, "mjcf", states), expected)
         else:
             yield Reloaded("MuJoCo", why_not="not installed")
-        if not (name := _engine_pinocchio.version()):
+        if not (name := engine_pinocchio.version()):
             yield Reloaded("Pinocchio", why_not="not installed")
         elif not drives.alone.all():
             yield Reloaded(name, why_not="it does not read the tendons of drives that turn several joints")
@@ -66,7 +66,7 @@ class Mjcf(ModelExporter):
             yield Reloaded(name, why_not="it reads only the first of several bodies on the base")
         else:
             expected = rigid + drives.torque(states.motion, armature=True, coupled=False)
-            yield Reloaded(name, what, _engine_pinocchio.torque(path, "mjcf", states), expected)
+            yield Reloaded(name, what, engine_pinocchio.torque(path, "mjcf", states), expected)
 
     def _text(self, subject: Identified, drives: Drives) -> bytes:
         robot = subject.model.robot

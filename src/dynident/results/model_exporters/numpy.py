@@ -13,11 +13,11 @@ from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption
 from dynident.model.chain import PRISMATIC
 from dynident.model.friction import FRICTION, Friction
-from dynident.results.model_exporters._drives import drives_of
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._numpy_template import SOURCE, TERMS
-from dynident.results.model_exporters._states import States, states_of
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.subject.drives import drives_of
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States, states_of
+from dynident.results.model_exporters.writing.numpy_template import SOURCE, TERMS
 
 #: Samples of the self-test.
 REFERENCES = 5

@@ -11,15 +11,15 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.model.robot import Robot
-from dynident.results.model_exporters import _engine_pinocchio
-from dynident.results.model_exporters._beside import left_out, place_beside, sharp_note
-from dynident.results.model_exporters._document import document_bytes
-from dynident.results.model_exporters._drives import Drives, drives_of, rigid_torque
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._states import States
-from dynident.results.model_exporters._urdf_proof import locked_of, stated_friction
-from dynident.results.model_exporters._urdf_write import written_urdf
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.proving import engine_pinocchio
+from dynident.results.model_exporters.proving.urdf_proof import locked_of, stated_friction
+from dynident.results.model_exporters.subject.drives import Drives, drives_of, rigid_torque
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States
+from dynident.results.model_exporters.writing.beside import left_out, place_beside, sharp_note
+from dynident.results.model_exporters.writing.document import document_bytes
+from dynident.results.model_exporters.writing.urdf_write import written_urdf
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Pinocchio(ModelExporter):
 
     def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
         path, settings, _ = (folder / file.name for file in content.files)
-        name = _engine_pinocchio.version()
+        name = engine_pinocchio.version()
         if not name:
             yield Reloaded("Pinocchio", why_not="not installed")
             return
@@ -59,7 +59,7 @@ class Pinocchio(ModelExporter):
         expected += drives_of(subject).torque(states.motion, armature=True, coupled=False)
         found: dict[str, Any] = json.loads(settings.read_bytes())
         values = {key: found[key] for key in ("armature", "damping", "friction")}
-        torque = _engine_pinocchio.torque(path, "urdf", states, values)
+        torque = engine_pinocchio.torque(path, "urdf", states, values)
         yield Reloaded(name, "bodies, armature, damping, dry friction", torque, expected)
 
 

@@ -14,10 +14,10 @@ import yaml
 from dynident.errors import BadOption
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
-from dynident.results.model_exporters._drives import drives_of
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._states import States
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.subject.drives import drives_of
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States
 from dynident.results.names_in_files import ros_names
 
 _NODE = re.compile(r"/?(?:[A-Za-z_*][A-Za-z0-9_*]*/?)+")

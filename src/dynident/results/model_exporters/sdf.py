@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from dynident.results.model_exporters._beside import left_out, place_beside, sharp_note
-from dynident.results.model_exporters._document import document_bytes
-from dynident.results.model_exporters._drives import drives_of
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._sdf_proof import drake_torque, own_torque
-from dynident.results.model_exporters._sdf_text import base_note, sdf_text
-from dynident.results.model_exporters._states import States
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.proving.sdf_proof import drake_torque, own_torque
+from dynident.results.model_exporters.subject.drives import drives_of
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States
+from dynident.results.model_exporters.writing.beside import left_out, place_beside, sharp_note
+from dynident.results.model_exporters.writing.document import document_bytes
+from dynident.results.model_exporters.writing.sdf_text import base_note, sdf_text
 
 
 @dataclass(frozen=True)
@@ -40,4 +40,4 @@ class Sdf(ModelExporter):
         path = folder / next(iter(content.files)).name
         yield own_torque(subject, path, states)
         yield drake_torque(subject, path, states)
-        yield Reloaded("Gazebo", why_not="not a Python package; by its specification only")
+        yield Reloaded("Gazebo", why_not="not a Python package; Drake reads with its parser, libsdformat")

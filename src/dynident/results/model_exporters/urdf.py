@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from dynident.results.model_exporters._beside import left_out, place_beside, sharp_note
-from dynident.results.model_exporters._document import document_bytes
-from dynident.results.model_exporters._drives import drives_of
-from dynident.results.model_exporters._identified import Identified
-from dynident.results.model_exporters._states import States
-from dynident.results.model_exporters._urdf_proof import reload_urdf
-from dynident.results.model_exporters._urdf_write import written_urdf
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
+from dynident.results.model_exporters.proving.urdf_proof import reload_urdf
+from dynident.results.model_exporters.subject.drives import drives_of
+from dynident.results.model_exporters.subject.identified import Identified
+from dynident.results.model_exporters.subject.states import States
+from dynident.results.model_exporters.writing.beside import left_out, place_beside, sharp_note
+from dynident.results.model_exporters.writing.document import document_bytes
+from dynident.results.model_exporters.writing.urdf_write import written_urdf
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from dynident.results.plan_view import PlanView
 from dynident.results.report.plan_context import plan_context
 from dynident.results.report.sections import SECTIONS
 from dynident.results.report.subject import Comparison, Subject
-from dynident.results.text import clean, label
+from dynident.results.text import Table, clean, display_width, label
 
 #: Sections from top to bottom; one that is not named here stands before the last.
 ORDER = (
@@ -33,6 +33,7 @@ ORDER = (
     "excitation",
     "parameters",
     "bodies",
+    "mass_distribution",
     "mass_matrix",
     "torques",
     "validation",
@@ -45,6 +46,18 @@ ORDER = (
     "comparison",
     "provenance",
 )
+
+#: Scripts, by the attribute in a page that asks for each; a page without its scripts says the same.
+SCRIPTS = {"zoom.js": " data-zoom=", "turn.js": " data-scene="}
+
+#: Looks of a page: those that the studio has too, then those of tables in a narrow place.
+STYLES = ("style.css", "cards.css")
+
+#: Letters that a table may take across, by its class; from 34, 50 and 66 rem on there is place for them.
+SIZES = {"": 68, "many": 102}
+
+#: Letters after which a cell breaks.
+_WIDEST = 46
 
 
 def write_report(
@@ -119,15 +132,30 @@ def render(subject: Subject, names: Sequence[str] = ()) -> str:
         subject: What the report is about.
         names: Sections to show, in order; all by default. One with nothing to show is left out.
     """
-    parts = []
+    return report_page(subject, parts_of(subject, names))
+
+
+def parts_of(subject: Subject, names: Sequence[str] = ()) -> tuple[Part, ...]:
+    """Return the sections of a report as data, arguments as of :func:`render`."""
+    found = []
     for name in names or section_names():
         section = SECTIONS.make(name)
         context = section.context(subject)
         if context:
-            parts.append((name, section.title, _filled(section.template, context)))
+            found.append(Part(name, section.title, section.template, context))
+    return tuple(found)
+
+
+def report_page(subject: Subject, parts: Sequence[Part]) -> str:
+    """Return the page of a subject from its sections.
+
+    Args:
+        subject: What the report is about.
+        parts: From top to bottom, as of :func:`parts_of`.
+    """
     estimate = subject.estimate
     lead = (f"{estimate.base.count} base parameters", f"estimator {estimate.estimator}", f"{estimate.samples} samples")
-    return _page("Identification", estimate.model.robot.name, lead, parts)
+    return build_page("Identification", estimate.model.robot.name, lead, parts)
 
 
 def write_plan_page(path: str | PathLike[str], view: PlanView) -> None:
@@ -182,7 +210,8 @@ def _filled(template: str, context: Mapping[str, Any]) -> Markup:
 def _page(what: str, robot: str, lead: Sequence[str], parts: Sequence[tuple[str, str, Markup]]) -> str:
     """Return a whole page of sections: name, title and body each."""
     page = _environment()
-    style = Markup(page.get_template("style.css").render())
+    style = Markup("".join(page.get_template(name).render() for name in STYLES))
+    bodies = "".join(body for _, _, body in parts)
     return page.get_template("report.html").render(
         title=f"{what} of {label(robot)}",
         what=what,
@@ -190,9 +219,33 @@ def _page(what: str, robot: str, lead: Sequence[str], parts: Sequence[tuple[str,
         lead=lead,
         sections=parts,
         style=style,
-        style_hash=base64.b64encode(hashlib.sha256(style.encode()).digest()).decode(),
+        style_hash=_digest(style),
+        scripts=[_script(name) for name, mark in SCRIPTS.items() if mark in bodies],
         version=version("dynident"),
     )
+
+
+@dataclass(frozen=True)
+class Script:
+    """A script of a page.
+
+    Attributes:
+        text: What it does; no ``</script`` in it.
+        digest: Its SHA-256 as base64, by which the page allows it and no other.
+    """
+
+    text: Markup
+    digest: str
+
+
+@cache
+def _script(name: str) -> Script:
+    text = _environment().get_template(name).render()
+    return Script(Markup(text), _digest(text))
+
+
+def _digest(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def section_names() -> tuple[str, ...]:
@@ -209,9 +262,23 @@ def _shown(value: Any) -> Any:
     return value
 
 
+def _size(table: Table) -> str:
+    """Return the class of a table by the place that it takes: none, ``many`` or ``vast``; see the style."""
+    heads = [f"{column.heading} {column.unit}" for column in table.columns]
+    lines = [heads, *([_seen(cell) for cell in row] for row in table.rows)]
+    need = sum(min(max(map(display_width, column)), _WIDEST) + 2 for column in zip(*lines, strict=True))
+    return next((name for name, most in SIZES.items() if need <= most), "vast")
+
+
+def _seen(cell: str) -> str:
+    """Return what is seen of a cell in its first line: no tags, and a deviation stands below its value."""
+    text = cell.striptags() if isinstance(cell, Markup) else cell
+    return text.partition(" ± ")[0]
+
+
 @cache
 def _environment() -> jinja2.Environment:
-    return jinja2.Environment(
+    made = jinja2.Environment(
         loader=jinja2.PackageLoader("dynident.results.report", "templates"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
@@ -219,3 +286,5 @@ def _environment() -> jinja2.Environment:
         lstrip_blocks=True,
         finalize=_shown,
     )
+    made.filters["size"] = _size
+    return made

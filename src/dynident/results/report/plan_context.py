@@ -57,9 +57,11 @@ def _overview(view: PlanView, time: Array, q: Array, dq: Array) -> list[Markup]:
     """Draw all joints together and, where the robot is known, the path of its tool."""
     limits = view.plan.limits
     kinds = ["revolute" if turns else "prismatic" for turns in limits.revolute]
-    figures = [drawn(trajectory_chart("All joints", limits.joints, kinds, time, q, dq))]
+    figures: list[Markup] = [
+        drawn(trajectory_chart("All joints", limits.joints, kinds, time, q, dq), "plan-trajectory")
+    ]
     if view.robot is not None:
-        figures.append(drawn(_path(view, view.robot, q)))
+        figures.append(drawn(_path(view, view.robot, q), "plan-tool-path"))
     return figures
 
 
@@ -85,7 +87,7 @@ def _joints(view: PlanView, time: Array, q: Array, dq: Array, ddq: Array) -> lis
     symmetric = [("speed", "velocity", dq), ("acceleration", "acceleration", ddq)]
     if view.model is not None and view.theta is not None:
         symmetric.append(("torque", "torque", view.model.torque(Motion(q, dq, ddq), view.theta)))
-    figures = []
+    figures: list[Markup] = []
     for i, name in enumerate(limits.joints):
         ends = float(limits.lower[i]), float(limits.upper[i])
         signals = [Bounded("position", limits.unit("position", i), q[:, i], *ends)]
@@ -93,5 +95,5 @@ def _joints(view: PlanView, time: Array, q: Array, dq: Array, ddq: Array) -> lis
             bound = float(getattr(limits, key)[i])
             shown = "force" if word == "torque" and not limits.revolute[i] else word
             signals.append(Bounded(shown, limits.unit(key, i), values[:, i], -bound, bound))
-        figures.append(drawn(limit_chart(name, time, signals)))
+        figures.append(drawn(limit_chart(name, time, signals), "plan-limits", name))
     return figures

@@ -90,6 +90,8 @@ class Subject:
         command: The command line that repeats the report; empty to take that of the estimate's provenance.
         sources: Files of the tests; those of the fit are in the estimate's provenance.
         plan: The motion that was designed, with its check; None for none.
+        log_quality: What the doctor found in the logs of the fit, as plain data; empty for what the provenance has.
+        why_no_test: Why there is no test although the fit may have kept rows apart; for a sentence of the verdict.
 
     Raises:
         BadOption: The plan has other joints than the robot.
@@ -103,6 +105,8 @@ class Subject:
     command: str = ""
     sources: tuple[Source, ...] = ()
     plan: PlanView | None = None
+    log_quality: tuple[Mapping[str, Any], ...] = ()
+    why_no_test: str = ""
 
     def __post_init__(self) -> None:
         joints = self.estimate.model.robot.joint_names

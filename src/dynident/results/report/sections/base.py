@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from markupsafe import Markup
 
+from dynident.results.figures.files import file_stem
 from dynident.results.report.subject import MOST_DRAWN, Subject
 
 
@@ -29,9 +30,26 @@ class Section(ABC):
         """
 
 
-def drawn(figure: str) -> Markup:
-    """Return a figure of :mod:`dynident.results.figures`, which escapes its own text, as markup for the page."""
-    return Markup(figure)
+class Drawing(Markup):
+    """A figure as markup for the page, with the name that it has as a file.
+
+    Attributes:
+        stem: Name of its file without a suffix.
+    """
+
+    stem: str = ""
+
+
+def drawn(figure: str, *words: str) -> Drawing:
+    """Return a figure of :mod:`dynident.results.figures`, which escapes its own text, as markup for the page.
+
+    Args:
+        figure: SVG.
+        words: What it shows, such as ``torque``, the data set and the joint: the name of its file is made of them.
+    """
+    drawing = Drawing(figure)
+    drawing.stem = file_stem(*words)
+    return drawing
 
 
 def left_out(subject: Subject) -> str:

@@ -22,19 +22,24 @@ class Convergence(Section):
     template: ClassVar = "convergence.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
-        extras, comparison = subject.estimate.extras, subject.comparison
-        traces = {name: trace for name, trace in comparison.traces.items() if _is_trace(trace)}
-        if _is_trace(extras.get("trace")):
-            traces.setdefault(subject.estimate.estimator, extras["trace"])
+        traces, optimum = traces_of(subject)
         if not traces:
             return {}
-        optimum = comparison.optimum if comparison.optimum is not None else extras.get("optimum")
-        known = float(optimum) if isinstance(optimum, int | float | np.number) else None
         return {
-            "chart": drawn(convergence_chart(traces, known, comparison.objective)),
-            "table": _ends(traces, known),
-            "optimum": "" if known is None else format_number(known, 6),
+            "chart": drawn(convergence_chart(traces, optimum, subject.comparison.objective), "convergence"),
+            "table": _ends(traces, optimum),
+            "optimum": "" if optimum is None else format_number(optimum, 6),
         }
+
+
+def traces_of(subject: Subject) -> tuple[dict[str, Sequence[float]], float | None]:
+    """Return the objective after each iteration by name of the search, and the optimum where it is known."""
+    extras, comparison = subject.estimate.extras, subject.comparison
+    traces = {name: trace for name, trace in comparison.traces.items() if _is_trace(trace)}
+    if _is_trace(extras.get("trace")):
+        traces.setdefault(subject.estimate.estimator, extras["trace"])
+    optimum = comparison.optimum if comparison.optimum is not None else extras.get("optimum")
+    return traces, float(optimum) if isinstance(optimum, int | float | np.number) else None
 
 
 def _is_trace(found: object) -> bool:

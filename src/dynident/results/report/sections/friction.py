@@ -77,7 +77,9 @@ def _figures(subject: Subject) -> list[Markup]:
         joint = np.linalg.solve(coupling, motor.T).T
         curve = friction_torque(model, theta, np.zeros_like(joint), joint)[:, i]
         rate = "rad/s" if unit == "N m" else "m/s"
-        charts.append(drawn(friction_chart(name, unit, rate, speed[:, i], torque[:, i], (grid, curve))))
+        charts.append(
+            drawn(friction_chart(name, unit, rate, speed[:, i], torque[:, i], (grid, curve)), "friction", name)
+        )
     return charts
 
 

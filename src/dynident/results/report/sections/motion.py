@@ -27,18 +27,23 @@ class MotionSection(Section):
         groups: list[tuple[str, list[Markup]]] = []
         for name, log in subject.trajectories.items():
             if log.samples:
-                groups.append((f"Reference: {label(name)}", _figures(robot, log.time, log.q, log.dq, (0,))))
+                groups.append(
+                    (f"Reference: {label(name)}", _figures(robot, f"reference-{name}", log.time, log.q, log.dq, (0,)))
+                )
         for dataset in subject.datasets[:MOST_DRAWN]:
             v = dataset.validation
             groups.append(
-                (f"{dataset.name}, as recorded: {dataset.logs}", _figures(robot, v.time, v.q, v.dq, v.starts))
+                (
+                    f"{dataset.name}, as recorded: {dataset.logs}",
+                    _figures(robot, dataset.name, v.time, v.q, v.dq, v.starts),
+                )
             )
         return {"groups": groups, "left_out": left_out(subject)} if groups else {}
 
 
-def _figures(robot: Robot, time: Array, q: Array, dq: Array | None, starts: tuple[int, ...]) -> list[Markup]:
+def _figures(robot: Robot, name: str, time: Array, q: Array, dq: Array | None, starts: tuple[int, ...]) -> list[Markup]:
     kinds = [joint.kind for joint in robot.active]
     return [
-        drawn(trajectory_chart("Joints", robot.joint_names, kinds, time, q, dq, starts)),
-        drawn(path_chart("Path of the tool", tool_path(robot, q))),
+        drawn(trajectory_chart("Joints", robot.joint_names, kinds, time, q, dq, starts), "trajectory", name),
+        drawn(path_chart("Path of the tool", tool_path(robot, q)), "tool-path", name),
     ]

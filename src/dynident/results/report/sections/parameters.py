@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
+from dynident.estimation.estimate import Estimate
 from dynident.results.figures import deviation_chart
+from dynident.results.report.combinations import combination
 from dynident.results.report.judgement import LOST, WELL_KNOWN
 from dynident.results.report.sections.base import Section, drawn
 from dynident.results.report.subject import Subject
-from dynident.results.text import format_number, format_percent, parameters_table
+from dynident.results.text import Table, format_number, format_percent, parameters_table
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,8 @@ class Parameters(Section):
         chart = deviation_chart([estimate.base.names[k] for k in order], relative[order], limits=(WELL_KNOWN,))
         count = estimate.base.count
         return {
-            "table": parameters_table(estimate),
-            "chart": drawn(chart) if count else "",
+            "table": _table(estimate),
+            "chart": drawn(chart, "relative-deviations") if count else "",
             "count": count,
             "standard": len(estimate.base.parameters),
             "inertial": estimate.inertial_base_parameters,
@@ -44,3 +46,10 @@ class Parameters(Section):
             "well": format_percent(WELL_KNOWN),
             "lost": format_percent(LOST),
         }
+
+
+def _table(estimate: Estimate) -> Table:
+    """Return the table of the terminal with the combinations as mathematics."""
+    table, base = parameters_table(estimate), estimate.base
+    rows = ((row[0], combination(base, k), *row[2:]) for k, row in enumerate(table.rows))
+    return replace(table, rows=tuple(rows))

@@ -77,7 +77,10 @@ def _alike(mean: float, deviation: float, largest: float) -> tuple[str, str, str
 def _over_speed(dataset: Dataset, robot: Robot) -> list[Markup]:
     v = dataset.validation
     return [
-        drawn(residual_chart(fit.name, fit.unit, _speed_unit(fit.unit), v.dq[:, i], v.residual[:, i]))
+        drawn(
+            residual_chart(fit.name, fit.unit, _speed_unit(fit.unit), v.dq[:, i], v.residual[:, i]),
+            *("residual-over-speed", dataset.name, fit.name),
+        )
         for i, fit in enumerate(v.joints)
     ]
 
@@ -103,5 +106,6 @@ def _spectra(dataset: Dataset, robot: Robot) -> list[Markup]:
             if u == unit
         ]
         heading = f"density [{pretty_unit(unit)}/√Hz]"
-        charts.append(drawn(line_chart("Spectrum", lines, "frequency [Hz]", heading, log=(True, True), height=170.0)))
+        chart = line_chart("Spectrum", lines, "frequency [Hz]", heading, log=(True, True), height=170.0)
+        charts.append(drawn(chart, "residual-spectrum", dataset.name, "" if unit == "N m" else "forces"))
     return charts

@@ -10,10 +10,19 @@ from dynident.results.report.sections.base import Section, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
 from dynident.results.text import Column, Table, format_number, format_percent, label, pretty_unit, statement
 
+#: Bytes of all figures together that go into the numbers behind them; a value takes 8/3.
+_BUDGET = 1_600_000
+
+#: Values of a signal that show all that the figure of a usual log can.
+_MOST = 12_000
+
+#: Rows of numbers in a figure: time, three lines, two bands of two edges each.
+_ROWS = 8
+
 
 @dataclass(frozen=True)
 class Torques(Section):
-    """A figure per joint and data set."""
+    """A figure per joint and data set; the figures of a data set are zoomed together."""
 
     title: ClassVar = "Torques"
     template: ClassVar = "torques.html"
@@ -21,10 +30,10 @@ class Torques(Section):
     def context(self, subject: Subject) -> dict[str, Any]:
         if not subject.datasets:
             return {}
-        groups = [
-            (dataset, _caption(dataset), _figures(dataset), _bands(dataset))
-            for dataset in subject.datasets[:MOST_DRAWN]
-        ]
+        shown = subject.datasets[:MOST_DRAWN]
+        figures = max(1, len(shown) * subject.estimate.model.robot.dof)
+        detail = min(_MOST, int(_BUDGET / (8 / 3 * _ROWS * figures)))
+        groups = [(dataset, _caption(dataset), _figures(dataset, detail), _bands(dataset)) for dataset in shown]
         return {"groups": groups, "left_out": left_out(subject)}
 
 
@@ -36,14 +45,14 @@ def _caption(dataset: Dataset) -> str:
     return f"{said} {dataset.remark}".rstrip()
 
 
-def _figures(dataset: Dataset) -> list[str]:
+def _figures(dataset: Dataset, detail: int) -> list[str]:
     v, widths = dataset.validation, dataset.validation.half_widths()
     found = []
     for i, fit in enumerate(v.joints):
         bands = None if widths is None else TorqueBands(widths[0][:, i], widths[1][:, i])
-        found.append(
-            drawn(torque_chart(fit.name, fit.unit, v.time, v.measured[:, i], v.predicted[:, i], v.starts, bands))
-        )
+        signals = v.time, v.measured[:, i], v.predicted[:, i]
+        chart = torque_chart(fit.name, fit.unit, *signals, v.starts, bands, detail=detail)
+        found.append(drawn(chart, "torque", dataset.name, fit.name))
     return found
 
 

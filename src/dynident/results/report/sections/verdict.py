@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -13,6 +14,8 @@ from dynident.results.report.judgement import GAP, LOST, WELL_KNOWN, grade, tone
 from dynident.results.report.sections.base import Section
 from dynident.results.report.subject import Subject
 from dynident.results.text import format_percent, label, shorten
+
+_NO_TEST = "no test on other data"
 
 _REASONS = 3  # of what breaks consistency, in full
 
@@ -59,7 +62,7 @@ def _worst(subject: Subject) -> float:
 def _prediction(subject: Subject) -> Answer:
     train = subject.estimate.train.total_relative_error
     if not subject.held_out:
-        return Answer(format_percent(train), "torque error on the data of the fit", "no log was held out", "fair")
+        return Answer(format_percent(train), "torque error on the data of the fit", _NO_TEST, "fair")
     worst = _worst(subject)
     largest = f", largest of {len(subject.held_out)} tests" if len(subject.held_out) > 1 else ""
     meaning = f"torque error on data the fit has not seen{largest}"
@@ -69,10 +72,7 @@ def _prediction(subject: Subject) -> Answer:
 def _about_prediction(subject: Subject) -> list[str]:
     train = subject.estimate.train.total_relative_error
     if not subject.held_out:
-        return [
-            f"The model misses {format_percent(train)} of the torques it was fitted to. No log was held out, and the "
-            "error on the data of the fit flatters a model: record a second, different motion and validate with it."
-        ]
+        return [f"The model misses {format_percent(train)} of the torques it was fitted to.", _untested(subject)]
     worst = _worst(subject)
     said = [
         f"On motions it has not seen, the model misses {format_percent(worst)} of the measured torque: {grade(worst)}."
@@ -83,6 +83,36 @@ def _about_prediction(subject: Subject) -> list[str]:
             "tests move in ways the fit did not see enough of, or only have smaller torques or more noise."
         )
     return said
+
+
+def _untested(subject: Subject) -> str:
+    """Return why there is no test and what to do about it."""
+    why = label(subject.why_no_test) if subject.why_no_test else ""
+    split = _split_of(subject.estimate)
+    flatters = "the error on the data of the fit flatters a model"
+    if split:
+        also = f" ({why})" if why else ""
+        return (
+            f"The fit has kept a part of its log apart, which this report does not use{also}: test on it with --test "
+            f"LOG --split {split}, since {flatters}."
+        )
+    lead = f"No test can be repeated ({why})" if why else "No log was held out"
+    return f"{lead}, and {flatters}: record a second, different motion and test on it with --test LOG."
+
+
+def _split_of(estimate: Estimate) -> str:
+    """Return the split of the fit as it is written on the command line, from the steps of its logs; empty for none."""
+    for log in estimate.provenance.get("logs", ()):
+        for step in log.get("steps", ()):
+            first = re.fullmatch(r"first ([\d.]+) of the duration", str(step))
+            if first:
+                return f"first:{first[1]}"
+            rows = re.fullmatch(r"rows (\d+) to (\d+) of (\d+)", str(step))
+            if rows:
+                start, stop, whole = map(int, rows.groups())
+                rest = (stop, whole) if whole - stop >= start else (0, start)
+                return f"rows:{start}:{stop},{rest[0]}:{rest[1]}"
+    return ""
 
 
 def _consistency(estimate: Estimate) -> Answer:

@@ -1,0 +1,209 @@
+"""Compare estimators where the truth is known, over noise, seeds and initial guesses; or on real logs.
+
+NAME is a benchmark that ships or a file like it (docs/benchmark.md). Every result is kept in the folder --out as soon
+as it is there: the same command goes on where it was stopped, even by kill -9, and nothing is computed twice.
+
+  dynident benchmark tx40 --quick
+  dynident benchmark tx40 --jobs 4 --out tx40 --html tx40.html
+  dynident benchmark mine.yaml --draws 100 --methods wls,consistent
+
+--real FOLDER runs every estimator on every set and split of the case files in a folder, with published figures of the
+same sets beside ours where the folder's scoreboard.yml states them:
+
+  DYNIDENT_DATA=... dynident benchmark --real examples/cases
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dynident.estimation.comparison.contest import Method
+    from dynident.estimation.monte_carlo.experiment import Experiment
+    from dynident.estimation.monte_carlo.real_sets import Scoreboard
+    from dynident.estimation.monte_carlo.summary import MethodRow
+    from dynident.results.scoreboard_view import Result
+
+SUMMARY = "estimators where the truth is known, by Monte Carlo; or on every real set"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("name", nargs="?", metavar="NAME|FILE", help="benchmark that ships, such as tx40, or a file")
+    parser.add_argument("--real", metavar="FOLDER", help="a folder of case files, in place of NAME")
+    what = parser.add_argument_group("what is done")
+    what.add_argument("--quick", action="store_true", help="the short form that the benchmark states")
+    what.add_argument("--draws", type=int, metavar="N", help="logs of each condition; default: those of the benchmark")
+    what.add_argument(
+        "--methods", metavar="NAMES", help="with commas between them; default: all of the benchmark, or all estimators"
+    )
+    how = parser.add_argument_group("how")
+    how.add_argument("--out", metavar="DIR", help="folder that keeps the results; default: dynident-benchmark-NAME")
+    how.add_argument("--jobs", type=int, default=1, metavar="N", help="processes side by side; default 1: times count")
+    how.add_argument(
+        "--time-limit", type=float, metavar="S", help="wall-clock time of a task; it fails after it; default: none"
+    )
+    output = parser.add_argument_group("output")
+    output.add_argument("--html", metavar="FILE", help="write one self-contained page here")
+    output.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    output.add_argument("--quiet", action="store_true", help="no progress and no remarks")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from dynident.errors import BadOption
+    from dynident.files import check_place
+
+    if (options.name is None) == (options.real is None):
+        from dynident.estimation.monte_carlo.experiment import shipped_benchmarks
+
+        step = f"give a benchmark ({', '.join(shipped_benchmarks())}, or a file), or --real FOLDER"
+        raise BadOption("NAME", options.name or "", step)
+    if options.html:
+        check_place(options.html)
+    return _virtual(options) if options.real is None else _real(options)
+
+
+def _virtual(options: argparse.Namespace) -> int:
+    from dynident.cli import console, jobs
+    from dynident.estimation.monte_carlo.experiment import read_experiment
+    from dynident.estimation.monte_carlo.motions import motions_of
+    from dynident.estimation.monte_carlo.records import Records
+    from dynident.estimation.monte_carlo.runner import run_tasks
+    from dynident.estimation.monte_carlo.summary import summary_of
+    from dynident.estimation.monte_carlo.virtual_tasks import VirtualWork
+    from dynident.results.benchmark_page import write_benchmark_page
+
+    methods = None if options.methods is None else [name.strip() for name in options.methods.split(",")]
+    experiment = read_experiment(options.name, quick=options.quick, draws=options.draws, methods=methods)
+    records = Records(options.out or f"dynident-benchmark-{experiment.path.stem}")
+    quiet = options.quiet or options.json
+    results, stopped = [], False
+    with console.progress(1, quiet) as designing:
+        motions = motions_of(experiment, records.folder, designing.step)
+    work = VirtualWork(experiment, motions)
+    tasks = work.tasks()
+    with console.progress(len(tasks), quiet) as progress:
+        try:
+            for each in run_tasks(
+                work, tasks, records, jobs=options.jobs, time_limit=options.time_limit, progress=progress.step
+            ):
+                results.append(each)
+        except KeyboardInterrupt:
+            stopped = True
+    rows = summary_of(results)
+    if options.html and rows:
+        write_benchmark_page(options.html, experiment, rows, jobs.repeat_command())
+    if options.json:
+        console.answer_json(_figures(experiment, rows, len(results), len(tasks)))
+    else:
+        _show(experiment, rows)
+        console.remark(f"{len(results)} of {len(tasks)} tasks; kept in {records.folder}", options.quiet)
+    return 130 if stopped else 0
+
+
+def _figures(experiment: Experiment, rows: tuple[MethodRow, ...], done: int, total: int) -> dict[str, Any]:
+    from dynident.cli import jobs
+
+    return {
+        "benchmark": experiment.title,
+        "tasks": total,
+        "done": done,
+        "draws": experiment.draws,
+        "rows": [row.figures() for row in rows],
+        "command": jobs.repeat_command(),
+    }
+
+
+def _show(experiment: Experiment, rows: tuple[MethodRow, ...]) -> None:
+    from dynident.cli import console
+    from dynident.results import benchmark_page as page
+    from dynident.results.text import label
+
+    console.answer(f"{label(experiment.title)}: {experiment.draws} draws of each condition")
+    console.answer(page.NOTE)
+    for name, found in page.by_condition(rows, experiment).items():
+        console.answer()
+        console.answer_table(page.condition_table(found), name)
+    for line in page.failure_lines(rows):
+        console.answer(line)
+
+
+def _real(options: argparse.Namespace) -> int:
+    from dynident.cli import console, jobs
+    from dynident.errors import BadOption, FileError
+    from dynident.estimation.monte_carlo.real_sets import RealWork, read_scoreboard
+    from dynident.estimation.monte_carlo.records import Records
+    from dynident.estimation.monte_carlo.runner import run_tasks
+    from dynident.results.scoreboard_view import write_scoreboard_page
+
+    for name in ("quick", "draws"):
+        if getattr(options, name):
+            raise BadOption(f"--{name}", getattr(options, name), "it does not go with --real")
+    board = read_scoreboard(options.real)
+    work = RealWork({each.name: each for each in board.sets})
+    tasks = work.tasks(_estimators(options.methods or "all"))
+    missing = [each for each in board.sets if each.missing]
+    if not tasks:
+        step = "name the folder with the logs in DYNIDENT_DATA"
+        raise FileError(missing[0].missing[0], "there is no such file, and so it is for every set", step)
+    records = Records(options.out or "dynident-benchmark-real")
+    quiet, results, stopped = options.quiet or options.json, [], False
+    with console.progress(len(tasks), quiet) as progress:
+        try:
+            for task, result in run_tasks(
+                work, tasks, records, jobs=options.jobs, time_limit=options.time_limit, progress=progress.step
+            ):
+                results.append((task.name, task.method.label, result))
+        except KeyboardInterrupt:
+            stopped = True
+    if options.html:
+        write_scoreboard_page(options.html, board, results, jobs.repeat_command())
+    if options.json:
+        console.answer_json(_real_figures(board, results, len(tasks)))
+    else:
+        _show_real(board, results)
+    for each in missing:
+        console.remark(f"left out: {each.name}; there is no {each.missing[0]}", options.json)
+    return 130 if stopped else 0
+
+
+def _estimators(text: str) -> list[Method]:
+    """Return the methods that a text names, with their default options."""
+    from dynident.cli.compare import methods_from
+    from dynident.experiment.case_file.case import case_of_robot
+
+    return methods_from(case_of_robot("er16"), text)
+
+
+def _real_figures(board: Scoreboard, results: list[Result], total: int) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    from dynident.cli import jobs
+
+    return {
+        "tasks": total,
+        "done": len(results),
+        "sets": [
+            {
+                "name": each.name,
+                "missing": list(each.missing),
+                "methods": [{**result, "method": method} for name, method, result in results if name == each.name],
+                "published": [asdict(figure) for figure in board.published if figure.set == each.name],
+            }
+            for each in board.sets
+        ],
+        "command": jobs.repeat_command(),
+    }
+
+
+def _show_real(board: Scoreboard, results: list[Result]) -> None:
+    from dynident.cli import console
+    from dynident.results import scoreboard_view as view
+
+    table = view.scoreboard_table(board, results)
+    console.answer_table(table, table.note)
+    console.answer()
+    for line in view.best_of_sets(board, results):
+        console.answer(line)

@@ -1,0 +1,197 @@
+"""Record a plan on a virtual cell: a log as the case reads it, and the truth beside it.
+
+The robot of the case follows the plan under a joint controller. Sensors, clocks and all other effects are those of the
+case's section 'cell', or of --cell in its place, changed by --set. The log has the columns and units of the case, so
+that 'identify' reads it as it would a real one. Beside a log run.csv, run.truth.json states the true parameters and
+run.truth.npz the true signals.
+
+  dynident simulate case.yaml plan.json -o run.csv --set effort.noise=0.3 --set truth.friction.Fc=2
+  dynident simulate case.yaml plan.json -o run.csv --cell cell.yaml --seed 1
+  dynident identify case.yaml run.csv -o estimate.json
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dynident.arrays import Array
+    from dynident.experiment.case_file.case import Case
+    from dynident.experiment.case_file.cell_section import CellSetup
+    from dynident.experiment.simulation.cell import CellRun
+    from dynident.model.dynamic_model import DynamicModel
+
+SUMMARY = "record a plan on a virtual cell, with the truth beside the log"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("case", metavar="CASE", help="case file or robot description")
+    parser.add_argument("plan", metavar="PLAN", help="plan of 'dynident excite'")
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="FILE", help="write the log here: .csv, .tsv, .npz, .parquet, .mat"
+    )
+    parser.add_argument("--cell", metavar="FILE", help="the cell, in place of the case's (docs/virtual-cell.md)")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="KEY=VALUE",
+        help="change one setting of the cell, such as encoder.noise=1e-5, controller=pid, truth.friction.Fc=2,1,1",
+    )
+    parser.add_argument("--repeats", type=int, default=1, metavar="N", help="periods of the motion (1)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of all that is random (0)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+    parser.add_argument("--quiet", action="store_true", help="no remarks")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the command."""
+    from pathlib import Path
+
+    from dynident.cli import console, jobs
+    from dynident.errors import BadOption
+    from dynident.experiment.case_file.case import read_case
+    from dynident.experiment.case_file.cell_section import CellSetup, read_cell
+    from dynident.experiment.design.plan import read_plan
+    from dynident.experiment.simulation.case_log import case_columns, wants_current, write_columns
+    from dynident.experiment.simulation.cell_simulation import simulate_cell
+    from dynident.experiment.simulation.truth import true_parameters
+    from dynident.files import check_place
+
+    if options.seed < 0:
+        raise BadOption("--seed", options.seed, "give 0 or more")
+    target = Path(options.output)
+    truth_files = (target.with_suffix(".truth.json"), target.with_suffix(".truth.npz"))
+    for place in (target, *truth_files):
+        check_place(place)
+    case, plan = read_case(options.case), read_plan(options.plan)
+    jobs.check_outputs((str(target), *map(str, truth_files)), (options.case, options.plan, *map(str, case.files)))
+    setup = read_cell(options.cell) if options.cell else case.cell or CellSetup(path=options.case)
+    setup = setup.changed(options.settings)
+    model, robot = case.model, case.robot
+    if plan.joints != robot.joint_names:
+        step = f"the robot of the case has {', '.join(robot.joint_names)}; design the plan for this case"
+        raise BadOption("plan", f"for {', '.join(plan.joints)}", step)
+    theta = true_parameters(model, _start(setup.truth.parameters, case, model), setup.truth, options.seed)
+    believed = None if setup.truth.believed == "truth" else _start(setup.truth.believed, case, model)
+    gains = {j.name: j.drive.gain for j in robot.active if j.drive.gain is not None}
+    found = simulate_cell(
+        model,
+        theta,
+        plan.motion(options.repeats),
+        setup.cell,
+        gains=gains if wants_current(case.columns) else None,
+        believed=believed,
+        seed=options.seed,
+    )
+    table = case_columns(found.log, case.columns, robot, case.locked)
+    write_columns(table, target, case.columns.decimal)
+    facts = _facts(options, setup, model, found)
+    _write_truth(truth_files, facts, found)
+    if options.json:
+        console.answer_json(facts)
+        return 0
+    _show(found, model, str(target), tuple(map(str, truth_files)), options.quiet)
+    return 0
+
+
+def _start(name: str, case: Case, model: DynamicModel) -> Array:
+    """Return the parameters of the description, or of an estimate file."""
+    from dynident.experiment.simulation.truth import nominal_parameters
+
+    if name == "nominal":
+        return nominal_parameters(model)
+    from dynident.estimation.earlier import check_same
+    from dynident.estimation.estimate_file import read_estimate
+
+    path = str(case.find(name))
+    estimate = read_estimate(path)
+    check_same(estimate, model, path)
+    return estimate.base.to_standard(estimate.beta) if estimate.theta is None else estimate.theta
+
+
+def _facts(options: argparse.Namespace, setup: CellSetup, model: DynamicModel, found: CellRun) -> dict[str, Any]:
+    """Return what is true of the log, as plain data."""
+    from dataclasses import asdict
+
+    from dynident.experiment.simulation.controllers import CONTROLLERS
+
+    cell = asdict(setup.cell)
+    cell["controller"] = {CONTROLLERS.name_of(setup.cell.controller): cell["controller"]}
+    robot = model.robot
+    return {
+        "kind": "dynident truth",
+        "format": 1,
+        "log": options.output,
+        "robot": robot.name,
+        "plan": options.plan,
+        "seed": options.seed,
+        "samples": found.log.samples,
+        "integration_hz": found.integration_rate,
+        "gravity": found.gravity.tolist(),
+        "parameters": [
+            {"symbol": one.symbol, "owner": one.owner, "unit": one.unit, "value": float(value)}
+            for one, value in zip(model.parameters, found.theta, strict=True)
+        ],
+        "cell": cell,
+        "saturated": found.saturated,
+        "tracking_error": dict(zip(robot.joint_names, found.tracking_error().tolist(), strict=True)),
+    }
+
+
+def _write_truth(places: tuple[Any, Any], facts: dict[str, Any], found: CellRun) -> None:
+    """Write the facts as JSON and the true signals as arrays."""
+    import io
+    import json
+
+    import numpy as np
+
+    from dynident.files import write_atomically
+
+    truth = found.truth
+    named = {"torque": "tau"}
+    signals: Any = {named.get(name, name): values for name, values in truth.signals().items()}
+    content = io.BytesIO()
+    np.savez_compressed(content, t=truth.time, **signals, tau_friction=found.friction, tau_link=found.link_torque)
+    write_atomically(places[0], json.dumps(facts, indent=1, allow_nan=False) + "\n")
+    write_atomically(places[1], content.getvalue())
+
+
+def _show(found: CellRun, model: DynamicModel, target: str, truths: tuple[str, ...], quiet: bool) -> None:
+    import numpy as np
+
+    from dynident.cli import console
+    from dynident.experiment.simulation.truth import without_friction
+    from dynident.results.text import Column, Table, format_number, label, pretty_unit
+
+    robot, log = model.robot, found.log
+    console.answer(f"{log.samples} samples over {log.duration:.4g} s, {label(log.source.steps[0])}\n")
+    torque = np.sqrt(np.mean(np.asarray(found.truth.torque) ** 2, axis=0))
+    rows = [
+        (label(joint.name), format_number(size, 3), pretty_unit(joint.unit), format_number(error, 2), moved)
+        for joint, size, error, moved in zip(
+            robot.active,
+            torque,
+            found.tracking_error(),
+            ("rad" if joint.kind == "revolute" else "m" for joint in robot.active),
+            strict=True,
+        )
+    ]
+    columns = (
+        Column("joint"),
+        Column("torque (rms)", numeric=True),
+        Column("unit"),
+        Column("tracking error (rms)", numeric=True),
+        Column("unit"),
+    )
+    console.answer_table(Table(columns, tuple(rows)))
+    nothing = without_friction(model, found.theta)
+    if nothing:
+        known = "give them with --set truth.friction.SYMBOL=VALUE"
+        console.remark(f"{', '.join(nothing)}: 0 at every joint, as nothing states them; {known}", quiet)
+    if found.saturated:
+        console.remark(f"{found.saturated} torques were cut at the effort limits", quiet)
+    console.remark(f"saved {target}, {', '.join(truths)}", quiet)

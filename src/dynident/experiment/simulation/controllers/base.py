@@ -1,0 +1,99 @@
+"""What a controller of the virtual cell is: options, a table of numbers, and a compiled law with a memory.
+
+A law is called once a tick of the controller, as
+
+    law(settings, goal, seen, limits, period, model, memory, work, tau)
+
+with settings (s, n), what :meth:`Controller.settings` made of the options; goal (5, n), the commanded q, dq and ddq,
+the torque fed forward, and what the drives give beside the bodies there (believed friction where it is fed forward,
+less the known bias); seen (2, n), the measured q and dq; limits (n,), the largest torques, infinite for none; period,
+the time between two ticks in s; model, what the controller believes of the robot: links, reals, gravity and theta as in
+:mod:`dynident.model.kernels.generic`, and the rotor inertia at the joints (n, n); memory (m, n), zeros at the start,
+its own to write; work, scratch of the kernels; and it writes tau (n,), the torque at the joints. The cell cuts it at
+the limits and holds it until the next tick. The first row of the memory is that of the ticks: it is 0, 1, 2, ... in all
+columns.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import BadOption
+
+FEEDS = ("none", "gravity", "model")
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What is known of the joints when gains are chosen.
+
+    Attributes:
+        inertia: Diagonal of the mass matrix with the rotors at the start, shape (n,), in kg m^2 or kg.
+        stiffest: Natural frequency, in rad/s, of joint loops of unit damping whose fastest decay along the motion is
+            one per tick, whatever the pose; half of it is safe.
+    """
+
+    inertia: Array
+    stiffest: float
+
+    @property
+    def joints(self) -> int:
+        """Number of joints, n."""
+        return len(self.inertia)
+
+    def pulsation(self, bandwidth_hz: float | None, usual_hz: float) -> float:
+        """Return a natural frequency in rad/s: the one given in Hz, or the usual one where the rate allows it."""
+        if bandwidth_hz is not None:
+            return 2.0 * np.pi * bandwidth_hz
+        return min(2.0 * np.pi * usual_hz, 0.8 * self.stiffest)
+
+
+@dataclass(frozen=True)
+class Controller(ABC):
+    """A sampled joint controller; the fields of a part are its options.
+
+    Attributes:
+        rate: Ticks a second, in Hz.
+        delay_s: Time from the measurement until the torque acts, in s.
+        current_hz: Corner frequency of the closed current loops (first order): how fast torque follows its command;
+            none for at once.
+        feedforward: Torque along the commanded motion that is added: ``none``, ``gravity``, or all of the ``model``
+            that the controller believes.
+    """
+
+    #: Rows of the memory, the one of the ticks included.
+    memory: ClassVar[int] = 1
+
+    rate: float = field(default=1000.0, kw_only=True)
+    delay_s: float = field(default=0.0, kw_only=True)
+    current_hz: float | None = field(default=None, kw_only=True)
+    feedforward: Literal["none", "gravity", "model"] = field(default="gravity", kw_only=True)
+
+    def __post_init__(self) -> None:
+        if self.feedforward not in FEEDS:
+            raise BadOption("controller.feedforward", self.feedforward, f"choose one of: {', '.join(FEEDS)}")
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if value is None or isinstance(value, str):
+                continue
+            lowest = 0.0 if one.name == "delay_s" or one.name in self.may_be_zero else np.nextafter(0.0, 1.0)
+            if not np.all((np.array(value, dtype=np.float64) >= lowest) & np.isfinite(value)):
+                words = "a finite number, 0 or more" if lowest == 0 else "a number above 0"
+                raise BadOption(f"controller.{one.name}", value, f"give {words}")
+
+    #: Options that may be 0.
+    may_be_zero: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def law(self) -> Callable[..., Any]:
+        """Return the compiled law; see the head of the file."""
+
+    @abstractmethod
+    def settings(self, loop: Loop) -> Array:
+        """Return the numbers of the law, shape (s, n)."""

@@ -1,0 +1,67 @@
+"""Proportional-derivative control of each joint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.experiment.simulation.controllers.base import Controller, Loop
+from dynident.experiment.simulation.effects import each
+from dynident.model.kernels.jit import compiled
+
+
+@dataclass(frozen=True)
+class Pd(Controller):
+    """Stiffness times the position error and damping times the velocity error of each joint.
+
+    Attributes:
+        bandwidth_hz: Natural frequency w of the loops in Hz: stiffness M_ii w^2, damping 2 damping_ratio M_ii w, with
+            the mass matrix at the start; none for 8 Hz, or what the rate allows along the motion.
+        damping_ratio: Damping ratio of the loops.
+        stiffness: In N m/rad or N/m, one number or one per joint; none for that of the bandwidth.
+        damping: In N m s/rad or N s/m, one number or one per joint; none for that of the bandwidth.
+    """
+
+    bandwidth_hz: float | None = None
+    damping_ratio: float = 1.0
+    stiffness: tuple[float, ...] | None = None
+    damping: tuple[float, ...] | None = None
+
+    may_be_zero = ("stiffness", "damping")
+
+    def law(self) -> Callable[..., Any]:
+        return _law
+
+    def settings(self, loop: Loop) -> Array:
+        return np.array(gains(self, loop))
+
+
+def gains(part: Any, loop: Loop) -> tuple[Array, Array]:
+    """Return stiffness and damping, each (n,), of a part with the options of :class:`Pd`."""
+    pulsation = loop.pulsation(part.bandwidth_hz, 8.0)
+    stiffness, damping = pulsation**2 * loop.inertia, 2.0 * part.damping_ratio * pulsation * loop.inertia
+    if part.stiffness is not None:
+        stiffness = each("controller.stiffness", part.stiffness, loop.joints)
+    if part.damping is not None:
+        damping = each("controller.damping", part.damping, loop.joints)
+    return stiffness, damping
+
+
+@compiled
+def _law(
+    settings: Array,
+    goal: Array,
+    seen: Array,
+    limits: Array,
+    period: float,
+    model: Any,
+    memory: Array,
+    work: Array,
+    tau: Array,
+) -> None:
+    for i in range(len(tau)):
+        tau[i] = goal[3, i] + settings[0, i] * (goal[0, i] - seen[0, i]) + settings[1, i] * (goal[1, i] - seen[1, i])

@@ -1,0 +1,1 @@
+"""Proofs: files loaded again by the engines that read them."""

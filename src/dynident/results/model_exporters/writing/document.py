@@ -1,0 +1,142 @@
+"""The model as one JSON document, exact to the last bit: the export ``json``, and what stands beside other files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from dynident.arrays import Array, frozen
+from dynident.errors import DynidentError, EstimateFormatError
+from dynident.estimation.consistency.labels import labels_of
+from dynident.estimation.estimate import Estimate
+from dynident.files import unreadable
+from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
+from dynident.results.model_exporters.subject.drives import Drives
+from dynident.results.model_exporters.subject.identified import NONE, Identified
+from dynident.results.model_exporters.writing.xml_names import check_printable
+
+#: Kind and format that every document states.
+KIND: Final = "dynident model"
+FORMAT: Final = 1
+
+
+def document(subject: Identified, drives: Drives) -> dict[str, Any]:
+    """Return the model as plain data: robot, friction, parameters with covariance, and drives as simulators hold them.
+
+    A document without standard parameters says so by ``null``: no possible robot has its base parameters.
+    """
+    estimate = subject.estimate
+    return {
+        "kind": KIND,
+        "format": FORMAT,
+        "robot": robot_to_dict(subject.model.robot),
+        "friction": [
+            {FRICTION.name_of(part): {k: v for k, v in asdict(part).items() if v is not None}}
+            for part in subject.model.friction
+        ],
+        "base_parameters": {
+            "names": list(estimate.base.names),
+            "units": list(estimate.base.units),
+            "values": estimate.beta.tolist(),
+            "covariance": estimate.covariance.tolist(),
+            "degrees_of_freedom": _finite(estimate.degrees),
+            "combination": estimate.base.matrix.tolist(),
+        },
+        "standard_parameters": None if subject.origin == NONE else _standard(subject),
+        "drives": {
+            "joints": list(drives.joints),
+            "coupling": np.asarray(drives.coupling).tolist(),
+            "armature": drives.armature.tolist(),
+            "damping": drives.damping.tolist(),
+            "friction": drives.dry.tolist(),
+            "rest": [asdict(term) for term in drives.rest],
+        },
+        "estimator": estimate.estimator,
+        "samples": estimate.samples,
+        "versions": {k: v for k, v in estimate.provenance.items() if isinstance(v, str) and k != "command"},
+    }
+
+
+def _standard(subject: Identified) -> dict[str, Any]:
+    estimate, parameters = subject.estimate, subject.model.parameters
+    own = labels_of(estimate) if estimate.theta is not None and subject.theta is estimate.theta else ()
+    return {
+        "names": [parameter.name for parameter in parameters],
+        "units": [parameter.unit for parameter in parameters],
+        "values": subject.theta.tolist(),
+        "verdicts": list(estimate.base.verdicts),
+        "labels": [label.word for label in own] or None,
+        "origin": subject.origin,
+    }
+
+
+def _finite(values: Array | None) -> list[float | None] | None:
+    return None if values is None else [float(v) if np.isfinite(v) else None for v in values]
+
+
+def document_bytes(subject: Identified, drives: Drives) -> bytes:
+    """Return the text of the document, plain ASCII.
+
+    Raises:
+        BadOption: A name that no reader of robot descriptions takes.
+    """
+    robot = subject.model.robot
+    check_printable("robot", [robot.name, robot.base])
+    check_printable("link", [link.name for link in robot.links])
+    check_printable("joint", [joint.name for joint in robot.joints])
+    return (json.dumps(document(subject, drives), indent=1, allow_nan=False) + "\n").encode("ascii")
+
+
+def read_document(path: str | Path, data: bytes | None = None) -> tuple[DynamicModel, Array, bool]:
+    """Return the model of a document, its parameters, and whether they are standard (p,) or base parameters (b,).
+
+    Raises:
+        FileError: The file cannot be read.
+        EstimateFormatError: It is no such document, damaged, or of another format.
+    """
+    if data is None:
+        try:
+            data = Path(path).read_bytes()
+        except OSError as error:
+            raise unreadable(path, error) from error
+    step = "give a file that 'dynident export --to json' has written"
+    try:
+        found: Any = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise EstimateFormatError(path, f"no JSON that can be read ({error})", step) from error
+    if not isinstance(found, dict) or found.get("kind") != KIND:
+        raise EstimateFormatError(path, "no exported model", step)
+    if found.get("format") != FORMAT:
+        raise EstimateFormatError(path, f"format {found.get('format')}", f"this version reads format {FORMAT}")
+    try:
+        return _model(found, path)
+    except (KeyError, TypeError, ValueError, AttributeError, DynidentError) as error:
+        raise EstimateFormatError(path, f"damaged ({type(error).__name__}: {error})", "export it again") from error
+
+
+def _model(found: Mapping[str, Any], path: object) -> tuple[DynamicModel, Array, bool]:
+    parts = [
+        FRICTION.make(name, **{k: tuple(v) if isinstance(v, list) else v for k, v in options.items()})
+        for item in found["friction"]
+        for name, options in item.items()
+    ]
+    model = DynamicModel(robot_from_dict(found["robot"], path), tuple(parts))
+    standard = found["standard_parameters"]
+    if standard is None:
+        values = found["base_parameters"]["values"]
+        return model, frozen(values, (len(found["base_parameters"]["names"]),), "values"), False
+    return model, frozen(standard["values"], (len(model.parameters),), "values"), True
+
+
+def base_torque(estimate: Estimate, beta: Array, states: Any) -> Array:
+    """Return the torque of base parameters (b,) on a motion, shape (N, n): Y of the kept columns, and what is known."""
+    model = estimate.model
+    motion = model.loaded(states, estimate.base.to_standard(beta))
+    return model.regressor(motion)[..., estimate.base.independent] @ beta + model.known_torque(motion)

@@ -1,0 +1,1 @@
+"""The studio: a local web page over the verbs of the command line. Nothing below knows it."""

@@ -1,0 +1,143 @@
+"""What a log looks like before anything is done with it: its columns, first rows, ranges and curves; and motions."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array, finite
+from dynident.errors import BadOption
+from dynident.experiment.case_file.case import Case
+from dynident.experiment.formats import ColumnMap, Table, open_log
+
+#: Columns that are looked at, and rows that are shown as numbers.
+MAX_COLUMNS, ROWS = 200, 6
+
+#: Pairs of smallest and largest value that a curve is drawn with, and postures that a motion is played with.
+BUCKETS, POSTURES = 500, 1500
+
+#: Files above this size, in bytes, are not drawn.
+LARGE = 1 << 29
+
+
+def preview(path: Path, columns: ColumnMap | None = None) -> dict[str, Any]:
+    """Return the columns of a log with their first rows and ranges as plain data.
+
+    Args:
+        path: The log.
+        columns: Its columns by a case, which state how the file is read; None for its suffix.
+
+    Raises:
+        FileError: The file cannot be read.
+        LogFormatError: It is no table of numbers.
+    """
+    facts = path.stat()
+    table = _opened(path, columns, facts.st_mtime_ns)
+    header = table.header[:MAX_COLUMNS]
+    shown: dict[str, Any] = {"header": list(header), "more": len(table.header) - len(header), "how": table.how}
+    if facts.st_size > LARGE:
+        return {**shown, "rows": None, "first": [], "ranges": []}
+    values = _values(path, columns, facts.st_mtime_ns, header)
+    return {
+        **shown,
+        "rows": len(values),
+        "first": [[finite(float(v)) for v in row] for row in values[:ROWS]],
+        "ranges": [_range(values[:, k]) for k in range(len(header))],
+    }
+
+
+def curves(path: Path, names: tuple[str, ...], columns: ColumnMap | None = None) -> dict[str, Any]:
+    """Return curves of some columns over their rows, by the smallest and largest value of each bucket of rows.
+
+    Args:
+        path: The log.
+        names: The columns.
+        columns: As for :func:`preview`.
+
+    Raises:
+        BadOption: A column that the log does not have, or a file that is too large to draw.
+    """
+    facts = path.stat()
+    table = _opened(path, columns, facts.st_mtime_ns)
+    unknown = [name for name in names if name not in table.header]
+    if unknown or not names or facts.st_size > LARGE:
+        raise BadOption("columns", (unknown or ["", path.name])[0], "choose columns of a log of up to 512 MB")
+    values = _values(path, columns, facts.st_mtime_ns, table.header[:MAX_COLUMNS])
+    chosen = [table.header.index(name) for name in names]
+    return {"rows": len(values), "curves": [decimated(values[:, k]) for k in chosen]}
+
+
+def decimated(values: Array, buckets: int = BUCKETS) -> dict[str, list[float | None]]:
+    """Return row numbers and values of a curve (N,) such that no peak is lost: two values of each bucket of rows."""
+    count = len(values)
+    if count <= 2 * buckets:
+        return {"x": [float(k) for k in range(count)], "y": [finite(float(v)) for v in values]}
+    edges = np.linspace(0, count, buckets + 1).astype(int)
+    rows: list[int] = []
+    for start, stop in pairwise(edges.tolist()):
+        part = values[start:stop]
+        if np.all(np.isnan(part)):
+            rows.append(start)
+            continue
+        rows += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
+    return {"x": [float(k) for k in rows], "y": [finite(float(values[k])) for k in rows]}
+
+
+def motion_of_log(case: Case, path: Path) -> dict[str, Any]:
+    """Return the motion of a log for playback: time in s and positions in rad or m by joint.
+
+    Raises:
+        LogFormatError: No sound log.
+        LogMismatch: It does not fit the case.
+    """
+    log = case.read_currents(path)
+    keep = np.unique(np.linspace(0, log.samples - 1, min(log.samples, POSTURES)).astype(int))
+    time = log.time[keep] - log.time[0]
+    return {"joints": list(log.joints), "time": time.tolist(), "q": log.q[keep].tolist(), "still": dict(case.locked)}
+
+
+def motion_of_plan(path: Path) -> dict[str, Any]:
+    """Return the motion of a plan for playback, from rest to rest; see :func:`motion_of_log`.
+
+    Raises:
+        FileError: No plan.
+    """
+    from dynident.experiment.design.plan import read_plan
+
+    plan = read_plan(path)
+    motion = plan.motion()
+    time = np.linspace(0.0, motion.duration, POSTURES)
+    q = motion.evaluate(time)[0]
+    return {"joints": list(plan.joints), "time": time.tolist(), "q": q.tolist(), "still": {}}
+
+
+def _opened(path: Path, columns: ColumnMap | None, changed: int) -> Table:
+    return _tables(path, changed, columns) if columns is not None else _by_suffix(path, changed)
+
+
+@lru_cache(maxsize=4)
+def _by_suffix(path: Path, changed: int) -> Table:
+    del changed
+    return open_log(path)
+
+
+@lru_cache(maxsize=4)
+def _tables(path: Path, changed: int, columns: ColumnMap) -> Table:
+    del changed
+    return open_log(path, columns)
+
+
+@lru_cache(maxsize=2)
+def _values(path: Path, columns: ColumnMap | None, changed: int, header: tuple[str, ...]) -> Array:
+    return _opened(path, columns, changed).columns(header)
+
+
+def _range(values: Array) -> dict[str, float | None]:
+    sound = values[np.isfinite(values)]
+    if not len(sound):
+        return {"lowest": None, "largest": None, "bad": float(len(values))}
+    return {"lowest": float(sound.min()), "largest": float(sound.max()), "bad": float(len(values) - len(sound))}

@@ -1,0 +1,200 @@
+"""Commands that run beside the server: their progress line by line, their answer, and how they are broken off."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import IO, Any
+
+from dynident.errors import BadOption
+from dynident.studio.folder import Folder
+from dynident.studio.orders import Order
+
+#: Commands that run at the same time at most.
+AT_ONCE = 2
+
+#: Commands that a session remembers; the oldest finished ones are forgotten.
+REMEMBERED = 200
+
+#: Characters of an answer and lines of progress that are kept of one command.
+MAX_ANSWER, MAX_LINES = 16_000_000, 2_000
+
+#: Time in s that a command has to clean up after it was told to stop.
+GRACE = 5.0
+
+
+class Run:
+    """A command of this session, running or done; what becomes of it is written by the one thread that follows it.
+
+    Attributes:
+        number: Its number, from 1.
+        order: What was asked.
+        process: What runs.
+        state: running, done, failed or cancelled.
+        code: Exit code; None while it runs.
+        progress: Lines of its standard error.
+        answer: Its standard output.
+        began: Time of the clock at which it began, in s.
+        took: How long it took, in s; 0 while it runs.
+    """
+
+    def __init__(self, number: int, order: Order, process: subprocess.Popen[str]) -> None:
+        self.number, self.order, self.process = number, order, process
+        self.state, self.answer = "running", ""
+        self.code: int | None = None
+        self.progress: list[str] = []
+        self.began, self.took = time.monotonic(), 0.0
+
+    def figures(self, since: int = 0, whole: bool = True) -> dict[str, Any]:
+        """Return the run as plain data.
+
+        Args:
+            since: Lines of progress that are known already.
+            whole: Whether the answer is wanted.
+        """
+        running = self.state == "running"
+        return {
+            "number": self.number,
+            "verb": self.order.verb,
+            "command": self.order.command,
+            "outputs": list(self.order.outputs),
+            "limit_s": self.order.limit,
+            "state": self.state,
+            "code": self.code,
+            "took_s": time.monotonic() - self.began if running else self.took,
+            "lines": len(self.progress),
+            "progress": self.progress[since:],
+            "answer": self.answer if whole and not running else "",
+        }
+
+
+class Runs:
+    """The commands of a session."""
+
+    def __init__(self, folder: Folder) -> None:
+        self._folder = folder
+        self._runs: dict[int, Run] = {}
+        self._lock = threading.Lock()
+        self._count = 0
+
+    def start(self, order: Order) -> Run:
+        """Start a command in the folder of the session.
+
+        Raises:
+            BadOption: As many run already as may.
+        """
+        with self._lock:
+            if sum(run.state == "running" for run in self._runs.values()) >= AT_ONCE:
+                raise BadOption("command", order.verb, f"{AT_ONCE} commands run already; wait for one, or cancel it")
+            self._count += 1
+            run = Run(self._count, order, self._process(order))
+            self._runs[run.number] = run
+            finished = [number for number, known in self._runs.items() if known.state != "running"]
+            for number in finished[: max(0, len(self._runs) - REMEMBERED)]:
+                del self._runs[number]
+        threading.Thread(target=self._follow, args=(run,), daemon=True).start()
+        return run
+
+    def get(self, number: int) -> Run:
+        """Return a command by its number.
+
+        Raises:
+            BadOption: There is none with this number.
+        """
+        with self._lock:
+            if number not in self._runs:
+                raise BadOption("run", number, "the session has no command with this number")
+            return self._runs[number]
+
+    def all(self) -> tuple[Run, ...]:
+        """Return the commands of the session in their order."""
+        with self._lock:
+            return tuple(self._runs.values())
+
+    def cancel(self, number: int) -> None:
+        """Break off a command, and remove what it has written; one that is done stays as it is.
+
+        Raises:
+            BadOption: There is none with this number.
+        """
+        run = self.get(number)
+        with self._lock:
+            if run.state != "running":
+                return
+            run.state = "cancelled"
+        _stop(run.process)
+
+    def close(self) -> None:
+        """Break off all that run."""
+        for run in self.all():
+            with contextlib.suppress(BadOption):
+                self.cancel(run.number)
+
+    def _process(self, order: Order) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, "-m", "dynident", *order.arguments],
+            cwd=self._folder.path,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            env={**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8", "COLUMNS": "160"},
+            start_new_session=True,
+        )
+
+    def _follow(self, run: Run) -> None:
+        process = run.process
+        assert process.stdout is not None and process.stderr is not None
+        listener = threading.Thread(target=_listen, args=(process.stderr, run.progress), daemon=True)
+        listener.start()
+        answer = process.stdout.read(MAX_ANSWER)
+        while process.stdout.read(1 << 16):  # what is beyond is let go, so that the command can end
+            pass
+        code = process.wait()
+        listener.join(timeout=GRACE)
+        process.stdout.close()
+        process.stderr.close()
+        with self._lock:
+            cancelled = run.state == "cancelled"
+            run.answer, run.code, run.took = answer, code, time.monotonic() - run.began
+            if cancelled or code not in run.order.good:
+                self._folder.discard(run.order.outputs)
+            else:
+                self._folder.keep(run.order.outputs)
+            if not cancelled:
+                run.state = "done" if code in run.order.good else "failed"
+
+
+def _listen(stream: IO[str], lines: list[str]) -> None:
+    for line in stream:
+        if len(lines) < MAX_LINES and line.strip():
+            lines.append(line.rstrip()[:1000])
+
+
+def _stop(process: subprocess.Popen[str]) -> None:
+    """Tell a command and its processes to stop, and end them where they do not."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        _tell(process, number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(GRACE / 2)
+            break
+    else:
+        process.kill()
+    if hasattr(os, "killpg"):
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)  # type: ignore[attr-defined]
+
+
+def _tell(process: subprocess.Popen[str], number: signal.Signals) -> None:
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        if hasattr(os, "killpg"):
+            os.killpg(process.pid, number)
+        else:
+            process.terminate()

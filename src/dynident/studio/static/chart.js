@@ -1,0 +1,81 @@
+// Curves as SVG: one chart, several lines, axes with round numbers; pointing at it tells the values.
+
+import { el, number } from "./dom.js";
+
+const SPACE = "http://www.w3.org/2000/svg";
+const COLOURS = 6;
+
+function svg(tag, attributes, text = "") {
+  const made = document.createElementNS(SPACE, tag);
+  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+  if (text) made.textContent = text;
+  return made;
+}
+
+function ticks(low, high, count) {
+  const rough = (high - low) / count;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((k) => k * power).find((size) => size >= rough);
+  const found = [];
+  for (let at = Math.ceil(low / step) * step; at <= high + 1e-9 * step; at += step) found.push(Math.abs(at) < 1e-9 * step ? 0 : at);
+  return found;
+}
+
+// lines: [{label, x, y}]; gaps where a value is null.
+export function chart(lines, { title, xLabel = "row", unit = "", height = 220 } = {}) {
+  const width = 720;
+  const edge = { left: 64, right: 12, top: 10, bottom: 34 };
+  const xs = lines.flatMap((line) => line.x);
+  const ys = lines.flatMap((line) => line.y).filter((y) => y !== null);
+  if (!ys.length) return el("p", { class: "soft" }, "There is nothing to draw.");
+  const [x0, x1] = [Math.min(...bounds(xs)), Math.max(...bounds(xs))];
+  let [y0, y1] = bounds(ys);
+  if (y0 === y1) [y0, y1] = [y0 - 1, y1 + 1];
+  const pad = 0.04 * (y1 - y0);
+  [y0, y1] = [y0 - pad, y1 + pad];
+  const px = (x) => edge.left + ((x - x0) / (x1 - x0 || 1)) * (width - edge.left - edge.right);
+  const py = (y) => height - edge.bottom - ((y - y0) / (y1 - y0)) * (height - edge.top - edge.bottom);
+  const drawn = svg("svg", { viewBox: `0 0 ${width} ${height}`, class: "fig", role: "img", "aria-label": `${title}: ${lines.map((l) => l.label).join(", ")}` });
+  for (const at of ticks(y0, y1, 6)) {
+    drawn.append(svg("line", { x1: edge.left, x2: width - edge.right, y1: py(at), y2: py(at), class: "rule" }));
+    drawn.append(svg("text", { x: edge.left - 8, y: py(at) + 4, "text-anchor": "end", class: "soft" }, number(at)));
+  }
+  for (const at of ticks(x0, x1, 6)) {
+    drawn.append(svg("text", { x: px(at), y: height - edge.bottom + 16, "text-anchor": "middle", class: "soft" }, number(at, 6)));
+  }
+  drawn.append(svg("text", { x: width - edge.right, y: height - 3, "text-anchor": "end", class: "soft" }, xLabel));
+  lines.forEach((line, k) => {
+    drawn.append(svg("path", { d: pathOf(line, px, py), fill: "none", "stroke-width": 1.3, class: `c${line.colour ?? (k % COLOURS) + 1}` }));
+  });
+  const legend = el("p", { class: "legend" }, lines.map((line, k) => el("span", {}, swatch(line.colour ?? (k % COLOURS) + 1), el("bdi", {}, line.label))));
+  return el("figure", { class: "chart" }, el("figcaption", {}, unit ? `${title} [${unit}]` : title), drawn, lines.length > 1 ? legend : null);
+}
+
+function swatch(colour) {
+  const made = svg("svg", { viewBox: "0 0 18 6", class: "fig swatch", "aria-hidden": "true" });
+  made.append(svg("line", { x1: 0, x2: 18, y1: 3, y2: 3, "stroke-width": 3, class: `c${colour}` }));
+  return made;
+}
+
+function bounds(values) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const value of values) {
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  return [low, high];
+}
+
+function pathOf(line, px, py) {
+  let open = false;
+  const parts = [];
+  line.y.forEach((y, k) => {
+    if (y === null) {
+      open = false;
+      return;
+    }
+    parts.push(`${open ? "L" : "M"}${px(line.x[k]).toFixed(1)} ${py(y).toFixed(1)}`);
+    open = true;
+  });
+  return parts.join("");
+}

@@ -1,0 +1,63 @@
+// The page: stages in the order of the work, one at a time, named in the address.
+
+import { choose, get, guarded, known, refresh } from "./api.js";
+import { el, fill } from "./dom.js";
+import * as robot from "./stage_robot.js";
+import * as log from "./stage_log.js";
+import * as setting from "./stage_case.js";
+import * as check from "./stage_check.js";
+import * as excite from "./stage_excite.js";
+import * as identify from "./stage_identify.js";
+import * as results from "./stage_results.js";
+import * as compare from "./stage_compare.js";
+import * as session from "./stage_session.js";
+
+const STAGES = { robot, log, case: setting, check, excite, identify, results, compare, session };
+const built = {};
+let current = "";
+
+function enter() {
+  const wanted = location.hash.slice(1);
+  const key = STAGES[wanted] ? wanted : "robot";
+  if (current) built[current].leave();
+  if (current && current !== key) built[current].place.hidden = true;
+  const main = document.getElementById("stage");
+  if (!built[key]) {
+    const made = STAGES[key].build();
+    made.place = el("section", { "aria-labelledby": `title-${key}` }, el("h1", { id: `title-${key}` }, STAGES[key].title), made.whole);
+    main.append(made.place);
+    built[key] = made;
+  }
+  built[key].place.hidden = false;
+  for (const link of document.querySelectorAll("#stages a")) {
+    if (link.hash === `#${key}`) {
+      link.setAttribute("aria-current", "page");
+      link.scrollIntoView({ block: "nearest", inline: "nearest" }); // on a phone the stages are a row that scrolls
+    } else link.removeAttribute("aria-current");
+  }
+  document.title = `${STAGES[key].title} · dynident studio`;
+  const moved = current !== "" && current !== key;
+  current = key;
+  built[key].enter();
+  if (moved) {
+    main.focus({ preventScroll: true });
+    scrollTo(0, 0);
+  }
+}
+
+async function begin() {
+  if (location.search) history.replaceState(null, "", `/${location.hash}`); // the token leaves the address bar
+  const list = Object.entries(STAGES).map(([key, stage]) => el("li", {}, el("a", { href: `#${key}` }, stage.title)));
+  fill(document.getElementById("stages"), el("ol", {}, list));
+  await guarded(document.getElementById("stage"), async () => {
+    const [choices] = await Promise.all([get("choices"), refresh()]);
+    choose({ choices });
+    fill(document.getElementById("where"), el("bdi", {}, known.folder));
+    addEventListener("hashchange", enter);
+    enter();
+  });
+}
+
+// A file that misses its drop zone must not replace the page.
+for (const event of ["dragover", "drop"]) addEventListener(event, (one) => one.preventDefault());
+begin();

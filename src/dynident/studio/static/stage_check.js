@@ -1,0 +1,53 @@
+// Stage 4: what the doctor finds in the logs, with evidence and remedy.
+
+import { choose, known, ofKind } from "./api.js";
+import { el, field, fill, name, options, picked } from "./dom.js";
+import { runner } from "./runner.js";
+
+export const title = "Check";
+
+export function build() {
+  const choice = el("select", { on: { change: () => choose({ case: choice.value }) } });
+  const logs = el("select", { multiple: true, size: 4 });
+  const found = el("div");
+  const ask = (fix) => () => ({ case: choice.value, logs: picked(logs), fix });
+  const check = runner("check", "Look at the logs", ask(false), (run, place) => show(run, place, found));
+  const fix = runner("check", "Mend what is safe", ask(true), (run, place) => show(run, place, found));
+  fix.button.className = "";
+  return {
+    whole: [
+      el("p", { class: "lead" }, "The doctor looks at the logs before anything is fitted: time, units, signs, order of joints, delays, saturation, excitation."),
+      el("div", { class: "row" }, field("Case", choice), field("Logs", logs, "None: those of the case. To mend, choose one.")),
+      check.whole, fix.whole, found,
+    ],
+    enter() {
+      options(choice, ofKind("case"), known.case || choice.value);
+      const chosen = picked(logs);
+      options(logs, ofKind("log"));
+      for (const option of logs.options) option.selected = chosen.includes(option.value);
+    },
+    leave() {},
+  };
+}
+
+function show(run, place, found) {
+  let data = null;
+  try {
+    data = JSON.parse(run.answer);
+  } catch {
+    const error = run.progress.findLast((line) => line.startsWith("error:"));
+    place.append(el("p", { class: "fault", role: "alert" }, error ? error.slice(7) : "the command gave no answer"));
+    return;
+  }
+  fill(found,
+    el("p", { class: data.sound ? "good" : "fault" }, data.sound ? "No finding stands against a fit." : "A finding stands against a fit: see the errors below."),
+    data.logs.map((log) => [el("h3", {}, name(log.log ?? log.path ?? "log")), findings(log.findings)]),
+    data.mends ? el("ul", {}, data.mends.map((mend) => el("li", {}, mend))) : null);
+}
+
+function findings(list) {
+  if (!list.length) return el("p", { class: "soft" }, "Nothing found.");
+  return el("ul", { class: "findings" }, list.map((one) => el("li", { class: one.severity },
+    el("p", {}, el("strong", {}, one.severity), " ", one.name.replaceAll("_", " "), one.joint ? [" of ", name(one.joint)] : null),
+    el("p", {}, one.evidence), el("p", { class: "soft" }, one.remedy))));
+}

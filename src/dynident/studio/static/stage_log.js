@@ -1,0 +1,74 @@
+// Stage 2: the log, as it is: columns, first rows, ranges, curves.
+
+import { choose, get, guarded, known, ofKind } from "./api.js";
+import { chart } from "./chart.js";
+import { el, field, fill, name, number, options, picked, table } from "./dom.js";
+import { dropzone } from "./upload.js";
+
+export const title = "Log";
+
+export function build() {
+  const choice = el("select", { on: { change: () => open(choice.value) } });
+  const columns = el("select", { multiple: true, size: 8, on: { change: () => draw() } });
+  const place = el("div");
+  const curves = el("div", { class: "curves" });
+  const box = el("div", { class: "pair", hidden: true }, field("Columns to draw", columns, "Ctrl or Shift chooses several."), curves);
+  let shown = "";
+
+  async function open(log) {
+    shown = log;
+    fill(place);
+    box.hidden = true;
+    if (!log) return;
+    choose({ log });
+    await guarded(place, async () => {
+      fill(place, el("p", { class: "soft" }, "reading …"));
+      const found = await get("log", { name: log });
+      tell(place, found);
+      options(columns, found.header);
+      const first = found.header.slice(1, 4);
+      for (const option of columns.options) option.selected = first.includes(option.value);
+      box.hidden = found.rows === null;
+      if (found.rows !== null) await draw();
+    });
+  }
+
+  async function draw() {
+    const names = picked(columns).slice(0, 12);
+    if (!names.length) return fill(curves);
+    await guarded(curves, async () => {
+      const found = await get("log", { name: shown, columns: JSON.stringify(names) });
+      fill(curves, chart(names.map((label, k) => ({ label, ...found.curves[k] })), { title: "Columns over rows", height: 280 }));
+    });
+  }
+
+  return {
+    whole: [
+      el("p", { class: "lead" }, "Drop logs of motions: time, joint positions, and joint torques or motor currents."),
+      dropzone("CSV, TwinCAT Scope, NumPy, Parquet, MATLAB, ROS bags", async (files) => {
+        const logs = files.filter((file) => ofKind("log").includes(file));
+        options(choice, ofKind("log"), logs[0]);
+        await open(choice.value);
+      }),
+      field("Log", choice), place, box,
+    ],
+    enter() {
+      options(choice, ofKind("log"), known.log || choice.value);
+      if (choice.value !== shown) open(choice.value);
+      if (!choice.value) fill(place, el("p", { class: "soft" }, "There is no log yet."));
+    },
+    leave() {},
+  };
+}
+
+function tell(place, found) {
+  const rows = found.header.map((column, k) => {
+    const range = found.ranges[k];
+    const first = found.first.map((row) => el("span", { class: "cell" }, number(row[k], 6)));
+    return [name(column), range ? number(range.lowest) : "–", range ? number(range.largest) : "–", range && range.bad ? number(range.bad) : "", first];
+  });
+  const count = found.rows === null ? "too large to be drawn here" : `${found.rows} rows`;
+  fill(place,
+    el("p", {}, `${found.header.length + found.more} columns, ${count}; ${found.how}`),
+    table(["column", { text: "smallest", number: true }, { text: "largest", number: true }, { text: "not finite", number: true }, "first rows"], rows, { label: "columns of the log" }));
+}

@@ -1,0 +1,95 @@
+// Stage 7: what an estimate says: its figures, its parameters, its torques; its report, files and exports.
+
+import { choose, fileAddress, get, guarded, known, ofKind, reportAddress } from "./api.js";
+import { chart } from "./chart.js";
+import { el, field, fill, name, number, options, percent, picked, pretty, table } from "./dom.js";
+import { answerText, commandLine, runner } from "./runner.js";
+
+export const title = "Results";
+
+export function build() {
+  const choice = el("select", { id: "estimate-choice", on: { change: () => open(choice.value) } });
+  const body = el("div");
+  const logs = el("select", { multiple: true, size: 4 });
+  const target = el("select");
+  const description = el("select");
+  let shown = "";
+
+  const again = runner("validate", "Compare with these logs", () => ({ estimate: choice.value, logs: picked(logs) }), (run, place) => {
+    place.append(answerText(run.answer), page(run.outputs[0]));
+  });
+  const report = runner("report", "Write a report", () => ({ estimate: choice.value, test: picked(logs), plan: "" }), (run, place) => place.append(page(run.outputs[0])));
+  const write = runner("export", "Export", () => ({ file: choice.value, to: target.value, description: description.value }), (run, place) => {
+    const made = known.files.filter((file) => file.name.startsWith(run.outputs[0].split(".")[0])).map((file) => file.name);
+    place.append(answerText(run.answer), el("ul", {}, made.map((file) => el("li", {}, download(file)))));
+  });
+
+  async function open(file) {
+    shown = file;
+    fill(body);
+    if (!file) return fill(body, el("p", { class: "soft" }, "There is no estimate yet."));
+    choose({ estimate: file });
+    await guarded(body, async () => show(await get("estimate", { name: file }), file));
+  }
+
+  function show(found, file) {
+    const beside = file.replace("estimate", "report").replace(".json", ".html");
+    fill(body, answers(found), found.warnings.map((text) => el("p", { class: "remark" }, text)),
+      el("p", { class: "actions" }, download(file), ofKind("report").includes(beside) ? [download(beside), opened(beside)] : null),
+      el("h2", {}, "Measured and predicted"),
+      el("div", { class: "charts" }, found.torques.map((joint) => chart([
+        { label: "measured", ...joint.measured, colour: 0 }, { label: "predicted", ...joint.predicted, colour: 2 },
+      ], { title: joint.name, unit: pretty(joint.unit), xLabel: "kept rows of the fit" }))),
+      el("h2", {}, "Parameters"), parameters(found),
+      found.command ? [el("h3", {}, "The command of this estimate"), commandLine(found.command)] : null,
+      ofKind("report").includes(beside) ? [el("h2", {}, "Report"), page(beside)] : null);
+  }
+
+  return {
+    whole: [
+      field("Estimate", choice), body,
+      el("h2", {}, "On logs that the fit has not seen"), field("Logs", logs, "Ctrl or Shift chooses several."), again.whole, report.whole,
+      el("h2", {}, "Export the model"),
+      el("div", { class: "row" }, field("Target", target), field("Description to change (URDF)", description, "None: that of the identification.")), write.whole,
+    ],
+    enter() {
+      options(choice, ofKind("estimate"), known.estimate || choice.value);
+      const chosen = picked(logs);
+      options(logs, ofKind("log"));
+      for (const option of logs.options) option.selected = chosen.includes(option.value);
+      options(target, known.choices.model_exporters, target.value || "urdf");
+      options(description, [{ value: "", text: "none" }, ...ofKind("robot")]);
+      if (choice.value !== shown || !shown) open(choice.value);
+    },
+    leave() {},
+  };
+}
+
+function answers(found) {
+  const error = found.train.total_relative_error;
+  const known_ = found.parameters.filter((one) => one.relative_std !== null && one.relative_std < 0.1).length;
+  const tile = (value, text, grade) => el("div", { class: `answer ${grade}` }, el("dt", {}, value), el("dd", {}, text));
+  return el("dl", { class: "answers" },
+    tile(percent(error), "relative torque error in the fit", error < 0.05 ? "good" : error < 0.15 ? "fair" : "bad"),
+    tile(`${known_} of ${found.parameters.length}`, "base parameters known to better than 10 %", known_ * 2 > found.parameters.length ? "good" : "fair"),
+    tile(found.physically_consistent ? "possible" : "impossible", "bodies behind the parameters", found.physically_consistent ? "good" : "bad"));
+}
+
+function parameters(found) {
+  const rows = found.parameters.map((one) => [name(one.name), number(one.value, 5), number(one.std, 2), pretty(one.unit), one.relative_std === null ? "–" : one.relative_std > 9.99 ? ">999" : number(100 * one.relative_std, 2)]);
+  const head = ["parameter", { text: "value", number: true }, { text: "std", number: true }, "unit", { text: "rel. std [%]", number: true }];
+  return table(head, rows, { label: "base parameters" });
+}
+
+export function download(file) {
+  return el("a", { href: fileAddress(file), download: "" }, `Download ${file}`);
+}
+
+export function opened(file) {
+  return el("a", { href: reportAddress(file), target: "_blank", rel: "noopener" }, `Open ${file}`);
+}
+
+export function page(file) {
+  return el("div", {}, el("p", { class: "actions" }, opened(file), download(file)),
+    el("iframe", { class: "page", src: reportAddress(file), title: file, sandbox: "allow-scripts" }));
+}

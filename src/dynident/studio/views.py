@@ -1,0 +1,213 @@
+"""The answers of the studio: plain data about files of the session. What takes long is a command, see runs.py."""
+
+from __future__ import annotations
+
+import importlib.util
+import pkgutil
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dynident.errors import BadOption, DynidentError
+from dynident.studio.folder import Folder
+from dynident.studio.kinds import kind_of
+
+if TYPE_CHECKING:
+    from dynident.arrays import Array
+    from dynident.experiment.case_file.case import Case
+    from dynident.experiment.room.workspace import Workspace
+
+_FAMILIES = {
+    "estimators": "dynident.estimation.estimators",
+    "friction": "dynident.model.friction",
+    "criteria": "dynident.experiment.criteria",
+    "profiles": "dynident.experiment.profiles",
+    "trajectories": "dynident.experiment.trajectories",
+    "exporters": "dynident.results.exporters",
+    "model_exporters": "dynident.results.model_exporters",
+}
+
+#: Largest text that the editor takes, in bytes.
+MAX_TEXT = 1_000_000
+
+
+def choices() -> dict[str, Any]:
+    """Return the names of the parts that the page offers; the parts themselves are not imported."""
+    from dynident.experiment.formats.base import UNITS
+    from dynident.model.descriptions.base import shipped_robots
+    from dynident.studio.orders import FOLDERS, QUANTITIES, SIGNALS
+
+    found: dict[str, Any] = {key: part_names(package) for key, package in _FAMILIES.items()}
+    found["exporters"] = [name for name in found["exporters"] if name not in FOLDERS]
+    found["robots"] = list(shipped_robots())
+    found["units"] = {quantity: list(UNITS[quantity]) for quantity in QUANTITIES}
+    found["signals"] = list(SIGNALS)
+    found["version"] = version("dynident")
+    return found
+
+
+def part_names(package: str) -> list[str]:
+    """Return the names of the parts in a folder as :meth:`dynident.plugins.Family.names` does, without importing it."""
+    spec = importlib.util.find_spec(package)
+    places = (spec.submodule_search_locations if spec else None) or []
+    found = (module.name for module in pkgutil.iter_modules(places) if not module.ispkg)
+    return sorted(name for name in found if name != "base" and not name.startswith("_"))
+
+
+def robot_view(folder: Folder, name: str) -> dict[str, Any]:
+    """Return the scene of a robot: of a description, of a case, of an estimate with its bodies, or of one that ships.
+
+    Raises:
+        DynidentError: No such file, or a fault of it.
+    """
+    from dynident.model.descriptions import read_robot
+    from dynident.model.descriptions.base import shipped_robots
+    from dynident.studio.scene import scene_of
+
+    if name in shipped_robots() and name not in folder.names():
+        return {**scene_of(read_robot(name), folder.path), "source": name}
+    path = folder.find(name)
+    kind = _kind(path)
+    theta: Array | None = None
+    workspace: Workspace | None = None
+    if kind == "estimate":
+        from dynident.estimation.estimate_file import read_estimate
+
+        estimate = read_estimate(path)
+        robot, theta = estimate.model.robot, estimate.theta
+    else:
+        case = _case(folder, name) if kind == "case" else None
+        robot = read_robot(path) if case is None else case.robot
+        workspace = None if case is None else case.workspace
+    return {**scene_of(robot, folder.path, theta, workspace), "source": name}
+
+
+def log_view(folder: Folder, name: str, case: str, columns: tuple[str, ...]) -> dict[str, Any]:
+    """Return the columns of a log with first rows and ranges, or curves of some columns.
+
+    Args:
+        folder: The session.
+        name: The log.
+        case: A case that says how the log is read; empty for its suffix.
+        columns: Columns whose curves are wanted; none for the preview.
+
+    Raises:
+        DynidentError: No such file, or a fault of it.
+    """
+    from dynident.studio.preview import curves, preview
+
+    path = folder.find(name)
+    how = _case(folder, case).columns if case else None
+    return curves(path, columns, how) if columns else preview(path, how)
+
+
+def motion_view(folder: Folder, name: str, case: str) -> dict[str, Any]:
+    """Return the motion of a plan, or of a log as a case reads it, for playback.
+
+    Raises:
+        DynidentError: No such file, or a fault of it.
+    """
+    from dynident.experiment.case_file.case import case_of_robot
+    from dynident.model.descriptions.base import shipped_robots
+    from dynident.studio.preview import motion_of_log, motion_of_plan
+
+    path = folder.find(name)
+    if _kind(path) == "plan":
+        return motion_of_plan(path)
+    if case in shipped_robots() and case not in folder.names():
+        return motion_of_log(case_of_robot(case), path)
+    return motion_of_log(_case(folder, case), path)
+
+
+def case_view(folder: Folder, name: str) -> dict[str, Any]:
+    """Return a case file: its text, what it asks, its mapping of columns, and why it cannot be used yet.
+
+    Raises:
+        FileError: No such file.
+    """
+    from dynident.experiment.case_file.case import read_case
+    from dynident.experiment.case_file.questions import questions_in
+    from dynident.studio.case_text import mapping_of, open_mapping
+
+    path = folder.find(name)
+    data = path.read_bytes()
+    if len(data) > MAX_TEXT:
+        raise BadOption("case", name, "this file is too long for the editor")
+    text = data.decode("utf-8", errors="replace")
+    shown: dict[str, Any] = {
+        "text": text,
+        "questions": [{"line": q.line, "asks_for": q.text, "needed": q.needed} for q in questions_in(text)],
+        "mapping": None,
+        "fault": "",
+        "train": [],
+        "test": [],
+    }
+    try:
+        case = read_case(path)
+        shown |= {"train": list(case.train), "test": list(case.test), "robot": case.robot.name}
+        shown["mapping"] = mapping_of(path)
+    except DynidentError as error:
+        shown["fault"] = local(folder, str(error))
+        shown["mapping"] = open_mapping(path)
+    return shown
+
+
+def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
+    """Return the figures of an estimate, with measured and predicted torque for drawing.
+
+    Raises:
+        DynidentError: No such file, or no estimate.
+    """
+    from dynident.estimation.estimate_file import read_estimate, summary
+    from dynident.studio.preview import decimated
+
+    estimate = read_estimate(folder.find(name))
+    train = estimate.train
+    joints = [
+        {
+            "name": fit.name,
+            "unit": fit.unit,
+            "measured": decimated(train.measured[:, k]),
+            "predicted": decimated(train.predicted[:, k]),
+        }
+        for k, fit in enumerate(train.joints)
+    ]
+    return {**summary(estimate), "torques": joints, "command": str(estimate.provenance.get("command", ""))}
+
+
+def saved_case(folder: Folder, data: Mapping[str, Any]) -> dict[str, Any]:
+    """Write a case file: with the text of the editor, or with other columns; return it as :func:`case_view` does.
+
+    Raises:
+        DynidentError: No such file, too long, or a mapping that cannot be.
+    """
+    from dynident.studio.case_text import Mapped, with_columns
+
+    name = str(data.get("name", ""))
+    path = folder.find(name)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise BadOption("case", name, "choose a case file")
+    text = data.get("text")
+    if text is None:
+        text = with_columns(path.read_text(encoding="utf-8"), Mapped.from_data(data))
+    if not isinstance(text, str) or len(text.encode()) > MAX_TEXT:
+        raise BadOption("case", name, f"give a text of up to {MAX_TEXT:,} bytes")
+    folder.write(name, text)
+    return case_view(folder, name)
+
+
+def local(folder: Folder, text: str) -> str:
+    """Return a message with the names of files without the folder of the session."""
+    return text.replace(f"{folder.path}/", "").replace(f"{folder.path}\\", "")
+
+
+def _kind(path: Path) -> str:
+    facts = path.stat()
+    return kind_of(path, facts.st_mtime_ns, facts.st_size)
+
+
+def _case(folder: Folder, name: str) -> Case:
+    from dynident.experiment.case_file.case import read_case
+
+    return read_case(folder.find(name), open_gains=True)

@@ -1,0 +1,165 @@
+"""dynident simulate: a log as the case reads it, the truth beside it, settings, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dynident.cli.main import main
+from dynident.experiment.case_file.case import read_case
+from dynident.experiment.design.limits import MotionLimits
+from dynident.experiment.design.plan import Plan, write_plan
+from dynident.experiment.trajectories.rest_fourier import RestFourier
+
+Capture = pytest.CaptureFixture[str]
+
+URDF = """<robot name="arm2">
+  <link name="stand"/>
+  <link name="upper"><inertial><origin xyz="0.18 0 0.02"/><mass value="7"/>
+    <inertia ixx="0.03" ixy="0" ixz="0" iyy="0.12" iyz="0" izz="0.12"/></inertial></link>
+  <link name="fore"><inertial><origin xyz="0.12 0 0"/><mass value="3"/>
+    <inertia ixx="0.008" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"/></inertial></link>
+  <link name="hand"><inertial><origin xyz="0.02 0 0"/><mass value="1"/>
+    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.002"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="stand"/><child link="upper"/><origin xyz="0 0 0.3"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="3" effort="200"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.4 0 0.05"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="4" effort="100"/></joint>
+  <joint name="wrist" type="revolute"><parent link="fore"/><child link="hand"/><origin xyz="0.3 0 0"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="4" effort="50"/></joint>
+</robot>
+"""
+
+CASE = """case: 1
+robot: arm.urdf
+locked: {wrist: 0.5}
+friction: [coulomb, viscous]
+drives:
+  shoulder: {gear_ratio: 100, gain: 12}
+  elbow: {gear_ratio: -80, gain: 9}
+  wrist: {gear_ratio: 50, gain: 3}
+cell:
+  encoder: {noise: 1e-6}
+  truth: {friction: {Fc: [2, 1], Fv: 3}}
+"""
+
+#: How logs may look: what is added to the case, and the names of their files.
+LOOKS = {
+    "plain.csv": "",
+    "plain.npz": "",
+    "plain.parquet": "",
+    "plain.mat": "",
+    "units.csv": """log:
+  columns: {time: stamp, q: "pos_{joint}", torque: "load_{}", q_ref: "want_{}"}
+  units: {time: ms, position: deg, torque: percent}
+  rated: [150, 80, 20]
+  zero: [0.1, -0.2, 0]
+  decimal: ","
+""",
+    "currents.csv": """joints: [shoulder, elbow]
+log:
+  columns: {q: "q{}", current: "amps_{}"}
+  units: {current: mA}
+  side: {q: motor}
+""",
+}
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with a robot, its case and a plan for its two free joints, the working directory."""
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text(URDF)
+    Path("case.yaml").write_text(CASE)
+    robot = read_case("case.yaml").robot
+    limits = _limits(robot)
+    generator = np.random.default_rng(0)
+    free = RestFourier.free_map(3)
+    trajectory = RestFourier.from_table([free @ generator.uniform(-0.2, 0.2, free.shape[1]) for _ in range(2)], 4.0)
+    write_plan(Plan("arm2", trajectory, 0.0, "condition", {}, limits, (), 200, {}), "plan.json")
+    return tmp_path
+
+
+def _limits(robot: Any) -> MotionLimits:
+    wide = np.full(robot.dof, 1e3)
+    bounds = {name: wide for name in ("upper", "velocity", "acceleration", "jerk", "torque", "torque_rate")}
+    return MotionLimits(robot.joint_names, (True,) * robot.dof, lower=-wide, **bounds)
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_the_case_reads_the_log_back_as_it_was_simulated(here: Path, look: str) -> None:
+    Path("case.yaml").write_text(CASE + LOOKS[look])
+    assert main(["simulate", "case.yaml", "plan.json", "-o", look, "--quiet"]) == 0
+    log = read_case("case.yaml").read(look)
+    truth = np.load(Path(look).with_suffix(".truth.npz"))
+    np.testing.assert_allclose(log.time, truth["t"], atol=1e-12)
+    np.testing.assert_allclose(log.q, truth["q"], atol=1e-5)
+    np.testing.assert_allclose(log.torque, truth["tau"], atol=1e-9)
+    assert log.joints == ("shoulder", "elbow")
+
+
+def test_identify_finds_the_truth_beside_the_log(here: Path, capsys: Capture) -> None:
+    assert (
+        main(["simulate", "case.yaml", "plan.json", "-o", "run.csv", "--repeats", "2", "--set", "truth.spread=0.2"])
+        == 0
+    )
+    shown = capsys.readouterr()
+    assert "8000 samples over 7.999 s" in shown.out
+    assert "saved run.csv, run.truth.json, run.truth.npz" in shown.err
+    assert main(["identify", "case.yaml", "run.csv", "-o", "e.json", "--json", "--quiet"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    truth = json.loads(Path("run.truth.json").read_text())
+    values = {f"{one['symbol']}[{one['owner']}]": one["value"] for one in truth["parameters"]}
+    assert values["Fc[shoulder]"] == 2.0
+    friction = {one["name"]: one["value"] for one in found["parameters"] if one["name"] in values}
+    assert {"Fc[shoulder]", "Fv[elbow]"} <= set(friction)
+    for name, value in friction.items():
+        assert value == pytest.approx(values[name], rel=0.03, abs=0.02), name
+
+
+def test_settings_change_the_cell(here: Path, capsys: Capture) -> None:
+    Path("cell.yaml").write_text("controller: pid\nrecorder: {rate: 200}\n")
+    words = ["--cell", "cell.yaml", "--set", "controller.integral_hz=2", "--set", "effort.noise=0.3,0.1", "--json"]
+    assert main(["simulate", "case.yaml", "plan.json", "-o", "run.csv", *words, "--seed", "4"]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["samples"] == 800
+    assert facts["cell"]["controller"]["pid"]["integral_hz"] == 2.0
+    assert facts["cell"]["effort"]["noise"] == [0.3, 0.1]
+    assert facts["cell"]["encoder"]["noise"] == [0.0]  # the file stands in the place of the case's section
+    assert facts == json.loads(Path("run.truth.json").read_text())
+    first = Path("run.csv").read_bytes()
+    assert main(["simulate", "case.yaml", "plan.json", "-o", "run.csv", *words, "--seed", "4"]) == 0
+    assert Path("run.csv").read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--set", "encoder.nois=1"], "unknown key 'nois'; known keys: resolution, noise"),
+        (["--set", "encoder"], "--set = 'encoder' is not possible; write KEY=VALUE"),
+        (["--set", "controller=fuzzy"], "no controller called 'fuzzy'"),
+        (["--set", "recorder.dropped=2"], "recorder.dropped = 2.0 is not possible; give a share of the rows"),
+        (["--set", "truth.friction.Fz=2"], "the friction of the case has Fc, Fv"),
+        (["-o", "run.doc"], "--output = 'run.doc' is not possible; end the name in one of: .csv"),
+        (["-o", "plan.json"], "plan.json"),
+        (["--seed", "-1"], "--seed = -1 is not possible; give 0 or more"),
+        (["--set", "truth.parameters=none.json"], "there is no such file"),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(here: Path, capsys: Capture, words: list[str], message: str) -> None:
+    before = sorted(Path().iterdir())
+    assert main(["simulate", "case.yaml", "plan.json", "-o", "run.csv", *words]) == 1
+    shown = capsys.readouterr()
+    assert message in shown.err, shown.err
+    assert shown.err.count("\n") == 1
+    assert sorted(Path().iterdir()) == before
+
+
+def test_a_plan_for_other_joints_is_refused(here: Path, capsys: Capture) -> None:
+    Path("case.yaml").write_text(CASE.replace("locked: {wrist: 0.5}\n", ""))
+    assert main(["simulate", "case.yaml", "plan.json", "-o", "run.csv"]) == 1
+    assert "the robot of the case has shoulder, elbow, wrist; design the plan" in capsys.readouterr().err

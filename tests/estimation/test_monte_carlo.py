@@ -1,0 +1,197 @@
+"""The benchmark: conditions from a file, records that survive anything, figures of merit by closed forms."""
+
+import itertools
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynident.errors import BadOption, DescriptionError, UnknownChoice
+from dynident.estimation.monte_carlo.experiment import Experiment, read_experiment, shipped_benchmarks
+from dynident.estimation.monte_carlo.records import Records
+from dynident.estimation.monte_carlo.runner import run_tasks
+from dynident.estimation.monte_carlo.summary import summary_of
+from dynident.estimation.monte_carlo.virtual_tasks import Motions, VirtualWork
+from dynident.experiment.trajectories.rest_fourier import RestFourier
+
+SMALL = """\
+benchmark: 1
+title: a small one
+robots: [generic-scara]
+friction: [{coulomb: {width: 0.1}}, viscous, offset]
+coefficients: {F0: [0.3, -0.2, 0.1, 0.05]}
+recording: {rate_hz: 400, control_hz: 400}
+rates_hz: [100]
+duration_s: 4
+noise:
+  - {name: none, position: 0, torque: 0}
+  - {name: some, position: 1.0e-4, torque: 0.3}
+draws: 2
+guess: 0.15
+preparations:
+  filtered: {filter: {butterworth: {cutoff_hz: 25}}, trim_s: 0.2}
+  raw: {unfiltered: true, trim_s: 0.2}
+methods:
+  filtered: [ols, {huber: {bound: 2}}]
+  raw: [ols]
+quick: {draws: 1, noise: some, methods: {filtered: [ols]}}
+"""
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    path = tmp_path / "small.yaml"
+    path.write_text(SMALL)
+    return path
+
+
+def work_of(experiment: Experiment) -> VirtualWork:
+    (model,) = experiment.models.values()
+    motions = []
+    for seed in (1, 2):
+        generator, free = np.random.default_rng(seed), RestFourier.free_map(4)
+        rows = []
+        for joint in model.robot.active:
+            middle = 0.5 * (joint.limits.lower + joint.limits.upper)
+            reach = 0.2 * (joint.limits.upper - joint.limits.lower)
+            rows.append(free @ np.r_[middle, reach * generator.uniform(-0.4, 0.4, free.shape[1] - 1)])
+        motions.append(RestFourier.from_table(rows, 4.0))
+    return VirtualWork(experiment, {model.robot.name: Motions(*motions)})
+
+
+def without_times(result: dict) -> dict:
+    return {key: value for key, value in result.items() if key != "seconds"}
+
+
+def test_the_shipped_benchmark_states_the_conditions_of_its_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert "tx40" in shipped_benchmarks()
+    (tmp_path / "tx40").mkdir()  # a folder of results does not hide it
+    monkeypatch.chdir(tmp_path)
+    found = read_experiment("tx40")
+    assert {level.position for level in found.noise} == {1e-4, 1e-3, 1e-2}
+    assert {level.torque for level in found.noise} == {0.05, 0.1}
+    assert found.rates == (500.0, 100.0) and found.draws == 25 and found.guess == 0.15
+    labels = [entrant.label for entrant in found.entrants]
+    assert "didim with controller (filtered)" in labels and "ols (raw)" in labels
+    quick = read_experiment("tx40", quick=True)
+    assert quick.draws == 2 and len(quick.noise) == 2 and len(quick.entrants) < len(found.entrants)
+    truth = VirtualWork(found, {}).truth("tx40-like", 0)
+    (model,) = found.models.values()
+    named = {p.name: float(v) for p, v in zip(model.parameters, truth, strict=True)}
+    assert named["Ia[joint6]"] == 0.0096 and named["Fv[joint1]"] == 8.05 and named["F0[joint2]"] == 1.37
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("draws: 2", "draws: 0", "draws = 0"),
+        ("guess: 0.15", "guess: 1.5", "guess = 1.5"),
+        ("  raw: [ols]", "  raw: [{didim: {controller: known}}]", "state kp and kd"),
+        ("noise: some", "noise: other", "no noise 'other'"),
+        ("F0: [0.3, -0.2, 0.1, 0.05]", "F0: [0.3]", "F0"),
+        ("title: a small one", "tilte: a small one", "title"),
+    ],
+)
+def test_faults_of_a_file_are_named(small: Path, old: str, new: str, words: str) -> None:
+    assert old in SMALL
+    small.write_text(SMALL.replace(old, new))
+    with pytest.raises(DescriptionError, match=words):
+        read_experiment(str(small), quick="other" in new)
+    with pytest.raises(UnknownChoice, match="tx40"):
+        read_experiment("tx4")
+
+
+def test_a_run_that_is_broken_off_goes_on_with_the_same_results_in_any_order(small: Path, tmp_path: Path) -> None:
+    work = work_of(read_experiment(str(small)))
+    tasks = work.tasks()
+    assert len(tasks) == 2 * 2 * 3 and len({json.dumps(task.facts, sort_keys=True) for task in tasks}) == len(tasks)
+    whole = {task.label: result for task, result in run_tasks(work, tasks, Records(tmp_path / "whole"))}
+    list(itertools.islice(run_tasks(work, tasks, Records(tmp_path / "parts")), 5))  # broken off after five
+    kept = sorted((tmp_path / "parts").iterdir())
+    assert len(kept) == 5
+    kept[0].write_text(kept[0].read_text()[:40])  # as if a disk had lost the end
+    begun: list[str] = []
+    again = list(run_tasks(work, tasks[::-1], Records(tmp_path / "parts"), progress=begun.append))
+    assert len(begun) == len(tasks) - 4
+    for task, result in again:
+        assert without_times(result) == without_times(whole[task.label])
+    assert [row.figures() for row in summary_of(again)] == [row.figures() for row in summary_of(again[::-1])]
+
+
+def test_more_draws_and_other_methods_take_what_is_there(small: Path, tmp_path: Path) -> None:
+    records, begun = Records(tmp_path / "kept"), list[str]()
+    first = work_of(read_experiment(str(small), methods=["ols"], draws=1))
+    assert len(list(run_tasks(first, first.tasks(), records))) == 4
+    more = work_of(read_experiment(str(small), methods=["ols"]))
+    assert len(list(run_tasks(more, more.tasks(), records, progress=begun.append))) == 8 and len(begun) == 4
+    other = replace(more.experiment, guess=0.1)
+    assert all(records.read(task) is None for task in work_of(other).tasks())
+
+
+def test_figures_of_merit(small: Path, tmp_path: Path) -> None:
+    work = work_of(read_experiment(str(small)))
+    results = list(run_tasks(work, work.tasks(), Records(tmp_path)))
+    rows = {(row.noise, row.method): row for row in summary_of(results)}
+    assert set(rows) == {
+        (n, m) for n in ("none", "some") for m in ("ols (filtered)", "huber:bound=2 (filtered)", "ols (raw)")
+    }
+    clean, noisy = rows["none", "ols (filtered)"], rows["some", "ols (filtered)"]
+    assert clean.medians["torque_distance"] < 0.01 < 1 and clean.failures == 0
+    assert clean.medians["torque_distance"] < noisy.medians["torque_distance"]
+    assert rows["some", "huber:bound=2 (filtered)"].means["iterations"] >= 1
+    for row in rows.values():
+        assert 0 <= row.coverage <= 1 and 0 <= row.consistent <= 1 and row.draws == 2
+        assert row.medians["parameter_distance"] <= row.tails["parameter_distance"]
+
+
+def test_jobs_and_time_limits_that_cannot_be(small: Path, tmp_path: Path) -> None:
+    work, records = work_of(read_experiment(str(small))), Records(tmp_path)
+    with pytest.raises(BadOption, match="jobs"):
+        list(run_tasks(work, work.tasks(), records, jobs=0))
+    with pytest.raises(BadOption, match="time limit"):
+        list(run_tasks(work, work.tasks(), records, time_limit=0.0))
+
+
+@pytest.mark.battery
+def test_processes_give_the_same_and_a_late_task_fails(small: Path, tmp_path: Path) -> None:
+    work = work_of(read_experiment(str(small)))
+    tasks = work.tasks()
+    alone = {task.label: result for task, result in run_tasks(work, tasks, Records(tmp_path / "alone"))}
+    for task, result in run_tasks(work, tasks, Records(tmp_path / "two"), jobs=2):
+        assert without_times(result) == without_times(alone[task.label])
+    late = Records(tmp_path / "late")
+    ((_, failed),) = run_tasks(work, tasks[:1], late, time_limit=1e-3)
+    assert "time limit" in failed["failure"]
+    ((_, kept),) = run_tasks(work, tasks[:1], late, time_limit=1e-3)
+    assert kept == failed
+    ((_, better),) = run_tasks(work, tasks[:1], late, time_limit=100.0)
+    assert better["failure"] is None
+
+
+@pytest.mark.battery
+def test_a_killed_command_goes_on(small: Path, tmp_path: Path) -> None:
+    motion = "motion: {period_s: 4, starts: 1, time_limit_s: 1}\n"
+    small.write_text(SMALL.replace("noise:", motion + "noise:", 1))
+    out = tmp_path / "out"
+    code = "import sys; from dynident.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, "benchmark", str(small), "--out", str(out), "--jobs", "2", "--quiet"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 120
+    while len(list(out.glob("*[0-9a-f].json"))) < 4 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    kept = {path: path.read_bytes() for path in out.glob("*.json") if not path.name.endswith(".plan.json")}
+    assert kept
+    done = subprocess.run([*command, "--json"], check=True, capture_output=True)
+    assert json.loads(done.stdout)["done"] == 12
+    assert all(path.read_bytes() == content for path, content in kept.items())

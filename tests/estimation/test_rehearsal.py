@@ -1,0 +1,113 @@
+"""The rehearsal: possible truths, more time buys smaller deviations, and a verdict that follows the tolerance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident.errors import BadOption, NotConsistent
+from dynident.estimation.estimators.wls import WLS
+from dynident.estimation.monte_carlo.possible_robots import described_truth, near, random_truth, told
+from dynident.estimation.monte_carlo.virtual_run import Recording
+from dynident.estimation.selftest.rehearsal import Plan, Tolerance, rehearse
+from dynident.experiment.preprocessing import Preprocessing
+from dynident.experiment.preprocessing.butterworth import Butterworth
+from dynident.experiment.trajectories.rest_fourier import RestFourier
+from dynident.model.descriptions import read_robot
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.offset import Offset
+from dynident.model.friction.viscous import Viscous
+from dynident.model.inertia import Inertia
+
+
+@pytest.fixture(scope="module")
+def model() -> DynamicModel:
+    return DynamicModel(read_robot("generic-scara"), (Coulomb(0.05), Viscous(), Offset()))
+
+
+def bodies(model: DynamicModel, theta: np.ndarray) -> list[Inertia]:
+    return [Inertia.from_vector(theta[k : k + 10]) for k in range(0, model.inertial_count, 10)]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_random_robots_could_exist_with_and_without_a_description(model: DynamicModel, seed: int) -> None:
+    blind = told(model, None)
+    for each in (model, blind):
+        theta = random_truth(each, seed)
+        assert all(body.is_consistent() for body in bodies(each, theta))
+        signs = [p.nonnegative for p in each.parameters[each.inertial_count :]]
+        assert np.all(theta[each.inertial_count :][signs] > 0)
+        assert np.array_equal(theta, random_truth(each, seed))
+    assert not np.allclose(random_truth(model, seed), random_truth(model, seed + 1))
+
+
+def test_near_moves_masses_by_the_share_and_leaves_bodies_possible(model: DynamicModel) -> None:
+    theta = described_truth(model)
+    drawn = np.array([near(model, theta, seed, 0.15) for seed in range(400)])
+    ratio = drawn[:, 9] / theta[9]
+    assert 0.12 < np.std(ratio) < 0.18
+    assert np.array_equal(near(model, theta, 1, 0.0), theta) or np.allclose(near(model, theta, 1, 0.0), theta)
+    with pytest.raises(BadOption, match="share"):
+        near(model, theta, 0, 1.0)
+
+
+def test_what_is_told_is_the_guess_and_nothing_of_the_truth(model: DynamicModel) -> None:
+    assert told(model, None).nominal() is None
+    theta = random_truth(model, 3)
+    guess = told(model, theta).nominal()
+    assert guess is not None
+    symbols = np.array([p.symbol for p in model.parameters])
+    same = symbols != "F0"  # a description has no word for an offset
+    assert np.allclose(guess[same], theta[same])
+
+
+def test_an_impossible_description_is_no_truth(model: DynamicModel) -> None:
+    link = model.robot.links[0]
+    flat = Inertia(1.0, np.array([1.0, 0, 0]), 1e-3 * np.eye(3))
+    robot = replace(model.robot, links=(replace(link, inertia=flat), *model.robot.links[1:]))
+    with pytest.raises(NotConsistent, match="--truth random"):
+        described_truth(replace(model, robot=robot))
+    with pytest.raises(NotConsistent, match="states no inertias"):
+        described_truth(told(model, None))
+
+
+@pytest.fixture(scope="module")
+def plan(model: DynamicModel) -> Plan:
+    generator = np.random.default_rng(4)
+    free = RestFourier.free_map(4)
+    rows = []
+    for joint in model.robot.active:
+        middle = 0.5 * (joint.limits.lower + joint.limits.upper)
+        reach = 0.2 * (joint.limits.upper - joint.limits.lower)
+        rows.append(free @ np.r_[middle, reach * generator.uniform(-0.4, 0.4, free.shape[1] - 1)])
+    core = RestFourier.from_table(rows, 6.0)
+    how = Preprocessing(Butterworth(20.0), rate_hz=160.0, trim_s=0.3, standstill=0.02)
+    return Plan(core, 0.0, 1, Recording(rate=500.0, torque_noise=0.5), how, seed=2)
+
+
+def test_longer_logs_know_more_and_the_verdict_follows_the_tolerance(model: DynamicModel, plan: Plan) -> None:
+    theta = described_truth(model)
+    found = rehearse(model, theta, plan, WLS(), Tolerance(0.05))
+    assert [stage.share for stage in found.stages] == [0.5, 1.0, 2.0, 4.0]
+    deviations = [float(np.median(stage.relative_deviations)) for stage in found.stages[1:]]
+    ratios = np.array(deviations[1:]) / np.array(deviations[:-1])
+    assert np.all((0.6 < ratios) & (ratios < 0.85))  # about 1 / sqrt(2) for twice the log
+    assert found.passed and found.enough is not None and found.planned.inside > 0.7
+    worst = float(np.max(found.planned.torque_errors))
+    strict = replace(found, tolerance=Tolerance(0.99 * worst))
+    assert not strict.passed and any("torque of" in text for text in strict.complaints(strict.planned))
+    asked = replace(found, tolerance=Tolerance(0.05, 1e-6))
+    counting = int(np.sum(found.weights >= 0.01))
+    assert len(asked.complaints(asked.planned)) == counting
+    assert found.figures()["passed"] is True
+
+
+def test_a_log_that_tells_nothing_fails_with_its_reason(model: DynamicModel, plan: Plan) -> None:
+    still = RestFourier.from_table([np.r_[row[0], 0 * row[1:]] for row in plan.core.table], 6.0)
+    found = rehearse(model, described_truth(model), replace(plan, core=still), WLS(), Tolerance(), shares=(1.0,))
+    assert not found.passed and found.planned.failure and found.enough is None
+    with pytest.raises(BadOption, match="repeats"):
+        rehearse(model, described_truth(model), replace(plan, repeats=0), WLS(), Tolerance())
+    with pytest.raises(BadOption, match="tolerance"):
+        Tolerance(0.0)

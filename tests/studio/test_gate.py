@@ -1,0 +1,200 @@
+"""Who may ask the studio: token, Host, Origin, limits, names; and what every answer carries."""
+
+from __future__ import annotations
+
+import io
+import json
+import socket
+import stat
+import urllib.parse
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dynident.errors import BadOption, FileError, MissingDependency
+from dynident.studio import assets
+from dynident.studio.folder import SAFE, Folder, safe_name
+from dynident.studio.server import studio
+
+# The fixture `client` asks as the studio's own page does; `ask` takes headers to change, with _ for -.
+
+
+def test_the_page_opens_with_the_token_and_goes_on_with_the_cookie(running, client) -> None:
+    address = urllib.parse.urlsplit(running.address)
+    assert address.hostname == "127.0.0.1"
+    status, headers, _ = client.ask("GET", f"/?{address.query}", Cookie=None, Origin=None)
+    assert status == 200
+    assert headers["set-cookie"] == running.session.gate.cookie
+    assert "HttpOnly" in headers["set-cookie"] and "SameSite=Strict" in headers["set-cookie"]
+    assert client.ask("GET", "/", Origin=None)[0] == 200
+    assert client.ask("GET", "/api/state")[0] == 200
+
+
+def test_every_path_is_shut_to_others(client) -> None:
+    others: list[dict[str, str | None]] = [
+        {"Cookie": None},
+        {"Cookie": "dynident-studio-1=x"},
+        {"Host": "evil.example"},
+        {"Host": "127.0.0.1:1"},
+        {"Host": None},
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Sec_Fetch_Site": "cross-site"},
+        {"Sec_Fetch_Site": "same-site"},
+    ]
+    for path in ("/api/state", "/static/main.js", "/file?name=x", "/report?name=x"):
+        for changes in others:
+            status, headers, body = client.ask("GET", path, **changes)
+            assert status == 403, (path, changes)
+            assert json.loads(body).keys() == {"error"}
+            assert "set-cookie" not in headers
+
+
+def test_a_wrong_token_and_a_token_elsewhere_open_nothing(running, client) -> None:
+    token = running.session.gate.token
+    assert client.ask("GET", "/?token=wrong", Cookie=None, Origin=None)[0] == 403
+    assert client.ask("GET", f"/api/state?token={token}", Cookie=None)[0] == 403
+    assert token not in repr(running.session.gate)
+
+
+def test_what_changes_something_says_where_it_comes_from(client) -> None:
+    assert client.ask("POST", "/api/run", b"{}", Origin=None)[0] == 403
+    assert client.ask("PUT", "/api/run", b"{}")[0] == 501
+
+
+def test_every_answer_forbids_what_is_not_its_own(client) -> None:
+    for path in ("/", "/api/state", "/static/studio.css", "/nothing", "/api/robot?name=nothing"):
+        headers = client.ask("GET", path)[1]
+        policy = headers["content-security-policy"]
+        assert "default-src 'none'" in policy and "script-src 'self';" in policy and "unsafe" not in policy
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["cache-control"] == "no-store"
+        assert headers["cross-origin-resource-policy"] == "same-origin"
+
+
+def test_it_listens_on_the_loopback_only(running) -> None:
+    with socket.socket() as other:
+        other.settimeout(2)
+        with pytest.raises(OSError):
+            other.connect(("127.0.0.2", running.session.gate.port))
+
+
+HOSTILE = (
+    "../../etc/passwd", "..\\..\\boot.ini", "/etc/passwd", ".hidden", "-o", "--report.html", "con.csv", "a\x00b.csv",
+    "<script>alert(1)</script>.csv", "x" * 5000 + ".csv", "", ".", "..", "\u202elog.csv", "ü ö.csv", "a\nb.csv",
+)  # fmt: skip
+
+
+def test_a_hostile_name_stays_in_the_folder(client) -> None:
+    names = [client.upload(name, str(k).encode()) for k, name in enumerate(HOSTILE)]
+    assert {path.name for path in client.folder.iterdir()} == set(names) and len(set(names)) == len(HOSTILE)
+    assert {path.name for path in client.folder.parent.iterdir()} == {client.folder.name}
+    for k, name in enumerate(names):
+        status, headers, body = client.ask("GET", f"/file?{urllib.parse.urlencode({'name': name})}")
+        assert (status, body) == (200, str(k).encode())
+        assert headers["content-disposition"].startswith("attachment;")
+
+
+@given(st.text(max_size=200))
+def test_safe_names_are_plain_and_stay_as_they_are(name: str) -> None:
+    kept = safe_name(name)
+    assert 0 < len(kept) <= 115 and kept[0].isalnum() and set(kept) <= set(SAFE)
+    assert safe_name(kept) == kept
+
+
+def test_only_files_of_the_session_are_given_out(client) -> None:
+    secret = "number 42"
+    (client.folder.parent / "other").write_text(secret)
+    (client.folder / "link").symlink_to(client.folder.parent / "other")
+    (client.folder / ".part").write_text(secret)
+    (client.folder / "sub").mkdir()
+    (client.folder / "sub" / "inner").write_text(secret)
+    for name in ("../other", "..%2fother", str(client.folder.parent / "other"), "link", ".part", "sub/inner"):
+        for place in ("file", "report", "api/log", "api/robot", "api/case", "api/estimate", "api/motion"):
+            status, _, body = client.ask("GET", f"/{place}?name={name}")
+            assert status == 422 and secret.encode() not in body
+        assert client.post("/api/remove", {"name": name})[0] == 422
+        assert client.ask("GET", f"/static/{name}")[0] == 404
+
+
+def test_uploads_have_limits(client) -> None:
+    status, _, body = client.ask("POST", "/api/upload?name=a.csv", b"", Content_Length=str(10**10))
+    assert status == 422 and b"--max-upload" in body
+    assert client.ask("POST", "/api/upload?name=a.csv", b"0\r\n\r\n", Transfer_Encoding="chunked")[0] == 411
+    assert client.ask("POST", "/api/upload?name=a.csv", b"x", Content_Length="-1")[0] == 411
+    assert client.ask("POST", "/api/run", b"x" * 10, Content_Length="3000000")[0] == 413
+    assert list(client.folder.iterdir()) == []
+
+
+def test_half_an_upload_leaves_nothing(tmp_path: Path) -> None:
+    folder = Folder(tmp_path, 1000)
+    with pytest.raises(FileError, match="only 3 of 10 bytes came"):
+        folder.receive("a.csv", io.BytesIO(b"abc"), 10)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_session_holds_so_many_files_and_so_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = Folder(tmp_path, 10)
+    kept = [folder.receive("a.csv", io.BytesIO(b"x" * 10), 10) for _ in range(4)]
+    assert kept == ["a.csv", "a_2.csv", "a_3.csv", "a_4.csv"]
+    with pytest.raises(FileError, match="too many beside"):
+        folder.receive("a.csv", io.BytesIO(b"x"), 1)
+    monkeypatch.setattr("dynident.studio.folder.MAX_FILES", 4)
+    folder.remove("a_4.csv")
+    (tmp_path / "other.csv").write_text("")
+    with pytest.raises(FileError, match="the session has 4 files"):
+        folder.receive("a.csv", io.BytesIO(b"x"), 1)
+
+
+def test_files_that_were_there_before_are_not_removed(client) -> None:
+    (client.folder / "mine.csv").write_text("t\n")
+    assert client.post("/api/remove", {"name": "mine.csv"})[0] == 422
+    assert (client.folder / "mine.csv").exists()
+    kept = client.upload("up.csv", b"t\n")
+    assert client.post("/api/remove", {"name": kept})[0] == 200
+    assert not (client.folder / kept).exists()
+
+
+def test_a_report_is_shown_in_an_origin_of_its_own(client) -> None:
+    kept = client.upload("report.html", b"<script>alert(1)</script>")
+    _, headers, _ = client.ask("GET", f"/report?name={kept}")
+    policy = headers["content-security-policy"]
+    assert policy.startswith("sandbox allow-scripts;") and "allow-same-origin" not in policy
+    assert "connect-src" not in policy and "default-src 'none'" in policy
+    assert client.ask("GET", f"/report?name={client.upload('a.csv', b't')}")[0] == 422
+
+
+def test_a_body_that_is_no_object_is_refused(client) -> None:
+    for body in (b"[]", b"{", b"null", b"[" * 100_000, b"\xff"):
+        status, _, answer = client.ask("POST", "/api/run", body)
+        assert status == 422 and b"one JSON object" in answer
+
+
+def test_a_session_without_a_folder_is_gone_at_its_end() -> None:
+    with studio() as running:
+        place = running.session.folder.path
+        assert stat.S_IMODE(place.stat().st_mode) == 0o700
+    assert not place.exists()
+
+
+def test_settings_that_cannot_be_are_named(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="no such folder"), studio(work=tmp_path / "none"):
+        pass
+    with pytest.raises(BadOption, match="--max-upload"), studio(max_upload_mb=0):
+        pass
+    with studio() as running, pytest.raises(BadOption, match="--port"), studio(port=running.session.gate.port):
+        pass
+
+
+def test_three_js_is_what_its_authors_built(monkeypatch: pytest.MonkeyPatch, client) -> None:
+    pytest.importorskip("trimesh", reason="the studio extra is not installed")
+    status, headers, body = client.ask("GET", "/static/three.js")
+    assert (status, headers["content-type"]) == (200, "text/javascript; charset=utf-8")
+    assert body.startswith(b"/**\n * @license") and b"SPDX-License-Identifier: MIT" in body[:200]
+    assert body.rstrip().endswith(b"}));") and b"B64GLTF" not in body
+    assets.three_js.cache_clear()
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(MissingDependency, match=r"dynident\[studio\]"):
+        assets.three_js()
