@@ -7,7 +7,7 @@ Kinds: ``motion`` (friction is a tenth higher with the payload), ``same`` (frict
 ``poses`` (12 postures of 1.2 s; what friction holds at each is uniform within its Coulomb friction), ``gains`` (as
 ``motion``, currents whose drive gains are off by 5 % each (standard deviation), the same in both runs). Printed: share
 of intervals that hold the true mass, centre and inertia, error and median half width of the mass, and the share of runs
-whose possible body is within the noise.
+whose possible body is within the noise; after every 100 runs those so far, which a benchmark that is stopped keeps.
 Run: python -m benchmarks.payload [runs] [kind, ...]
      python -m benchmarks.payload real: the UR10e's run with a load, of DYNIDENT_DATA (identifies the robot first)
 """
@@ -37,6 +37,7 @@ MASS, CENTRE, BODY = 2.6, np.array([0.05, 0.1, 0.04]), np.diag([0.02, 0.015, 0.0
 KINDS = ("motion", "same", "poses", "gains")
 GAIN_ERROR = 0.05
 HOLDS, HOLD_SECONDS = 12, 1.2
+PART = 100
 
 
 class Bench:
@@ -116,7 +117,7 @@ def figures(kind, memory, runs):
     body = Inertia.from_centre_of_mass(MASS, CENTRE, BODY)
     truth |= dict(zip(("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz"), body.vector[:6], strict=True))
     inside, halves, errors, near = {name: [] for name in truth}, [], [], []
-    for _ in range(runs):
+    for done in range(1, runs + 1):
         if kind == "gains":
             bench.gains = 1.0 + GAIN_ERROR * generator.normal(size=bench.model.robot.dof)
         estimate = bench.robot(generator, memory)
@@ -127,10 +128,16 @@ def figures(kind, memory, runs):
         halves.append(found.mass.half_width)
         errors.append(found.mass.value - MASS)
         near.append(found.distance < 3.3)
-    held = {name: round(float(np.mean(hits)), 3) for name, hits in inside.items() if hits}
-    told = {"kind": kind, "memory": memory, "runs": runs, "rows": found.rows, "held": held}
+        if done % PART == 0 and done < runs:
+            told = {"kind": kind, "memory": memory, "runs": done, "rows": found.rows}
+            print(json.dumps(told | shares(inside, halves, errors, near)), flush=True)
+    return {"kind": kind, "memory": memory, "runs": runs, "rows": found.rows, **shares(inside, halves, errors, near)}
+
+
+def shares(inside, halves, errors, near):
+    """Return what the runs so far say: how many intervals hold the truth, and the size of the mass's."""
     return {
-        **told,
+        "held": {name: round(float(np.mean(hits)), 3) for name, hits in inside.items() if hits},
         "mass_error_std": round(float(np.std(errors)), 4),
         "mass_half_width": round(float(np.median(halves)), 4),
         "possible_within_noise": round(float(np.mean(near)), 3),

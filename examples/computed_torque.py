@@ -3,16 +3,18 @@
     python computed_torque.py
 
 A SCARA arm is identified from a simulated run. Two controllers then follow another motion, alike but for the model:
-masses, inertias and friction of the nominal one are 20 % too large. The plant is integrated by the classical
-Runge-Kutta rule, the torque is held between the ticks of the controller.
+masses, inertias and friction of the nominal one are 20 % too large. All runs are those of a virtual cell, whose
+controller believes what it is told and knows nothing of the true parameters.
 """
 
 import numpy as np
 
 import dynident
-from dynident.estimation.compensation import computed_torque, friction_torque, mass_matrices, parameters_of
-from dynident.experiment.simulation.virtual_robot import Noise
-from dynident.model.kernels import batched
+from dynident.estimation.compensation import parameters_of
+from dynident.experiment.simulation.cell import Cell
+from dynident.experiment.simulation.cell_simulation import simulate_cell
+from dynident.experiment.simulation.controllers import CONTROLLERS
+from dynident.experiment.simulation.effects import Effort, Encoder, Recorder
 
 robot = dynident.read_robot("generic-scara")
 model = dynident.DynamicModel(robot, tuple(dynident.FRICTION.make(name) for name in ("coulomb", "viscous")))
@@ -27,39 +29,19 @@ def motion() -> dynident.FourierSeries:
     return dynident.FourierSeries(offset, sine, cosine, period=10.0)
 
 
-def acceleration(q: np.ndarray, dq: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """Return the acceleration of the true robot."""
-    inertial = truth[: model.inertial_count]
-    bias = batched.inverse_dynamics(robot.chain, inertial, q[None], dq[None], np.zeros((1, len(q))))[0]
-    return np.linalg.solve(mass_matrices(model, truth, q), torque - bias - friction_torque(model, truth, q, dq))
-
-
-def tracking_error(theta: np.ndarray, path: dynident.FourierSeries, seconds: float, step: float = 4e-3) -> np.ndarray:
+def tracking_error(theta: np.ndarray, path: dynident.FourierSeries, seconds: float) -> np.ndarray:
     """Return the root mean square position error of each joint under computed torque with the parameters theta."""
-    times = np.arange(round(seconds / step)) * step
-    planned = path.evaluate(times)
-    q, dq = planned[0][0].copy(), planned[1][0].copy()
-    errors = np.empty((len(times), robot.dof))
-    stiffness = (2 * np.pi * 3.0) ** 2
-    for k, goal in enumerate(zip(*planned, strict=True)):
-        errors[k] = goal[0] - q
-        torque = computed_torque(model, theta, goal, q, dq, stiffness, 2 * stiffness**0.5)
-        half = 0.5 * step
-        a1 = acceleration(q, dq, torque)
-        a2 = acceleration(q + half * dq, dq + half * a1, torque)
-        a3 = acceleration(q + half * dq + half**2 * a1, dq + half * a2, torque)
-        a4 = acceleration(q + step * dq + step * half * a2, dq + step * a3, torque)
-        q = q + step * dq + step**2 / 6 * (a1 + a2 + a3)
-        dq = dq + step / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-    return np.sqrt(np.mean(errors**2, axis=0))
+    controller = CONTROLLERS.make("computed_torque", bandwidth_hz=3.0, feedforward="model")
+    cell = Cell(controller, lead_in=1.0)
+    return simulate_cell(model, truth, path, cell, duration=seconds, believed=theta).tracking_error()
 
 
-noise = Noise(position=2e-6, torque=[1.0, 0.5, 2.0, 0.05])
-log = dynident.simulate(model, truth, motion(), rate=500.0, noise=noise, seed=1).log
+sensors = {"encoder": Encoder(noise=(2e-6,)), "effort": Effort(noise=(1.0, 0.5, 2.0, 0.05))}
+log = simulate_cell(model, truth, motion(), Cell(recorder=Recorder(rate=500.0), **sensors), seed=1).log
 estimate = dynident.identify(model, [log])
 path = motion()
 errors = {
-    name: tracking_error(theta, path, seconds=2.0)
+    name: tracking_error(theta, path, seconds=4.0)
     for name, theta in {"nominal": 1.2 * truth, "identified": parameters_of(estimate), "true": truth}.items()
 }
 for name, error in errors.items():

@@ -19,7 +19,6 @@ import os
 import re
 import shlex
 import shutil
-import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from importlib.util import module_from_spec, spec_from_file_location
@@ -272,54 +271,6 @@ def _read_yaml(block: Block, after: Block, workshop: Path) -> None:
             dynident.read_case("case.yaml")
         assert after.language == "text", f"{block.place}: a refused case is followed by its message"
         assert _matches(after.text, str(caught.value)), f"{block.place}: {caught.value}"
-
-
-# --- the site --------------------------------------------------------------------------------------------------------
-
-
-def _anchors_of(page: Path) -> set[str]:
-    """Return the anchors of the headings of a page, as Python-Markdown makes them."""
-    found: set[str] = set()
-    text = re.sub(r"^```.*?^```$", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
-    for heading in re.findall(r"^#+ (.*)$", text, re.MULTILINE):
-        plain = unicodedata.normalize("NFKD", re.sub(r"[`*]|\]\([^)]*\)|\[", "", heading))
-        word = re.sub(r"[^\w\s-]", "", plain.encode("ascii", "ignore").decode()).strip().lower()
-        found.add(re.sub(r"[-\s]+", "-", word))
-    return found
-
-
-@pytest.mark.parametrize("page", PAGES, ids=_name)
-def test_the_links_of_a_page_lead_somewhere(page: Path) -> None:
-    """Every link to a file of the repository names one that is there, and every anchor a heading."""
-    text = re.sub(r"^```.*?^```$|`[^`\n]*`", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
-    for target in re.findall(r"\]\(([^)\s]+)\)", text):
-        if re.match(r"https?:|mailto:", target):
-            continue
-        place, _, anchor = target.partition("#")
-        file = (page.parent / place).resolve() if place else page
-        assert file.exists(), f"{page.name}: {target}"
-        if anchor:
-            assert anchor in _anchors_of(file), f"{page.name}: {target}"
-
-
-def test_every_page_is_in_the_navigation() -> None:
-    """mkdocs.yml lists each page of docs once, and nothing else."""
-    text = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:\n")[2]
-    listed = re.findall(r"[\w/-]+\.md", text)
-    assert sorted(listed) == sorted(page.relative_to(ROOT / "docs").as_posix() for page in PAGES[1:])
-
-
-def test_the_reference_of_python_names_what_is_there() -> None:
-    """Modules and members of the pages that docstrings fill exist, and every name of the front door is among them."""
-    shown: set[str] = {"DynidentError"}
-    for page in sorted((ROOT / "docs" / "api").glob("*.md")):
-        for module, options in re.findall(r"^::: (\S+)\n((?:    .*\n?)*)", page.read_text(), re.MULTILINE):
-            listed = re.search(r"members: \[(.*)\]", options)
-            members = listed[1].split(", ") if listed else []
-            assert all(hasattr(importlib.import_module(module), name) for name in members), f"{page.name}: {module}"
-            shown.update(members)
-    families = {"FRICTION", "FILTERS", "ESTIMATORS", "EXPORTERS", "MODEL_EXPORTERS"}  # Family is shown
-    assert {name for name in dir(dynident) if name in dynident._HOME_OF} <= shown | families
 
 
 # --- the case file ---------------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import inspect
 import pkgutil
 from collections.abc import Mapping
@@ -25,6 +26,22 @@ class Option:
     help: str
 
 
+def part_names(package: str) -> tuple[str, ...]:
+    """Return the names of the parts in a folder, sorted; the folder and its parts are not imported.
+
+    Args:
+        package: Dotted name of the folder.
+
+    Raises:
+        ModuleNotFoundError: There is no such folder.
+    """
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.submodule_search_locations is None:
+        raise ModuleNotFoundError(f"there is no folder of parts '{package}'", name=package)
+    found = (module.name for module in pkgutil.iter_modules(spec.submodule_search_locations) if not module.ispkg)
+    return tuple(sorted(name for name in found if name != "base" and not name.startswith("_")))
+
+
 class Family(Generic[Part]):
     """The parts in one folder: file name = name in scripts, case files and on the command line.
 
@@ -38,10 +55,8 @@ class Family(Generic[Part]):
         self.package, self.kind, self.noun = package, kind, noun
 
     def names(self) -> tuple[str, ...]:
-        """Return the names of the parts, sorted; nothing is imported but the folder."""
-        folder = importlib.import_module(self.package)
-        found = (module.name for module in pkgutil.iter_modules(folder.__path__) if not module.ispkg)
-        return tuple(sorted(name for name in found if name != "base" and not name.startswith("_")))
+        """Return the names of the parts, sorted; nothing is imported."""
+        return part_names(self.package)
 
     def get(self, name: str) -> type[Part]:
         """Import the part called ``name`` and return its class.

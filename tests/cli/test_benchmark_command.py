@@ -38,11 +38,22 @@ def test_a_benchmark_goes_on_and_writes_its_page(tmp_path: Path, capsys: pytest.
     assert main([*command, "--html", str(tmp_path / "page.html"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["tasks"] == found["done"] == 4 and {row["method"] for row in found["rows"]} == {"ols", "wls"}
+    keys = {f"rows[].{key}" for key in found["rows"][0]} | {key for key in found if key != "rows"}
+    for group in ("medians", "tails", "means"):
+        keys |= {f"rows[].{group}.{key}" for key in found["rows"][0][group]} - {f"rows[].{group}"}
+    assert documented("benchmark") == keys - {"rows[].medians", "rows[].tails", "rows[].means"}
     page = (tmp_path / "page.html").read_text()
     assert "generic-scara" in page and "<svg" in page and "src=" not in page
     assert main([*command, "--quick"]) == 1 and "no short form" in capsys.readouterr().err
     assert main(["benchmark"]) == 1 and "tx40" in capsys.readouterr().err
     assert main(["benchmark", "tx40", "--real", str(tmp_path)]) == 1
+
+
+def documented(command: str) -> set[str]:
+    """Return the keys in a table of docs/json-output.md."""
+    page = Path(__file__).resolve().parents[2] / "docs/json-output.md"
+    _, _, rows = page.read_text(encoding="utf-8").partition(f"<!-- json: {command} -->\n\n")
+    return {line.split("`")[1] for line in rows.split("\n\n")[0].splitlines()[2:]}
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -47,6 +48,17 @@ def test_versions_and_places_are_those_of_the_imported_packages(facts: dict[str,
 
 def test_every_extra_of_the_project_is_explained() -> None:
     assert set(environment.EXTRAS) == set(PROJECT["project"]["optional-dependencies"])
+
+
+def test_the_json_has_the_documented_keys(facts: dict[str, Any]) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "packaging.md").read_text(encoding="utf-8")
+    table = page.partition("<!-- json: environment -->")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \| (.*) \|$", table, re.MULTILINE)
+    assert [key for key, _ in rows] == list(facts)
+    for key, text in rows:
+        inner = facts[key][0] if isinstance(facts[key], list) and facts[key] else facts[key]
+        if key not in ("variables", "findings") and inner:
+            assert re.findall(r"`(\w+)`", text) == list(inner), key
 
 
 def test_the_caches_are_where_numba_keeps_its_files(facts: dict[str, Any]) -> None:

@@ -30,3 +30,52 @@ def test_refuses_what_cannot_be(capsys: pytest.CaptureFixture[str]) -> None:
     assert "one for each of the 4 joints" in capsys.readouterr().err
     assert main(["selftest", "generic-scara", *SHORT, "--seed", "-1"]) == 1
     assert "--seed" in capsys.readouterr().err
+
+
+CASE = """case: 1
+robot: generic-scara
+friction: [coulomb, viscous]
+cell:
+  controller: {pid: {rate: 2000}}
+  encoder: {noise: 1e-6}
+  effort: {noise: [0.2, 0.1, 0.4, 0.02]}
+  recorder: {rate: 500}
+  truth: {friction: {Fc: [4, 3, 8, 0.4]}}
+"""
+
+
+def test_the_cell_of_the_case_is_the_one_that_is_rehearsed(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("case.yaml").write_text(CASE)
+    design = ["excite", "case.yaml", "--period", "4", "--starts", "1", "--time-limit", "1", "--quiet"]
+    assert main([*design, "-o", "plan.json"]) == 0
+    command = ["selftest", "case.yaml", "--plan", "plan.json", "--estimator", "wls"]
+    capsys.readouterr()
+    main([*command, "--json", "--set", "payload.mass=0.5", "--position-noise", "2e-6"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["cell"]["controller"]["pid"]["rate"] == 2000 and found["cell"]["recorder"]["rate"] == 500
+    assert found["cell"]["encoder"]["noise"] == [2e-6] and found["cell"]["payload"]["mass"] == 0.5
+    assert found["noise"] == [0.2, 0.1, 0.4, 0.02] and found["noise_source"] == "of the cell"
+    truth = {one["name"]: one["truth"] for one in found["stages"][1]["parameters"]}
+    assert [value for name, value in truth.items() if name.startswith("Fc[")] == [4, 3, 8, 0.4]
+    keys = documented("selftest")
+    stage = {f"stages[].{key}" for key in found["stages"][0]} - {"stages[].joints", "stages[].parameters"}
+    assert keys == {*found, *stage, *inner(found["stages"][0])} - {"stages"}
+    main([*command, "--quiet", "--set", "ripple.amplitude=0.1"])
+    assert "virtual cell: pid at 2000 Hz, 500 rows a second; beside the default: ripple" in capsys.readouterr().out
+    assert main([*command, "--set", "effort.noise=-1"]) == 1
+    assert "effort.noise" in capsys.readouterr().err
+
+
+def documented(command: str) -> set[str]:
+    """Return the keys in the table of docs/json-output.md."""
+    page = Path(__file__).resolve().parents[2] / "docs/json-output.md"
+    _, _, table = page.read_text(encoding="utf-8").partition(f"<!-- json: {command} -->\n\n")
+    return {line.split("`")[1] for line in table.split("\n\n")[0].splitlines()[2:]}
+
+
+def inner(stage: dict[str, list[dict[str, object]]]) -> set[str]:
+    """Return the keys of the joints and parameters of a stage."""
+    return {f"stages[].{name}[].{key}" for name in ("joints", "parameters") for key in stage[name][0]}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dynident.cli.main import main
+from dynident.estimation.estimate_file import read_estimate
 from dynident.experiment.case_file.case import read_case
 from dynident.experiment.design.limits import MotionLimits
 from dynident.experiment.design.plan import Plan, write_plan
@@ -44,6 +45,7 @@ drives:
   wrist: {gear_ratio: 50, gain: 3}
 cell:
   encoder: {noise: 1e-6}
+  effort: {held: after}
   truth: {friction: {Fc: [2, 1], Fv: 3}}
 """
 
@@ -121,11 +123,28 @@ def test_identify_finds_the_truth_beside_the_log(here: Path, capsys: Capture) ->
         assert value == pytest.approx(values[name], rel=0.03, abs=0.02), name
 
 
+def test_the_intervals_of_identify_hold_the_truth(here: Path) -> None:
+    settings = ["effort.held=mean", "effort.noise=0.5", "encoder.noise=1e-6"]
+    words = [word for setting in settings for word in ("--set", setting)]
+    assert main(["simulate", "case.yaml", "plan.json", "-o", "run.csv", "--repeats", "5", *words, "--quiet"]) == 0
+    assert main(["identify", "case.yaml", "run.csv", "-o", "e.json", "--estimator", "wls", "--quiet"]) == 0
+    estimate = read_estimate("e.json")
+    stated = json.loads(Path("run.truth.json").read_text())["parameters"]
+    truth = estimate.base.from_standard(np.array([one["value"] for one in stated]))
+    assert np.mean(np.abs(estimate.beta - truth) <= estimate.half_widths(0.95)) >= 0.9
+    assert np.sqrt(np.mean(((estimate.beta - truth) / estimate.deviations) ** 2)) < 1.5
+
+
 def test_settings_change_the_cell(here: Path, capsys: Capture) -> None:
     Path("cell.yaml").write_text("controller: pid\nrecorder: {rate: 200}\n")
     words = ["--cell", "cell.yaml", "--set", "controller.integral_hz=2", "--set", "effort.noise=0.3,0.1", "--json"]
     assert main(["simulate", "case.yaml", "plan.json", "-o", "run.csv", *words, "--seed", "4"]) == 0
     facts = json.loads(capsys.readouterr().out)
+    page = (Path(__file__).resolve().parents[2] / "docs/json-output.md").read_text(encoding="utf-8")
+    _, _, rows = page.partition("<!-- json: simulate -->\n\n")
+    documented = {line.split("`")[1] for line in rows.split("\n\n")[0].splitlines()[2:]}
+    inner = {f"parameters[].{key}" for key in facts["parameters"][0]}
+    assert documented == {*(key for key in facts if key != "parameters"), *inner}
     assert facts["samples"] == 800
     assert facts["cell"]["controller"]["pid"]["integral_hz"] == 2.0
     assert facts["cell"]["effort"]["noise"] == [0.3, 0.1]

@@ -156,7 +156,7 @@ def test_the_page_of_a_plan_is_quiet_too(chromium: Browser, tmp_path: Path) -> N
 
 
 @pytest.mark.skipif(importlib.util.find_spec("axe_core_python") is None, reason="axe needs the package axe-core-python")
-@pytest.mark.parametrize(("width", "dark"), [(360, False), (1440, True)])
+@pytest.mark.parametrize(("width", "dark"), [(360, False), pytest.param(1440, True, marks=pytest.mark.battery)])
 def test_axe_finds_no_fault(chromium: Browser, page: Path, width: int, dark: bool) -> None:
     spec = importlib.util.find_spec("axe_core_python")
     assert spec is not None and spec.origin is not None

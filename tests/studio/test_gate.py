@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from dynident.errors import BadOption, FileError, MissingDependency
 from dynident.studio import assets
 from dynident.studio.folder import SAFE, Folder, safe_name
+from dynident.studio.handler import StudioHandler
 from dynident.studio.server import studio
 
 # The fixture `client` asks as the studio's own page does; `ask` takes headers to change, with _ for -.
@@ -135,6 +136,15 @@ def test_half_an_upload_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_body_that_stays_away_is_given_up(client, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(StudioHandler, "timeout", 0.2)
+    for path in ("/api/upload?name=a.csv", "/api/run"):
+        status, headers, body = client.ask("POST", path, b"x", Content_Length="1000")
+        assert status == 408 and headers["connection"] == "close"
+        assert json.loads(body) == {"error": "the rest of the request did not come"}
+    assert list(client.folder.iterdir()) == []
+
+
 def test_a_session_holds_so_many_files_and_so_much(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = Folder(tmp_path, 10)
     kept = [folder.receive("a.csv", io.BytesIO(b"x" * 10), 10) for _ in range(4)]
@@ -146,6 +156,23 @@ def test_a_session_holds_so_many_files_and_so_much(tmp_path: Path, monkeypatch: 
     (tmp_path / "other.csv").write_text("")
     with pytest.raises(FileError, match="the session has 4 files"):
         folder.receive("a.csv", io.BytesIO(b"x"), 1)
+
+
+def test_what_a_command_writes_has_a_name_that_nothing_in_the_folder_has(tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("mine")
+    folder = tmp_path / "work"
+    (folder / "plan_3").mkdir(parents=True)
+    (folder / "plan_1.json").symlink_to(tmp_path / "mine")  # a command would write through it
+    for name in ("plan_2-old.json", "Plan_4.csv", ".plan_5.json.part"):
+        (folder / name).write_text("mine")
+    session = Folder(folder)
+    assert session.fresh("plan", ".json") == "plan_6.json"
+    before = sorted(folder.iterdir())
+    session.discard(("plan_6.json",))
+    assert sorted(folder.iterdir()) == before
+    assert session.receive("plan_1.json", io.BytesIO(b"new"), 3) == "plan_1_2.json"
+    assert session.receive("plan_3", io.BytesIO(b"new"), 3) == "plan_3_2"
+    assert (folder / "plan_1.json").is_symlink() and (tmp_path / "mine").read_text() == "mine"
 
 
 def test_files_that_were_there_before_are_not_removed(client) -> None:

@@ -110,12 +110,29 @@ def test_hostile_names_are_text_at_every_width(page: Any, running: Any, client: 
         for stage in STAGES:
             _go(page, stage)
             assert page.js("document.documentElement.scrollWidth") <= width, (stage, width)
+    cut = "[...document.querySelectorAll('.scroll')].filter(one => one.scrollWidth > one.clientWidth).length"
+    for stage in ("robot", "log", "session"):  # on a phone rows are cards: nothing of them is out of sight
+        _go(page, stage)
+        assert page.js(cut) == 0, stage
     assert page.js("[...document.querySelectorAll('img, script:not([src])')].length") == 0
     unnamed = (
         "[...document.querySelectorAll('select, input, textarea')].filter(one => !one.getAttribute('aria-label')"
         " && !one.getAttribute('aria-hidden') && !(one.labels && one.labels.length)).length"
     )
     assert page.js(unnamed) == 0
+    _nothing_wrong(page, running)
+
+
+def test_a_page_that_is_loaded_again_goes_on_with_the_command(page: Any, running: Any, client: Any) -> None:
+    choices = {"case": "generic-6r", "friction": ["viscous"], "time_limit": 600}
+    assert client.post("/api/run", {"verb": "excite", "choices": choices})[0] == 200
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('.sliders input').length")
+    _go(page, "excite")
+    page.until(f"({_section('excite')}.querySelector('.state') || {{}}).textContent?.startsWith('running')")
+    _click(page, "excite", "Cancel")
+    page.until(f"{_section('excite')}.querySelector('.state').textContent.startsWith('cancelled')")
+    assert client.names() == []
     _nothing_wrong(page, running)
 
 

@@ -94,7 +94,7 @@ def _commands(parser: argparse.ArgumentParser) -> dict[str, Choices]:
 
 def _choices(name: str, parser: argparse.ArgumentParser) -> Choices:
     from dynident.model.descriptions.base import shipped_robots
-    from dynident.studio.views import part_names
+    from dynident.plugins import part_names
 
     options: list[str] = []
     values: dict[str, tuple[str, ...]] = {}

@@ -126,6 +126,12 @@ def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) ->
             times = f"{alarm.start:.4f} to {alarm.end:.4f} s"
             sizes = f"{alarm.peak:.4g} against {alarm.threshold:.4g}"
             console.answer(f"alarm: {label(alarm.joint)}, {times}: {sizes}")
+        if one.mostly_above:
+            console.answer(
+                f"remark: {', '.join(label(name) for name in one.mostly_above)}: above the threshold for most of the "
+                "log; that is no contact as a rule, but another robot, load or mounting than that of the fit, or other "
+                "units, signs or order of columns"
+            )
     shortest = min(1.0 / float(rate) for rate in monitor.rates)
     if shortest > seconds:
         console.answer(

@@ -1,15 +1,17 @@
 """Rehearse a run on a virtual robot before the real one moves: which parameters would be found, and how well.
 
 CASE is a case file or a robot description. The motion is a plan of 'dynident excite' (--plan), or is designed here. A
-virtual robot with known, physically consistent parameters records it with noise; the case's filter and estimator
+virtual cell around a robot with known, physically consistent parameters records it with noise: that of the case's
+section 'cell', as for 'dynident simulate', or a PD controller where there is none. The case's filter and estimator
 identify it without being told any masses; the result is compared with the truth. Logs of half, double and four times
 the length say what time would buy. The exit code is 1 where the planned log does not meet the tolerance.
 
   dynident selftest case.yaml --plan plan.json
   dynident selftest robot.urdf --noise 0.5 --tolerance 0.03
   dynident selftest robot.urdf --truth random --seed 3 --json
+  dynident selftest case.yaml --set controller=cascade --set bristles.presliding=1e-3
 
-The virtual robot has the friction of the case and no elastic joints: passing is necessary, not sufficient.
+What neither the case nor its cell states is not rehearsed: passing is necessary, not sufficient.
 """
 
 from __future__ import annotations
@@ -23,12 +25,17 @@ if TYPE_CHECKING:
     from dynident.arrays import Array
     from dynident.estimation.selftest.rehearsal import Plan, Rehearsal
     from dynident.experiment.case_file.case import Case
+    from dynident.experiment.case_file.cell_section import CellSetup
     from dynident.experiment.design.plan import Plan as PlannedMotion
+    from dynident.experiment.simulation.cell import Cell
 
 SUMMARY = "rehearse a run on a virtual robot: what would be found, and how well"
 
 #: Words for what stands behind the virtual robot.
 _DESCRIBED, _RANDOM = "description", "random"
+
+#: Noise of the encoders, in rad or m, where no cell states them.
+POSITION_NOISE = 2e-5
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -44,25 +51,36 @@ def configure(parser: argparse.ArgumentParser) -> None:
     robot = parser.add_argument_group("virtual robot")
     robot.add_argument(
         "--truth",
-        default=_DESCRIBED,
         metavar="WHAT",
-        help="description (default): its masses, friction that it does not state is invented; random: a random "
-        "possible robot near it; or an estimate or description file",
+        help="description (default, where the cell names no other): its masses, friction that it does not state is "
+        "invented; random: a random possible robot near it; or an estimate or description file",
     )
     robot.add_argument(
         "--noise",
         nargs="+",
         type=float,
         metavar="X",
-        help="standard deviation of the torque, one number or one a joint, in N m or N; default: 1 %% of each effort "
-        "limit",
+        help="standard deviation of the torque, one number or one a joint, in N m or N; default: that of the "
+        "cell, else that of the plan, which is 1 %% of each effort limit unless stated",
     )
     robot.add_argument(
-        "--position-noise", type=float, default=2e-5, metavar="RAD", help="of the encoders, in rad or m (2e-5)"
+        "--position-noise",
+        type=float,
+        metavar="RAD",
+        help="of the encoders, in rad or m; default: the cell's, 2e-5 where it has no encoder",
     )
-    robot.add_argument("--resolution", type=float, default=0.0, metavar="RAD", help="step of the encoders (0: none)")
-    robot.add_argument("--rate", type=float, default=1000.0, metavar="HZ", help="rows of the log a second (1000)")
-    robot.add_argument("--control-rate", type=float, default=1000.0, metavar="HZ", help="of the controller (1000)")
+    robot.add_argument("--resolution", type=float, metavar="RAD", help="step of the encoders; default: the cell's")
+    robot.add_argument("--rate", type=float, metavar="HZ", help="rows of the log a second; default: the cell's")
+    robot.add_argument("--control-rate", type=float, metavar="HZ", help="of the controller; default: the cell's")
+    robot.add_argument("--cell", metavar="FILE", help="the cell, in place of the case's (docs/virtual-cell.md)")
+    robot.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        dest="settings",
+        metavar="KEY=VALUE",
+        help="change one setting of the cell, such as encoder.noise=1e-5 or controller=pid",
+    )
     robot.add_argument("--seed", type=int, default=0, help="seed of truth, noise and search (0)")
     asked = parser.add_argument_group("what is asked")
     asked.add_argument("--estimator", metavar="NAME", help="see 'dynident list estimators'; default: that of the case")
@@ -83,6 +101,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.cli import console, jobs
+    from dynident.cli.cells import believed_parameters, cell_setup
     from dynident.errors import BadOption
     from dynident.estimation.selftest.rehearsal import SHARES, Tolerance, rehearse
     from dynident.experiment.case_file.case import read_case
@@ -92,11 +111,13 @@ def run(options: argparse.Namespace) -> int:
     tolerance = Tolerance(options.tolerance, options.parameter_tolerance)
     case = read_case(options.case)
     estimator = jobs.estimator_from(case, options.estimator, [])
-    theta, source = _truth(options, case)
+    setup = cell_setup(options, case)
+    believed = believed_parameters(setup, case)
+    theta, source = _truth(options, case, setup)
     with console.progress(3 + len(SHARES), options.quiet or options.json) as progress:
         progress.step("motion")
-        plan, noise = _plan(options, case)
-        guess = None if options.truth == _DESCRIBED else case.model.nominal()
+        plan, noise = _plan(options, case, setup)
+        guess = None if source.startswith("the description") else case.model.nominal()
         found = rehearse(
             case.model,
             theta,
@@ -104,13 +125,14 @@ def run(options: argparse.Namespace) -> int:
             estimator,
             tolerance,
             guess=guess,
+            believed=believed,
             constraints=case.constraints,
             progress=progress.step,
         )
     facts = {
         "truth": source,
         **noise,
-        "position_noise": options.position_noise,
+        "cell": plan.cell.data(),
         "motion": options.plan or "designed",
         "seed": options.seed,
         "estimator": options.estimator or case.estimator.name,
@@ -118,33 +140,42 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         console.answer_json({**found.figures(), **facts, "command": jobs.repeat_command()})
     else:
-        _show(found, facts, case)
+        _show(found, plan, facts, case)
     return 0 if found.passed else 1
 
 
-def _truth(options: argparse.Namespace, case: Case) -> tuple[Array, str]:
+def _truth(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Array, str]:
     """Return the parameters of the virtual robot, shape (p,), and where they come from."""
+    from dataclasses import replace
+
     from dynident.estimation.comparison.truth import read_truth
     from dynident.estimation.monte_carlo.possible_robots import described_truth, random_truth
+    from dynident.experiment.simulation.truth import true_parameters
 
-    model = case.model
-    if options.truth == _DESCRIBED:
-        return described_truth(model, options.seed), "the description; friction that it does not state is invented"
-    if options.truth == _RANDOM:
-        return random_truth(model, options.seed), f"a random possible robot, seed {options.seed}"
-    return read_truth(case.find(options.truth), model, case.locked), options.truth
+    model, truth, stated = case.model, setup.truth, options.truth is not None
+    name = options.truth if stated else {"nominal": _DESCRIBED}.get(truth.parameters, truth.parameters)
+    if name == _DESCRIBED:
+        theta, source = (
+            described_truth(model, options.seed),
+            "the description; friction that it does not state is invented",
+        )
+    elif name == _RANDOM:
+        theta, source = random_truth(model, options.seed), f"a random possible robot, seed {options.seed}"
+    else:
+        theta, source = read_truth(case.find(name), model, case.locked), name
+    if stated:
+        truth = replace(truth, spread=0.0, friction=truth.friction if name in (_DESCRIBED, _RANDOM) else {})
+    changed = [f"{word} of the cell" for word, own in (("spread", truth.spread), ("friction", truth.friction)) if own]
+    return true_parameters(model, theta, truth, options.seed), "; ".join([source, *changed])
 
 
-def _plan(options: argparse.Namespace, case: Case) -> tuple[Plan, dict[str, Any]]:
+def _plan(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Plan, dict[str, Any]]:
     """Return what is rehearsed, and its noise with where that comes from."""
-    import numpy as np
-
     from dynident.errors import BadOption
-    from dynident.estimation.monte_carlo.virtual_run import Recording
     from dynident.estimation.selftest.rehearsal import Plan
     from dynident.experiment.design.plan import read_plan
 
-    given = _per_joint(options.noise, case.robot.dof) if options.noise else None
+    given, source = _noise(options, case, setup)
     if options.plan:
         planned = read_plan(options.plan)
         if planned.joints != case.robot.joint_names:
@@ -152,19 +183,44 @@ def _plan(options: argparse.Namespace, case: Case) -> tuple[Plan, dict[str, Any]
             raise BadOption("--plan", options.plan, step)
     else:
         planned = _designed(options, case, given)
-    levels = np.asarray(planned.settings["noise"] if given is None else given, dtype=float)
-    recording = Recording(
-        rate=options.rate,
-        control_rate=options.control_rate,
-        position_noise=options.position_noise,
-        torque_noise=levels,
-        resolution=options.resolution,
-    )
-    facts = {
-        "noise": levels.tolist(),
-        "noise_source": planned.settings["noise_source"] if given is None else "given",
-    }
-    return Plan(planned.trajectory, planned.run_in, options.repeats, recording, case.preprocessing, options.seed), facts
+    levels = planned.settings["noise"] if given is None else given.tolist()
+    facts = {"noise": list(levels), "noise_source": source or planned.settings["noise_source"]}
+    cell = _cell(options, case, setup, tuple(levels))
+    return Plan(planned.trajectory, planned.run_in, options.repeats, cell, case.preprocessing, options.seed), facts
+
+
+def _noise(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Array | None, str]:
+    """Return the torque noise that is stated, shape (n,), and by whom; None for that of the plan."""
+    from dynident.cli.cells import current_scale
+    from dynident.experiment.simulation.effects import each
+
+    joints = case.robot.dof
+    if options.noise:
+        return _per_joint(options.noise, joints), "given"
+    levels = each("effort.noise", setup.cell.effort.noise, joints) * current_scale(case)
+    return (levels, "of the cell") if levels.all() else (None, "")
+
+
+def _cell(options: argparse.Namespace, case: Case, setup: CellSetup, noise: tuple[float, ...]) -> Cell:
+    """Return the cell of the case with what the command line states beside it; it measures torques."""
+    from dataclasses import replace
+
+    from dynident.cli.cells import current_scale
+    from dynident.experiment.simulation.effects import Encoder, each
+
+    cell = setup.cell
+    encoder = cell.encoder if "encoder" in setup.values else Encoder(noise=(POSITION_NOISE,))
+    if options.position_noise is not None:
+        encoder = replace(encoder, noise=(options.position_noise,))
+    if options.resolution is not None:
+        encoder = replace(encoder, resolution=(options.resolution,))
+    steps = each("effort.resolution", cell.effort.resolution, case.robot.dof) * current_scale(case)
+    effort = replace(cell.effort, noise=noise, resolution=tuple(steps.tolist()))
+    recorder = cell.recorder if options.rate is None else replace(cell.recorder, rate=options.rate)
+    controller = cell.controller
+    if options.control_rate is not None:
+        controller = replace(controller, rate=options.control_rate)
+    return replace(cell, controller=controller, encoder=encoder, effort=effort, recorder=recorder)
 
 
 def _designed(options: argparse.Namespace, case: Case, noise: Array | None) -> PlannedMotion:
@@ -187,6 +243,16 @@ def _designed(options: argparse.Namespace, case: Case, noise: Array | None) -> P
     )
 
 
+def _words(cell: Cell) -> str:
+    """Return controller, rates and effects of a cell in words."""
+    from dynident.experiment.simulation.controllers import CONTROLLERS
+
+    name = CONTROLLERS.name_of(cell.controller)
+    rates = f"{name} at {cell.controller.rate:g} Hz, {cell.recorder.rate:g} rows a second"
+    effects = ", ".join(cell.changes())
+    return f"{rates}; beside the default: {effects}" if effects else rates
+
+
 def _per_joint(values: Sequence[float], joints: int) -> Array:
     """Return one number for each joint, shape (n,)."""
     import numpy as np
@@ -198,7 +264,7 @@ def _per_joint(values: Sequence[float], joints: int) -> Array:
     return np.broadcast_to(np.array(values, dtype=float), (joints,)).copy()
 
 
-def _show(found: Rehearsal, facts: dict[str, Any], case: Case) -> None:
+def _show(found: Rehearsal, plan: Plan, facts: dict[str, Any], case: Case) -> None:
     from dynident.cli import console
     from dynident.results import rehearsal_view as view
     from dynident.results.text import label
@@ -210,6 +276,7 @@ def _show(found: Rehearsal, facts: dict[str, Any], case: Case) -> None:
     )
     levels = ", ".join(f"{level:.3g}" for level in facts["noise"])
     console.answer(f"truth: {label(facts['truth'])}; torque noise {levels} ({facts['noise_source']})")
+    console.answer(f"virtual cell: {_words(plan.cell)}")
     if case.choose_friction:
         console.answer("friction: auto chooses from real logs; here the default parts are taken")
     if found.facts.get("saturated_torques"):

@@ -16,8 +16,6 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dynident.arrays import Array
-    from dynident.experiment.case_file.case import Case
     from dynident.experiment.case_file.cell_section import CellSetup
     from dynident.experiment.simulation.cell import CellRun
     from dynident.model.dynamic_model import DynamicModel
@@ -52,9 +50,9 @@ def run(options: argparse.Namespace) -> int:
     from pathlib import Path
 
     from dynident.cli import console, jobs
+    from dynident.cli.cells import believed_parameters, cell_setup, stated_parameters
     from dynident.errors import BadOption
     from dynident.experiment.case_file.case import read_case
-    from dynident.experiment.case_file.cell_section import CellSetup, read_cell
     from dynident.experiment.design.plan import read_plan
     from dynident.experiment.simulation.case_log import case_columns, wants_current, write_columns
     from dynident.experiment.simulation.cell_simulation import simulate_cell
@@ -69,14 +67,13 @@ def run(options: argparse.Namespace) -> int:
         check_place(place)
     case, plan = read_case(options.case), read_plan(options.plan)
     jobs.check_outputs((str(target), *map(str, truth_files)), (options.case, options.plan, *map(str, case.files)))
-    setup = read_cell(options.cell) if options.cell else case.cell or CellSetup(path=options.case)
-    setup = setup.changed(options.settings)
+    setup = cell_setup(options, case)
     model, robot = case.model, case.robot
     if plan.joints != robot.joint_names:
         step = f"the robot of the case has {', '.join(robot.joint_names)}; design the plan for this case"
         raise BadOption("plan", f"for {', '.join(plan.joints)}", step)
-    theta = true_parameters(model, _start(setup.truth.parameters, case, model), setup.truth, options.seed)
-    believed = None if setup.truth.believed == "truth" else _start(setup.truth.believed, case, model)
+    theta = true_parameters(model, stated_parameters(setup.truth.parameters, case), setup.truth, options.seed)
+    believed = believed_parameters(setup, case)
     gains = {j.name: j.drive.gain for j in robot.active if j.drive.gain is not None}
     found = simulate_cell(
         model,
@@ -98,29 +95,8 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _start(name: str, case: Case, model: DynamicModel) -> Array:
-    """Return the parameters of the description, or of an estimate file."""
-    from dynident.experiment.simulation.truth import nominal_parameters
-
-    if name == "nominal":
-        return nominal_parameters(model)
-    from dynident.estimation.earlier import check_same
-    from dynident.estimation.estimate_file import read_estimate
-
-    path = str(case.find(name))
-    estimate = read_estimate(path)
-    check_same(estimate, model, path)
-    return estimate.base.to_standard(estimate.beta) if estimate.theta is None else estimate.theta
-
-
 def _facts(options: argparse.Namespace, setup: CellSetup, model: DynamicModel, found: CellRun) -> dict[str, Any]:
     """Return what is true of the log, as plain data."""
-    from dataclasses import asdict
-
-    from dynident.experiment.simulation.controllers import CONTROLLERS
-
-    cell = asdict(setup.cell)
-    cell["controller"] = {CONTROLLERS.name_of(setup.cell.controller): cell["controller"]}
     robot = model.robot
     return {
         "kind": "dynident truth",
@@ -136,7 +112,7 @@ def _facts(options: argparse.Namespace, setup: CellSetup, model: DynamicModel, f
             {"symbol": one.symbol, "owner": one.owner, "unit": one.unit, "value": float(value)}
             for one, value in zip(model.parameters, found.theta, strict=True)
         ],
-        "cell": cell,
+        "cell": setup.cell.data(),
         "saturated": found.saturated,
         "tracking_error": dict(zip(robot.joint_names, found.tracking_error().tolist(), strict=True)),
     }

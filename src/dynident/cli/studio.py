@@ -42,7 +42,9 @@ def run(options: argparse.Namespace) -> int:
     from dynident.studio.assets import three_js
     from dynident.studio.server import studio
 
-    with studio(options.port, options.work, options.max_upload) as running:
+    with contextlib.suppress(KeyboardInterrupt), studio(options.port, options.work, options.max_upload) as running:
+        for number in _endings():  # before the address is told: commands and folder go with the studio
+            signal.signal(number, signal.default_int_handler)
         console.answer(running.address)
         console.remark("open this address; it works on this machine only. Ctrl-C ends the studio")
         console.remark(f"files: {running.session.folder.path}{'' if options.work else ' (removed at the end)'}")
@@ -52,7 +54,16 @@ def run(options: argparse.Namespace) -> int:
             console.remark(f"no 3D view: {error}")
         if not options.no_browser:
             webbrowser.open(running.address)
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that commands and folder go with it
-        with contextlib.suppress(KeyboardInterrupt):
-            threading.Event().wait()
+        threading.Event().wait()
     return 0
+
+
+def _endings() -> list[int]:
+    """Return the signals that end the studio as Ctrl-C does: SIGTERM, and SIGHUP unless it is ignored (nohup)."""
+    import signal
+
+    found: list[int] = [signal.SIGTERM]
+    hang_up = getattr(signal, "SIGHUP", None)
+    if hang_up is not None and signal.getsignal(hang_up) is signal.SIG_DFL:
+        found.append(hang_up)
+    return found

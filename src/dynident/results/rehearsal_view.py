@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from dynident.estimation.selftest.rehearsal import MATTERS, Rehearsal, Stage
+from dynident.estimation.selftest.rehearsal import LEVEL, MATTERS, Rehearsal, Stage
 from dynident.results.text import (
     MISSING,
     Column,
@@ -17,8 +19,8 @@ from dynident.results.text import (
     shorten,
 )
 
-#: Share of intervals that hold below which noise is not what limits.
-POOR = 0.85
+#: Chance of so few intervals that hold below which noise alone does not explain them.
+UNLIKELY = 0.01
 
 #: A parameter counts as found from this relative deviation on.
 FOUND = 0.1
@@ -105,15 +107,25 @@ def _length_row(rehearsal: Rehearsal, stage: Stage) -> tuple[str, ...]:
     )
 
 
+def _chance_of(stage: Stage) -> float:
+    """Return how likely so many intervals miss the truth, or more, if each misses it by chance; 1 without intervals."""
+    count = len(stage.truth)
+    if not stage.inside <= 1:
+        return 1.0
+    hold = round(stage.inside * count)
+    return sum(math.comb(count, k) * LEVEL**k * (1 - LEVEL) ** (count - k) for k in range(hold + 1))
+
+
 def verdict(rehearsal: Rehearsal) -> list[str]:
     """Return whether the plan passes, what is beyond the tolerance, and what would help."""
     complaints = rehearsal.complaints(rehearsal.planned)
     lines = []
-    if rehearsal.stages[-1].inside < POOR:
+    if _chance_of(rehearsal.stages[-1]) < UNLIKELY:
         held, length = format_percent(rehearsal.stages[-1].inside), rehearsal.stages[-1].seconds
         lines.append(
-            f"after {length:.3g} s only {held} of the 95 % intervals hold the truth: what filter, delay and friction "
-            "at reversals do to the rows counts more than noise, and no longer log makes that smaller"
+            f"after {length:.3g} s only {held} of the 95 % intervals hold the truth: what encoder noise, filter, "
+            "delay, friction at reversals or effects of the cell do to the rows counts more than noise of the "
+            "torque, and no longer log makes that smaller"
         )
     if not complaints:
         asked = f"{100 * rehearsal.tolerance.torque:g} % of the torque"

@@ -43,6 +43,12 @@ def safe_name(name: str) -> str:
     return f"file_{kept}" if _RESERVED.match(kept) else kept
 
 
+def _made_by(outputs: tuple[str, ...]) -> re.Pattern[str]:
+    """Return what matches the names of files that a command with these outputs may write, hidden parts of them too."""
+    stems = "|".join(re.escape(name.split(".", 1)[0]) for name in outputs)
+    return re.compile(rf"(?i)\.?({stems})([.-]|$)")
+
+
 @dataclass(frozen=True)
 class Folder:
     """The files of a session.
@@ -84,9 +90,13 @@ class Folder:
         return self.path / name
 
     def fresh(self, stem: str, suffix: str) -> str:
-        """Return a name that no file has yet: the stem, a number and the suffix."""
-        taken = {name.split(".", 1)[0] for name in (*self.names(), *self._mine)}
-        number = next(k for k in range(1, 10_000) if f"{stem}_{k}" not in taken)
+        """Return a name that nothing in the folder has yet: the stem, a number and the suffix.
+
+        Links, folders and hidden files count too, and names that go on after the number, such as ``plan_1-old.json``:
+        a command writes through a link, and what it leaves is known by this name.
+        """
+        taken = (*os.listdir(self.path), *self._mine)
+        number = next(k for k in range(1, 10_000) if not any(map(_made_by((f"{stem}_{k}",)).match, taken)))
         self._mine.add(f"{stem}_{number}{suffix}")
         return f"{stem}_{number}{suffix}"
 
@@ -144,8 +154,7 @@ class Folder:
 
     def made_by(self, outputs: tuple[str, ...]) -> tuple[str, ...]:
         """Return the files that a command has made: its outputs and what it wrote beside them, whole or in part."""
-        stems = "|".join(re.escape(name.split(".", 1)[0]) for name in outputs)
-        mine = re.compile(rf"\.?({stems})([.-]|$)")
+        mine = _made_by(outputs)
         with os.scandir(self.path) as entries:
             return tuple(e.name for e in entries if e.is_file(follow_symlinks=False) and outputs and mine.match(e.name))
 
@@ -160,7 +169,7 @@ class Folder:
             self._mine.discard(name)
 
     def _free(self, name: str) -> str:
-        taken = {known.lower() for known in self.names()}
+        taken = {known.lower() for known in os.listdir(self.path)}  # links and folders too
         if name.lower() not in taken:
             return name
         stem, dot, suffix = name.rpartition(".")

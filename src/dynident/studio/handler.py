@@ -100,18 +100,25 @@ class StudioHandler(BaseHTTPRequestHandler):
             self.close_connection = size > 0
             return self._file(path) if method == "GET" else _said(404, "there is nothing here")
         try:
-            if path == "/api/upload":
-                self.close_connection = True  # an upload that is refused is not read to its end
-                name = session.folder.receive(query.get("name", ""), self.rfile, size)  # type: ignore[arg-type]
-                return _json({"name": name})
-            if size > MAX_BODY:
-                self.close_connection = True
-                return _said(413, "the request is too long")
-            return route(session, query, _body(self.rfile.read(size)))
+            return self._answered(route, path, query, size)
         except DynidentError as error:
             return _said(422, views.local(session.folder, " ".join(str(error).split())))
+        except TimeoutError:
+            self.close_connection = True
+            return _said(408, "the rest of the request did not come")
         except Exception as error:  # a fault of one request must not end the connection without an answer
             return _said(500, f"the studio could not answer this: {type(error).__name__}: {error}"[:500])
+
+    def _answered(self, route: Route, path: str, query: Mapping[str, str], size: int) -> Reply:
+        """Read what came with a request and answer it."""
+        if path == "/api/upload":
+            self.close_connection = True  # an upload that is refused is not read to its end
+            name = self.session.folder.receive(query.get("name", ""), self.rfile, size)  # type: ignore[arg-type]
+            return _json({"name": name})
+        if size > MAX_BODY:
+            self.close_connection = True
+            return _said(413, "the request is too long")
+        return route(self.session, query, _body(self.rfile.read(size)))
 
     def _file(self, path: str) -> Reply:
         """Return a file of the page."""
@@ -180,6 +187,7 @@ def _body(data: bytes) -> Mapping[str, Any]:
 
 Query = Mapping[str, str]
 Data = Mapping[str, Any]
+Route = Callable[[Session, Query, Data], Reply]
 
 
 def _page(session: Session, query: Query, data: Data) -> Reply:
@@ -265,7 +273,7 @@ def _report(session: Session, query: Query, data: Data) -> Reply:
     return Reply(200, path, "text/html; charset=utf-8", {"Content-Security-Policy": REPORT_POLICY})
 
 
-_ROUTES: dict[tuple[str, str], Callable[[Session, Query, Data], Reply]] = {
+_ROUTES: dict[tuple[str, str], Route] = {
     ("GET", "/"): _page,
     ("GET", "/api/state"): _state,
     ("GET", "/api/choices"): _choices,

@@ -137,9 +137,9 @@ class Runs:
 
     def _process(self, order: Order) -> subprocess.Popen[str]:
         return subprocess.Popen(
-            [sys.executable, "-m", "dynident", *order.arguments],
+            [sys.executable, "-m", "dynident.studio.child", *order.arguments],
             cwd=self._folder.path,
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,  # closed when this process ends, by which the command knows
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -151,7 +151,7 @@ class Runs:
 
     def _follow(self, run: Run) -> None:
         process = run.process
-        assert process.stdout is not None and process.stderr is not None
+        assert process.stdin is not None and process.stdout is not None and process.stderr is not None
         listener = threading.Thread(target=_listen, args=(process.stderr, run.progress), daemon=True)
         listener.start()
         answer = process.stdout.read(MAX_ANSWER)
@@ -159,8 +159,8 @@ class Runs:
             pass
         code = process.wait()
         listener.join(timeout=GRACE)
-        process.stdout.close()
-        process.stderr.close()
+        for stream in (process.stdin, process.stdout, process.stderr):
+            stream.close()
         with self._lock:
             cancelled = run.state == "cancelled"
             run.answer, run.code, run.took = answer, code, time.monotonic() - run.began

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
-import pkgutil
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dynident.errors import BadOption, DynidentError
+from dynident.plugins import part_names
 from dynident.studio.folder import Folder
 from dynident.studio.kinds import kind_of
 
@@ -38,21 +37,13 @@ def choices() -> dict[str, Any]:
     from dynident.model.descriptions.base import shipped_robots
     from dynident.studio.orders import FOLDERS, QUANTITIES, SIGNALS
 
-    found: dict[str, Any] = {key: part_names(package) for key, package in _FAMILIES.items()}
+    found: dict[str, Any] = {key: list(part_names(package)) for key, package in _FAMILIES.items()}
     found["exporters"] = [name for name in found["exporters"] if name not in FOLDERS]
     found["robots"] = list(shipped_robots())
     found["units"] = {quantity: list(UNITS[quantity]) for quantity in QUANTITIES}
     found["signals"] = list(SIGNALS)
     found["version"] = version("dynident")
     return found
-
-
-def part_names(package: str) -> list[str]:
-    """Return the names of the parts in a folder as :meth:`dynident.plugins.Family.names` does, without importing it."""
-    spec = importlib.util.find_spec(package)
-    places = (spec.submodule_search_locations if spec else None) or []
-    found = (module.name for module in pkgutil.iter_modules(places) if not module.ispkg)
-    return sorted(name for name in found if name != "base" and not name.startswith("_"))
 
 
 def robot_view(folder: Folder, name: str) -> dict[str, Any]:

@@ -103,6 +103,23 @@ def test_the_joint_whose_torque_is_turned_is_named(trial: Trial, joint: int, tmp
     assert (finding.name, finding.joint) == ("torque sign", trial.case.robot.joint_names[joint])
 
 
+@pytest.mark.parametrize(
+    ("names", "finding"), [(("tau",), "torque order"), (("q", "dq", "tau"), "joint order")], ids=["torques", "joints"]
+)
+@pytest.mark.parametrize("order", [(2, 0, 1), (2, 1, 0)])
+def test_columns_in_another_order_are_named_with_the_right_one(
+    trial: Trial, names: tuple[str, ...], finding: str, order: tuple[int, ...], tmp_path: Path
+) -> None:
+    columns = {name: trial.columns[name][:, list(order)] for name in names if name in trial.columns}
+    found = trial.with_columns(**columns).examined(tmp_path).findings[0]
+    joints = trial.case.robot.joint_names
+    assert found.name == finding
+    moved = [i for i in range(3) if order[i] != i]
+    assert found.joint == ", ".join(joints[i] for i in moved)
+    if len(moved) == 3:
+        assert f"read as those of {', '.join(joints[k] for k in order)}" in found.evidence
+
+
 @pytest.mark.parametrize("kind", [0, 1, 2])
 def test_a_wrong_gravity_is_named_with_the_right_one(trial: Trial, kind: int, tmp_path: Path) -> None:
     finding = put.mounted(trial, kind).examined(tmp_path).findings[0]

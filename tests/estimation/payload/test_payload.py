@@ -150,6 +150,20 @@ def test_a_run_without_payload_says_so(robot: Robot, estimate: Estimate) -> None
         vendor_forms(found)
 
 
+def test_a_log_of_another_robot_says_so(robot: Robot, estimate: Estimate) -> None:
+    """Two columns are exchanged, or all torques have the other sign."""
+    log = run_of(with_body(robot), 2)
+    assert log.torque is not None
+    swapped = replace(log, torque=np.asarray(log.torque)[:, [1, 0, 2, 3, 4, 5]])
+    remarks = identify_payload(estimate, [swapped]).remarks
+    assert any(one.startswith("no payload explains the torque of") for one in remarks)
+    below = identify_payload(estimate, [replace(log, torque=-np.asarray(log.torque))])
+    assert below.mass.value + below.mass.half_width < 0 and not below.placed
+    assert any(one.startswith("no payload has a mass below 0") for one in below.remarks)
+    own = identify_payload(estimate, [log]).remarks
+    assert not any(one.startswith(("no payload", "no body")) for one in own)
+
+
 @pytest.mark.parametrize(
     ("options", "kind", "text"),
     [

@@ -183,7 +183,7 @@ def test_what_needs_all_rows_is_refused_in_words(case: Case, make: Callable[...,
             reduce_logs(changed, [log])
     with pytest.raises(LogMismatch, match="friction: auto needs all rows"):
         reduce_logs(replace(case, choose_friction=True), [log])
-    with pytest.raises(LogMismatch, match="takes several passes"):
+    with pytest.raises(LogMismatch, match=r"takes several passes; leave it out \(--friction "):
         reduce_logs(replace(case, friction=("coulomb", "load")), [log])  # type: ignore[arg-type]
     with pytest.raises(LogMismatch, match="the same content as"):
         reduce_logs(case, [log, log])

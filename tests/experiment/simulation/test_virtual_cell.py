@@ -363,10 +363,10 @@ def recorded():
 
 
 def test_sensors_are_as_noisy_and_coarse_as_stated(recorded):
-    run = recorded(encoder=Encoder((0.0,), (1e-4,)), effort=Effort((0.3, 0.1)))
+    run = recorded(encoder=Encoder((0.0,), (1e-4,)), effort=Effort((0.3, 0.1), held="after"))
     np.testing.assert_allclose(np.std(run.log.q - run.truth.q, axis=0), 1e-4, rtol=0.05)
     np.testing.assert_allclose(np.std(run.log.torque - run.truth.torque, axis=0), [0.3, 0.1], rtol=0.05)
-    coarse = recorded(effort=Effort(resolution=(0.5,)), encoder=Encoder((1e-3,)))
+    coarse = recorded(effort=Effort(resolution=(0.5,), held="after"), encoder=Encoder((1e-3,)))
     for values, step in ((coarse.log.torque, 0.5), (coarse.log.q, 1e-3)):
         np.testing.assert_allclose(values / step, np.round(values / step), atol=1e-9)
     assert 0.2 < np.abs(coarse.log.torque - coarse.truth.torque).max() <= 0.25 + 1e-9
@@ -386,13 +386,39 @@ def test_rows_jitter_and_drop_and_their_truth_with_them(recorded):
 
 
 def test_torques_lag_or_come_from_behind_the_gears(recorded):
-    late = recorded(effort=Effort(delay_s=0.003))
+    late = recorded(effort=Effort(delay_s=0.003, held="after"))
     np.testing.assert_allclose(late.log.torque[3:], late.truth.torque[:-3], atol=1e-9)
-    link = recorded(effort=Effort(side="link"))
+    link = recorded(effort=Effort(side="link", held="after"))
     bodies = batched.inverse_dynamics(
         two_links().chain, two_links().nominal, link.truth.q, link.truth.dq, link.truth.ddq
     )
     np.testing.assert_allclose(link.log.torque, bodies, atol=1e-9)
+
+
+@pytest.mark.parametrize(("rate", "per_row"), [(1000.0, 1), (4000.0, 4)])
+def test_a_held_torque_is_logged_as_the_mean_of_before_and_after_it_jumps(recorded, rate, per_row):
+    controller = CONTROLLERS.make("pd", rate=rate)
+    fine = recorded(controller=controller, recorder=Recorder(rate=rate)).truth.torque
+    middle = 0.5 * (fine + np.vstack([fine[:1], fine[:-1]]))[::per_row]
+    run = recorded(controller=controller)
+    count = min(len(middle), run.log.samples)
+    np.testing.assert_allclose(run.log.torque[1:count], middle[1:count], atol=1e-9)
+    after = recorded(controller=controller, effort=Effort(held="after"))
+    np.testing.assert_array_equal(after.log.torque, after.truth.torque)
+    np.testing.assert_array_equal(after.truth.torque, run.truth.torque)
+
+
+def test_a_sensor_behind_the_gear_feels_the_mean_of_both_accelerations():
+    model = DynamicModel(two_links(), ("coulomb", "viscous"))
+    theta = with_friction(model, [2.0, 3.0])
+    run = simulate_cell(model, theta, wave(2), Cell(lead_in=0.5, effort=Effort(side="link")), duration=2.0)
+    truth, chain = run.truth, model.robot.chain
+    jump = np.diff(np.asarray(truth.torque), axis=0)
+    masses = batched.mass_matrix(chain, model.robot.nominal, truth.q[1:]) + model.robot.reflected_inertia
+    before = truth.ddq[1:] - np.linalg.solve(masses, jump[..., None])[..., 0]
+    mean = 0.5 * (truth.ddq[1:] + before)
+    bodies = batched.inverse_dynamics(chain, model.robot.nominal, truth.q[1:], truth.dq[1:], mean)
+    np.testing.assert_allclose(run.log.torque[1:], bodies, atol=1e-8)
 
 
 def test_a_seed_repeats_and_streams_are_their_own(recorded):

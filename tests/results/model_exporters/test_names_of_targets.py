@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 from identified_arms import URDF, estimate_of
 
-from dynident.errors import BadOption
+from dynident.errors import BadOption, FileError
 from dynident.estimation.estimate import Estimate
 from dynident.experiment.log import Log
 from dynident.model.descriptions.urdf import read_urdf
@@ -74,3 +74,16 @@ def test_what_is_said_of_followers_is_what_pinocchio_does(
     else:
         assert "load it with mimic=True" in notes
         assert pinocchio.buildModelFromUrdf(str(path), mimic=True).nv == 3
+
+
+def test_the_package_file_of_a_ros_package_stays_as_it_is(on_world: Estimate, tmp_path: Path) -> None:
+    about = b'<package format="3">\n  <name>arm_description</name><depend>xacro</depend>\n</package>\n'
+    (tmp_path / "package.xml").write_bytes(about)
+    export_model(on_world, "drake", tmp_path / "arm.dmd.yaml")
+    assert (tmp_path / "package.xml").read_bytes() == about
+    assert "package://arm_description/arm.sdf" in (tmp_path / "arm.dmd.yaml").read_text()
+    with pytest.raises(FileError, match="of the package 'arm_description', not 'other'"):
+        export_model(on_world, "drake", tmp_path / "arm.dmd.yaml", package="other")
+    (tmp_path / "package.xml").write_text("<package>")
+    with pytest.raises(FileError, match="names no package"):
+        export_model(on_world, "drake", tmp_path / "arm.dmd.yaml")

@@ -145,15 +145,47 @@ def _drives(fit: QuickFit, solved: Solved, signs: BoolArray, joint: int) -> bool
 
 def _torque_orders(fit: QuickFit) -> Iterator[Reading]:
     names = fit.model.robot.joint_names
-    for i, k in combinations(range(len(names)), 2):
-        mixing = np.eye(len(names))
-        mixing[[i, k]] = mixing[[k, i]]
+    for order in _orders(len(names)):
+        moved = [i for i, k in enumerate(order) if i != k]
+        mixing = np.eye(len(names))[list(order)]
         solved = fit.solve(fit.triangles, mixing)
         gain = fit.plain.score - solved.score
-        if gain > GAIN and _explained(fit, solved, mixing, (i, k)):
-            evidence = f"with their torques exchanged the fit is better by {gain:.1f} in log variance"
+        if gain > GAIN and _explained(fit, solved, mixing, moved):
+            how = _in_words(names, order)
+            joints = tuple(names[i] for i in moved)
+            evidence = f"with their torques {how} the fit is better by {gain:.1f} in log variance"
             remedy = "name the torque columns in the order of the joints (log: columns: torque)"
-            yield Reading("torque order", (names[i], names[k]), gain, evidence, remedy)
+            yield Reading("torque order", joints, gain, evidence, remedy)
+
+
+def _orders(joints: int) -> Iterator[tuple[int, ...]]:
+    """Yield orders that are not that of the chain: two or three joints out of place, from the tip, all shifted."""
+    plain = tuple(range(joints))
+    cycles = [pair for pair in combinations(plain, 2)] + [
+        cycle for i, j, k in combinations(plain, 3) for cycle in ((i, j, k), (i, k, j))
+    ]
+    orders = dict.fromkeys([*(_turned(plain, cycle) for cycle in cycles), *_whole_orders(joints)])
+    yield from (order for order in orders if order != plain)
+
+
+def _in_words(names: Sequence[str], order: Sequence[int]) -> str:
+    """Return what is done to the columns of the joints that are out of place."""
+    moved = [i for i, k in enumerate(order) if i != k]
+    return "exchanged" if len(moved) == 2 else f"read as those of {listed([names[order.index(i)] for i in moved])}"
+
+
+def _whole_orders(joints: int) -> list[tuple[int, ...]]:
+    """Return the orders from the tip, and with all joints shifted by one to either side."""
+    plain = tuple(range(joints))
+    return [plain[::-1], plain[1:] + plain[:1], plain[-1:] + plain[:-1]]
+
+
+def _turned(order: tuple[int, ...], cycle: tuple[int, ...]) -> tuple[int, ...]:
+    """Return an order with each entry of a cycle at the place of the one before."""
+    turned = list(order)
+    for place, entry in zip(cycle, (*cycle[1:], cycle[0]), strict=True):
+        turned[place] = order[entry]
+    return tuple(turned)
 
 
 def _explained(fit: QuickFit, solved: Solved, mixing: Array, joints: Sequence[int]) -> bool:
@@ -204,21 +236,36 @@ def _position_readings(fit: QuickFit) -> Iterator[Reading]:
         turned = q.copy()
         turned[:, i] *= -1
         yield from _read(fit, turned, "position sign", (name,), "negate the column of its position, or the axis")
-    for i, k in combinations(range(len(names)), 2):
-        swapped = q.copy()
-        swapped[:, [i, k]] = swapped[:, [k, i]]
+    pairs = [_turned(tuple(range(len(names))), pair) for pair in combinations(range(len(names)), 2)]
+    for order in dict.fromkeys([*pairs, *_whole_orders(len(names))]):
+        moved = tuple(name for i, name in enumerate(names) if order[i] != i)
+        if not moved:
+            continue
+        swapped = q[:, list(order)]
         remedy = "name the position columns in the order of the joints (log: columns: q)"
-        yield from _read(fit, swapped, "joint order", (names[i], names[k]), remedy)
+        if len(moved) == 2:
+            yield from _read(fit, swapped, "joint order", moved, remedy)
+        remedy = "name the columns of positions and torques in the order of the joints (log: columns)"
+        how = f"with their positions and torques {_in_words(names, order)}"
+        yield from _read(fit, swapped, "joint order", moved, remedy, how, np.eye(len(names))[list(order)])
     if turning.all():
         remedy = "state the unit in the case file (log: units: {position: deg})"
         yield from _read(fit, np.deg2rad(q), "positions in degrees", (), remedy)
 
 
-def _read(fit: QuickFit, q: Array, name: str, joints: tuple[str, ...], remedy: str) -> Iterator[Reading]:
+def _read(
+    fit: QuickFit,
+    q: Array,
+    name: str,
+    joints: tuple[str, ...],
+    remedy: str,
+    how: str = "read so,",
+    mixing: Array | None = None,
+) -> Iterator[Reading]:
     rows = replace(fit.rows_of(replace(fit.log, q=q)), masks=fit.rows.masks)  # the same rows, or scores do not compare
-    solved = fit.solve(fit.triangles_of(rows))
+    solved = fit.solve(fit.triangles_of(rows), mixing)
     gain = fit.plain.score - solved.score
     share, z = fit.friction_power(solved)
     if gain > GAIN + 1 and not ((z < FEEDS) & (share < FEEDS_SHARE)).any():
-        evidence = f"read so, the fit is better by {gain:.1f} in log variance"
+        evidence = f"{how} the fit is better by {gain:.1f} in log variance"
         yield Reading(name, joints, gain, evidence, remedy)

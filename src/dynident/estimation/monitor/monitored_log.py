@@ -12,6 +12,9 @@ from dynident.estimation.monitor.monitor import APART, Alarm, Monitor
 from dynident.estimation.monitor.signals import residuals_of, signals_of
 from dynident.experiment.log import Log
 
+#: Share of a log above the threshold that is no contact any more.
+MOSTLY = 0.5
+
 
 @dataclass(frozen=True)
 class Monitored:
@@ -37,6 +40,12 @@ class Monitored:
     def seconds(self) -> float:
         """Length of the log, in s."""
         return float(self.time[-1] - self.time[0])
+
+    @property
+    def mostly_above(self) -> tuple[str, ...]:
+        """Joints above their threshold for more than half of the log: no contact lasts so long as a rule."""
+        share = np.mean(np.abs(self.residual) > self.threshold, axis=0)
+        return tuple(name for name, one in zip(self.joints, share, strict=True) if one > MOSTLY)
 
     def figures(self) -> dict[str, Any]:
         """Return the alarms and each joint's figures as plain data."""

@@ -21,6 +21,9 @@ LENGTH = 0.1
 #: Half an interval may reach this share of it, for the mass of the mass itself, and still count as identified.
 SHARE = 0.5
 
+#: Torque that is left with the payload, as a multiple of that of the fit, from which on the payload explains nothing.
+FAR = 10.0
+
 #: Chance of a body as far from the ten by noise alone below which it is said.
 UNLIKELY = 0.001
 
@@ -143,13 +146,31 @@ def _body(found: Found, covariance: Array) -> tuple[Inertia, float]:
     return body, float(np.sqrt(max(away @ information @ away, 0.0)))
 
 
+def _unexplained(found: Found, estimate: Estimate) -> list[str]:
+    """Return what is to be said where the payload leaves far more torque than the fit of the robot did."""
+    without, left = found.residual
+    usual = np.maximum(np.asarray(estimate.joint_deviations), 1e-300)
+    worst = int(np.argmax(left / usual))
+    if found.rows != "motion" or left[worst] <= FAR * max(usual[worst], 1e-3 * without[worst]):
+        return []
+    joint = estimate.model.robot.active[worst]
+    text = f"no payload explains the torque of {joint.name}: {left[worst]:.3g} {joint.unit} are left, "
+    return [text + f"{usual[worst]:.3g} by the fit of the robot; intervals do not hold then"]
+
+
 def _remarks(
     found: Found, estimate: Estimate, parameters: tuple[LoadParameter, ...], distance: float
 ) -> tuple[str, ...]:
     remarks = []
     mass = parameters[9]
-    if np.isfinite(mass.half_width) and mass.value - mass.half_width <= 0:
+    if np.isfinite(mass.half_width) and mass.value + mass.half_width < 0:
+        text = (
+            "no payload has a mass below 0: the log may be of another robot or mounting, or the robot was identified "
+        )
+        remarks.append(text + "with a load; look at units, signs and order of its columns")
+    elif np.isfinite(mass.half_width) and mass.value - mass.half_width <= 0:
         remarks.append("the mass cannot be told from 0: the run shows no payload")
+    remarks += _unexplained(found, estimate)
     count = int(np.sum(~found.open))
     if count and scipy.stats.chi2.sf(distance**2, count) < UNLIKELY:
         text = f"no body is as found: the nearest is {distance:.3g} standard deviations away; friction or drive gains "

@@ -1,4 +1,4 @@
-"""rehearse: record a planned motion on a virtual robot, identify it, and compare with the truth."""
+"""rehearse: record a planned motion on a virtual cell, identify it, and compare with the truth."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators import Estimator
 from dynident.estimation.identify import estimate_of, pose
 from dynident.estimation.monte_carlo.possible_robots import told
-from dynident.estimation.monte_carlo.virtual_run import Recording, record
 from dynident.experiment.design.rest_to_rest import RestToRest
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
+from dynident.experiment.simulation.cell import Cell, CellRun
+from dynident.experiment.simulation.cell_simulation import simulate_cell
 from dynident.experiment.trajectories.base import Designable
 from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
@@ -207,7 +208,7 @@ class Plan:
         core: One period of the motion.
         run_in: Length of the run-in from rest, in s.
         repeats: Periods of the planned log.
-        recording: The virtual robot's rates and noise.
+        cell: Where it is recorded; torque noise in N m or N.
         preprocessing: How the log becomes rows.
         seed: Of the noise.
     """
@@ -215,7 +216,7 @@ class Plan:
     core: Designable
     run_in: float
     repeats: int
-    recording: Recording
+    cell: Cell
     preprocessing: Preprocessing
     seed: int = 0
 
@@ -233,30 +234,35 @@ def rehearse(
     tolerance: Tolerance,
     *,
     guess: Array | None = None,
+    believed: Array | None = None,
     constraints: Constraints | None = None,
     shares: Sequence[float] = SHARES,
     progress: Callable[[str], None] = lambda step: None,
 ) -> Rehearsal:
     """Return what a planned run would tell about a robot with the parameters theta (p,).
 
-    One virtual log of the greatest length is recorded; every shorter one is its beginning, and nothing else differs.
+    What the cell adds to the robot counts as true: a payload is one of its masses, a tilted base its gravity. One
+    virtual log of the greatest length is recorded; every shorter one is its beginning, and nothing else differs.
     The estimator is told no masses, or those of a guess, never the truth.
 
     Args:
         model: Robot and friction, of the truth and of what is identified.
-        theta: The truth, shape (p,).
+        theta: The truth but for the payload of the cell, shape (p,).
         plan: Motion, noise and preparation.
         estimator: Who identifies.
         tolerance: What is asked.
         guess: Parameters that the estimator may know beforehand, shape (p,); None for none.
+        believed: Parameters that the controller believes, shape (p,); None for the truth.
         constraints: What is known about bodies beforehand.
         shares: Lengths that are tried; the planned one, 1, is always among them.
         progress: Told each step in words.
 
     Raises:
-        BadOption: A length or a number of periods that cannot be, or friction that cannot be simulated.
+        BadOption: A length, a number of periods or a setting of the cell that cannot be.
+        MissingDependency: The cell is to run in MuJoCo, and that is not installed.
         NotConsistent: The truth cannot be simulated.
         SolverFailed: The motion diverged.
+        UnknownChoice: A payload at a link that is not there.
     """
     lengths = sorted({1.0, *shares})
     if not 0 < lengths[0] <= lengths[-1] < np.inf:
@@ -266,17 +272,18 @@ def rehearse(
     periods = int(np.ceil(lengths[-1] * plan.repeats))
     motion = RestToRest(plan.core, plan.run_in, periods)
     progress("virtual robot")
-    run = record(model, theta, motion, plan.recording, plan.seed)
-    states, weights, base_names, units = _states(model, theta, run.truth, plan.seed)
-    noise = np.broadcast_to(np.asarray(plan.recording.torque_noise, dtype=float), (model.robot.dof,))
+    run = simulate_cell(model, theta, motion, plan.cell, believed=believed, seed=plan.seed)
+    states, weights = _states(model, run, plan.seed)
+    base = base_parameters(model)
+    noise = np.broadcast_to(np.asarray(plan.cell.effort.noise, dtype=float), (model.robot.dof,))
     known = told(model, guess)
     stages = []
     for share in lengths:
         log = plan.cut(run.log, share)
         progress(f"{log.duration:.3g} s of motion")
         stages.append(_stage(share, log, known, plan.preprocessing, estimator, constraints))
-    judged = tuple(_judged(stage, model, theta, states, noise) for stage in stages)
-    return Rehearsal(model, base_names, units, weights, judged, tolerance, {"saturated_torques": run.saturated})
+    judged = tuple(_judged(stage, model, run, states, noise) for stage in stages)
+    return Rehearsal(model, base.names, base.units, weights, judged, tolerance, {"saturated_torques": run.saturated})
 
 
 def _stage(
@@ -296,13 +303,13 @@ def _stage(
     return Stage(share, log.duration, estimate, failure, np.zeros(0), np.zeros(0))
 
 
-def _judged(stage: Stage, model: DynamicModel, theta: Array, states: Motion, noise: Array) -> Stage:
+def _judged(stage: Stage, model: DynamicModel, run: CellRun, states: Motion, noise: Array) -> Stage:
     """Return the stage with its truth and the errors of its torques."""
-    found = stage.estimate
+    found, theta = stage.estimate, run.theta
     if found is None:
         truth = base_parameters(model).from_standard(theta)
         return replace(stage, truth=truth, torque_errors=np.full(model.robot.dof, np.nan))
-    wanted = model.torque(states, theta)
+    wanted = replace(model, robot=model.robot.with_gravity(run.gravity)).torque(states, theta)
     own = found.model.torque(states, found.base.to_standard(found.beta))
     size = np.maximum(np.sqrt(np.mean(wanted**2, axis=0)), noise)
     error = np.sqrt(np.mean((own - wanted) ** 2, axis=0))
@@ -310,23 +317,21 @@ def _judged(stage: Stage, model: DynamicModel, theta: Array, states: Motion, noi
     return replace(stage, truth=found.base.from_standard(theta), torque_errors=ratio)
 
 
-def _states(
-    model: DynamicModel, theta: Array, truth: Log, seed: int
-) -> tuple[Motion, Array, tuple[str, ...], tuple[str, ...]]:
+def _states(model: DynamicModel, run: CellRun, seed: int) -> tuple[Motion, Array]:
     """Return states that mix positions, speeds and accelerations of the motion, and what each parameter carries there.
 
     Each joint's position, speed and acceleration come from moments of their own: states that the log has not seen,
     within what it has seen.
     """
-    generator = np.random.default_rng([seed, 11])
-    q, dq, ddq = (
+    generator, truth, theta = np.random.default_rng([seed, 11]), run.truth, run.theta
+    q, dq, ddq, temperature = (
         np.stack([generator.choice(signal[:, i], STATES) for i in range(model.robot.dof)], axis=1)
-        for signal in (truth.q, np.asarray(truth.dq), np.asarray(truth.ddq))
+        for signal in map(np.asarray, (truth.q, truth.dq, truth.ddq, truth.temperature))
     )
-    motion = Motion(q, dq, ddq)
+    motion = Motion(q, dq, ddq, temperature=temperature)
     base = base_parameters(model)
-    parts = model.regressor(motion)[..., base.independent] * base.from_standard(theta)
+    parts = model.regressor(model.loaded(motion, theta))[..., base.independent] * base.from_standard(theta)
     torque = np.sqrt(np.mean(model.torque(motion, theta) ** 2, axis=0))
     sizes = np.sqrt(np.mean(parts**2, axis=0))
     shares = np.divide(sizes, torque[:, None], out=np.zeros_like(sizes), where=torque[:, None] > 0)
-    return motion, shares.max(axis=0), base.names, base.units
+    return motion, shares.max(axis=0)

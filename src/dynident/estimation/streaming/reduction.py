@@ -26,6 +26,7 @@ from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.butterworth import Butterworth
 from dynident.model.base_parameters import BaseParameters, base_parameters
+from dynident.model.friction import FRICTION
 
 #: Rows of the head of a log at most, from which the cut-off is chosen.
 _HEAD = 1 << 19
@@ -114,7 +115,8 @@ def check_streamable(case: Case) -> None:
         if asked:
             raise LogMismatch(case.path or "case", f"{what} needs all rows at once, which a stream does not have", step)
     if "torque" in model.needs:
-        step = "leave it out, or identify a part of the log in memory"
+        plain = " ".join(FRICTION.name_of(part) for part in model.friction if "torque" not in part.needs)
+        step = f"leave it out (--friction {plain or 'coulomb viscous offset'}), or identify a part of the log in memory"
         raise LogMismatch(case.path or "case", "friction that depends on the load takes several passes", step)
     if case.split is not None:
         step = "leave split: out, and keep a log of its own for the test"

@@ -12,11 +12,13 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import struct
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -46,6 +48,13 @@ KIND, FORMAT = "dynident triangles", 1
 _MOST_BYTES = 1 << 31
 
 _STEP = "give a file that 'dynident reduce' or 'dynident merge' has written"
+
+#: What lets the reading of damaged arrays and values end; the header of an array is a dictionary in Python's words.
+_DAMAGE = (
+    KeyError, TypeError, ValueError, AttributeError, IndexError, EOFError, RecursionError, SyntaxError, TokenError,
+    OverflowError,
+)  # fmt: skip
+
 _STATES = ("low", "high", "mean", "spread", "far", "accelerations", "positions", "torques")
 _SAMPLED = ("time", "q", "dq", "measured", "unfiltered")
 
@@ -122,10 +131,10 @@ def read_position(path: str | Path) -> tuple[Digest, Mapping[str, Any] | None]:
         raise unreadable(path, error) from error
     except TriangleFileError:
         raise
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError, EOFError, RecursionError) as error:
+    except _DAMAGE as error:
         evidence = f"no triangle file, or a damaged one ({type(error).__name__}: {error})"
         raise TriangleFileError(path, evidence, _STEP) from error
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError) as error:
+    except (zipfile.BadZipFile, zlib.error, struct.error, NotImplementedError, RuntimeError, MemoryError) as error:
         raise TriangleFileError(path, f"no triangle file, or a damaged one ({error})", _STEP) from error
     except DynidentError as error:
         raise TriangleFileError(path, str(error), "reduce the logs again") from error

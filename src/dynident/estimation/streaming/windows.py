@@ -20,7 +20,7 @@ from dynident.experiment.preprocessing import SHORTEST_REST, Prepared, Preproces
 from dynident.experiment.preprocessing._shift import POINTS, shifted
 
 #: Samples of a window without its margins, at least.
-TILE = 1 << 15
+TILE = 1 << 16
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,9 @@ __all__ = [
     "written_columns",
 ]
 
+#: Suffixes of packed files, which are not unpacked here.
+_PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z")
+
 
 def read_log(path: str | Path, columns: ColumnMap | None = None, *, form: str | LogFormat | None = None) -> Log:
     """Return the log in a file.
@@ -121,6 +124,6 @@ def _chosen(path: str | Path, form: str | LogFormat | None) -> LogFormat:
             return FORMATS.make(name)
     suffixes = {name: ", ".join(FORMATS.get(name).suffixes) or "by name only" for name in FORMATS.names()}
     known = "; ".join(f"{name} ({text})" for name, text in suffixes.items())
-    raise LogFormatError(
-        path, None, f"no log format has the suffix '{Path(path).suffix.lower()}'", f"the formats are: {known}"
-    )
+    suffix = Path(path).suffix.lower()
+    step = "unpack it first" if suffix in _PACKED else f"the formats are: {known}"
+    raise LogFormatError(path, None, f"no log format has the suffix '{suffix}'", step)

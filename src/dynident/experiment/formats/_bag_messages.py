@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,16 +14,35 @@ from dynident.arrays import Array
 #: Entries of one list in a message at most; more is an image or a cloud of points.
 MAX_LIST = 64
 _DEEPEST = 6
-_STATE = ("position", "velocity", "effort")
+#: Lists of a state of joints, one number per joint each.
+STATE = ("position", "velocity", "effort")
 
 #: What says which columns a message has.
 Layout = tuple[Any, ...]
 
 
-def numbers_of(message: Any) -> tuple[Layout, Array]:
-    """Return the layout of a message and its numbers, in the order of :func:`columns_of`."""
-    if _is_joint_state(message):
-        lists = [getattr(message, name) for name in _STATE]
+class Numbers(NamedTuple):
+    """What is read of a message.
+
+    Attributes:
+        layout: What says which columns it has; see :func:`columns_of`.
+        values: The numbers in their order, shape (k,).
+        stamp: Stamp of its header in ns; None without a header.
+    """
+
+    layout: Layout
+    values: Array
+    stamp: int | None
+
+
+def numbers_of(message: Any) -> Numbers:
+    """Return what is read of a message."""
+    return Numbers(*_layout_and_values(message), _stamp_of(message))
+
+
+def _layout_and_values(message: Any) -> tuple[Layout, Array]:
+    if is_joint_state(message):
+        lists = [getattr(message, name) for name in STATE]
         whole = [values for values in lists if len(values) == len(message.name)]
         layout = ("joints", *message.name, *(len(values) == len(message.name) for values in lists))
         return layout, np.concatenate(whole) if whole else np.empty(0)
@@ -37,26 +56,26 @@ def columns_of(layout: Layout) -> tuple[str, ...]:
     if layout[0] == "names":
         return layout[1:]
     joints, there = layout[1:-3], layout[-3:]
-    return tuple(f"{joint}.{name}" for name, found in zip(_STATE, there, strict=True) if found for joint in joints)
+    return tuple(f"{joint}.{name}" for name, found in zip(STATE, there, strict=True) if found for joint in joints)
 
 
-def stamp_of(message: Any) -> int | None:
-    """Return the stamp in the header of a message in ns; None without a header."""
+def _stamp_of(message: Any) -> int | None:
     header = getattr(message, "header", None)
     if header is None:
         return None
     return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
 
 
-def _is_joint_state(message: Any) -> bool:
+def is_joint_state(message: Any) -> bool:
+    """Return whether a message is a state of joints."""
     return getattr(message, "__msgtype__", "") == "sensor_msgs/msg/JointState"
 
 
 def _walk(message: Any, path: tuple[str, ...], joints: Sequence[str], depth: int) -> Iterator[tuple[str, float]]:
     """Yield name and value of every number in a message."""
     place = ".".join(path)
-    if _is_joint_state(message):
-        layout, values = numbers_of(message)
+    if is_joint_state(message):
+        layout, values = _layout_and_values(message)
         for name, value in zip(columns_of(layout), values, strict=True):
             joint, _, signal = name.rpartition(".")
             yield f"{joint}.{place}.{signal}", float(value)

@@ -10,6 +10,8 @@ from typing import Any
 
 from dynident.errors import BadOption, FileError, LogFormatError, MissingDependency
 from dynident.experiment.formats._arrays import checked_file
+from dynident.experiment.formats._bag_decoding import Decoder
+from dynident.experiment.formats._bag_messages import Numbers
 from dynident.experiment.formats._mcap_salvage import Channel, is_cut, salvaged
 from dynident.files import unreadable
 
@@ -63,8 +65,8 @@ class BagSource:
         except Exception as error:
             raise self._damaged(error) from error
 
-    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
-        """Yield topic, receive time in ns and message, in the order in which they were received.
+    def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Numbers]]:
+        """Yield topic, receive time in ns and numbers of messages, in the order in which they were received.
 
         Raises:
             LogFormatError: It is damaged.
@@ -74,22 +76,24 @@ class BagSource:
         except Exception as error:  # the parsers let any error out of a damaged file
             raise self._damaged(error) from error
 
-    def _read(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+    def _read(self, topics: Collection[str]) -> Iterator[tuple[str, int, Numbers]]:
         with self._reader() as reader:
             chosen = [connection for connection in reader.connections if connection.topic in topics]
+            decode = Decoder(reader.deserialize)
             for connection, received, data in reader.messages(chosen) if chosen else ():
-                yield connection.topic, received, reader.deserialize(data, connection.msgtype)
+                yield connection.topic, received, decode(data, connection.topic, connection.msgtype)
 
-    def _salvaged(self, topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+    def _salvaged(self, topics: Collection[str]) -> Iterator[tuple[str, int, Numbers]]:
         known: set[Channel] = set()
         store = _rosbags().get_typestore(_rosbags().Stores.EMPTY)
+        decode = Decoder(store.deserialize_cdr)
         for channel, received, data in salvaged(self.place):
             if channel.topic not in topics:
                 continue
             if channel not in known:
                 store.register(_types(channel))
                 known.add(channel)
-            yield channel.topic, received, store.deserialize_cdr(data, channel.msgtype)
+            yield channel.topic, received, decode(data, channel.topic, channel.msgtype)
 
     def _reader(self) -> Any:
         _rosbags()

@@ -14,7 +14,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import LogFormatError
 from dynident.experiment.formats._alignment import TIME, Series, aligned, chosen, unused
-from dynident.experiment.formats._bag_messages import Layout, columns_of, numbers_of, stamp_of
+from dynident.experiment.formats._bag_messages import Layout, columns_of
 from dynident.experiment.formats._bag_source import BagSource
 from dynident.experiment.formats._bag_stream import MOST_BACK, Held
 from dynident.experiment.formats._table import MAX_CELLS, TOO_LARGE, Blocks, Table
@@ -97,13 +97,12 @@ class BagTable(Table):
     def _carried(self, topic: str, wanted: Sequence[str]) -> bool:
         """Return whether one of the first messages of a topic carries all wanted columns."""
         messages = islice(self.source.messages([topic]), _LOOKED_AT)
-        return any(set(wanted) <= set(self._names(topic, numbers_of(message)[0])) for _, _, message in messages)
+        return any(set(wanted) <= set(self._names(topic, found.layout)) for _, _, found in messages)
 
     def _carriers(self, wanted: tuple[str, ...], found: _Gathered) -> Iterator[tuple[int, Array]]:
         """Yield stamp and numbers of the messages that carry all wanted columns; the others are counted."""
         picks: dict[tuple[str, Layout], tuple[tuple[str, ...], IntArray]] = {}
-        for topic, received, message in self.source.messages(self.topics):
-            layout, numbers = numbers_of(message)
+        for topic, received, (layout, numbers, own) in self.source.messages(self.topics):
             if (topic, layout) not in picks:
                 picks[topic, layout] = _picked(self._names(topic, layout), wanted)
             columns, places = picks[topic, layout]
@@ -113,7 +112,7 @@ class BagTable(Table):
             if len(columns) < len(wanted):
                 found.partial[columns] += 1
                 continue
-            stamp = stamp_of(message) if self.stamps == "header" else received
+            stamp = own if self.stamps == "header" else received
             if stamp is None:
                 found.headless[topic] += 1
                 stamp = received
@@ -139,15 +138,14 @@ class BagTable(Table):
         found = _Gathered()
         picks: dict[tuple[str, Layout], tuple[tuple[str, ...], IntArray]] = {}
         cells = 0
-        for topic, received, message in self.source.messages(self.topics):
-            layout, numbers = numbers_of(message)
+        for topic, received, (layout, numbers, own) in self.source.messages(self.topics):
             if (topic, layout) not in picks:
                 picks[topic, layout] = _picked(self._names(topic, layout), wanted)
             columns, places = picks[topic, layout]
             if not columns:
                 found.other[topic] += 1
                 continue
-            stamp = stamp_of(message) if self.stamps == "header" else received
+            stamp = own if self.stamps == "header" else received
             if stamp is None:
                 found.headless[topic] += 1
                 stamp = received
@@ -218,8 +216,8 @@ def header_of(path: str, source: BagSource, topics: Sequence[str]) -> tuple[str,
     """
     found: dict[str, None] = {TIME: None}
     for topic in topics:
-        for _, _, message in islice(source.messages([topic]), _LOOKED_AT):
-            found |= dict.fromkeys(prefixed(topic, columns_of(numbers_of(message)[0]), topics))
+        for _, _, numbers in islice(source.messages([topic]), _LOOKED_AT):
+            found |= dict.fromkeys(prefixed(topic, columns_of(numbers.layout), topics))
     if len(found) == 1:
         evidence = f"no numbers in the messages of {', '.join(topics)}"
         raise LogFormatError(path, None, evidence, "name another topic")

@@ -13,6 +13,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import LogFormatError, MissingDependency
 from dynident.experiment.formats._arrays import ArrayTable, checked_file, columns_of
+from dynident.experiment.formats._mat_values import read_values
 from dynident.experiment.formats.base import LogFormat
 
 _MAX_BYTES, _MOST_BYTES = 1 << 30, 1 << 44
@@ -45,11 +46,9 @@ def _is_hdf5(path: str | Path) -> bool:
 
 
 def _old(path: str | Path, digest: str) -> ArrayTable:
-    from scipy.io import loadmat  # loads slowly
-
     try:
-        data = loadmat(path, simplify_cells=True)
-    except Exception as error:  # the parser lets any error out of a damaged file
+        data = read_values(path)
+    except (ValueError, OSError) as error:
         evidence = f"it does not read as a MATLAB file, or is damaged: {error}"
         raise LogFormatError(path, None, evidence, _STEP) from error
     arrays = dict(_walk_values(data, "", 0))
@@ -67,8 +66,6 @@ def _old(path: str | Path, digest: str) -> ArrayTable:
 
 def _walk_values(data: dict[str, Any], above: str, depth: int) -> Iterator[tuple[str, Array]]:
     for name, value in data.items():
-        if name.startswith("__"):
-            continue
         if isinstance(value, dict) and depth < _DEEPEST:
             yield from _walk_values(value, f"{above}{name}.", depth + 1)
         elif isinstance(value, np.ndarray) and value.dtype.kind in "fiub":

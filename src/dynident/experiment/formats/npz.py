@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, ClassVar
 
 import numpy as np
@@ -25,7 +27,10 @@ _MAX_BYTES = 1 << 44
 _MAX_MEMBERS = 4096
 
 #: What lets the reading of an archive end that is none, or is damaged.
-_DAMAGE = (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, zlib.error)
+_DAMAGE = (
+    zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, OverflowError, ValueError, struct.error,
+    zlib.error,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -81,7 +86,7 @@ def _shape(path: str | Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) 
         with archive.open(member) as stream:
             shape, _, kind = _npy_header(stream)
             start = stream.tell()
-    except ValueError as error:
+    except (ValueError, TypeError, SyntaxError, TokenError) as error:  # the header is a dictionary in Python's words
         raise LogFormatError(path, None, f"'{member.filename}' is no array ({error})", _STEP) from error
     if kind.hasobject:
         raise LogFormatError(path, None, f"'{member.filename}' holds Python objects", "save plain arrays of numbers")

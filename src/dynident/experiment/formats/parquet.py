@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -42,15 +42,18 @@ class ParquetTable(Table):
             raise LogFormatError(self.path, None, evidence, TOO_LARGE)
         found, start = np.empty((self.rows, len(names))), 0
         for block in self.batches(names, _BATCH):
-            found[start : start + len(block)] = block
+            found[start : start + len(block)] = block[: self.rows - start]
             start += len(block)
+        if start != self.rows:
+            evidence = f"it says it has {self.rows:,} rows and holds {start:,}"
+            raise LogFormatError(self.path, None, evidence, "record or convert it again")
         return found
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
         """Yield some columns in blocks; see :meth:`Table.batches`. Memory holds one block and its pages."""
         places, start = [self.places[name] for name in names], 0
         file = _opened(self.path, _BUFFER)
-        for batch in file.iter_batches(rows, columns=list(dict.fromkeys(p.array for p in places))):
+        for batch in _batches(self.path, file, rows, list(dict.fromkeys(p.array for p in places))):
             arrays = {name: self._numbers(batch.column(name), name, start) for name in batch.schema.names}
             found = np.empty((batch.num_rows, len(names)))
             for k, place in enumerate(places):
@@ -93,7 +96,7 @@ class Parquet(LogFormat):
         """Return the table; see :meth:`LogFormat.open`."""
         digest = checked_file(path, _MAX_BYTES)
         file = _opened(path)
-        places = _places(file)
+        places = _places(path, file)
         if not places:
             raise LogFormatError(path, None, "it holds no columns of numbers", "write time, positions and torques")
         return ParquetTable(
@@ -115,7 +118,7 @@ class Parquet(LogFormat):
         write_atomically(path, sink.getvalue().to_pybytes())
 
 
-def _places(file: Any) -> dict[str, Place]:
+def _places(path: str | Path, file: Any) -> dict[str, Place]:
     """Return where the columns of numbers stand."""
     import pyarrow as pa
 
@@ -125,16 +128,33 @@ def _places(file: Any) -> dict[str, Place]:
         if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_timestamp(kind):
             found[item.name] = Place(item.name)
         elif _is_list(kind) and (pa.types.is_integer(kind.value_type) or pa.types.is_floating(kind.value_type)):
-            width = kind.list_size if pa.types.is_fixed_size_list(kind) else _first_length(file, item.name)
+            width = kind.list_size if pa.types.is_fixed_size_list(kind) else _first_length(path, file, item.name)
             if 0 < width <= MAX_WIDTH:
                 found |= {f"{item.name}{k + 1}": Place(item.name, k) for k in range(width)}
     return found
 
 
-def _first_length(file: Any, name: str) -> int:
-    for batch in file.iter_batches(1, columns=[name]):
+def _first_length(path: str | Path, file: Any, name: str) -> int:
+    for batch in _batches(path, file, 1, [name]):
         return len(batch.column(0)[0].as_py() or ())
     return 0
+
+
+def _batches(path: str | Path, file: Any, rows: int, names: list[str]) -> Iterator[Any]:
+    """Yield the batches of some columns; damage of a page ends in an error that names the file."""
+    import pyarrow as pa
+
+    batches = file.iter_batches(rows, columns=names)
+    while True:
+        try:
+            batch = next(batches, None)
+            if batch is None:
+                return
+            batch.validate(full=True)
+        except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError) as error:
+            evidence = f"a damaged Parquet file ({' '.join(str(error).split())[:200]})"
+            raise LogFormatError(path, None, evidence, "record or convert it again") from error
+        yield batch
 
 
 def _is_list(kind: Any) -> bool:

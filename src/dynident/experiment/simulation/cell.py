@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Literal
 
 import numpy as np
 
@@ -64,6 +64,18 @@ class Cell:
     def __post_init__(self) -> None:
         if self.plant not in ("own", "mujoco"):
             raise BadOption("plant", self.plant, "choose one of: own, mujoco")
+
+    def data(self) -> dict[str, Any]:
+        """Return every setting as plain data, with the keys of the section ``cell`` of a case file."""
+        values = asdict(self)
+        values["controller"] = {CONTROLLERS.name_of(self.controller): values["controller"]}
+        return values
+
+    def changes(self) -> tuple[str, ...]:
+        """Return the keys of the effects that are not those of the default cell, but for encoder, effort, recorder."""
+        usual = Cell(self.controller)
+        names = (one.name for one in fields(self) if one.name not in ("encoder", "effort", "recorder"))
+        return tuple(name for name in names if getattr(self, name) != getattr(usual, name))
 
 
 @dataclass(frozen=True)

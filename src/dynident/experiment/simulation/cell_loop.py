@@ -37,8 +37,8 @@ Drives: TypeAlias = tuple[Array, Array, Array, Array, Array, Array, Array]
 STATES = 5
 
 #: Rows of a logged sample: q, dq, ddq; torque of the drives, friction, and torque of the springs, at the joints;
-#: positions and speeds of the drives carried to the joints.
-ROWS = 8
+#: positions and speeds of the drives carried to the joints; by how much the torque jumps there.
+ROWS = 9
 
 #: What the law is told of the robot, any tuple; its settings (s, n); largest torques at the joints (n,); sensors as in
 #: :func:`look`; length of a step and of a tick of the controller in s, decay of the currents over half a step (0 for
@@ -227,17 +227,23 @@ def feel(seen: Array, felt: Array, sensors: Array, period: float, keep: float, f
 
 
 @compiled
-def keep_row(out: Array, state: Array, carried: Array, torque: Array, bodies: Bodies, scratch: Scratch) -> None:
-    """Write one logged sample (ROWS, n) of a state from which a step has been made."""
+def keep_row(
+    out: Array, state: Array, carried: Array, torque: Array, before: Array, bodies: Bodies, scratch: Scratch
+) -> None:
+    """Write one logged sample (ROWS, n) of a state from which a step has been made.
+
+    torque and before (n,): of the drives from here on, and until here.
+    """
     coupling, vectors, first = bodies[6], scratch[1], scratch[3]
     for i in range(len(torque)):
         out[0, i], out[1, i], out[2, i] = state[0, i], state[1, i], first[0, 1, i]
         out[3, i], out[4, i], out[5, i] = 0.0, 0.0, 0.0
-        out[6, i], out[7, i] = carried[0, i], carried[1, i]
+        out[6, i], out[7, i], out[8, i] = carried[0, i], carried[1, i], 0.0
         for j in range(len(torque)):
             out[3, i] += coupling[j, i] * torque[j]
             out[4, i] += coupling[j, i] * vectors[5, j]
             out[5, i] += coupling[j, i] * vectors[6, j]
+            out[8, i] += coupling[j, i] * (torque[j] - before[j])
 
 
 @compiled
@@ -308,7 +314,7 @@ def closed_cell(
     work, slopes = np.zeros((len(bodies[0]) + 1, WORK)), np.zeros((4, STATES, joints))
     scratch = (np.empty((joints, joints)), np.zeros((7, joints)), work, slopes, np.zeros((STATES, joints)))
     seen, felt, carried, after = np.zeros((2, joints)), np.zeros((2, joints)), np.empty((2, joints)), state.copy()
-    tau, rise, torques = np.zeros(joints), np.zeros(joints), np.zeros((3, joints))
+    tau, rise, torques, before = np.zeros(joints), np.zeros(joints), np.zeros((3, joints)), np.zeros(joints)
     queue = np.zeros((delay // per_control + 2, joints))
     row, cut = 0, 0
     for tick in range(first + (len(out) - 1) * per_row + 1):
@@ -323,12 +329,13 @@ def closed_cell(
             law(settings, goals[turn], felt, limits, reals[1], model, memory, work, tau)
             found = command(tau, limits, bodies[7], queue, turn, torques)
             cut += found if tick >= first else 0
+        before[:] = torques[2]
         wanted = queue[(max(tick - delay, 0) // per_control) % len(queue)]
         drive(torques, wanted, reals[2], rise, drives[6], reals[0] * max(tick - first, 0))
         if not advance(bodies, drives, state, torques, rise, reals[0], after, scratch):
             return tick, cut
         if logged:
-            keep_row(out[row], state, carried, torques[0], bodies, scratch)
+            keep_row(out[row], state, carried, torques[0], before, bodies, scratch)
             row += 1
         state, after = after, state
     return -1, cut

@@ -211,16 +211,21 @@ class Effort:
         delay_s: By how much they lag behind the positions of the same row, in s.
         side: ``motor`` for the torque of the drives, with what friction and rotors take of it; ``link`` for a sensor
             behind the gear.
+        held: What a log says of a torque at the moment it jumps from one tick of the controller to the next: the
+            ``mean`` of before and after, which stands beside the motion of its row, or ``after``, as a controller logs
+            its commands, which stands half a tick early.
     """
 
     noise: Numbers = (0.0,)
     resolution: Numbers = (0.0,)
     delay_s: float = 0.0
     side: Literal["motor", "link"] = "motor"
+    held: Literal["mean", "after"] = "mean"
 
     def __post_init__(self) -> None:
         check_numbers(self, "effort")
         check_word("effort", "side", self.side, ("motor", "link"))
+        check_word("effort", "held", self.held, ("mean", "after"))
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,7 @@ class Samples:
         spring: Torque of the springs at the joints, shape (N, n).
         drive_q: Positions of the drives carried to the joints, shape (N, n).
         drive_dq: Velocities of them, shape (N, n).
+        jump: By how much ``torque`` jumps there, shape (N, n); it has the value after it.
     """
 
     q: Array
@@ -47,6 +48,7 @@ class Samples:
     spring: Array
     drive_q: Array
     drive_dq: Array
+    jump: Array
 
     def at(self, row: Array, step: float) -> Samples:
         """Return the samples at broken rows (M,): positions by cubics through their velocities, the rest by lines."""
@@ -165,7 +167,14 @@ def _behind_gears(samples: Samples, body: CellPlant) -> Array:
 
 def _felt(samples: Samples, body: CellPlant, cell: Cell) -> Array:
     """Return the torque at the joints on the side that the cell measures, shape (N, n)."""
-    return samples.torque if cell.effort.side == "motor" else _behind_gears(samples, body)
+    half = 0.5 * samples.jump if cell.effort.held == "mean" else np.zeros_like(samples.jump)
+    if cell.effort.side == "motor":
+        return samples.torque - half
+    found = _behind_gears(samples, body)
+    if body.is_elastic or not half.any():
+        return found  # springs do not jump
+    rotors = np.linalg.solve(body.masses(samples.q), half[..., None])[..., 0] @ body.armature.T
+    return found - half + rotors
 
 
 def _effort(

@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
+from xml.etree.ElementTree import ParseError
+
+from defusedxml import DefusedXmlException, ElementTree
 
 from dynident.errors import FileError
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
@@ -18,8 +21,10 @@ from dynident.results.model_exporters.subject.states import States
 from dynident.results.model_exporters.writing.beside import left_out, place_beside
 from dynident.results.model_exporters.writing.document import document_bytes
 from dynident.results.model_exporters.writing.sdf_text import base_name, base_note, sdf_text
+from dynident.results.names_in_files import comment_text
 
 _PACKAGE = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_PACKAGE_FILE = "package.xml"
 
 
 @dataclass(frozen=True)
@@ -27,7 +32,7 @@ class Drake(ModelExporter):
     """Drake: model directives (FILE), the SDF with reflected inertia that they add and weld, and its package.xml.
 
     Attributes:
-        package: Name of the package, whose folder is that of FILE; the file's own name where none is given.
+        package: Name of the package, whose folder is that of FILE; none: that of the package.xml there, or FILE's own.
     """
 
     package: str = ""
@@ -36,13 +41,13 @@ class Drake(ModelExporter):
 
     def content(self, subject: Identified, path: Path) -> ModelContent:
         drives, package = drives_of(subject), self._package(path)
-        sdf, about = _sdf_place(path), path.with_name("package.xml")
+        sdf, about = _sdf_place(path), path.with_name(_PACKAGE_FILE)
         if path in (sdf, about):
             raise FileError(path, "a file beside the directives has this name", "call it NAME.dmd.yaml")
         files = {
             path: self._directives(subject, package, sdf),
             sdf: sdf_text(subject, drives),
-            about: f'<package format="2"><name>{package}</name></package>\n'.encode("ascii"),
+            about: _package_file(about, package),
             place_beside(path): document_bytes(subject, drives),
         }
         notes = [f"tell Drake where the package is: package_map().AddPackageXml('{about.name}')"]
@@ -58,7 +63,7 @@ class Drake(ModelExporter):
         yield drake_torque(subject, path, states, self._package(path))
 
     def _package(self, path: Path) -> str:
-        name = self.package or path.name.split(".")[0]
+        name = self.package or _name_in(path.with_name(_PACKAGE_FILE)) or path.name.split(".")[0]
         if not _PACKAGE.fullmatch(name):
             step = "use letters, digits, '_' and '-', a letter first; --option package=NAME gives another one"
             raise FileError(path, f"'{name}' cannot name a package", step)
@@ -81,6 +86,32 @@ class Drake(ModelExporter):
 
 def _sdf_place(path: Path) -> Path:
     return path.with_name(f"{path.name.split('.')[0]}.sdf")
+
+
+def _package_file(path: Path, package: str) -> bytes:
+    """Return the package file, that of a ROS package as it is: a build needs the rest of it.
+
+    Raises:
+        FileError: There is one of another package.
+    """
+    if not path.exists():
+        return f'<package format="2"><name>{package}</name></package>\n'.encode("ascii")
+    if (name := _name_in(path)) != package:
+        evidence = f"it is of the package '{comment_text(name)}', not '{package}'" if name else "it names no package"
+        raise FileError(path, evidence, "leave --option package out, or export to a folder of its own")
+    return path.read_bytes()
+
+
+def _name_in(path: Path) -> str:
+    """Return the name of the package that a package.xml states; empty where there is no such file or name."""
+    try:
+        data = path.read_bytes()
+    except OSError:
+        return ""
+    try:
+        return (ElementTree.fromstring(data).findtext("name") or "").strip()
+    except (ParseError, DefusedXmlException, ValueError):
+        return ""
 
 
 def _dry_terms(drives: Drives) -> tuple[Term, ...]:

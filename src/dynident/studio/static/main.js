@@ -55,6 +55,11 @@ async function begin() {
     fill(document.getElementById("where"), el("bdi", {}, known.folder));
     addEventListener("hashchange", enter);
     enter();
+    addEventListener("made", () => built[current].enter());
+    addEventListener("focus", () => guarded(null, async () => { // another tab, or a command in a terminal, may have made files
+      await refresh();
+      built[current].enter();
+    }));
   });
 }
 

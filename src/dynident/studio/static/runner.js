@@ -1,6 +1,6 @@
 // A command that runs: its line to copy, its steps as they come, a button that breaks it off, its answer.
 
-import { get, guarded, post, refresh } from "./api.js";
+import { get, guarded, known, post, refresh } from "./api.js";
 import { el, fill, say } from "./dom.js";
 
 export function commandLine(text) {
@@ -22,21 +22,30 @@ function clock(seconds) {
   return whole < 60 ? `${seconds.toFixed(1)} s` : `${Math.floor(whole / 60)} min ${String(whole % 60).padStart(2, "0")} s`;
 }
 
+const taken = new Set(); // commands that a button goes on with
+
 // A button with the place below it where the command tells of itself. `ask` returns the choices; `done` gets the run.
 export function runner(verb, label, ask, done = () => {}) {
   const place = el("div", { class: "run" });
   const button = el("button", { type: "button", class: "go" }, label);
-  button.addEventListener("click", async () => {
+  async function watch(begin) {
     button.disabled = true;
     await guarded(place, async () => {
-      const run = await post("run", { verb, choices: ask() });
-      await follow(place, run);
+      await follow(place, await begin());
       const last = place.run;
       await refresh();
       if (last.state === "done") await done(last, place);
+      dispatchEvent(new Event("made")); // the stage that is shown by now offers the new files
     });
     button.disabled = false;
-  });
+  }
+  button.addEventListener("click", () => watch(() => post("run", { verb, choices: ask() })));
+  // A page that was loaded again goes on with the command that runs; two buttons export, and that takes seconds.
+  const left = verb !== "export" && known.runs.findLast((run) => run.verb === verb && run.state === "running" && !taken.has(run.number));
+  if (left) {
+    taken.add(left.number);
+    setTimeout(() => watch(() => get("run", { number: left.number })));
+  }
   return { whole: el("div", {}, el("p", { class: "actions" }, button), place), button, place };
 }
 

@@ -77,6 +77,7 @@ export function build() {
     return [el("h3", {}, "Columns and units"), field("Column of the time", time),
       table(["joint", ...signals.map((signal) => WORDS[signal])], rows, { label: "columns of each joint", note: "A joint without a column of positions is not in the log." }),
       el("div", { class: "row" }, Object.entries(units).map(([quantity, unit]) => field(`Unit of ${quantity}`, unit))),
+      el("p", { class: "hint" }, "SI: rad, rad/s and N·m for joints that turn, m, m/s and N for joints that slide."),
       el("p", { class: "actions" }, keep)];
   }
 

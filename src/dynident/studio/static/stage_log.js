@@ -2,7 +2,7 @@
 
 import { choose, get, guarded, known, ofKind } from "./api.js";
 import { chart } from "./chart.js";
-import { el, field, fill, name, number, options, picked, table } from "./dom.js";
+import { el, field, fill, name, number, options, picked, say, table } from "./dom.js";
 import { dropzone } from "./upload.js";
 
 export const title = "Log";
@@ -47,6 +47,7 @@ export function build() {
       el("p", { class: "lead" }, "Drop logs of motions: time, joint positions, and joint torques or motor currents."),
       dropzone("CSV, TwinCAT Scope, NumPy, Parquet, MATLAB, ROS bags", async (files) => {
         const logs = files.filter((file) => ofKind("log").includes(file));
+        if (!logs.length) return say("none of these files is a log; they are kept with the other files of the session", true);
         options(choice, ofKind("log"), logs[0]);
         await open(choice.value);
       }),

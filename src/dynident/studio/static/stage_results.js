@@ -29,6 +29,7 @@ export function build() {
     fill(body);
     if (!file) return fill(body, el("p", { class: "soft" }, "There is no estimate yet."));
     choose({ estimate: file });
+    fill(body, el("p", { class: "soft" }, "reading …"));
     await guarded(body, async () => show(await get("estimate", { name: file }), file));
   }
 

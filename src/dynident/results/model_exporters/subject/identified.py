@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -106,5 +107,7 @@ def _projected(estimate: Estimate) -> Array | None:
 
 def _command(estimate: Estimate) -> str:
     """Return the command that gives a consistent estimate of the same case."""
-    case = str(estimate.provenance.get("case", {}).get("path", "")) or "CASE LOG"
-    return f"dynident identify {case} --estimator consistent -o estimate.json"
+    case = str(estimate.provenance.get("case", {}).get("path", "")) or "CASE"
+    logs = [str(log.get("path") or "LOG") for log in estimate.provenance.get("logs", ())] or ["LOG"]
+    named = [word if word in ("CASE", "LOG") else shlex.quote(word) for word in (case, *logs)]
+    return f"dynident identify {' '.join(named)} --estimator consistent -o estimate.json"

@@ -1,0 +1,300 @@
+"""Sound files of every kind, small, made by the writers of the library and of the packages it reads with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.experiment.log import Log
+from dynident.model.robot import Robot
+
+JOINTS = ("shoulder", "elbow")
+ROWS = 24
+
+URDF = """<?xml version="1.0"?>
+<robot name="arm">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/></inertial>
+    <collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.1 0.1"/></geometry></collision></link>
+  <link name="lower"><inertial><origin xyz="0.15 0 0" rpy="0 0 0.1"/><mass value="2"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="100" velocity="3"/><dynamics damping="0.1" friction="0.2"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/>
+    <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="100" velocity="3"/></joint>
+</robot>
+"""
+
+DH = """name: two-link
+convention: modified
+gravity: [0, -9.81, 0]
+joints:
+  - {name: j1, alpha: 0, a: 0, d: 0, theta: 0, limits: {lower: -3, upper: 3, velocity: 2, effort: 50}}
+  - name: j2
+    alpha: pi/2
+    a: 0.5
+    d: 0
+    theta: 0
+    drive: {gear_ratio: 100, rotor_inertia: 2.0e-5}
+    friction: 0.3
+    damping: 0.1
+    link:
+      name: lower
+      inertia:
+        mass: 2
+        centre_of_mass: [0.1, 0, 0.02]
+        about_centre: [0.02, 0, 0, 0.02, 0, 0.01]
+"""
+
+CASE = """case: 1
+robot: arm.urdf
+gravity: [0, 0, -9.81]
+friction: [{coulomb: {width: 0.02}}, viscous, offset]
+log:
+  columns: {time: t, q: [q1, q2], torque: [tau1, tau2]}
+  units: {position: deg}
+train: [run.csv]
+test: run.csv
+estimator: wls
+preprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 50, delay_s: 0.004}
+"""
+
+
+def _log(samples: int = ROWS, rate: float = 100.0) -> Log:
+    time = np.arange(samples) / rate
+    phase = np.outer(time, [1.7, 2.3])
+    q = np.sin(phase) + 0.3 * np.cos(3 * phase)
+    return Log(JOINTS, time, q, torque=10 * np.cos(q))
+
+
+def _robot(folder: Path) -> Robot:
+    from dynident.model.descriptions import read_robot
+
+    (folder / "arm.urdf").write_text(URDF)
+    return read_robot(folder / "arm.urdf")
+
+
+def urdf(folder: Path) -> list[Path]:
+    """Write URDFs."""
+    (folder / "a.urdf").write_text(URDF)
+    return [folder / "a.urdf"]
+
+
+def dh(folder: Path) -> list[Path]:
+    """Write DH tables."""
+    (folder / "a.yaml").write_text(DH)
+    (folder / "b.yaml").write_text(DH.replace("modified", "standard"))
+    return [folder / "a.yaml", folder / "b.yaml"]
+
+
+def robot_json(folder: Path) -> list[Path]:
+    """Write robots in the library's own form."""
+    from dynident.model.descriptions.native import robot_to_dict
+
+    (folder / "a.json").write_text(json.dumps(robot_to_dict(_robot(folder))))
+    return [folder / "a.json"]
+
+
+def case(folder: Path) -> list[Path]:
+    """Write case files beside their robot."""
+    _robot(folder)
+    (folder / "a.yaml").write_text(CASE)
+    return [folder / "a.yaml"]
+
+
+def csv(folder: Path) -> list[Path]:
+    """Write text tables of several dialects."""
+    from dynident.experiment.formats import write_log
+
+    write_log(_log(), folder / "a.csv")
+    text = (folder / "a.csv").read_text()
+    (folder / "b.csv").write_text(text.replace(",", ";"), encoding="utf-8-sig")
+    (folder / "c.csv").write_text("# a comment\n" + text.replace(",", " ").replace("\n", "\r\n"))
+    (folder / "d.csv").write_text(text.replace(",", "\t").replace("t\t", '"t"\t', 1))
+    return [folder / f"{k}.csv" for k in "abcd"]
+
+
+def twincat(folder: Path) -> list[Path]:
+    """Write exports of TwinCAT Scope."""
+    log = _log()
+    found = []
+    for name, separator in (("a", "\t"), ("b", ";")):
+        lines = [f"Name{separator}run", f"Starttime of export{separator}132959733843760000", "", ""]
+        lines += [separator.join(f"Name{separator}{column}" for column in ("q1", "tau1"))]
+        lines += [separator.join(f"{fact}{separator}1" for _ in range(2)) for fact in ("SampleTime[ms]", "Unit")] + [""]
+        assert log.torque is not None
+        for k in range(ROWS):
+            lines.append(separator.join([str(k), repr(float(log.q[k, 0])), str(k), repr(float(log.torque[k, 0]))]))
+        (folder / f"{name}.csv").write_text("\r\n".join([*lines, "EOF"]) + "\r\n", encoding="utf-8-sig")
+        found.append(folder / f"{name}.csv")
+    return found
+
+
+def npz(folder: Path) -> list[Path]:
+    """Write NumPy archives, packed and not."""
+    from dynident.experiment.formats import write_log
+
+    log = _log()
+    write_log(log, folder / "a.npz")
+    np.savez(folder / "b.npz", t=log.time, q=np.asfortranarray(log.q), tau=log.torque, note=np.array("text"))  # type: ignore[arg-type]
+    return [folder / "a.npz", folder / "b.npz"]
+
+
+def parquet(folder: Path) -> list[Path]:
+    """Write Parquet files: plain columns, and lists."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    from dynident.experiment.formats import write_log
+
+    log = _log()
+    write_log(log, folder / "a.parquet")
+    assert log.torque is not None
+    lists = {"t": log.time, "q": log.q.tolist(), "tau": log.torque.tolist()}
+    pq.write_table(pa.table(lists), folder / "b.parquet", compression="NONE")
+    return [folder / "a.parquet", folder / "b.parquet"]
+
+
+def mat(folder: Path) -> list[Path]:
+    """Write MATLAB files of versions 4, 5 (packed and not) and 7.3."""
+    import h5py
+    from scipy.io import savemat
+
+    log = _log()
+    data: Mapping[str, Any] = {"t": log.time, "q": log.q, "tau": log.torque}
+    savemat(folder / "a.mat", data, format="4")
+    savemat(folder / "b.mat", data)
+    savemat(folder / "c.mat", {"data": data, **data}, do_compression=True)
+    with h5py.File(folder / "d.mat", "w", userblock_size=512) as file:
+        for name, values in data.items():
+            file[name] = np.atleast_2d(values).T if values.ndim == 2 else values[None, :]
+    return [folder / f"{k}.mat" for k in "abcd"]
+
+
+def _states(store: Any) -> list[tuple[int, Any]]:
+    log, types, found = _log(), store.types, []
+    assert log.torque is not None
+    for k in range(ROWS):
+        stamp = 1_700_000_000_000_000_000 + k * 10_000_000
+        time = types["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9)
+        kind = types["std_msgs/msg/Header"]
+        extra = {"seq": k} if "seq" in kind.__dataclass_fields__ else {}
+        head = kind(stamp=time, frame_id="", **extra)
+        state = types["sensor_msgs/msg/JointState"](head, list(JOINTS), log.q[k], np.zeros(2), log.torque[k])
+        found.append((stamp, state))
+    return found
+
+
+def bag1(folder: Path) -> list[Path]:
+    """Write a bag of ROS 1."""
+    from rosbags.rosbag1 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    with Writer(folder / "a.bag") as writer:
+        topic = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        for stamp, message in _states(store):
+            writer.write(topic, stamp, store.serialize_ros1(message, message.__msgtype__))
+    return [folder / "a.bag"]
+
+
+def _bag2(folder: Path, plugin: str, packed: bool) -> Path:
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    place = folder / f"{plugin}-{packed}"
+    writer = Writer(place, version=9, storage_plugin=StoragePlugin[plugin])
+    if packed:
+        writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+    with writer:
+        topic = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        for stamp, message in _states(store):
+            writer.write(topic, stamp, store.serialize_cdr(message, message.__msgtype__))
+    return next(place.glob("*.mcap" if plugin == "MCAP" else "*.db3"))
+
+
+def mcap(folder: Path) -> list[Path]:
+    """Write bags of ROS 2 in MCAP, packed and not."""
+    return [_bag2(folder, "MCAP", False), _bag2(folder, "MCAP", True)]
+
+
+def db3(folder: Path) -> list[Path]:
+    """Write a bag of ROS 2 in SQLite."""
+    return [_bag2(folder, "SQLITE3", False)]
+
+
+def plan(folder: Path) -> list[Path]:
+    """Write plans of two kinds of trajectory."""
+    from dynident.experiment.design.limits import MotionLimits, check_limits
+    from dynident.experiment.design.plan import Plan, write_plan
+    from dynident.experiment.trajectories.fourier import FourierSeries
+    from dynident.experiment.trajectories.rest_fourier import RestFourier
+
+    generator, none = np.random.default_rng(3), np.full(2, np.inf)
+    free: Array = 0.1 * generator.normal(size=(2, 5))
+    sines, cosines = 0.1 * generator.normal(size=(2, 2, 3))
+    series = FourierSeries(np.zeros(2), sines, cosines, 4.0)
+    limits = MotionLimits(
+        JOINTS, (True, True), -np.ones(2), np.ones(2), 3 * np.ones(2), 20 * np.ones(2), none, none, none
+    )
+    found = []
+    for name, motion in (("a", RestFourier.from_free(free, 4.0)), ("b", series)):
+        draft = Plan(
+            "arm", motion, 1.0 - motion.at_rest, "condition", {"condition": 12.5}, limits, (), 201, {"seed": 4}
+        )
+        checked = replace(draft, rows=check_limits(draft.motion(), limits, draft.samples))
+        write_plan(checked, folder / name)
+        found.append(folder / name)
+    return found
+
+
+def _cell(folder: Path) -> tuple[Any, Path]:
+    from dynident.experiment.case_file.case import read_case
+    from dynident.experiment.formats import write_log
+
+    _robot(folder)
+    log = _log(400, 100.0)
+    noise = np.random.default_rng(0).normal(0, 0.1, log.q.shape)
+    assert log.torque is not None
+    write_log(Log(JOINTS, log.time, log.q, torque=log.torque + noise), folder / "run.npz")
+    how = "preprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 25}"
+    names = "log: {columns: {q: [q1, q2], torque: [tau1, tau2]}}"
+    (folder / "case.yaml").write_text(f"case: 1\nrobot: arm.urdf\n{names}\n{how}\n")
+    return read_case(folder / "case.yaml"), folder / "run.npz"
+
+
+def estimate(folder: Path) -> list[Path]:
+    """Write an estimate."""
+    from dynident.estimation.estimate_file import write_estimate
+    from dynident.estimation.identify import identify
+
+    case, path = _cell(folder)
+    write_estimate(identify(case.model, [case.read(path)], "wls", case.preprocessing), folder / "a.json")
+    return [folder / "a.json"]
+
+
+def triangles(folder: Path) -> list[Path]:
+    """Write a triangle file."""
+    from dynident.estimation.streaming.reduction import reduce_logs
+    from dynident.estimation.streaming.triangle_file import write_digest
+
+    case, path = _cell(folder)
+    write_digest(reduce_logs(case, [path]), folder / "a.tri")
+    return [folder / "a.tri"]
+
+
+#: The maker of sound files of each target.
+MAKERS: Mapping[str, Callable[[Path], list[Path]]] = {
+    maker.__name__: maker
+    for maker in (
+        urdf, dh, robot_json, case, csv, twincat, npz, parquet, mat, bag1, db3, mcap, plan, estimate, triangles,
+    )
+}  # fmt: skip

@@ -1,0 +1,149 @@
+"""What is fuzzed: a name, sound files to begin with, and the reader that has to take or to refuse anything."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from fuzz.seeds import CASE, DH, JOINTS, MAKERS, URDF
+
+Read = Callable[[Path], object]
+
+#: Words that a change puts into files of text, beside those of :mod:`fuzz.mutations`.
+_XML = (
+    "<!DOCTYPE r [<!ENTITY a 'b'>]>",
+    "&a;",
+    "<link name='x'/>",
+    "xacro:include",
+    "${1+1}",
+    "<mesh filename='../x'/>",
+)
+_YAML = ("&a [*a]", "*a", "!!python/object:os.system", "{<<: *a}", "- - - -", "? ", "%TAG ! !", "~", "auto", "case: 1")
+_TEXT = ("#", '"', ",,", ";", "\t", "\ufeff", "nan", "inf", "0x10", "1_000", "1,5", "=1+1", "EOF", "Name")
+
+
+@dataclass(frozen=True)
+class Target:
+    """A reader under test.
+
+    Attributes:
+        suffix: End of the names of the files.
+        kind: What is mutated: ``text``, ``json``, ``zip`` or ``bytes``.
+        read: Reads one file; raises a DynidentError or succeeds.
+        words: Words of its language.
+        beside: Files that lie beside the one under test, by name.
+        instrument: Packages whose branches a coverage-guided run counts.
+    """
+
+    suffix: str
+    kind: str
+    read: Read
+    words: tuple[str, ...] = ()
+    beside: Mapping[str, str] | None = None
+    instrument: tuple[str, ...] = ("dynident.experiment.formats",)
+
+    def prepare(self, folder: Path, name: str) -> list[bytes]:
+        """Return the contents of the sound files and put the files beside them into the folder."""
+        place = folder / "seeds"
+        place.mkdir()
+        contents = [path.read_bytes() for path in MAKERS[name](place)]
+        shutil.rmtree(place)
+        for file, text in (self.beside or {}).items():
+            (folder / file).write_text(text)
+        return contents
+
+
+def _robot(path: Path) -> object:
+    from dynident.model.descriptions import read_robot
+
+    return read_robot(path)
+
+
+def _case(path: Path) -> object:
+    from dynident.experiment.case_file.case import read_case
+
+    return read_case(path).model
+
+
+def _log(path: Path) -> object:
+    from dynident.experiment.formats import ColumnMap, read_header, read_log
+
+    read_header(path)
+    return read_log(path, ColumnMap(optional=("dq", "torque")))
+
+
+def _blocks(path: Path) -> object:
+    """Read whole and in blocks: both ways of reading have to refuse the same damage by name."""
+    from dynident.errors import DynidentError
+    from dynident.experiment.formats import ColumnMap, stream_log
+
+    try:
+        stream = stream_log(path, ColumnMap())
+        for _ in stream.blocks(7):
+            pass
+    except DynidentError:
+        pass
+    return _log(path)
+
+
+def _bag(path: Path) -> object:
+    from dynident.experiment.formats import ColumnMap, read_header, read_log
+
+    read_header(path)
+    names = {word: tuple(f"{joint}.{word}" for joint in JOINTS) for word in ("position", "effort")}
+    return read_log(path, ColumnMap(JOINTS, q=names["position"], torque=names["effort"]))
+
+
+def _scope(path: Path) -> object:
+    from dynident.experiment.formats import ColumnMap, read_log
+    from dynident.experiment.formats.twincat_scope import TwincatScope
+
+    return read_log(path, ColumnMap(("a",), q=("q1",), torque=("tau1",)), form=TwincatScope())
+
+
+def _plan(path: Path) -> object:
+    from dynident.experiment.design.plan import read_plan
+
+    return read_plan(path)
+
+
+def _estimate(path: Path) -> object:
+    from dynident.estimation.estimate_file import read_estimate
+
+    return read_estimate(path)
+
+
+def _triangles(path: Path) -> object:
+    from dynident.estimation.streaming.triangle_file import read_digest
+
+    return read_digest(path)
+
+
+_MODEL = ("dynident.model.descriptions", "dynident.model.documents")
+
+TARGETS: Mapping[str, Target] = {
+    "urdf": Target(".urdf", "text", _robot, _XML, instrument=_MODEL),
+    "dh": Target(".yaml", "text", _robot, _YAML, instrument=_MODEL),
+    "robot_json": Target(".json", "json", _robot, instrument=_MODEL),
+    "case": Target(
+        ".yaml",
+        "text",
+        _case,
+        (*_YAML, "robot: dh.yaml", "prior: arm.urdf", "workspace: {}", "cell: {}", "friction: auto", "split: 0.5"),
+        {"arm.urdf": URDF, "dh.yaml": DH, "other.yaml": CASE},
+        (*_MODEL, "dynident.experiment.case_file"),
+    ),
+    "csv": Target(".csv", "text", _blocks, _TEXT),
+    "twincat": Target(".csv", "text", _scope, _TEXT),
+    "npz": Target(".npz", "zip", _blocks),
+    "parquet": Target(".parquet", "bytes", _blocks),
+    "mat": Target(".mat", "bytes", _blocks),
+    "bag1": Target(".bag", "bytes", _bag, instrument=("dynident.experiment.formats", "rosbags")),
+    "db3": Target(".db3", "bytes", _bag, instrument=("dynident.experiment.formats", "rosbags")),
+    "mcap": Target(".mcap", "bytes", _bag, instrument=("dynident.experiment.formats", "rosbags")),
+    "plan": Target(".json", "json", _plan, instrument=("dynident.experiment.design.plan",)),
+    "estimate": Target(".json", "json", _estimate, instrument=("dynident.estimation.estimate_file", *_MODEL)),
+    "triangles": Target(".tri", "zip", _triangles, instrument=("dynident.estimation.streaming.triangle_file", *_MODEL)),
+}

@@ -1,0 +1,157 @@
+"""One execution: a file is written, read, and what came of it is judged; counted, and kept where it is a fault."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import resource
+import signal
+import sys
+import time
+import traceback
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from dynident.errors import DynidentError
+from fuzz.targets import Target
+
+#: Longest time of one execution in s, and memory in bytes that reading may add to that of the process.
+LONGEST, MEMORY = 10.0, 1 << 30
+
+_WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT
+_FORBIDDEN = (
+    "subprocess.Popen",
+    "os.system",
+    "os.exec",
+    "os.posix_spawn",
+    "socket.connect",
+    "socket.bind",
+    "pty.spawn",
+)
+
+
+class Hang(BaseException):
+    """An execution took longer than it may."""
+
+
+class Escape(BaseException):
+    """A reader wrote a file outside its folder, started a process or opened a connection."""
+
+
+class Trials:
+    """Executes files against one target and keeps the score.
+
+    Args:
+        target: The reader.
+        folder: Folder of this process; a reader may write nowhere else.
+        kept: Folder of inputs that found a fault, and of the score.
+    """
+
+    def __init__(self, target: Target, folder: Path, kept: Path) -> None:
+        self._target, self._kept = target, kept
+        self._file = folder / f"input{target.suffix}"
+        cache = os.environ.get("NUMBA_CACHE_DIR", "")
+        self._own = tuple(f"{os.path.realpath(place)}{os.sep}" for place in (folder, cache) if str(place))
+        self._watch = False
+        self.score: Counter[str] = Counter()
+        self.faults: dict[str, str] = {}
+        self._began, self._slowest, self._said = time.monotonic(), 0.0, 0.0
+        sys.dont_write_bytecode = True
+        sys.addaudithook(self._audit)
+        signal.signal(signal.SIGALRM, self._late)
+
+    def limit_memory(self) -> None:
+        """Cap the address space from here on; to be called after a first reading has loaded what it needs."""
+        with open("/proc/self/statm") as stream:
+            now = int(stream.read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (now + MEMORY, now + MEMORY))
+
+    def run(self, content: bytes) -> None:
+        """Execute one input."""
+        self._file.write_bytes(content)
+        begun = time.monotonic()
+        outcome, place = "taken", ""
+        try:
+            with self._watched():
+                self._target.read(self._file)
+        except DynidentError as error:
+            text = str(error)
+            outcome = "refused" if text.strip() else "crash"
+            place = place if text.strip() else "an error without words"
+        except Hang:
+            outcome, place = "hang", _place()
+        except MemoryError:
+            outcome, place = "memory", _place()
+        except Escape as error:
+            outcome, place = "escape", str(error)
+        except Exception:
+            outcome, place = "crash", _place()
+        self._slowest = max(self._slowest, time.monotonic() - begun)
+        self.score[outcome] += 1
+        if place:
+            self._keep(outcome, place, content)
+        if begun - self._said > 2:
+            self.save()
+
+    def save(self) -> None:
+        """Write the score."""
+        self._said = time.monotonic()
+        facts: dict[str, Any] = {
+            "executions": sum(self.score.values()),
+            **{name: self.score[name] for name in ("taken", "refused", "crash", "hang", "memory", "escape")},
+            "seconds": round(self._said - self._began, 1),
+            "slowest_s": round(self._slowest, 3),
+            "faults": self.faults,
+        }
+        partial = self._kept / ".score.part"
+        partial.write_text(json.dumps(facts, indent=1))
+        partial.replace(self._kept / "score.json")
+
+    def _keep(self, outcome: str, place: str, content: bytes) -> None:
+        fault = f"{outcome}: {place}"
+        if fault in self.faults or len(self.faults) >= 200:
+            return
+        name = f"{outcome}-{hashlib.sha256(content).hexdigest()[:12]}{self._target.suffix}"
+        (self._kept / name).write_bytes(content)
+        self.faults[fault] = name
+        self.save()
+
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
+        self._watch = True
+        signal.setitimer(signal.ITIMER_REAL, LONGEST)
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            self._watch = False
+
+    @staticmethod
+    def _late(*_: object) -> None:
+        raise Hang
+
+    def _audit(self, event: str, arguments: tuple[Any, ...]) -> None:
+        if not self._watch:
+            return
+        if event in _FORBIDDEN:
+            raise Escape(f"{event} {arguments[:1]}")
+        if event == "open" and isinstance(arguments[2], int) and arguments[2] & _WRITES:
+            place = os.path.realpath(os.fsdecode(arguments[0])) if not isinstance(arguments[0], int) else ""
+            if place and place != os.devnull and not place.startswith(self._own):
+                raise Escape(f"writes {place}")
+        elif event in ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.symlink", "os.link"):
+            place = os.path.realpath(os.fsdecode(arguments[0]))
+            if not place.startswith(self._own):
+                raise Escape(f"{event} {place}")
+
+
+def _place() -> str:
+    """Return the kind of the error being handled and the last lines of code below it."""
+    kind, _, trace = sys.exc_info()
+    frames = traceback.extract_tb(trace)[-3:]
+    where = " < ".join(f"{Path(one.filename).name}:{one.lineno}" for one in reversed(frames))
+    return f"{kind.__name__ if kind else '?'} at {where}"

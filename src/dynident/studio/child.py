@@ -1,0 +1,29 @@
+"""A command of the studio as a process: it ends with the studio, even where that is killed.
+
+``python -m dynident.studio.child ARGUMENTS`` is ``dynident ARGUMENTS`` with one difference: its standard input is a
+pipe that the studio holds open. When the studio is gone, however it went, the system closes the pipe.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import runpy
+import signal
+import sys
+import threading
+
+
+def _end_with_the_studio() -> None:
+    with contextlib.suppress(OSError):
+        while os.read(0, 1024):
+            pass
+    if hasattr(os, "killpg") and os.getpgrp() == os.getpid():
+        os.killpg(0, signal.SIGKILL)  # with its own processes: the command leads a group
+    os.kill(os.getpid(), getattr(signal, "SIGKILL", signal.SIGTERM))
+
+
+if __name__ == "__main__":
+    threading.Thread(target=_end_with_the_studio, daemon=True).start()
+    sys.argv[0] = "dynident"
+    runpy.run_module("dynident", run_name="__main__", alter_sys=False)

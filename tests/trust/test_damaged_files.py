@@ -1,0 +1,163 @@
+"""What the fuzzer found, and every byte of small files: damage is taken or refused by name, no process ends."""
+
+from __future__ import annotations
+
+import io
+import random
+import struct
+import sys
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dynident.errors import DynidentError, LogFormatError
+from dynident.experiment.formats import ColumnMap, read_log, stream_log, write_log
+from dynident.experiment.formats import _mat_values as mat_values
+from dynident.experiment.log import Log
+
+SOUND = {"t": np.arange(6.0), "q": np.arange(12.0).reshape(6, 2), "tau": np.ones((6, 2), dtype=np.int16)}
+
+
+def mat(folder: Path, **options: Any) -> Path:
+    scipy_io = pytest.importorskip("scipy.io")
+    nested = {"data": {"x": np.arange(6, dtype=np.float32), "in": {"y": np.eye(6)[0]}, "note": "text"}}
+    content = SOUND if options.get("format") == "4" else {**SOUND, **nested, "z": np.array([1j, 2.0])}
+    scipy_io.savemat(folder / "run.mat", content, **options)
+    return folder / "run.mat"
+
+
+@pytest.mark.parametrize("options", [{"format": "4"}, {}, {"do_compression": True}], ids=["4", "5", "5 packed"])
+def test_values_of_a_matlab_file_are_those_of_scipy(tmp_path: Path, options: dict[str, Any]) -> None:
+    from scipy.io import loadmat
+
+    path = mat(tmp_path, **options)
+    found, known = mat_values.read_values(path), loadmat(path, simplify_cells=True)
+    for name in SOUND:
+        np.testing.assert_array_equal(found[name], known[name], strict=True)
+    if "format" not in options:
+        np.testing.assert_array_equal(found["data"]["x"], known["data"]["x"], strict=True)
+        np.testing.assert_array_equal(found["data"]["in"]["y"], known["data"]["in"]["y"], strict=True)
+        assert "note" not in found["data"] and "z" not in found
+
+
+@pytest.mark.parametrize("options", [{"format": "4"}, {}, {"do_compression": True}], ids=["4", "5", "5 packed"])
+def test_any_byte_of_a_matlab_file_may_be_wrong(tmp_path: Path, options: dict[str, Any]) -> None:
+    """Files of version 5 with a wrong byte have ended the process inside the parser that was used before."""
+    content = mat(tmp_path, **options).read_bytes()
+    path = tmp_path / "bad.mat"
+    refused = 0
+    for place in range(len(content)):
+        for value in {0xFF, 0x00, content[place] ^ 0x01} - {content[place]}:
+            path.write_bytes(content[:place] + bytes([value]) + content[place + 1 :])
+            try:
+                mat_values.read_values(path)
+            except ValueError:
+                refused += 1
+    assert refused > 20
+
+
+def test_a_packed_matlab_variable_may_not_unpack_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mat_values, "MOST_UNPACKED", 1 << 20)
+    head = b"MATLAB 5.0".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
+    bomb = zlib.compress(struct.pack("<II", 14, 1 << 24) + bytes(1 << 24), 9)
+    (tmp_path / "run.mat").write_bytes(head + struct.pack("<II", 15, len(bomb)) + bomb)
+    assert len(bomb) < 20_000
+    with pytest.raises(LogFormatError, match="unpack to more than"):
+        read_log(tmp_path / "run.mat", ColumnMap())
+
+
+def test_a_matlab_variable_that_claims_more_than_the_file_holds(tmp_path: Path) -> None:
+    head = struct.pack("<iiiii", 0, 1 << 30, 1 << 30, 0, 2) + b"q\0"
+    (tmp_path / "run.mat").write_bytes(head + bytes(64))
+    with pytest.raises(LogFormatError, match="'q' says that it is longer than the file"):
+        read_log(tmp_path / "run.mat", ColumnMap())
+
+
+def npy(header: str, data: bytes = b"") -> bytes:
+    text = header.encode().ljust(118) + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text + data
+
+
+@pytest.mark.parametrize(
+    "header",
+    ["{'descr': '<f8', 'fortran_order': False, 'shape': (6,", "{'descr': '<f8'", "{(): 1}", "[[[", "\t(", "1 1"],
+)
+@pytest.mark.parametrize("name", ["t", "note"])
+def test_headers_of_arrays_that_are_no_dictionary(tmp_path: Path, header: str, name: str) -> None:
+    path = tmp_path / "run.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(f"{name}.npy", npy(header, bytes(48)))
+    with pytest.raises(LogFormatError, match="is no array"):
+        read_log(path, ColumnMap())
+
+
+def test_a_directory_that_points_before_the_file(tmp_path: Path) -> None:
+    content = io.BytesIO()
+    np.savez(content, **SOUND)  # type: ignore[arg-type]
+    data = bytearray(content.getvalue())
+    place = data.rfind(b"PK\x05\x06") + 16  # offset of the directory, in the last record
+    for offset in (0xFFFFFFF0, 0, 1 << 20):
+        data[place : place + 4] = struct.pack("<I", offset)
+        (tmp_path / "run.npz").write_bytes(bytes(data))
+        with pytest.raises(LogFormatError, match=r"run\.npz: "):
+            read_log(tmp_path / "run.npz", ColumnMap())
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".npz"])
+def test_damaged_pages_are_named_in_both_ways_of_reading(tmp_path: Path, suffix: str) -> None:
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow")
+    sound, path, draw = tmp_path / f"sound{suffix}", tmp_path / f"run{suffix}", random.Random(0)
+    write_log(Log(("a",), SOUND["t"], SOUND["q"][:, :1]), sound)
+    content = sound.read_bytes()
+    columns, refused = ColumnMap(torque=()), 0
+    for place in draw.sample(range(4, len(content)), 60):
+        path.write_bytes(content[:place] + bytes([content[place] ^ (1 << draw.randrange(8))]) + content[place + 1 :])
+        for read in (lambda: read_log(path, columns), lambda: list(stream_log(path, columns).blocks(4))):
+            try:
+                read()
+            except DynidentError as error:
+                refused += 1
+                assert str(path) in str(error)
+    assert refused > 20
+
+
+def test_a_parquet_file_with_too_many_cells_is_refused_before_it_is_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow")
+    from dynident.experiment.formats import parquet
+
+    log = Log(("a",), np.arange(1000.0), np.zeros((1000, 1)))
+    write_log(log, tmp_path / "run.parquet")
+    monkeypatch.setattr(parquet, "MAX_CELLS", 1999)
+    monkeypatch.setattr(parquet, "_batches", lambda *_: pytest.fail("it was unpacked"))
+    with pytest.raises(LogFormatError, match="more than are read at once"):
+        read_log(tmp_path / "run.parquet", ColumnMap(torque=()))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the fuzzer limits memory as POSIX does")
+@pytest.mark.parametrize("name", ["urdf", "robot_json", "csv", "npz"])
+def test_the_fuzzer_finds_nothing_in_its_first_inputs(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    from fuzz.mutations import mutated
+    from fuzz.targets import TARGETS
+
+    target = TARGETS[name]
+    seeds = target.prepare(tmp_path, name)
+    path, outcomes = tmp_path / f"input{target.suffix}", set()
+    for number in range(60):
+        draw = random.Random(f"{name} 0 {number}")
+        path.write_bytes(mutated(target.kind, draw.choice(seeds), draw.choice(seeds), draw, target.words))
+        try:
+            target.read(path)
+            outcomes.add("taken")
+        except DynidentError:
+            outcomes.add("refused")
+    assert outcomes == {"taken", "refused"}

@@ -1,0 +1,231 @@
+"""Faults of the world around: processes that are killed, full disks, folders that are read-only, no home, no reader."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynident.cli.main import main
+from dynident.estimation.estimate_file import read_estimate
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
+
+Capture = pytest.CaptureFixture[str]
+COMMAND = [sys.executable, "-c", "import sys; from dynident.cli.main import main; sys.exit(main(sys.argv[1:]))"]
+
+URDF = """<robot name="arm"><link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" effort="100" velocity="3"/></joint></robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with an arm of one joint, a log of 10 s and their case."""
+    folder = tmp_path_factory.mktemp("cell")
+    (folder / "arm.urdf").write_text(URDF)
+    time = np.arange(1000) / 100
+    q = np.sin(1.7 * time) + 0.3 * np.sin(5 * time)
+    torque = -6 * np.cos(q) + 0.5 * np.gradient(q, time) + np.random.default_rng(0).normal(0, 0.1, q.shape)
+    rows = [",".join(map(repr, row)) for row in np.column_stack([time, q, torque]).tolist()]
+    (folder / "run.csv").write_text("\n".join(["t,q1,tau1", *rows]) + "\n")
+    how = "estimator: wls\ntrain: [run.csv]\npreprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 50}\n"
+    (folder / "case.yaml").write_text(f"case: 1\nrobot: arm.urdf\n{how}")
+    return folder
+
+
+def identify(cell: Path, *more: str) -> list[str]:
+    return ["identify", str(cell / "case.yaml"), "--cross-validate", "0", "--quiet", *more]
+
+
+WRITER = """
+import sys
+from dynident.files import write_atomically
+print("ready", flush=True)
+while True:
+    for letter in "ab":
+        write_atomically(sys.argv[1], letter * 3_000_000)
+"""
+
+
+def test_a_file_is_whole_whenever_its_writer_is_killed(tmp_path: Path) -> None:
+    place, draw = tmp_path / "file", random.Random(3)
+    place.write_text("a" * 3_000_000)
+    for _ in range(6):
+        process = subprocess.Popen([sys.executable, "-c", WRITER, str(place)], stdout=subprocess.PIPE)
+        assert process.stdout is not None
+        process.stdout.readline()
+        time.sleep(draw.uniform(0.0, 0.05))
+        process.kill()
+        process.wait()
+        process.stdout.close()
+        content = place.read_bytes()
+        assert content in (b"a" * 3_000_000, b"b" * 3_000_000)
+    assert place.name not in {path.name for path in tmp_path.glob("*.part")}
+
+
+@contextlib.contextmanager
+def disk_of(size: int) -> Iterator[None]:
+    """Let no file of this process grow beyond a size, as on a disk that is full."""
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_leaves_the_old_estimate(cell: Path, tmp_path: Path, capsys: Capture) -> None:
+    place = tmp_path / "estimate.json"
+    place.write_text("old")
+    with disk_of(1000):
+        assert main(identify(cell, "-o", str(place))) == 1
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith(f"error: {place}: cannot be written (file too large); check the folder")
+    assert [path.name for path in tmp_path.iterdir()] == ["estimate.json"] and place.read_text() == "old"
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no folder that nobody may write")
+def test_a_folder_that_cannot_be_written(cell: Path, capsys: Capture) -> None:
+    assert main(identify(cell, "-o", "/proc/estimate.json")) == 1
+    assert "error: /proc/estimate.json: cannot be written (" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="file names are UTF-8 there")
+def test_names_of_files_that_are_no_utf_8(cell: Path, tmp_path: Path) -> None:
+    folder = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9"))
+    folder.mkdir()
+    for name in ("arm.urdf", "run.csv", "case.yaml"):
+        (folder / name).write_bytes((cell / name).read_bytes())
+    place, page = folder / os.fsdecode(b"\xff.json"), folder / os.fsdecode(b"\xfe.html")
+    assert main(identify(folder, "-o", str(place), "--report", str(page))) == 0
+    assert read_estimate(place).samples > 0
+    assert page.read_bytes().decode("utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_a_reader_that_goes_and_a_disk_that_is_full() -> None:
+    """``dynident list | head -1``, and an answer that no disk can hold."""
+    process = subprocess.Popen([*COMMAND, "list"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert process.stdout is not None and process.stderr is not None
+    process.stdout.close()
+    assert process.wait() in (0, 141) and process.stderr.read() == b""  # nobody is there to be told
+    process.stderr.close()
+    if Path("/dev/full").exists():
+        with open("/dev/full", "wb") as full:
+            found = subprocess.run([*COMMAND, "list"], stdout=full, stderr=subprocess.PIPE, check=False, text=True)
+        assert (found.returncode, found.stderr) == (1, "error: standard output: No space left on device\n")
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="no folder that nobody may write")
+@pytest.mark.battery
+def test_no_home_and_no_cache(cell: Path) -> None:
+    """Where nothing can be kept, everything is compiled anew and the answer is the same."""
+    answers = []
+    for cache in ({}, {"NUMBA_CACHE_DIR": "/proc/none"}):
+        environment = {"PATH": os.environ.get("PATH", ""), "HOME": "/proc/none", **cache}
+        found = subprocess.run([*COMMAND, *identify(cell, "--json")], env=environment, capture_output=True, check=True)
+        assert b"Traceback" not in found.stderr
+        answers.append(json.loads(found.stdout)["parameters"])
+    assert answers[0] == answers[1]
+
+
+@pytest.mark.battery
+def test_two_processes_fill_one_cache(cell: Path, tmp_path: Path) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    words = [*COMMAND, *identify(cell, "--json")]
+    both = [subprocess.Popen(words, env=environment, stdout=subprocess.PIPE) for _ in range(2)]
+    answers = [json.loads(process.communicate()[0])["parameters"] for process in both]
+    assert [process.returncode for process in both] == [0, 0] and answers[0] == answers[1]
+
+
+def commands(cell: Path, out: Path) -> dict[str, tuple[list[str], list[Path]]]:
+    """Return the words of each long command and the files it writes; ``estimate.json`` and ``plan.json`` are there."""
+    arm, case = str(cell / "arm.urdf"), str(cell / "case.yaml")
+    search = ["excite", arm, "--starts", "2", "--time-limit", "20", "--quiet", "--period", "5"]
+    model, page = str(cell / "estimate.json"), str(out / "page.html")
+    return {
+        "identify": (identify(cell, "-o", str(out / "new.json")), [out / "new.json"]),
+        "excite": ([*search, "--resume", str(out / "search"), "-o", str(out / "new.json")], [out / "new.json"]),
+        "reduce": (["reduce", case, "-o", str(out / "new.tri"), "--quiet", "--checkpoint", "0.01"], [out / "new.tri"]),
+        "compare": (["compare", case, "--estimators", "ols,wls", "--quiet", "--report", page], [out / "page.html"]),
+        "export": (["export", model, "--to", "urdf", "-o", str(out / "new.urdf"), "--quiet"], [out / "new.urdf"]),
+        "report": (["report", model, "-o", page, "--quiet"], [out / "page.html"]),
+    }
+
+
+@pytest.fixture(scope="module")
+def worked(cell: Path) -> Path:
+    """Return the folder with an estimate in it."""
+    assert main(identify(cell, "--estimator", "consistent", "-o", str(cell / "estimate.json"))) == 0
+    return cell
+
+
+@pytest.mark.battery
+@pytest.mark.parametrize("name", ["identify", "excite", "reduce", "compare", "export", "report"])
+def test_a_command_that_is_killed_leaves_the_old_or_the_new_file(name: str, worked: Path, tmp_path: Path) -> None:
+    """Ten kills at random moments of the time that the command takes; then it is run again to its end."""
+    words, places = commands(worked, tmp_path)[name]
+    begun = time.monotonic()
+    subprocess.run([*COMMAND, *words], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    longest = time.monotonic() - begun
+    done = {place: bare(place) for place in places}
+    draw, kills = random.Random(name), 0
+    for _ in range(10):
+        for place in places:
+            place.write_bytes(b"old")
+        process = subprocess.Popen([*COMMAND, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(draw.uniform(0.3, 1.0) * longest)
+        kills += process.poll() is None
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        for place in places:
+            assert place.read_bytes() == b"old" or bare(place) == done[place]
+    assert kills > 2
+    subprocess.run([*COMMAND, *words], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    assert {place: bare(place) for place in places} == done
+
+
+def bare(place: Path) -> object:
+    """Return what a result says, without clock times; whole or an error."""
+    if place.suffix == ".json":
+        data = json.loads(place.read_text())
+        return data.get("beta") or data.get("trajectory")
+    if place.suffix == ".tri":
+        with np.load(place) as arrays:
+            return {name: arrays[name].tolist() for name in arrays.files if name != "about"}
+    text = place.read_text("utf-8").rstrip()
+    return text.endswith(("</html>", "</robot>"))
+
+
+@pytest.mark.battery
+def test_a_search_that_is_interrupted_says_so_and_goes_on(cell: Path, tmp_path: Path) -> None:
+    words, _ = commands(cell, tmp_path)["excite"]
+    process = subprocess.Popen([*COMMAND, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "search").exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    assert process.stderr is not None
+    said = process.stderr.read()
+    process.stderr.close()
+    if process.wait() != 0:
+        assert process.returncode == 130 and said.splitlines()[-1] == "stopped" and "Traceback" not in said
+        assert not (tmp_path / "new.json").exists()
+    subprocess.run([*COMMAND, *words], check=True, stdout=subprocess.DEVNULL)
+    assert json.loads((tmp_path / "new.json").read_text())["trajectory"]
