@@ -6,6 +6,7 @@ import importlib
 import importlib.util
 import inspect
 import pkgutil
+import sys
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from types import ModuleType
@@ -35,10 +36,14 @@ def part_names(package: str) -> tuple[str, ...]:
     Raises:
         ModuleNotFoundError: There is no such folder.
     """
+    folder = sys.modules.get(package)
     spec = importlib.util.find_spec(package)
-    if spec is None or spec.submodule_search_locations is None:
+    places = (
+        spec.submodule_search_locations if folder is None and spec is not None else getattr(folder, "__path__", None)
+    )
+    if places is None:
         raise ModuleNotFoundError(f"there is no folder of parts '{package}'", name=package)
-    found = (module.name for module in pkgutil.iter_modules(spec.submodule_search_locations) if not module.ispkg)
+    found = (module.name for module in pkgutil.iter_modules(places) if not module.ispkg)
     return tuple(sorted(name for name in found if name != "base" and not name.startswith("_")))
 
 

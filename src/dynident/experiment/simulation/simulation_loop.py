@@ -150,6 +150,13 @@ def feedback(gains: Array, goal: Array, state: Array, tau: Array) -> None:
 
 
 @compiled
+def keep(state: Array, ddq: Array, row: Array) -> None:
+    """Write q and dq (2, n) and ddq (n,) into the first three of a row; arrays are slow to compile when assigned."""
+    for i in range(len(ddq)):
+        row[0, i], row[1, i], row[2, i] = state[0, i], state[1, i], ddq[i]
+
+
+@compiled
 def tracking(
     plant: Plant,
     gains: Array,
@@ -198,10 +205,11 @@ def tracking(
             if not acceleration(plant, place[0], place[1], tau, slopes[stage, 1], scratch):
                 return k
             if len(stages) > 0:
-                stages[k, stage, :2], stages[k, stage, 2] = place, slopes[stage, 1]
+                keep(place, slopes[stage, 1], stages[k, stage])
             if stage == 0 and k % per_row == 0:
-                row = out[k // per_row]
-                row[:2], row[2], row[3] = state, slopes[0, 1], tau
+                keep(state, slopes[0, 1], out[k // per_row])
+                for i in range(joints):
+                    out[k // per_row, 3, i] = tau[i]
         for i in range(joints):
             for order in range(2):
                 slope = slopes[0, order, i] + 2.0 * (slopes[1, order, i] + slopes[2, order, i]) + slopes[3, order, i]

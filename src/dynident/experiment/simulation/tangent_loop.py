@@ -19,6 +19,22 @@ def add_product(matrix: Array, block: Array, sign: float, total: Array) -> None:
 
 
 @compiled
+def copy(block: Array, into: Array) -> None:
+    """Write a block (n, b); an assignment of arrays would compile the words of its errors with it."""
+    for i in range(len(block)):
+        for k in range(block.shape[1]):
+            into[i, k] = block[i, k]
+
+
+@compiled
+def add_scaled(block: Array, factor: float, total: Array) -> None:
+    """Add factor * block to total, both (n, b)."""
+    for i in range(len(total)):
+        for k in range(total.shape[1]):
+            total[i, k] += factor * block[i, k]
+
+
+@compiled
 def carried(gains: Array, fed: Array, place: Array, torque: Array) -> None:
     """Write the derivative of the controller's torque (n, b) from those of the torque fed and of the state."""
     for i in range(len(torque)):
@@ -62,14 +78,22 @@ def tangent(
             carried(gains, fed[2 * k], state, torque)
         for stage in range(4):
             share = 0.0 if stage == 0 else (step if stage == 3 else 0.5 * step)
-            place[:] = state + share * slopes[max(stage - 1, 0)]
+            for order in range(2):
+                copy(state[order], place[order])
+                add_scaled(slopes[max(stage - 1, 0), order], share, place[order])
             if held == 0:
                 carried(gains, fed[2 * k + (stage + 1) // 2], place, torque)
             if stage == 0 and k % per_row == 0:
-                out[k // per_row, 0], out[k // per_row, 1] = state[0], torque
-            rest[:] = torque - by_beta[k, stage]
+                copy(state[0], out[k // per_row, 0])
+                copy(torque, out[k // per_row, 1])
+            copy(torque, rest)
+            add_scaled(by_beta[k, stage], -1.0, rest)
             add_product(by_q[k, stage], place[0], -1.0, rest)
             add_product(by_dq[k, stage], place[1], -1.0, rest)
-            slopes[stage, 0], slopes[stage, 1] = place[1], 0.0
+            copy(place[1], slopes[stage, 0])
+            slopes[stage, 1] = 0.0
             add_product(inverse[k, stage], rest, 1.0, slopes[stage, 1])
-        state += step / 6.0 * (slopes[0] + 2.0 * (slopes[1] + slopes[2]) + slopes[3])
+        for stage in range(4):
+            share = step / 6.0 if stage in (0, 3) else step / 3.0
+            for order in range(2):
+                add_scaled(slopes[stage, order], share, state[order])
