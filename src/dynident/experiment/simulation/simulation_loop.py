@@ -157,6 +157,13 @@ def keep(state: Array, ddq: Array, row: Array) -> None:
 
 
 @compiled
+def keep_torque(tau: Array, row: Array) -> None:
+    """Write the torque (n,) into the fourth of a row."""
+    for i in range(len(tau)):
+        row[3, i] = tau[i]
+
+
+@compiled
 def tracking(
     plant: Plant,
     gains: Array,
@@ -208,8 +215,7 @@ def tracking(
                 keep(place, slopes[stage, 1], stages[k, stage])
             if stage == 0 and k % per_row == 0:
                 keep(state, slopes[0, 1], out[k // per_row])
-                for i in range(joints):
-                    out[k // per_row, 3, i] = tau[i]
+                keep_torque(tau, out[k // per_row])
         for i in range(joints):
             for order in range(2):
                 slope = slopes[0, order, i] + 2.0 * (slopes[1, order, i] + slopes[2, order, i]) + slopes[3, order, i]
