@@ -72,6 +72,7 @@ def _gone(numbers: list[int], patience: float = 20.0) -> bool:
     return False
 
 
+@pytest.mark.battery  # waits for processes of their own
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.usefixtures("signals_reach_children")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
@@ -85,6 +86,7 @@ def test_it_serves_until_it_is_ended(name: str) -> None:
     assert not folder.exists()
 
 
+@pytest.mark.battery
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="processes are looked up in /proc")
 @pytest.mark.usefixtures("signals_reach_children")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])

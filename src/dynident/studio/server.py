@@ -60,7 +60,7 @@ def studio(port: int = 0, work: str | Path | None = None, max_upload_mb: float =
         server = _server(port)
         session = Session(Gate(server.server_address[1]), folder, Runs(folder))
         server.RequestHandlerClass = handler_for(session)
-        threading.Thread(target=_warm_up, daemon=True).start()
+        threading.Thread(target=_warm_up).start()  # no daemon: one that still imports can hang the end of Python
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
         thread.start()
         try:
