@@ -117,7 +117,7 @@ def methods_from(case: Case, text: str, seed: int | None = None) -> list[Method]
         BadOption: An empty name, a negative seed or an option that a method does not have.
         UnknownChoice: No such estimator.
     """
-    from dynident.cli.jobs import estimator_from
+    from dynident.cli.jobs import cut, estimator_from
     from dynident.errors import BadOption
     from dynident.estimation.comparison.contest import Method
     from dynident.estimation.estimators import ESTIMATORS
@@ -127,7 +127,7 @@ def methods_from(case: Case, text: str, seed: int | None = None) -> list[Method]
     found: dict[str, Method] = {}
     for written in split_names(text):
         for label in ESTIMATORS.names() if written == "all" else (written,):
-            name, *settings = _cut(label, ":")
+            name, *settings = cut(label, ":")
             if not name:
                 raise BadOption("--estimators", text, "write names with commas between them, such as wls,consistent")
             if name not in ESTIMATORS.names():
@@ -149,25 +149,15 @@ def _has_seed(name: str) -> bool:
 
 def split_names(text: str) -> list[str]:
     """Return the parts of a list whose items begin with a letter; a comma before anything else belongs to a value."""
+    from dynident.cli.jobs import cut
+
     items: list[str] = []
-    for piece in _cut(text, ","):
+    for piece in cut(text, ","):
         if items and ":" in items[-1] and not piece[:1].isalpha():
             items[-1] += f",{piece}"
         else:
             items.append(piece)
     return items
-
-
-def _cut(text: str, mark: str) -> list[str]:
-    """Return the text cut at a mark outside brackets, blanks around the parts left out."""
-    parts, depth = [""], 0
-    for character in text:
-        depth += (character in "[(") - (character in ")]")
-        if character == mark and depth == 0:
-            parts.append("")
-        else:
-            parts[-1] += character
-    return [part.strip() for part in parts]
 
 
 def _contest(case: Case, problem: Problem, data: Data, truth: str | None) -> Contest:

@@ -160,6 +160,18 @@ def log_quality(case: Case, logs: Sequence[str]) -> list[dict[str, Any]]:
     return [examine(case, name).figures() for name in tuple(logs) or case.train]
 
 
+def cut(text: str, mark: str) -> list[str]:
+    """Return the text cut at a mark outside brackets, blanks around the parts left out."""
+    parts, depth = [""], 0
+    for character in text:
+        depth += (character in "[(") - (character in ")]")
+        if character == mark and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += character
+    return [part.strip() for part in parts]
+
+
 def estimator_from(case: Case, name: str | None, options: Sequence[str]) -> Estimator:
     """Return the estimator of the case, or the named one, with ``key=value`` options, also behind the name with colons.
 
@@ -173,7 +185,7 @@ def estimator_from(case: Case, name: str | None, options: Sequence[str]) -> Esti
     chosen = case.estimator
     written: list[str] = []
     if name is not None:
-        name, *written = name.split(":")
+        name, *written = cut(name, ":")
     texts: dict[str, str | None] = dict(chosen.options) if name in (None, chosen.name) else {}
     for item in (*written, *options):
         key, equals, value = item.partition("=")

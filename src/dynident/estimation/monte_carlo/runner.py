@@ -62,8 +62,9 @@ def run_tasks(
             missing.append(task)
         else:
             yield task, kept
-    done = _here(work, missing, progress)
-    if jobs > 1 or time_limit is not None:
+    if jobs == 1 and time_limit is None:
+        done = _here(work, missing, progress)
+    else:
         done = _in_processes(work, missing, jobs, time_limit, progress)
     for task, result in done:
         if not result.get("process_died"):
