@@ -21,6 +21,10 @@ GOLDEN = [
         "no joint called 'zzz'; choose one of: shoulder, elbow",
     ),
     (
+        errors.BrokenPart("estimator", "pull", "loading x.pull ends with OSError: no", "mend or uninstall 'x'"),
+        "the estimator 'pull' cannot be used: loading x.pull ends with OSError: no; mend or uninstall 'x'",
+    ),
+    (
         errors.MissingDependency("'rosbag'", "rosbags", "ros"),
         "'rosbag' needs the package 'rosbags'; install it with: pip install 'dynident[ros]'",
     ),

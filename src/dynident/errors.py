@@ -38,6 +38,14 @@ class UnknownChoice(DynidentError):
         super().__init__(f"no {what} called '{name}'; choose one of: {', '.join(choices)}{nearest(name, choices)}")
 
 
+class BrokenPart(DynidentError):
+    """A part that an installed package adds and that cannot be used."""
+
+    def __init__(self, what: str, name: str, evidence: str, step: str) -> None:
+        self.what, self.name, self.evidence, self.step = what, name, evidence, step
+        super().__init__(f"the {what} '{name}' cannot be used: {evidence}; {step}")
+
+
 class MissingDependency(DynidentError):
     """An optional package is needed and not installed."""
 

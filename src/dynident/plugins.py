@@ -1,4 +1,8 @@
-"""How a folder of parts is found: one part per file, chosen by file name, imported when chosen."""
+"""How parts are found: one part per file, chosen by file name, imported when chosen.
+
+A family has the parts of its folder and those that installed packages add, as entry points of the group that is called
+as the folder is: ``[project.entry-points."dynident.model.friction"]`` with ``spring = "my_package.spring"``.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +13,14 @@ import pkgutil
 import sys
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache
 from types import ModuleType
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from dynident.errors import BadOption, UnknownChoice, nearest
+from dynident.errors import BadOption, BrokenPart, UnknownChoice, nearest
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 Part = TypeVar("Part")
 
@@ -28,14 +36,33 @@ class Option:
 
 
 def part_names(package: str) -> tuple[str, ...]:
-    """Return the names of the parts in a folder, sorted; the folder and its parts are not imported.
+    """Return the names of the parts in a folder and in installed packages, sorted; no part is imported.
 
     Args:
-        package: Dotted name of the folder.
+        package: Dotted name of the folder, and of the group of entry points.
 
     Raises:
         ModuleNotFoundError: There is no such folder.
     """
+    return tuple(sorted({*_in_folder(package), *added(package)}))
+
+
+@cache
+def added(package: str) -> Mapping[str, tuple[EntryPoint, ...]]:
+    """Return the parts that installed packages add to a folder, by name; nothing is imported.
+
+    Args:
+        package: Dotted name of the folder, and of the group of entry points.
+    """
+    from importlib.metadata import entry_points
+
+    found: dict[str, tuple[EntryPoint, ...]] = {}
+    for point in entry_points(group=package):
+        found[point.name] = (*found.get(point.name, ()), point)
+    return found
+
+
+def _in_folder(package: str) -> set[str]:
     folder = sys.modules.get(package)
     spec = importlib.util.find_spec(package)
     places = (
@@ -44,11 +71,11 @@ def part_names(package: str) -> tuple[str, ...]:
     if places is None:
         raise ModuleNotFoundError(f"there is no folder of parts '{package}'", name=package)
     found = (module.name for module in pkgutil.iter_modules(places) if not module.ispkg)
-    return tuple(sorted(name for name in found if name != "base" and not name.startswith("_")))
+    return {name for name in found if name != "base" and not name.startswith("_")}
 
 
 class Family(Generic[Part]):
-    """The parts in one folder: file name = name in scripts, case files and on the command line.
+    """The parts of one folder and of installed packages: file name = name in scripts, case files and commands.
 
     Attributes:
         package: Dotted name of the folder.
@@ -68,9 +95,13 @@ class Family(Generic[Part]):
 
         Raises:
             UnknownChoice: The family has no such part.
+            BrokenPart: An installed package adds a part that cannot be loaded, or whose name is taken.
         """
         if name not in self.names():
             raise UnknownChoice(self.noun, name, self.names())
+        points = added(self.package).get(name, ())
+        if points:
+            return self._added(points)
         return self._only_class(importlib.import_module(f"{self.package}.{name}"))
 
     def make(self, choice: str | Part, **options: Any) -> Part:
@@ -124,6 +155,22 @@ class Family(Generic[Part]):
     def summary(self, name: str) -> str:
         """Return the first line of the part's docstring."""
         return (inspect.getdoc(self.get(name)) or "").split("\n", 1)[0]
+
+    def _added(self, points: tuple[EntryPoint, ...]) -> type[Part]:
+        """Return the class of a part that an installed package adds."""
+        name, module = points[0].name, points[0].value
+        origin = f"the package '{points[0].dist.name}'" if points[0].dist else f"'{module}'"
+        if len(points) > 1 or name in _in_folder(self.package):
+            modules = ", ".join(point.value for point in points)
+            raise BrokenPart(self.noun, name, f"{modules} would take a name that is taken", "uninstall what adds it")
+        if module.rsplit(".", 1)[-1] != name:
+            step = f'{origin} must add a module called as the part is: {name} = "....{name}"'
+            raise BrokenPart(self.noun, name, f"its entry point is '{module}'", step)
+        try:
+            return self._only_class(importlib.import_module(module))
+        except Exception as error:
+            evidence = f"loading {module} ends with {type(error).__name__}: {error}"
+            raise BrokenPart(self.noun, name, evidence, f"mend or uninstall {origin}") from error
 
     def _only_class(self, module: ModuleType) -> type[Part]:
         mine = [

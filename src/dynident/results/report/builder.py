@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import inspect
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import jinja2
@@ -18,6 +20,7 @@ from dynident.estimation.estimate import Estimate
 from dynident.estimation.validation import Validation
 from dynident.experiment.log import Log, Source
 from dynident.files import write_atomically
+from dynident.plugins import added
 from dynident.results.plan_view import PlanView
 from dynident.results.report.plan_context import plan_context
 from dynident.results.report.sections import SECTIONS
@@ -278,8 +281,11 @@ def _seen(cell: str) -> str:
 
 @cache
 def _environment() -> jinja2.Environment:
+    beside = {Path(inspect.getfile(SECTIONS.get(name))).parent for name in added(SECTIONS.package)}
     made = jinja2.Environment(
-        loader=jinja2.PackageLoader("dynident.results.report", "templates"),
+        loader=jinja2.ChoiceLoader(
+            [jinja2.PackageLoader("dynident.results.report", "templates"), jinja2.FileSystemLoader(sorted(beside))]
+        ),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

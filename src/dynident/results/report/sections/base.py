@@ -16,7 +16,7 @@ class Section(ABC):
 
     Attributes:
         title: Heading on the page and in its table of contents.
-        template: File in the folder ``templates``.
+        template: File in the folder ``templates``; beside the part's own file where an installed package adds it.
     """
 
     title: ClassVar[str]
