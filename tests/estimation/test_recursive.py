@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dynident.errors import BadOption
 from dynident.estimation.estimators.ols import OLS
@@ -17,7 +19,7 @@ from dynident.experiment.preprocessing.butterworth import Butterworth
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.model.reduction import least_squares
+from dynident.model.reduction import Reduced, least_squares
 
 
 @pytest.fixture(scope="module", params=["given", "filtered"])
@@ -59,14 +61,14 @@ def test_forgetting_weighs_samples_as_written_out(problem):
 def test_rows_one_by_one_and_at_once_are_the_same():
     generator = np.random.default_rng(0)
     matrix, torque = generator.normal(size=(60, 4)), generator.normal(size=60)
-    one = RecursiveLeastSquares(4, 0.95)
+    one, at_once = RecursiveLeastSquares(4, 0.95), RecursiveLeastSquares(4, 0.95)
     for row, value in zip(matrix, torque, strict=True):
-        one = one.update(row[None], [value])
-    at_once = RecursiveLeastSquares(4, 0.95).update(matrix, torque, np.arange(60)[::-1])
-    np.testing.assert_allclose(one.beta, at_once.beta, rtol=1e-12)
-    np.testing.assert_allclose(one.unscaled_covariance, at_once.unscaled_covariance, rtol=1e-10)
+        one.update(row[None], [value])
+    at_once.update(matrix, torque, np.arange(60)[::-1])
+    np.testing.assert_allclose(one.estimate(), at_once.estimate(), rtol=1e-12)
+    np.testing.assert_allclose(one.covariance(), at_once.covariance(), rtol=1e-10)
     weighted = matrix * (0.95 ** np.arange(60)[::-1])[:, None]
-    np.testing.assert_allclose(one.unscaled_covariance, np.linalg.inv(matrix.T @ weighted), rtol=1e-9)
+    np.testing.assert_allclose(one.covariance(), np.linalg.inv(matrix.T @ weighted), rtol=1e-9)
     assert one.samples == at_once.samples == 60
 
 
@@ -76,8 +78,134 @@ def test_it_follows_a_parameter_that_moves():
     for k in range(1000):
         row = generator.normal(size=(1, 2))
         truth = np.array([1.0, 2.0 if k < 500 else 3.0])
-        state = state.update(row, row @ truth + 0.01 * generator.normal(size=1))
-    np.testing.assert_allclose(state.beta, [1.0, 3.0], atol=0.02)
+        state.update(row, row @ truth + 0.01 * generator.normal(size=1))
+    np.testing.assert_allclose(state.estimate(), [1.0, 3.0], atol=0.02)
+
+
+@given(
+    seed=st.integers(0, 10_000),
+    size=st.integers(1, 6),
+    window=st.integers(1, 30),
+    rows=st.integers(1, 3),
+    spread=st.floats(0.0, 4.0),
+)
+def test_a_window_is_least_squares_over_its_rows(seed, size, window, rows, spread):
+    generator = np.random.default_rng(seed)
+    sizes = 10.0 ** generator.uniform(-spread, spread, size)
+    samples = 2 * window + 7
+    matrix = generator.normal(size=(samples, rows, size)) * sizes
+    torque = generator.normal(size=(samples, rows))
+    state = RecursiveLeastSquares(size, window=window)
+    for one, right in zip(matrix, torque, strict=True):
+        state.update(one, right)
+    whole = np.column_stack([matrix[-window:].reshape(-1, size), torque[-window:].ravel()])
+    kept = state.rows_alone
+    found = np.column_stack([kept.r, kept.z])
+    scale = np.append(sizes, 1.0)
+    gram = found.T @ found + np.diag(np.append(np.zeros(size), kept.rest))
+    assert state.held == window
+    np.testing.assert_allclose(
+        gram / np.outer(scale, scale), whole.T @ whole / np.outer(scale, scale), atol=1e-9 * window
+    )
+
+
+def drift_of_rounding(samples: int) -> float:
+    """Return the largest distance of a window's estimate from the batch over its rows, in their deviations."""
+    generator = np.random.default_rng(3)
+    size, window, block = 8, 500, 10_000
+    state, worst = RecursiveLeastSquares(size, window=window), 0.0
+    turn = np.linalg.qr(generator.normal(size=(size, size)))[0] * np.logspace(0, -2, size)  # condition number 100
+    for _ in range(samples // block):
+        matrix = generator.normal(size=(block, size)) @ turn.T
+        torque = matrix @ np.arange(size) + generator.normal(size=block)
+        for row, value in zip(matrix, torque, strict=True):
+            state.update(row[None], value[None])
+        whole, right = matrix[-window:], torque[-window:]
+        error = state.estimate() - np.linalg.lstsq(whole, right)[0]
+        worst = max(worst, float(np.abs(error / np.sqrt(np.diag(np.linalg.inv(whole.T @ whole)))).max()))
+    assert state.rebuilt == 0
+    return worst
+
+
+def test_rounding_does_not_add_up():
+    assert drift_of_rounding(20_000) < 1e-9
+
+
+@pytest.mark.battery
+def test_rounding_does_not_add_up_over_a_million_samples():
+    assert drift_of_rounding(1_000_000) < 1e-9
+
+
+def test_a_row_that_decides_nearly_all_leaves_and_the_rest_is_built_anew():
+    generator = np.random.default_rng(4)
+    state = RecursiveLeastSquares(3, window=10)
+    matrix, torque = generator.normal(size=(14, 3)), generator.normal(size=14)
+    matrix[2] *= 1e9  # it hides sixteen digits of the others
+    for row, value in zip(matrix, torque, strict=True):
+        state.update(row[None], [value])
+    assert state.rebuilt >= 1
+    expected = np.linalg.lstsq(matrix[-10:], torque[-10:])[0]
+    np.testing.assert_allclose(state.estimate(), expected, rtol=1e-9)
+
+
+def plain_covariance_form(rows, torque, forgetting, start=1e6):
+    """Return the textbook recursion of the covariance P (Ljung 1999, (11.16)): the last estimate and P."""
+    beta, p = np.zeros(rows.shape[1]), start * np.eye(rows.shape[1])
+    for row, value in zip(rows, torque, strict=True):
+        gain = p @ row / (forgetting + row @ p @ row)
+        beta, p = beta + gain * (value - row @ beta), (p - np.outer(gain, row @ p)) / forgetting
+    return beta, p
+
+
+def test_the_textbook_recursion_winds_up_and_breaks_where_the_triangle_with_a_prior_stays():
+    """One direction is shown for 300 samples and not for 6000 more: P grows by 0.99^-6000, R0 holds the variance."""
+    generator = np.random.default_rng(5)
+    rows = generator.normal(size=(6300, 3))
+    rows[300:, 2] = rows[300:, 1]  # from here on nothing tells the last two apart
+    torque = rows @ [1.0, 2.0, 3.0] + 0.1 * generator.normal(size=6300)
+    with np.errstate(all="ignore"):
+        beta, p = plain_covariance_form(rows, torque, 0.99)
+    assert np.abs(p).max() > 1e12 and np.linalg.eigvalsh(0.5 * (p + p.T))[0] < 0  # no covariance any more
+    assert np.abs(p - p.T).max() > 1.0 and np.abs(beta - [1.0, 2.0, 3.0]).max() > 100.0
+    deviations = np.array([0.5, 0.5, 0.5]) / 0.1  # in units of the noise, as the rows
+    prior = Reduced(np.diag(1 / deviations), np.array([1.0, 2.0, 3.0]) / deviations, 0.0, 0)
+    state = RecursiveLeastSquares(3, 0.99, prior=prior)
+    for row, value in zip(rows / 0.1, torque / 0.1, strict=True):
+        state.update(row[None], [value])
+    spread = 0.1 * np.sqrt(np.diag(state.covariance()))
+    np.testing.assert_allclose(state.estimate(), [1.0, 2.0, 3.0], atol=0.05)
+    assert np.all(spread <= 0.1 * deviations) and spread[2] > 0.6 * np.sqrt(0.5) * 0.1 * deviations[2]
+
+
+def test_what_no_row_shows_any_more_goes_back_to_what_was_known():
+    """The recursion of Kulhavy and Zarrop, L <- lambda L + (1 - lambda) L0 and rows, written out with matrices."""
+    generator = np.random.default_rng(6)
+    root = np.triu(generator.normal(size=(3, 3))) + 3 * np.eye(3)
+    mean, forgetting = np.array([1.0, -1.0, 0.5]), 0.9
+    state = RecursiveLeastSquares(3, forgetting, prior=Reduced(root, root @ mean, 0.0, 0))
+    information, vector = root.T @ root, root.T @ root @ mean
+    for k in range(400):
+        row = generator.normal(size=(1, 3)) if k < 100 else np.zeros((1, 3))
+        value = generator.normal(size=1)
+        information = forgetting * information + (1 - forgetting) * root.T @ root + row.T @ row
+        vector = forgetting * vector + (1 - forgetting) * root.T @ root @ mean + row.T @ value
+        state.update(row, value)
+        if k == 120:
+            np.testing.assert_allclose(state.estimate(), np.linalg.solve(information, vector), rtol=1e-9)
+            np.testing.assert_allclose(state.covariance(), np.linalg.inv(information), rtol=1e-9)
+    np.testing.assert_allclose(state.estimate(), mean, atol=1e-10)
+    np.testing.assert_allclose(state.covariance(), np.linalg.inv(root.T @ root), rtol=1e-9)
+
+
+def test_clearing_leaves_what_is_known_beforehand():
+    state = RecursiveLeastSquares(1, window=3, prior=Reduced(np.eye(1), np.array([2.0]), 0.0, 0))
+    for _ in range(5):
+        state.update([[1.0]], [4.0])
+    np.testing.assert_allclose(state.estimate(), [3.5])
+    state.clear()
+    np.testing.assert_allclose(state.estimate(), [2.0])
+    state.update([[1.0]], [4.0])
+    np.testing.assert_allclose(state.estimate(), [3.0])
 
 
 def test_what_it_refuses():
@@ -87,6 +215,16 @@ def test_what_it_refuses():
         RLS(1.5)
     with pytest.raises(BadOption, match="size = 0"):
         RecursiveLeastSquares(0)
+    with pytest.raises(BadOption, match="window = 0"):
+        RecursiveLeastSquares(2, window=0)
+    with pytest.raises(BadOption, match="not both"):
+        RecursiveLeastSquares(2, 0.9, window=5)
+    with pytest.raises(BadOption, match="of 1 parameters"):
+        RecursiveLeastSquares(2, prior=Reduced(np.eye(1), np.zeros(1), 0.0, 0))
     with pytest.raises(ValueError, match="rows of shape"):
         RecursiveLeastSquares(2).update(np.zeros((3, 3)), np.zeros(3))
-    np.testing.assert_array_equal(RecursiveLeastSquares(2).beta, [0.0, 0.0])
+    state = RecursiveLeastSquares(2)
+    with pytest.raises(ValueError, match="not a number"):
+        state.update([[1.0, np.nan]], [1.0])
+    assert state.samples == 0
+    np.testing.assert_array_equal(state.estimate(), [0.0, 0.0])

@@ -59,14 +59,15 @@ class RLS(Estimator):
         seen: list[tuple[int, Array, float]] = []
         every = max(1, problem.samples // POINTS)
         for matrix, torque, joint, age in _batches(problem, min(BATCH, every)):
-            state = state.update(matrix * weights[joint, None], torque * weights[joint], age)
+            state.update(matrix * weights[joint, None], torque * weights[joint], age)
             if not seen or state.samples >= seen[-1][0] + every or state.samples == problem.samples:
-                seen.append((state.samples, state.beta, state.reduced.rest))
+                seen.append((state.samples, state.estimate(), state.reduced.rest))
         news = self._news(problem, seen)
+        beta = state.estimate()
         if self.forgetting == 1:
-            return Solution(state.beta, weights, extras=news)
-        sure = self._uncertainty(problem, whole, state.unscaled_covariance, weights)
-        return Solution(state.beta, weights, covariance=sure.covariance, degrees=sure.degrees, extras=news)
+            return Solution(beta, weights, extras=news)
+        sure = self._uncertainty(problem, whole, state.covariance(), weights)
+        return Solution(beta, weights, covariance=sure.covariance, degrees=sure.degrees, extras=news)
 
     def _uncertainty(self, problem: Problem, whole: Solution, inverse: Array, weights: Array) -> Uncertainty:
         """Return the covariance of a memory that fades: rows times what is left of them, noise of the fit of all."""
