@@ -55,7 +55,7 @@ def test_the_other_shells_take_it(shell: str) -> None:
     if program is None:
         pytest.skip(f"there is no {shell} to complete in")
     text = completion(build_parser(), shell)
-    done = subprocess.run([program, "--no-execute"], input=text, capture_output=True, text=True, check=False)
+    done = subprocess.run([program, "-n"], input=text, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
