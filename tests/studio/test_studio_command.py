@@ -9,13 +9,14 @@ import sys
 import time
 import urllib.parse
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from dynident.cli.main import main
+from dynident.cli.studio import _endings
 
 COMMAND = [sys.executable, "-m", "dynident", "studio", "--no-browser"]
 
@@ -31,9 +32,11 @@ def signals_reach_children() -> Iterator[None]:
 
 
 @contextmanager
-def _serving(*options: str) -> Iterator[tuple[subprocess.Popen[str], str, Path]]:
+def _serving(*options: str, before: Sequence[str] = ()) -> Iterator[tuple[subprocess.Popen[str], str, Path]]:
     """A studio of its own process, with its address and its folder; it is gone at the end, whatever becomes of it."""
-    with subprocess.Popen([*COMMAND, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        [*before, *COMMAND, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
         try:
             assert process.stdout is not None and process.stderr is not None
             address = process.stdout.readline().strip()
@@ -86,6 +89,26 @@ def test_it_serves_until_it_is_ended(name: str) -> None:
     assert not folder.exists()
 
 
+@pytest.mark.usefixtures("signals_reach_children")
+def test_what_ends_it_is_noted_and_raised_nowhere() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with _endings() as asked:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+        assert asked == [signal.SIGINT, signal.SIGTERM]
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.usefixtures("signals_reach_children")
+def test_what_is_ignored_stays_ignored_but_for_sigterm() -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    with _endings() as asked:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+    assert asked == [signal.SIGTERM]
+
+
 @pytest.mark.battery
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="processes are looked up in /proc")
 @pytest.mark.usefixtures("signals_reach_children")
@@ -97,6 +120,24 @@ def test_a_command_that_runs_ends_with_the_studio(number: signal.Signals, tmp_pa
         assert children
         process.send_signal(number)
         process.wait(30)
+        assert _gone(children)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.battery
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="processes are looked up in /proc")
+@pytest.mark.usefixtures("signals_reach_children")
+def test_in_the_background_of_a_script_sigterm_ends_it_with_its_command(tmp_path: Path) -> None:
+    ignoring = ("sh", "-c", 'trap "" INT; exec "$@"', "sh")
+    with _serving("--work", str(tmp_path), before=ignoring) as (process, address, _):
+        _started(address)
+        children = _children(process)
+        assert children
+        process.send_signal(signal.SIGINT)
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(2)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == 0
         assert _gone(children)
     assert list(tmp_path.iterdir()) == []
 

@@ -12,6 +12,8 @@ it the session has a folder of its own, which is removed at the end: download wh
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 SUMMARY = "the whole job in a local web page"
 
@@ -32,9 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    import contextlib
-    import signal
-    import threading
+    import time
     import webbrowser
 
     from dynident.cli import console
@@ -42,9 +42,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.studio.assets import three_js
     from dynident.studio.server import studio
 
-    with contextlib.suppress(KeyboardInterrupt), studio(options.port, options.work, options.max_upload) as running:
-        for number in _endings():  # before the address is told: commands and folder go with the studio
-            signal.signal(number, signal.default_int_handler)
+    with _endings() as asked, studio(options.port, options.work, options.max_upload) as running:
         console.answer(running.address)
         console.remark("open this address; it works on this machine only. Ctrl-C ends the studio")
         console.remark(f"files: {running.session.folder.path}{'' if options.work else ' (removed at the end)'}")
@@ -52,18 +50,31 @@ def run(options: argparse.Namespace) -> int:
             three_js()
         except MissingDependency as error:
             console.remark(f"no 3D view: {error}")
-        if not options.no_browser:
+        if not options.no_browser and not asked:
             webbrowser.open(running.address)
-        threading.Event().wait()
+        while not asked:
+            time.sleep(0.2)
     return 0
 
 
-def _endings() -> list[int]:
-    """Return the signals that end the studio as Ctrl-C does: SIGTERM, and SIGHUP unless it is ignored (nohup)."""
+@contextmanager
+def _endings() -> Iterator[list[int]]:
+    """Collect the signals that ask for the end: SIGINT, SIGTERM and SIGHUP.
+
+    They only make the list longer. An exception out of a signal's handler can leave a lock held for good, that of the
+    imports for one, and what the other threads of the studio wait for then never comes. SIGINT and SIGHUP stay ignored
+    where they are: so are they started with nohup, or in the background of a script.
+    """
     import signal
 
-    found: list[int] = [signal.SIGTERM]
-    hang_up = getattr(signal, "SIGHUP", None)
-    if hang_up is not None and signal.getsignal(hang_up) is signal.SIG_DFL:
-        found.append(hang_up)
-    return found
+    asked: list[int] = []
+    before = []
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and (name == "SIGTERM" or signal.getsignal(number) is not signal.SIG_IGN):
+            before.append((number, signal.signal(number, lambda number, frame: asked.append(number))))
+    try:
+        yield asked
+    finally:
+        for number, handler in before:
+            signal.signal(number, handler)

@@ -1,7 +1,9 @@
 """A command of the studio as a process: it ends with the studio, even where that is killed.
 
-``python -m dynident.studio.child ARGUMENTS`` is ``dynident ARGUMENTS`` with one difference: its standard input is a
-pipe that the studio holds open. When the studio is gone, however it went, the system closes the pipe.
+``python -m dynident.studio.child ARGUMENTS`` is ``dynident ARGUMENTS`` with two differences. Its standard input is a
+pipe that the studio holds open: when the studio is gone, however it went, the system closes the pipe. And SIGINT, by
+which the studio cancels it, ends it also where the studio was started with SIGINT ignored, as in the background of a
+script: a command has a session of its own, so that no terminal sends it this signal.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ def _end_with_the_studio() -> None:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     threading.Thread(target=_end_with_the_studio, daemon=True).start()
     sys.argv[0] = "dynident"
     runpy.run_module("dynident", run_name="__main__", alter_sys=False)

@@ -45,7 +45,9 @@ export function robotOf(THREE, scene) {
     if (link.body.axes && link.body.centre) {
       // A body larger than the robot would hide it: only its net is drawn.
       const vast = Math.max(...link.body.axes) > 0.6 * size;
-      add("ellipsoids", movers[i], ellipsoid(THREE, link.body, vast ? materials.vast : materials.body));
+      const shown = ellipsoid(THREE, link.body, vast ? materials.vast : materials.body);
+      shown.userData.vast = vast;
+      add("ellipsoids", movers[i], shown);
     }
   });
   for (const capsule of scene.base_capsules) add("capsules", root, capsuleOf(THREE, capsule, materials.capsule));
@@ -81,7 +83,8 @@ export function extent(THREE, robot) {
   const box = new THREE.Box3();
   box.expandByPoint(new THREE.Vector3(0, 0, 0));
   for (const mover of robot.movers) box.expandByPoint(mover.getWorldPosition(new THREE.Vector3()));
-  for (const object of robot.layers.capsules) box.expandByObject(object);
+  const bodies = robot.layers.ellipsoids.filter((one) => !one.userData.vast);
+  for (const object of [...robot.layers.capsules, ...bodies]) box.expandByObject(object);
   box.expandByPoint(toolPoint(THREE, robot));
   return box.getBoundingSphere(new THREE.Sphere());
 }

@@ -31,7 +31,7 @@ export class Stage3D {
     viewer.mount(this.place);
     this.layers.querySelectorAll("input").forEach((box, k) => { box.checked = viewer.shown[Object.keys(LAYERS)[k]]; });
     options(this.choice, [{ value: "", text: "none" }, ...this.motions()]);
-    if (this.scene) viewer.load(this.scene).then(() => this.restore());
+    if (this.scene) viewer.load(this.scene, this.positions).then(() => this.restore());
   }
 
   leave() {
@@ -45,7 +45,7 @@ export class Stage3D {
     this.scene = scene;
     this.positions = scene.joints.map((joint) => start(joint));
     this.build();
-    await viewer.load(scene);
+    await viewer.load(scene, this.positions);
     this.restore();
     return scene;
   }
@@ -80,7 +80,7 @@ export class Stage3D {
     const joint = this.scene.joints[k];
     const turns = joint.kind === "revolute";
     const value = turns ? (this.positions[k] * 180) / Math.PI : this.positions[k];
-    fill(this.inputs[k].told, `${value.toFixed(turns ? 1 : 3)}${turns ? "°" : " m"}`);
+    fill(this.inputs[k].told, `${value.toFixed(turns ? 1 : 3).replace("-", "−")}${turns ? "°" : " m"}`);
   }
 
   async open(file) {

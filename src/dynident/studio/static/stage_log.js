@@ -66,7 +66,7 @@ function tell(place, found) {
   const rows = found.header.map((column, k) => {
     const range = found.ranges[k];
     const first = found.first.map((row) => el("span", { class: "cell" }, number(row[k], 6)));
-    return [name(column), range ? number(range.lowest) : "–", range ? number(range.largest) : "–", range && range.bad ? number(range.bad) : "", first];
+    return [name(column), range ? number(range.lowest) : "–", range ? number(range.largest) : "–", range ? number(range.bad) : "–", first];
   });
   const count = found.rows === null ? "too large to be drawn here" : `${found.rows} rows`;
   fill(place,

@@ -66,14 +66,14 @@ class Viewer {
     new ResizeObserver(() => this.resize()).observe(this.place);
   }
 
-  async load(scene) {
+  async load(scene, positions) {
     await this.start();
-    if (this.failed) return;
+    if (this.failed || this.robot?.scene === scene) return; // who comes back finds the view as it was
     const { THREE } = this;
-    if (this.robot) this.world.remove(this.robot.root, this.grid);
+    if (this.robot) this.remove(this.robot.root, this.grid);
     this.robot = robotOf(THREE, scene);
     this.world.add(this.robot.root);
-    setPositions(THREE, this.robot, this.robot.positions);
+    setPositions(THREE, this.robot, positions);
     const around = extent(THREE, this.robot);
     const step = 10 ** Math.floor(Math.log10(Math.max(around.radius, 0.05)));
     const half = Math.ceil((around.radius * 1.6) / step);
@@ -85,6 +85,11 @@ class Viewer {
     for (const [layer, on] of Object.entries(this.shown)) this.show(layer, on);
     this.reach = Math.max(around.radius, 0.05);
     this.orbit.frame(around.center.toArray(), this.reach);
+  }
+
+  remove(...objects) {
+    this.world.remove(...objects);
+    for (const object of objects) object.traverse((one) => [one.geometry, one.material].forEach((part) => part?.dispose()));
   }
 
   show(layer, on) {
@@ -119,7 +124,7 @@ class Viewer {
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
-    this.draw();
+    this.renderer.render(this.world, this.camera); // at once: a canvas of another size is empty
   }
 
   draw() {
