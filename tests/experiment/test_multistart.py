@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import pickle
 import subprocess
 import sys
@@ -70,23 +71,23 @@ def test_ctrl_c_ends_the_workers_at_once(model: DynamicModel) -> None:
     with pytest.raises(KeyboardInterrupt):
         design_excitation(model, **{**QUICK, "starts": 200}, jobs=2, progress=stop)
     assert not [thread for thread in set(threading.enumerate()) - before if "QueueFeeder" in thread.name]
-    assert not multistart.multiprocessing.active_children()
+    assert not multiprocessing.active_children()
 
 
 _PARENT = """
-import multiprocessing, time
-from dynident.experiment.design.multistart import _begin
+import time
+from dynident.workers.processes import Processes
 
-def work(news, stop):
-    _begin(None, 0, news, stop)
-    print("ready", flush=True)
-    time.sleep(60)
+class Sleep:
+    def prepare(self):
+        pass
+
+    def do(self, task, tell):
+        print("ready", flush=True)
+        time.sleep(60)
 
 if __name__ == "__main__":
-    context = multiprocessing.get_context("spawn")
-    news, stop = context.Queue(), context.Event()
-    context.Process(target=work, args=(news, stop)).start()
-    time.sleep(60)
+    list(Processes(1).run(Sleep(), [0]))
 """
 
 

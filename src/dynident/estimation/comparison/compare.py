@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
 
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
 from dynident.estimation.comparison.contest import Contest, Method, Outcome
-from dynident.estimation.comparison.method_processes import in_processes
 from dynident.estimation.identify import preparation_of
 from dynident.estimation.problem import Problem
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import preprocess
+from dynident.workers.pool import Tell, local_pool
 
 
 def contest_of(problem: Problem, tests: Sequence[Log] = (), truth: Array | None = None) -> Contest:
@@ -58,12 +60,30 @@ def compare(
         BadOption: A time limit or a number of jobs that cannot be.
         SolverFailed: Worker processes cannot be started.
     """
-    if time_limit is None and jobs == 1:
-        for number, method in enumerate(methods, start=1):
-            progress(f"{method.label} ({number} of {len(methods)})")
-            yield contest.attempt(method)
-        return
-    yield from in_processes(contest, methods, time_limit, jobs, progress)
+    numbers = {id(method): number for number, method in enumerate(methods, start=1)}
+
+    def begins(method: Method) -> None:
+        progress(f"{method.label} ({numbers[id(method)]} of {len(methods)})")
+
+    pool = local_pool(jobs, time_limit)
+    with closing(pool.run(_Attempts(contest), methods, time_limit=time_limit, begins=begins)) as ended:
+        for done in ended:
+            yield done.result or Outcome(done.task.label, done.seconds, failure=done.failure)
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempts:
+    """Methods of a contest as pools take them."""
+
+    contest: Contest
+
+    def prepare(self) -> None:
+        """Compile what all methods share before the clock of the first one begins."""
+        _ = self.contest.least
+
+    def do(self, task: Method, tell: Tell) -> Outcome:
+        """Return what a method comes to."""
+        return self.contest.attempt(task)
 
 
 def ranked(outcomes: Sequence[Outcome]) -> list[Outcome]:

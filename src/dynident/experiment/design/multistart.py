@@ -1,27 +1,17 @@
-"""All starts of an excitation design, in this process or in several; the result does not depend on how many."""
+"""All starts of an excitation design, in this process or by workers; the result does not depend on how many."""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import queue
-import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from dataclasses import dataclass
-from typing import Any
-
-from threadpoolctl import threadpool_limits
 
 from dynident.errors import BadOption, SolverFailed
 from dynident.experiment.design.design_problem import DesignProblem
 from dynident.experiment.design.start import News, StartResult, run_start
-from dynident.workers import end_with_parent
-
-#: Time in s between two looks at the news of the workers.
-_LOOK = 0.1
+from dynident.workers.pool import Pool, Tell, local_pool
 
 
 @dataclass(frozen=True)
@@ -62,6 +52,7 @@ class Search:
         time_limit: Time in s after which the best so far is taken.
         jobs: Number of processes; 1 for this one.
         done: Starts that are known already, by number.
+        pool: Where starts are run in place of ``jobs`` processes.
     """
 
     problem: DesignProblem
@@ -70,6 +61,7 @@ class Search:
     time_limit: float
     jobs: int
     done: Mapping[int, StartResult]
+    pool: Pool | None = None
 
 
 def run_starts(
@@ -88,25 +80,35 @@ def run_starts(
     Raises:
         SolverFailed: A worker process died.
     """
-    missing = [k for k in range(1, search.starts + 1) if k not in search.done]
     found = {k: search.done[k] for k in range(1, search.starts + 1) if k in search.done}
     watch = _Watch(search, progress, dict(found))
-    jobs = min(search.jobs, len(missing))
-    for result in _in_processes(search, missing, jobs, watch) if jobs > 1 else _here(search, missing, watch):
-        found[result.start] = result
-        if result.whole:  # kept before it is told: who stops the search at the news does not lose the start
-            keep(result)
-        watch.finished(result)
+    jobs = max(1, min(search.jobs, search.starts - len(found)))
+    pool = search.pool or local_pool(jobs)
+    with closing(pool.run(_Starts(search.problem, search.seed), _tasks(search, watch), news=watch.tell)) as ended:
+        for done in ended:
+            if done.failure:
+                step = "give --jobs 1, or look whether the machine ran out of memory"
+                raise SolverFailed("excitation design", f"a worker process died ({done.failure})", step)
+            result: StartResult = done.result
+            found[result.start] = result
+            if result.whole:  # kept before it is told: who stops the search at the news does not lose the start
+                keep(result)
+            watch.finished(result)
     return [found[k] for k in sorted(found)]
 
 
 class _Watch:
-    """The clock and the news of all starts."""
+    """The clock and the news of all starts.
+
+    Attributes:
+        has_some: Whether there is a motion to be taken when the time is over.
+    """
 
     def __init__(self, search: Search, progress: Callable[[SearchState], None], found: dict[int, StartResult]) -> None:
         self._search, self._progress, self._begun = search, progress, time.perf_counter()
         self._counts = dict.fromkeys(found, 0)  # those of an earlier run do not count as this run's work
         self._finished = len(found)
+        self.has_some = bool(found)
         self._last: dict[int, News] = {}
 
     def left(self) -> float:
@@ -121,6 +123,7 @@ class _Watch:
     def finished(self, result: StartResult) -> None:
         """Count a start as done."""
         self._finished += 1
+        self.has_some = self.has_some or bool(result.candidates)
         self._counts[result.start] = result.evaluations
         larger = self._search.problem.criterion.larger_is_better
         figures = [-one.figure if larger else one.figure for one in result.candidates]
@@ -143,87 +146,30 @@ class _Watch:
         )
 
 
-def _here(search: Search, missing: list[int], watch: _Watch) -> Iterator[StartResult]:
-    """Yield the results of the starts, one after the other."""
-    yielded = bool(search.done)
-    for number in missing:
-        if yielded and watch.left() == 0.0:
+def _tasks(search: Search, watch: _Watch) -> Iterator[tuple[int, float]]:
+    """Yield the starts that are missing and the time that each has, until there is no time left."""
+    for number in range(1, search.starts + 1):
+        if number in search.done:
+            continue
+        if watch.has_some and watch.left() == 0.0:
             return
-        result = run_start(search.problem, number, search.seed, watch.left(), watch.tell)
-        yielded = yielded or bool(result.candidates)
-        yield result
+        yield number, watch.left()
 
 
-def _in_processes(search: Search, missing: list[int], jobs: int, watch: _Watch) -> Iterator[StartResult]:
-    """Yield the results of the starts as worker processes finish them."""
-    context = multiprocessing.get_context("spawn")
-    news: Any = context.Queue()
-    stop = context.Event()
-    waiting = list(missing)
-    running: set[Future[StartResult]] = set()
-    yielded = bool(search.done)
-    pool = ProcessPoolExecutor(jobs, context, _begin, (search.problem, search.seed, news, stop))
-    try:
-        while waiting or running:
-            while waiting and len(running) < jobs and not (yielded and watch.left() == 0.0):
-                running.add(pool.submit(_work, waiting.pop(0), watch.left()))
-            if not running:
-                return
-            ended, running = wait(running, timeout=_LOOK, return_when=FIRST_COMPLETED)
-            _pass_on(news, watch)
-            for future in ended:
-                result = future.result()
-                yielded = yielded or bool(result.candidates)
-                yield result
-    except BrokenProcessPool as error:
-        step = "give --jobs 1, or look whether the machine ran out of memory"
-        raise SolverFailed("excitation design", "a worker process died", step) from error
-    finally:
-        stop.set()
-        pool.shutdown(wait=True, cancel_futures=True)
-        news.close()
-        news.cancel_join_thread()
-
-
-def _pass_on(news: Any, watch: _Watch) -> None:
-    while True:
-        try:
-            watch.tell(news.get_nowait())
-        except queue.Empty:
-            return
-
-
-class _Worker:
-    """What a worker process has: the problem, once, and the way back."""
+@dataclass(frozen=True, eq=False)
+class _Starts:
+    """Starts of a search as pools take them; a task is the number of a start and its time in s."""
 
     problem: DesignProblem
     seed: int
-    news: Any
-    stop: Any
 
+    def prepare(self) -> None:
+        """Do nothing: a start has its time from when it is handed out."""
 
-class _Stopped(Exception):
-    """The search was ended from outside."""
-
-
-def _begin(problem: DesignProblem, seed: int, news: Any, stop: Any) -> None:
-    """Set a worker process up: one thread, and Ctrl-C left to the process that the user sees."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()
-    news.cancel_join_thread()  # news that nobody reads any more must not keep the process alive
-    threadpool_limits(1)
-    _Worker.problem, _Worker.seed, _Worker.news, _Worker.stop = problem, seed, news, stop
-
-
-def _work(number: int, seconds: float) -> StartResult:
-    """Run one start in a worker process."""
-
-    def tell(one: News) -> None:
-        if _Worker.stop.is_set():
-            raise _Stopped
-        _Worker.news.put(one)
-
-    return run_start(_Worker.problem, number, _Worker.seed, seconds, tell)
+    def do(self, task: tuple[int, float], tell: Tell) -> StartResult:
+        """Return what a start finds."""
+        number, seconds = task
+        return run_start(self.problem, number, self.seed, seconds, tell)
 
 
 def checked_jobs(jobs: int | None) -> int:

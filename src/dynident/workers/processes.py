@@ -1,0 +1,162 @@
+"""Processes of this machine; one that is over its time is ended, and another takes its place."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+import time
+from collections.abc import Generator, Iterable, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from dynident.errors import SolverFailed
+from dynident.workers.lifetime import end_with_parent
+from dynident.workers.pool import Done, Pool, Tell, Work
+
+#: What a worker says: that it stands ready, something on its way, a result, or what the work raised.
+_READY, _NEWS, _RESULT, _RAISED = "ready", "news", "result", "raised"
+
+_NO_TASK: Any = object()
+
+
+@dataclass(frozen=True)
+class Processes(Pool):
+    """Processes of this machine, each with one thread, that take one task after the other.
+
+    A task that is over its time, or whose process dies, fails. The clock of a task begins when its process stands
+    ready. Processes are ended when the caller stops asking, and when the process that began them is gone.
+
+    Attributes:
+        jobs: Processes that run at a time.
+    """
+
+    jobs: int
+
+    def run(
+        self,
+        work: Work,
+        tasks: Iterable[Any],
+        *,
+        time_limit: float | None = None,
+        begins: Tell = lambda task: None,
+        news: Tell = lambda said: None,
+    ) -> Generator[Done, None, None]:
+        """Yield tasks as they end; see :meth:`Pool.run`."""
+        waiting = iter(tasks)
+        workers: list[_Worker] = []
+        try:
+            while True:
+                while len(workers) < self.jobs and (task := next(waiting, _NO_TASK)) is not _NO_TASK:
+                    workers.append(_Worker(work, task))
+                if not workers:
+                    return
+                for worker in _with_news(workers, time_limit):
+                    kind, said = worker.heard(time_limit)
+                    if kind == _NEWS:
+                        news(said)
+                        continue
+                    if kind == _RESULT:
+                        yield said
+                        worker.task = _NO_TASK if worker.ended else next(waiting, _NO_TASK)
+                    if worker.task is _NO_TASK:
+                        worker.end()
+                        workers.remove(worker)
+                    else:
+                        begins(worker.task)
+                        worker.begin()
+        finally:
+            for worker in workers:
+                worker.end()
+
+
+def _with_news(workers: Sequence[_Worker], time_limit: float | None) -> list[_Worker]:
+    """Return the workers that have said something, have ended or are over their time; wait until there is one."""
+    begun = [worker.begun for worker in workers if worker.begun is not None]
+    patience = max(min(begun) + time_limit - time.monotonic(), 0.0) if begun and time_limit is not None else None
+    speaking = set(map(id, wait([worker.pipe for worker in workers], patience)))
+    return [worker for worker in workers if id(worker.pipe) in speaking or worker.overdue(time_limit)]
+
+
+class _Worker:
+    """A process that takes one task after the other.
+
+    Attributes:
+        pipe: The way to it.
+        task: What it works on, or will when it stands ready.
+        begun: When it began that, on the monotonic clock; None before.
+        ended: Whether it is of no more use.
+    """
+
+    def __init__(self, work: Work, task: Any) -> None:
+        context: Any = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.task = task
+        self.begun: float | None = None
+        self.ended = False
+        self._process = context.Process(target=_serve, args=(theirs, work), daemon=True)
+        self._process.start()
+        theirs.close()  # so that the end of the process is the end of the pipe
+
+    def begin(self) -> None:
+        """Hand it its task."""
+        self.pipe.send(self.task)
+        self.begun = time.monotonic()
+
+    def overdue(self, time_limit: float | None) -> bool:
+        """Return whether its task is over its time."""
+        return self.begun is not None and time_limit is not None and time.monotonic() - self.begun >= time_limit
+
+    def heard(self, time_limit: float | None) -> tuple[str, Any]:
+        """Return what it says, a :class:`Done` with a result; what the work raised is raised."""
+        seconds = 0.0 if self.begun is None else time.monotonic() - self.begun
+        if not self.pipe.poll():  # it has said nothing, so it is over its time
+            self.ended, self.begun = True, None
+            failure = f"ended at the time limit of {time_limit:g} s"
+            return _RESULT, Done(self.task, seconds, failure=failure, late=True)
+        try:
+            kind, said = self.pipe.recv()
+        except EOFError:
+            return _RESULT, self._died(seconds)
+        if kind == _RAISED:
+            raise said
+        if kind == _RESULT:
+            self.begun = None
+            said = Done(self.task, seconds, said)
+        return kind, said
+
+    def _died(self, seconds: float) -> Done:
+        self._process.join()
+        code = self._process.exitcode
+        if self.begun is None:
+            step = "do all in this process: one job, no time limit"
+            raise SolverFailed("a worker process", f"it ended with code {code} before it began", step) from None
+        self.ended, self.begun = True, None
+        return Done(self.task, seconds, failure=f"its process ended with code {code}: out of memory?")
+
+    def end(self) -> None:
+        """End the process, whatever it does."""
+        self._process.kill()
+        self._process.join()
+        self.pipe.close()
+
+
+def _serve(pipe: Connection, work: Work) -> None:
+    """Do tasks in a worker process: one thread, and Ctrl-C left to the process that the user sees."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threadpool_limits(1)
+    end_with_parent()
+    work.prepare()
+    pipe.send((_READY, None))
+    while True:
+        try:
+            task = pipe.recv()
+        except EOFError:
+            return
+        try:
+            answer = _RESULT, work.do(task, lambda said: pipe.send((_NEWS, said)))
+        except Exception as error:  # told to the process that the user sees, which raises it
+            answer = _RAISED, error
+        pipe.send(answer)
