@@ -46,5 +46,7 @@ def thinned_rows(
         make(slice(low, low + length), blocks)
         for block, out in zip(blocks, folded, strict=True):
             thin.fold(block[:-1], out, first, many)
-    places = (keep - begin) // every
+    places: IntArray | slice = (keep - begin) // every
+    if places[-1] - places[0] == len(places) - 1:  # no gap: a view in place of a copy
+        places = slice(places[0], places[-1] + 1)
     return [thin.settle(rows)[:, places] for rows in folded]

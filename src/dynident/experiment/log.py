@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -87,7 +88,7 @@ class Log:
         """Time from the first to the last sample, in s."""
         return float(self.time[-1] - self.time[0]) if self.samples > 1 else 0.0
 
-    @property
+    @cached_property
     def rate(self) -> float:
         """Samples per second by the median step, in Hz."""
         return 1.0 / float(np.median(np.diff(self.time)))

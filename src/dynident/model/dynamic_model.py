@@ -118,7 +118,8 @@ class DynamicModel:
     ) -> Sequence[Array]:
         """Return ``count`` arrays (N, n, k) of what each part has at the drives that it acts on."""
         at = motion.at_motors(np.asarray(self.robot.coupling)) if self.robot.is_coupled else motion
-        found = [np.zeros((*motion.dq.shape, self.coefficients_per_joint)) for _ in range(count)]
+        shape = (self.coefficients_per_joint, motion.dq.shape[1], len(motion.dq))
+        found = [np.zeros(shape).T for _ in range(count)]  # the samples of a column stand side by side
         start = 0
         for part in self.friction:
             own = slice(start, start + len(part.coefficients))

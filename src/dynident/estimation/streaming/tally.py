@@ -128,7 +128,8 @@ class Tally:
 
     def _add_joint(self, i: int, kind: int, rows: Array, extra: Array) -> None:
         size = len(rows)
-        self._products[i][kind, :, :size] += extra @ rows.T
+        sums = extra @ rows.T
+        self._products[i][kind, :, :size] += sums
         self._products[i][kind, :, size:] += extra @ extra.T
         for start in range(0, rows.shape[1], CHUNK):
             panel = np.array(rows[:, start : start + CHUNK], order="C").T  # it is overwritten
@@ -139,7 +140,7 @@ class Tally:
         if kind:
             self._rested[i] += rows.shape[1]
         else:
-            self._sums[i][-1] = self._sums[i][-1] + rows.sum(axis=1)
+            self._sums[i][-1] = self._sums[i][-1] + sums[0]
             self._counts[i][-1] += rows.shape[1]
 
     def _begin(self, i: int, size: int) -> None:
@@ -169,10 +170,10 @@ class Tally:
 
     def _add_states(self, window: Window) -> None:
         log, own = window.prepared.log, window.inner
-        states = np.concatenate([log.q, np.asarray(log.dq), np.asarray(log.ddq)], axis=1)
-        used, q = states[window.prepared.keep], log.q[own]
+        kept, q = window.prepared.kept, log.q[own]
+        used = np.concatenate([kept.q, np.asarray(kept.dq), np.asarray(kept.ddq)], axis=1)
         torque = np.asarray(log.torque if log.raw_torque is None else log.raw_torque)[own]
-        width = states.shape[1]
+        width = used.shape[1]
         mean = used.mean(axis=0) if len(used) else np.zeros(width)
         fresh = States(
             count=len(used),

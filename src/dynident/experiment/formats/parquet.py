@@ -55,7 +55,7 @@ class ParquetTable(Table):
         file = _opened(self.path, _BUFFER)
         for batch in _batches(self.path, file, rows, list(dict.fromkeys(p.array for p in places))):
             arrays = {name: self._numbers(batch.column(name), name, start) for name in batch.schema.names}
-            found = np.empty((batch.num_rows, len(names)))
+            found = np.empty((len(names), batch.num_rows)).T  # each column in one piece
             for k, place in enumerate(places):
                 array = arrays[place.array]
                 found[:, k] = array if place.index is None else array[:, place.index]

@@ -49,19 +49,36 @@ def _begin(state: Array, start: Array, value: Array) -> None:
 
 @inlined
 def _run(block: Array, first: int, last: int, step: int, sections: Array, state: Array) -> None:
-    """Filter rows first, first + step, ... before last of a block (rows, lanes) in place."""
-    for s in range(len(sections)):
+    """Filter rows first, first + step, ... before last of a block (rows, lanes) in place, two sections at a time.
+
+    Each section waits for its own last result, so two of them take the time of one.
+    """
+    count = len(sections)
+    for s in range(0, count - 1, 2):
         b0, b1, b2 = sections[s, 0], sections[s, 1], sections[s, 2]
         a1, a2 = sections[s, 4], sections[s, 5]
-        early, late = state[s, 0], state[s, 1]
+        d0, d1, d2 = sections[s + 1, 0], sections[s + 1, 1], sections[s + 1, 2]
+        c1, c2 = sections[s + 1, 4], sections[s + 1, 5]
         for t in range(first, last, step):
-            row = block[t]
             for j in range(_LANES):
-                x = row[j]
-                y = b0 * x + early[j]
-                early[j] = b1 * x - a1 * y + late[j]
-                late[j] = b2 * x - a2 * y
-                row[j] = y
+                x = block[t, j]
+                y = b0 * x + state[s, 0, j]
+                state[s, 0, j] = b1 * x - a1 * y + state[s, 1, j]
+                state[s, 1, j] = b2 * x - a2 * y
+                z = d0 * y + state[s + 1, 0, j]
+                state[s + 1, 0, j] = d1 * y - c1 * z + state[s + 1, 1, j]
+                state[s + 1, 1, j] = d2 * y - c2 * z
+                block[t, j] = z
+    if count % 2:
+        b0, b1, b2 = sections[count - 1, 0], sections[count - 1, 1], sections[count - 1, 2]
+        a1, a2 = sections[count - 1, 4], sections[count - 1, 5]
+        for t in range(first, last, step):
+            for j in range(_LANES):
+                x = block[t, j]
+                y = b0 * x + state[count - 1, 0, j]
+                state[count - 1, 0, j] = b1 * x - a1 * y + state[count - 1, 1, j]
+                state[count - 1, 1, j] = b2 * x - a2 * y
+                block[t, j] = y
 
 
 @inlined
