@@ -6,6 +6,7 @@ import io
 import json
 import socket
 import stat
+import time
 import urllib.parse
 from pathlib import Path
 
@@ -85,6 +86,7 @@ def test_it_listens_on_the_loopback_only(running) -> None:
 HOSTILE = (
     "../../etc/passwd", "..\\..\\boot.ini", "/etc/passwd", ".hidden", "-o", "--report.html", "con.csv", "a\x00b.csv",
     "<script>alert(1)</script>.csv", "x" * 5000 + ".csv", "", ".", "..", "\u202elog.csv", "ü ö.csv", "a\nb.csv",
+    "=HYPERLINK('x').csv",
 )  # fmt: skip
 
 
@@ -136,6 +138,35 @@ def test_half_an_upload_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_browser_that_goes_away_leaves_nothing_and_harms_nobody(client) -> None:
+    given = "".join(f"{name}: {value}\r\n" for name, value in client.own.items())
+    with socket.create_connection(("127.0.0.1", client.port)) as other:
+        request = f"POST /api/upload?name=a.csv HTTP/1.1\r\n{given}Content-Length: 1000000\r\n\r\n"
+        other.sendall(request.encode() + b"t\n" * 1000)
+        end = time.monotonic() + 10
+        while not list(client.folder.iterdir()) and time.monotonic() < end:
+            time.sleep(0.01)
+        assert [path.suffix for path in client.folder.iterdir()] == [".part"]
+    end = time.monotonic() + 10
+    while list(client.folder.iterdir()) and time.monotonic() < end:
+        time.sleep(0.01)
+    assert list(client.folder.iterdir()) == []
+    kept = client.upload("b.csv", b"0" * 5_000_000)
+    with socket.create_connection(("127.0.0.1", client.port)) as other:
+        other.sendall(f"GET /file?name={kept} HTTP/1.1\r\n{given}\r\n".encode())
+        assert other.recv(100).startswith(b"HTTP/1.1 200")
+    assert client.names() == ["b.csv"]
+
+
+def test_two_studios_stand_side_by_side(running, client) -> None:
+    with studio() as other:
+        theirs = other.session.gate.cookie.split(";")[0]
+        assert theirs.partition("=")[0] != client.own["Cookie"].partition("=")[0]  # a browser keeps both
+        assert client.ask("GET", "/api/state", Cookie=theirs)[0] == 403
+        assert client.ask("GET", "/api/state", Cookie=f"{theirs}; {client.own['Cookie']}")[0] == 200
+    assert client.ask("GET", "/api/state")[0] == 200
+
+
 def test_a_body_that_stays_away_is_given_up(client, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(StudioHandler, "timeout", 0.2)
     for path in ("/api/upload?name=a.csv", "/api/run"):
@@ -173,6 +204,32 @@ def test_what_a_command_writes_has_a_name_that_nothing_in_the_folder_has(tmp_pat
     assert session.receive("plan_1.json", io.BytesIO(b"new"), 3) == "plan_1_2.json"
     assert session.receive("plan_3", io.BytesIO(b"new"), 3) == "plan_3_2"
     assert (folder / "plan_1.json").is_symlink() and (tmp_path / "mine").read_text() == "mine"
+
+
+LAUGHS = b"""<?xml version="1.0"?>
+<!DOCTYPE robot [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]>
+<robot name="&c;"><link name="base"/></robot>"""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        LAUGHS,
+        b'<!DOCTYPE robot SYSTEM "http://127.0.0.1:1/robot.dtd"><robot name="a"><link name="base"/></robot>',
+        b'<!DOCTYPE robot [<!ENTITY x SYSTEM "other">]><robot name="&x;"><link name="base"/></robot>',
+        LAUGHS.decode().encode("utf-16"),
+    ],
+    ids=["entities", "a definition elsewhere", "an entity of a file", "in UTF-16"],
+)
+def test_a_description_with_a_document_type_is_refused(client, text: bytes) -> None:
+    (client.folder / "other").write_text("number 42")
+    kept = client.upload("arm.urdf", text)
+    case = client.upload("case.yaml", f"case: 1\nrobot: {kept}\n".encode())
+    for name in (kept, case):
+        status, _, body = client.ask("GET", f"/api/robot?name={name}")
+        assert status == 422 and b"number 42" not in body
+        told = json.loads(body)["error"]
+        assert told.startswith("arm.urdf") and "DOCTYPE" in told, told
 
 
 def test_files_that_were_there_before_are_not_removed(client) -> None:

@@ -145,12 +145,13 @@ def case_view(folder: Folder, name: str) -> dict[str, Any]:
 
 
 def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
-    """Return the figures of an estimate, with measured and predicted torque for drawing.
+    """Return the figures of an estimate, its parameters as they are printed, and its torques for drawing.
 
     Raises:
         DynidentError: No such file, or no estimate.
     """
     from dynident.estimation.estimate_file import read_estimate, summary
+    from dynident.results.text import parameters_table
     from dynident.studio.preview import decimated
 
     estimate = read_estimate(folder.find(name))
@@ -164,7 +165,8 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
         }
         for k, fit in enumerate(train.joints)
     ]
-    return {**summary(estimate), "torques": joints, "command": str(estimate.provenance.get("command", ""))}
+    shown = {"torques": joints, "table": parameters_table(estimate).rows}  # with the digits that the deviations allow
+    return {**summary(estimate), **shown, "command": str(estimate.provenance.get("command", ""))}
 
 
 def saved_case(folder: Folder, data: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-// Curves as SVG: one chart, several lines, axes with round numbers; pointing at it tells the values.
+// Curves as SVG: one chart, several lines, axes with round numbers, drawn anew for each width so that letters keep their size.
 
 import { el, number } from "./dom.js";
 
@@ -21,13 +21,25 @@ function ticks(low, high, count) {
   return found;
 }
 
+const widths = new ResizeObserver((seen) => seen.forEach(({ target, contentRect }) => {
+  const width = Math.round(contentRect.width);
+  if (width) target.replaceChildren(target.drawn(width)); // a stage that is not shown has no width
+}));
+
 // lines: [{label, x, y}]; gaps where a value is null.
 export function chart(lines, { title, xLabel = "row", unit = "", height = 220 } = {}) {
-  const width = 720;
+  if (lines.every((line) => line.y.every((y) => y === null))) return el("p", { class: "soft" }, "There is nothing to draw.");
+  const place = el("div", { drawn: (width) => curves(lines, width, height, title, xLabel) });
+  place.style.minHeight = `${height}px`;
+  widths.observe(place);
+  const legend = el("p", { class: "legend" }, lines.map((line, k) => el("span", {}, swatch(line.colour ?? (k % COLOURS) + 1), el("bdi", {}, line.label))));
+  return el("figure", { class: "chart" }, el("figcaption", {}, unit ? `${title} [${unit}]` : title), place, lines.length > 1 ? legend : null);
+}
+
+function curves(lines, width, height, title, xLabel) {
   const edge = { left: 64, right: 12, top: 10, bottom: 34 };
   const xs = lines.flatMap((line) => line.x);
   const ys = lines.flatMap((line) => line.y).filter((y) => y !== null);
-  if (!ys.length) return el("p", { class: "soft" }, "There is nothing to draw.");
   const [x0, x1] = [Math.min(...bounds(xs)), Math.max(...bounds(xs))];
   let [y0, y1] = bounds(ys);
   if (y0 === y1) [y0, y1] = [y0 - 1, y1 + 1];
@@ -40,15 +52,14 @@ export function chart(lines, { title, xLabel = "row", unit = "", height = 220 } 
     drawn.append(svg("line", { x1: edge.left, x2: width - edge.right, y1: py(at), y2: py(at), class: "rule" }));
     drawn.append(svg("text", { x: edge.left - 8, y: py(at) + 4, "text-anchor": "end", class: "soft" }, number(at)));
   }
-  for (const at of ticks(x0, x1, 6)) {
+  for (const at of ticks(x0, x1, Math.min(6, width / 90))) {
     drawn.append(svg("text", { x: px(at), y: height - edge.bottom + 16, "text-anchor": "middle", class: "soft" }, number(at, 6)));
   }
   drawn.append(svg("text", { x: width - edge.right, y: height - 3, "text-anchor": "end", class: "soft" }, xLabel));
   lines.forEach((line, k) => {
     drawn.append(svg("path", { d: pathOf(line, px, py), fill: "none", "stroke-width": 1.3, class: `c${line.colour ?? (k % COLOURS) + 1}` }));
   });
-  const legend = el("p", { class: "legend" }, lines.map((line, k) => el("span", {}, swatch(line.colour ?? (k % COLOURS) + 1), el("bdi", {}, line.label))));
-  return el("figure", { class: "chart" }, el("figcaption", {}, unit ? `${title} [${unit}]` : title), drawn, lines.length > 1 ? legend : null);
+  return drawn;
 }
 
 function swatch(colour) {

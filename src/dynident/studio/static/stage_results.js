@@ -2,7 +2,7 @@
 
 import { choose, fileAddress, get, guarded, known, ofKind, reportAddress } from "./api.js";
 import { chart } from "./chart.js";
-import { el, field, fill, name, number, options, percent, picked, pretty, table } from "./dom.js";
+import { el, field, fill, name, options, percent, picked, pretty, table } from "./dom.js";
 import { answerText, commandLine, runner } from "./runner.js";
 
 export const title = "Results";
@@ -77,7 +77,7 @@ function answers(found) {
 }
 
 function parameters(found) {
-  const rows = found.parameters.map((one) => [name(one.name), number(one.value, 5), number(one.std, 2), pretty(one.unit), one.relative_std === null ? "–" : one.relative_std > 9.99 ? ">999" : number(100 * one.relative_std, 2)]);
+  const rows = found.table.map(([, called, ...figures]) => [name(called), ...figures.map((text) => text.replace(/^-|(?<=e)-/, "−"))]);
   const head = ["parameter", { text: "value", number: true }, { text: "std", number: true }, "unit", { text: "rel. std [%]", number: true }];
   return table(head, rows, { label: "base parameters" });
 }
