@@ -6,44 +6,16 @@ import hashlib
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import yaml
 
+from contracts.families import FAMILIES
 from dynident.cli.main import main
-from dynident.estimation.doctor import CHECKS
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.experiment.criteria import CRITERIA
-from dynident.experiment.formats import FORMATS
-from dynident.experiment.preprocessing import FILTERS
-from dynident.experiment.profiles import PROFILES
-from dynident.experiment.trajectories import TRAJECTORIES
-from dynident.model.descriptions.base import DESCRIPTIONS
-from dynident.model.friction import FRICTION
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import to_mujoco_fullinertia, to_pinocchio
-from dynident.plugins import Family
-from dynident.results.exporters import EXPORTERS
-from dynident.results.model_exporters import MODEL_EXPORTERS
-from dynident.results.report.sections import SECTIONS
 from test_documentation import PAGES, ROOT, rows_after
-
-FAMILIES: dict[str, Family[Any]] = {
-    "FRICTION": FRICTION,
-    "ESTIMATORS": ESTIMATORS,
-    "FILTERS": FILTERS,
-    "FORMATS": FORMATS,
-    "PROFILES": PROFILES,
-    "CHECKS": CHECKS,
-    "TRAJECTORIES": TRAJECTORIES,
-    "CRITERIA": CRITERIA,
-    "DESCRIPTIONS": DESCRIPTIONS,
-    "SECTIONS": SECTIONS,
-    "EXPORTERS": EXPORTERS,
-    "MODEL_EXPORTERS": MODEL_EXPORTERS,
-}
 
 
 def test_the_families_are_where_the_page_says() -> None:

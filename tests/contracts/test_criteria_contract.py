@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
-from typing import Any
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -108,12 +104,3 @@ def test_nothing_is_kept_and_nothing_is_changed(part: Criterion) -> None:
     np.testing.assert_array_equal(matrix, before)
     assert first[0] == second[0] and first[1][0] == second[1][0]
     assert repr(part) == repr(CRITERIA.make(CRITERIA.name_of(part)))
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_part_imports_only_its_base(name: str) -> None:
-    module: Any = inspect.getmodule(CRITERIA.get(name))
-    tree = ast.parse(inspect.getsource(module))
-    found = [node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
-    siblings = [m for m in found if m and m.startswith(CRITERIA.package) and not m.endswith(".base")]
-    assert not siblings

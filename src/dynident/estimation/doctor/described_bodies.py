@@ -11,8 +11,8 @@ import numpy as np
 from dynident.estimation.doctor._causes import Blame
 from dynident.estimation.doctor._described_causes import Against
 from dynident.estimation.doctor._earlier_causes import with_rotors
+from dynident.estimation.doctor._trend_findings import believable, rival_findings, trend_finding
 from dynident.estimation.doctor.base import Check, Finding, Severity, Subject
-from dynident.estimation.doctor.residual_trends import believable, rival_findings, trend_finding
 from dynident.model.friction import FRICTION
 
 #: Share of what free bodies would explain that the told causes must explain together, or the description is too far

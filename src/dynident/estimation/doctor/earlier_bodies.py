@@ -10,8 +10,8 @@ import numpy as np
 
 from dynident.estimation.doctor._causes import Blame
 from dynident.estimation.doctor._earlier_causes import Since
+from dynident.estimation.doctor._trend_findings import believable, trend_finding
 from dynident.estimation.doctor.base import Check, Finding, Subject
-from dynident.estimation.doctor.residual_trends import believable, trend_finding
 
 #: Share of the largest torque of the bodies from which a load is a warning.
 MATTERS = 0.1

@@ -9,8 +9,8 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.errors import BadOption, SolverFailed
+from dynident.estimation.estimators._pulled import pulled_uncertainty
 from dynident.estimation.estimators.base import Estimator, Solution
-from dynident.estimation.estimators.ridge import pulled_uncertainty
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses

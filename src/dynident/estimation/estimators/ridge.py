@@ -10,14 +10,13 @@ from scipy.optimize import minimize_scalar
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
+from dynident.estimation.estimators._pulled import pulled_uncertainty
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.bands import bands
-from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
+from dynident.estimation.uncertainty.coloured import Uncertainty
 from dynident.estimation.uncertainty.covariance import residual_factors
-from dynident.model.reduction import least_squares
 
 #: Range in which generalised cross-validation looks for the strength, unit columns taken as 1, and its grid.
 WEAKEST, STRONGEST, GRID = 1e-14, 1.0, 57
@@ -77,21 +76,6 @@ def _noise(problem: Problem, start: Solution, inverse: Array) -> Uncertainty:
     if problem.left is not None:
         return Uncertainty(*problem.left.uncertainty(inverse, start.weights, start.beta))
     return pulled_uncertainty(RowPasses(problem), start, inverse, start.weights)
-
-
-def pulled_uncertainty(passes: RowPasses, start: Solution, inverse: Array, weights: Array) -> Uncertainty:
-    """Return the covariance of inverse X'e by noise alone, from the residuals of a fit that nothing pulls.
-
-    Args:
-        passes: The rows.
-        start: Least squares without a pull.
-        inverse: (X'X + pull)^-1, shape (b, b).
-        weights: Weight of each joint's rows in X, shape (n,).
-    """
-    residual = passes.residuals(start.beta)
-    free = least_squares(passes.problem.reduced(start.weights)).unscaled_covariance
-    influence = Influence.of_rows(passes.problem, residual, free, start.weights**2)
-    return uncertainty_of(bands(passes), residual, influence, (weights**2)[:, None, None] * inverse)
 
 
 def cross_validated(values: Array, data: Array, rest: float, rows: float) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log
+from dynident.experiment.preprocessing._differences import central_differences
 from dynident.experiment.preprocessing._thinning import Thinning, thinning
 from dynident.experiment.preprocessing._zero_phase import zero_phase
 from dynident.experiment.preprocessing.base import Filter
@@ -144,8 +145,3 @@ def _zero_phase(signals: Array, cutoff: float, order: int, rate: float) -> Array
 
     sections: Any = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
     return zero_phase(signals, sections, min(_pad(cutoff, rate), signals.shape[-1] - 1))
-
-
-def central_differences(signal: Array, rate: float) -> Array:
-    """Return the derivative of a uniform signal, shape (N, n), by central differences, one-sided at the ends."""
-    return np.gradient(signal, 1.0 / rate, axis=0, edge_order=2)

@@ -9,8 +9,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log
+from dynident.experiment.preprocessing._differences import five_point_smoothing
 from dynident.experiment.preprocessing.base import Filter
-from dynident.experiment.preprocessing.five_point import five_point_smoothing
 
 #: Samples by which the periods of a log may run out of step before it is resampled; averaging would smear them.
 SLIP = 0.01

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.experiment.simulation.controllers._gains import gains
 from dynident.experiment.simulation.controllers.base import Controller, Loop
-from dynident.experiment.simulation.effects import each
 from dynident.model.kernels.jit import compiled
 
 
@@ -38,17 +38,6 @@ class Pd(Controller):
 
     def settings(self, loop: Loop) -> Array:
         return np.array(gains(self, loop))
-
-
-def gains(part: Any, loop: Loop) -> tuple[Array, Array]:
-    """Return stiffness and damping, each (n,), of a part with the options of :class:`Pd`."""
-    pulsation = loop.pulsation(part.bandwidth_hz, 8.0)
-    stiffness, damping = pulsation**2 * loop.inertia, 2.0 * part.damping_ratio * pulsation * loop.inertia
-    if part.stiffness is not None:
-        stiffness = each("controller.stiffness", part.stiffness, loop.joints)
-    if part.damping is not None:
-        damping = each("controller.damping", part.damping, loop.joints)
-    return stiffness, damping
 
 
 @compiled

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.experiment.simulation.controllers._gains import gains
 from dynident.experiment.simulation.controllers.base import Controller, Loop
-from dynident.experiment.simulation.controllers.pd import gains
 from dynident.model.kernels.jit import compiled
 
 

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from dynident.errors import BadOption
 from dynident.estimation.estimate import Estimate
 from dynident.results.figures import deviation_chart
 from dynident.results.report.combinations import combination
@@ -28,6 +29,10 @@ class Parameters(Section):
 
     title: ClassVar = "Base parameters"
     template: ClassVar = "parameters.html"
+
+    def __post_init__(self) -> None:
+        if self.most < 1:
+            raise BadOption("most", self.most, "give 1 or more")
 
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate = subject.estimate
