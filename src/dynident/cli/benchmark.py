@@ -30,6 +30,8 @@ SUMMARY = "estimators where the truth is known, by Monte Carlo; or on every real
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
+    from dynident.cli.pools import add_pool_option
+
     parser.add_argument("name", nargs="?", metavar="NAME|FILE", help="benchmark that ships, such as tx40, or a file")
     parser.add_argument("--real", metavar="FOLDER", help="a folder of case files, in place of NAME")
     what = parser.add_argument_group("what is done")
@@ -41,6 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     how = parser.add_argument_group("how")
     how.add_argument("--out", metavar="DIR", help="folder that keeps the results; default: dynident-benchmark-NAME")
     how.add_argument("--jobs", type=int, default=1, metavar="N", help="processes side by side; default 1: times count")
+    add_pool_option(how)
     how.add_argument(
         "--time-limit", type=float, metavar="S", help="wall-clock time of a task; it fails after it; default: none"
     )
@@ -62,11 +65,15 @@ def run(options: argparse.Namespace) -> int:
         raise BadOption("NAME", options.name or "", step)
     if options.html:
         check_place(options.html)
+    if options.real is not None and options.scheduler is not None:
+        step = "its sets are files of this machine; --jobs does them in processes"
+        raise BadOption("--scheduler", options.scheduler, step)
     return _virtual(options) if options.real is None else _real(options)
 
 
 def _virtual(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
+    from dynident.cli.pools import cluster_of
     from dynident.estimation.monte_carlo.experiment import read_experiment
     from dynident.estimation.monte_carlo.motions import motions_of
     from dynident.estimation.monte_carlo.records import Records
@@ -79,7 +86,7 @@ def _virtual(options: argparse.Namespace) -> int:
     experiment = read_experiment(options.name, quick=options.quick, draws=options.draws, methods=methods)
     records = Records(options.out or f"dynident-benchmark-{experiment.path.stem}")
     quiet = options.quiet or options.json
-    results, stopped = [], False
+    pool, results, stopped = cluster_of(options), [], False
     with console.progress(1, quiet) as designing:
         motions = motions_of(experiment, records.folder, designing.step)
     work = VirtualWork(experiment, motions)
@@ -87,7 +94,13 @@ def _virtual(options: argparse.Namespace) -> int:
     with console.progress(len(tasks), quiet) as progress:
         try:
             for each in run_tasks(
-                work, tasks, records, jobs=options.jobs, time_limit=options.time_limit, progress=progress.step
+                work,
+                tasks,
+                records,
+                jobs=options.jobs,
+                time_limit=options.time_limit,
+                pool=pool,
+                progress=progress.step,
             ):
                 results.append(each)
         except KeyboardInterrupt:

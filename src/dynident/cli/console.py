@@ -97,6 +97,16 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, description=text)
 
+    def note(self, text: str) -> None:
+        """Print a line between two steps where there is no bar."""
+        if self._bar is None and not self._quiet:
+            _say(f"  {text}", sys.stderr)
+
+    def reach(self, share: float) -> None:
+        """Say which share of the whole is done, between 0 and 1; the bar shows the time left by it."""
+        if self._bar is not None:
+            self._bar.update(self._task, completed=share * self._total)
+
     def stop(self) -> None:
         """Close the bar."""
         if self._bar is not None:

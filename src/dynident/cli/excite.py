@@ -41,6 +41,7 @@ PAIRS = 6
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     from dynident.cli.knowledge import add_options
+    from dynident.cli.pools import add_pool_option
 
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file, robot description or a robot that ships")
     parser.add_argument("--friction", nargs="*", metavar="NAME", help="friction parts; default: those of the case")
@@ -76,6 +77,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     search.add_argument(
         "--jobs", type=int, default=1, metavar="N", help="processes for the starts (1); the plan is the same"
     )
+    add_pool_option(search)
     search.add_argument(
         "--resume",
         nargs="?",
@@ -185,6 +187,7 @@ def _design(
 
     from dynident.cli import console
     from dynident.cli.plans import tool_limit
+    from dynident.cli.pools import cluster_of
     from dynident.experiment.design.excitation import ROWS_A_SECOND, design_excitation
     from dynident.experiment.design.limits import limits_of
 
@@ -208,6 +211,7 @@ def _design(
             rows=rate * options.period * options.repeats if options.rows is None else options.rows,
             time_limit=options.time_limit,
             jobs=options.jobs,
+            pool=cluster_of(options),
             checkpoint=resume,
             progress=_teller(progress, options.criterion),
         )

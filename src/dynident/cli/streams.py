@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable
 from typing import TYPE_CHECKING
+
+from dynident.experiment.formats import LARGE, bytes_of
 
 if TYPE_CHECKING:
     from dynident.estimation.estimators import Estimator
     from dynident.estimation.streaming.digest import Digest
     from dynident.experiment.case_file.case import Case
     from dynident.experiment.log import Log
-
-#: Bytes of all logs of a fit together above which they are reduced as a stream.
-LARGE = 512 << 20
 
 
 def digest_for(
@@ -28,7 +26,12 @@ def digest_for(
     if options.triangles:
         return _from_file(case, options, estimator)
     names = tuple(options.logs) or case.train
-    if not names or not _is_large(case, names) or not _streams(case, options, estimator):
+    size = sum(bytes_of(case.find(str(name))) for name in names)
+    if size <= LARGE:
+        return None
+    why = _why_not(case, options, estimator)
+    if why:
+        progress(f"logs of {size >> 20} MiB are read into memory: {why}")
         return None
     from dynident.estimation.streaming.reduction import reduce_logs
 
@@ -72,23 +75,18 @@ def _from_file(case: Case, options: argparse.Namespace, estimator: Estimator) ->
     return digest
 
 
-def _is_large(case: Case, names: Sequence[str | Path]) -> bool:
-    total = 0
-    for name in names:
-        place = case.find(str(name))
-        files = [item for item in place.iterdir() if item.is_file()] if place.is_dir() else [place]
-        total += sum(file.stat().st_size for file in files if file.is_file())
-    return total > LARGE
-
-
-def _streams(case: Case, options: argparse.Namespace, estimator: Estimator) -> bool:
-    """Return whether a stream can do what is asked for."""
+def _why_not(case: Case, options: argparse.Namespace, estimator: Estimator) -> str:
+    """Return why a stream cannot do what is asked for, and what to do; empty where it can."""
     from dynident.errors import LogMismatch
-    from dynident.estimation.streaming.reduction import check_streamable
+    from dynident.estimation.streaming.one_log import check_streamable
 
     try:
         check_streamable(case)
-    except LogMismatch:
-        return False
-    local = case.preprocessing.filter.span(1000.0) is not None
-    return local and estimator.from_triangles and not options.bootstrap and not options.cross_validate
+    except LogMismatch as error:
+        return f"{error.evidence}; {error.step}"
+    if case.preprocessing.filter.span(1000.0) is None:
+        return "the filter needs the whole log at once"
+    if not estimator.from_triangles:
+        return "the estimator needs the rows"
+    asked = "--bootstrap" * bool(options.bootstrap) or "--cross-validate" * bool(options.cross_validate)
+    return f"{asked} needs the rows" if asked else ""

@@ -1,22 +1,59 @@
-"""One BLAS thread for small matrices, on which several are slower; finding the libraries is done once."""
+"""Threads: one for BLAS on small matrices, on which several are slower; several for work that comes in pieces."""
 
 from __future__ import annotations
 
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 
 @cache
 def _libraries() -> ThreadpoolController:
     import scipy.linalg  # its BLAS may be another one than NumPy's; both must be loaded to be found
 
-    assert scipy.linalg
+    assert scipy.linalg  # finding the libraries takes long enough to be done once
     return ThreadpoolController()
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:
     """Return a context in which NumPy and SciPy work on one thread."""
     return _libraries().limit(limits=1, user_api="blas")
+
+
+def usable_processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def in_order(work: Callable[[Item], Result], items: Iterable[Item], threads: int) -> Iterator[Result]:
+    """Yield ``work(item)`` of each item, in their order, worked on by some threads while the caller does its part.
+
+    At most ``threads`` + 1 results are held. Items are taken by the caller's own thread.
+
+    Args:
+        work: Holds the interpreter lock little, or nothing is gained.
+        items: What is worked on.
+        threads: Number of threads; 1 works in the caller's own.
+    """
+    if threads < 2:
+        yield from map(work, items)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        waiting = deque[Future[Result]]()
+        for item in items:
+            waiting.append(pool.submit(work, item))
+            if len(waiting) > threads:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()

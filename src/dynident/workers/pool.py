@@ -47,7 +47,13 @@ class Done:
 
 
 class Pool(ABC):
-    """Workers that do tasks side by side."""
+    """Workers that do tasks side by side.
+
+    Attributes:
+        is_local: Whether they see the files of this machine under the same names.
+    """
+
+    is_local: bool = True
 
     @abstractmethod
     def run(

@@ -21,7 +21,8 @@ from dynident.errors import FileError, TriangleFileError
 from dynident.estimation.streaming import windows
 from dynident.estimation.streaming.digest import Digest
 from dynident.estimation.streaming.estimate import identify_digest
-from dynident.estimation.streaming.reduction import Checkpoint, reduce_logs
+from dynident.estimation.streaming.one_log import Checkpoint
+from dynident.estimation.streaming.reduction import reduce_logs
 from dynident.estimation.streaming.triangle_file import check_case, merged_file, read_digest, write_digest
 from dynident.experiment.case_file.case import Case, read_case
 from dynident.experiment.formats import write_log
@@ -165,7 +166,8 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 from dynident.estimation.streaming import windows
-from dynident.estimation.streaming.reduction import Checkpoint, reduce_logs
+from dynident.estimation.streaming.one_log import Checkpoint
+from dynident.estimation.streaming.reduction import reduce_logs
 from dynident.experiment.case_file.case import read_case
 windows.TILE = 1
 def progress(text):

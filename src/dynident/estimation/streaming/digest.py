@@ -7,7 +7,6 @@ the constant, the measured torque and what the filter took from it, for the figu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -251,15 +250,28 @@ class Digest:
         """Number of time samples used."""
         return sum(chunk.samples for chunk in self.chunks)
 
-    def joined(self, others: Sequence[Digest]) -> Digest:
-        """Return the digest of this and others of the same model, no log twice; see ``merge`` for the checks."""
-        found = self
-        for other in others:
-            found = replace(
-                found,
-                joints=tuple(a.merged(b) for a, b in zip(found.joints, other.joints, strict=True)),
-                states=found.states.merged(other.states),
-                sampled=found.sampled.merged(other.sampled),
-                chunks=(*found.chunks, *other.chunks),
-            )
-        return found
+    def __post_init__(self) -> None:
+        """Refuse rows that are lost or count twice: what a merge must never do."""
+        seen: set[str] = set()
+        for chunk in self.chunks:
+            if chunk.sha256 in seen:
+                raise ValueError(f"the log {chunk.path} counts twice")
+            seen.add(chunk.sha256)
+        for name, joint in zip(self.model.robot.joint_names, self.joints, strict=True):
+            rows = int(joint.counts.sum()) + joint.rested
+            if rows != self.samples:
+                raise ValueError(f"the triangles of {name} have {rows} rows, its logs {self.samples}")
+
+    def merged(self, other: Digest) -> Digest:
+        """Return the digest of both, which are of the same model; see :mod:`merge_tree` for more of them.
+
+        Raises:
+            ValueError: A log is in both.
+        """
+        return replace(
+            self,
+            joints=tuple(a.merged(b) for a, b in zip(self.joints, other.joints, strict=True)),
+            states=self.states.merged(other.states),
+            sampled=self.sampled.merged(other.sampled),
+            chunks=(*self.chunks, *other.chunks),
+        )

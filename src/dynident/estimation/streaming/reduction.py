@@ -1,61 +1,50 @@
-"""A case and its logs to a digest, whatever their size: read, filtered and reduced window by window."""
+"""A case and its logs to a digest: each log on its own, in this process or by workers, merged as a fixed tree."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+import copy
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dynident.errors import DynidentError, LogMismatch
-from dynident.estimation.cutoff.choice import LONGEST_S, with_cutoff
-from dynident.estimation.friction.delay import find_delays
-from dynident.estimation.friction.variable_projection import has_varying
+from dynident.errors import DynidentError, FileError, LogFormatError, LogMismatch, SolverFailed
 from dynident.estimation.problem import Observer
-from dynident.estimation.streaming.digest import Chunk, Digest
-from dynident.estimation.streaming.tally import Tally
-from dynident.estimation.streaming.time_scan import scan_time
-from dynident.estimation.streaming.triangle_file import model_hash, read_position, write_digest
-from dynident.estimation.streaming.windows import Windows, steps_of
-from dynident.experiment.case_file.case import Case, with_meaning
-from dynident.experiment.formats import stream_log
-from dynident.experiment.log import Log
+from dynident.estimation.streaming.digest import Digest
+from dynident.estimation.streaming.merge_tree import MergeTree
+from dynident.estimation.streaming.one_log import Checkpoint, check_streamable, reduce_log, settled
+from dynident.estimation.streaming.triangle_file import model_hash, read_digest, write_digest
+from dynident.experiment.case_file.case import Case
+from dynident.experiment.formats import open_log
+from dynident.experiment.log_places import at_hand, is_address, size_of
 from dynident.experiment.preprocessing import Preprocessing
-from dynident.experiment.preprocessing.butterworth import Butterworth
 from dynident.model.base_parameters import BaseParameters, base_parameters
-from dynident.model.friction import FRICTION
+from dynident.workers.pool import Here, Pool, Tell
 
-#: Rows of the head of a log at most, from which the cut-off is chosen.
-_HEAD = 1 << 19
+#: Parts into which many logs are cut at most, twice over: each is reduced and merged by one worker.
+PARTS = 256
 
-#: Seconds between two checkpoints.
-PERIOD_S = 30.0
+#: Logs that an error names.
+_NAMED = 20
 
 
 @dataclass(frozen=True)
-class Checkpoint:
-    """Where work that takes long is kept, so that it goes on where it was cut short.
+class Standing:
+    """How far a reduction is.
 
     Attributes:
-        place: File that the result will be written to; one file beside it for each log, while the work goes on.
-        period_s: Time between two writings, in s.
+        share: Of all bytes, between 0 and 1.
+        finished: Logs that are done, or cannot be.
+        logs: All logs.
     """
 
-    place: Path
-    period_s: float = PERIOD_S
-
-    def file(self, number: int) -> Path:
-        """Return the file for a log."""
-        return self.place.with_name(f"{self.place.name}.{number}.partial")
-
-    def remove(self, count: int) -> None:
-        """Remove the files of ``count`` logs."""
-        for number in range(count):
-            with suppress(FileNotFoundError):
-                self.file(number).unlink()
+    share: float
+    finished: int
+    logs: int
 
 
 def reduce_logs(
@@ -63,184 +52,302 @@ def reduce_logs(
     logs: Sequence[str | Path],
     progress: Callable[[str], None] = lambda step: None,
     checkpoint: Checkpoint | None = None,
+    *,
+    pool: Pool | None = None,
+    skipped: Callable[[str, DynidentError], None] | None = None,
+    standing: Callable[[Standing], None] = lambda state: None,
 ) -> Digest:
-    """Reduce logs, each on its own, to one digest; memory holds one window.
+    """Reduce logs, each on its own, to one digest; memory of a worker holds one window and a few triangles.
 
-    The result is that of :func:`make_problem` on the whole logs. A cut-off and a delay of the torque that are left open
-    are those of the first two minutes of the first log. Formats that are slow to decode are decoded once and
-    kept meanwhile in a temporary file of 8 bytes a number beside the result.
+    The result is that of :func:`make_problem` on the whole logs, and the same to the last bit whatever the pool, where
+    versions and processors are alike. A cut-off and a delay of the torque that are left open are those of the first
+    two minutes of the first log. Formats that are slow to decode are decoded once and kept meanwhile in a temporary
+    file of 8 bytes a number beside the result.
 
     Args:
         case: Model, preprocessing and meaning of the columns.
-        logs: Files.
+        logs: Files, or addresses such as ``s3://bucket/run.parquet``.
         progress: Told each step in words.
         checkpoint: Where the work is kept; None: nowhere.
+        pool: Where logs are reduced; None for this process.
+        skipped: Told each log that cannot be reduced, which is then left out; None refuses them, after all others.
+        standing: Told how far the work is.
 
     Raises:
         LogFormatError: An unsound row.
-        LogMismatch: What the case asks for takes all rows at once, a log is twice in the list, a joint never moved, or
-            its torque never changed.
+        LogMismatch: What the case asks for takes all rows at once, a log is twice in the list, several logs cannot be
+            reduced, a joint never moved, or its torque never changed.
+        SolverFailed: Workers were lost again and again.
     """
     check_streamable(case)
     if not logs:
         raise LogMismatch("reduce", "no log", "give at least one log")
-    case = replace(case, preprocessing=_settled(case, case.find(str(logs[0])), progress))
-    base = base_parameters(case.model)
-    observer = Observer(case.model, base)
-    digests, seen = list[Digest](), dict[str, str]()
-    for number, name in enumerate(logs):
-        digest = _reduce(case, case.find(str(name)), base, observer, progress, checkpoint, number)
-        chunk = digest.chunks[0]
-        if chunk.sha256 in seen:
-            raise LogMismatch(chunk.path, f"the same content as {seen[chunk.sha256]}", "give each log once")
-        seen[chunk.sha256] = chunk.path
-        digests.append(digest)
-    whole = digests[0].joined(digests[1:])
+    names = [str(log) for log in logs]
+    places = [name if is_address(name) else str(case.find(name)) for name in names]
+    pool = pool or Here()
+    case = replace(case, preprocessing=_settled(case, places, skipped is not None, progress))
+    threads = None if isinstance(pool, Here) else 1
+    work = _LogWork(case, checkpoint if pool.is_local else None, threads)
+    gathering = _Gathering(work, places, None if pool.is_local else checkpoint, progress, standing)
+    blocks = _blocks(places, pool, gathering.kept)
+    with closing(pool.run(work, blocks, news=gathering.hear)) as ended:
+        for done in ended:
+            if done.failure:
+                step = "give the same command again: what is done is kept where --checkpoint is not 0"
+                raise SolverFailed("the reduction", f"{done.task.places[0]}: {done.failure}", step)
+            gathering.take(done.task, done.result)
+    for position, error in sorted(gathering.bad.items()):
+        if skipped is not None:
+            skipped(places[position], error)
+    if gathering.bad and skipped is None:
+        raise _refusal(gathering.bad, len(places))
+    whole = gathering.tree.merged()
+    if whole is None:
+        raise _refusal(gathering.bad, len(places))
     _check_states(whole)
     return whole
 
 
-def check_streamable(case: Case) -> None:
-    """Refuse what needs all rows at once.
+def _settled(case: Case, places: Sequence[str], skip: bool, progress: Callable[[str], None]) -> Preprocessing:
+    """Return the preprocessing with all figures, from the first log; from the first sound one where bad ones may be."""
+    for number, place in enumerate(places, start=1):
+        try:
+            with at_hand(place) as path:
+                return settled(case, path, progress)
+        except (LogFormatError, LogMismatch, FileError):
+            if not skip or number == len(places):
+                raise
+    raise AssertionError("no log")
 
-    Raises:
-        LogMismatch: Friction that is chosen, varied or loaded, or a split.
+
+@dataclass(frozen=True)
+class _Block:
+    """Successive logs that one worker reduces and merges.
+
+    Attributes:
+        first: Position of the first of them among all.
+        size: Positions of a block; the last block may have fewer logs.
+        places: The logs.
+        kept: Hashes of those of them that are done, from an earlier run; empty for none.
     """
-    model = case.model
-    step = "find it on a part of the log, and state it in the case file"
-    for asked, what in (
-        (case.choose_friction, "friction: auto"),
-        (has_varying(model), "a friction part that varies a field (vary)"),
-    ):
-        if asked:
-            raise LogMismatch(case.path or "case", f"{what} needs all rows at once, which a stream does not have", step)
-    if "torque" in model.needs:
-        plain = " ".join(FRICTION.name_of(part) for part in model.friction if "torque" not in part.needs)
-        step = f"leave it out (--friction {plain or 'coulomb viscous offset'}), or identify a part of the log in memory"
-        raise LogMismatch(case.path or "case", "friction that depends on the load takes several passes", step)
-    if case.split is not None:
-        step = "leave split: out, and keep a log of its own for the test"
-        raise LogMismatch(case.path or "case", "a log is reduced as a whole, not split", step)
+
+    first: int
+    size: int
+    places: tuple[str, ...]
+    kept: tuple[str, ...] = ()
 
 
-def _settled(case: Case, path: Path, progress: Callable[[str], None]) -> Preprocessing:
-    """Return the preprocessing with a cut-off and a delay that are numbers, found from the head of a log where open."""
-    how = case.preprocessing
-    is_open = isinstance(how.filter, Butterworth) and how.filter.cutoff_hz is None
-    if not is_open and how.delay_s is not None:
-        return how
-    head = _head(case, path)
-    _check_signals(case, head)
-    how = with_cutoff(case.model, [head], how, progress)[0]
-    if how.delay_s is None:
-        progress("delay of the torque")
-        (delay,), _ = find_delays(case.model, base_parameters(case.model), [head], how)
-        how = replace(how, delay_s=delay.applied)
-    return how
+@dataclass(frozen=True)
+class _Part:
+    """What came of a block: a digest of its sound logs, or that they are those which are done; and the bad ones."""
+
+    digest: Digest | None
+    unchanged: bool
+    bad: tuple[tuple[int, DynidentError], ...]
 
 
-def _head(case: Case, path: Path) -> Log:
-    """Return the first minutes of a log."""
-    stream, parts, rows = stream_log(path, case.columns), list[Log](), 0
-    for block in stream.blocks():
-        parts.append(with_meaning(block, case.columns, case.robot, case.locked))
-        rows += block.samples
-        if parts[-1].time[-1] - parts[0].time[0] >= LONGEST_S or rows >= _HEAD:
-            break
-    signals = {name: np.concatenate([getattr(p, name) for p in parts]) for name in ("time", *parts[0].signals())}
-    return replace(parts[0], **signals)
+@dataclass(frozen=True)
+class _News:
+    """How far a log is, in words and as a share."""
+
+    position: int
+    text: str
+    share: float
 
 
-def _reduce(
-    case: Case,
-    path: Path,
-    base: BaseParameters,
-    observer: Observer,
-    progress: Callable[[str], None],
-    checkpoint: Checkpoint | None,
-    number: int,
-) -> Digest:
-    """Return the digest of one log."""
-    progress(f"{path}: hash")
-    stream = stream_log(path, case.columns, folder=None if checkpoint is None else checkpoint.place.parent)
-    digest_id = model_hash(case.model, case.preprocessing, base.independent.tolist())
-    found = _found(checkpoint, number, stream.table.sha256, digest_id)
-    if found is not None and found[1] is None:
-        return found[0]
+def _blocks(places: Sequence[str], pool: Pool, kept: Callable[[int], tuple[str, ...]]) -> Iterator[_Block]:
+    size = 1
+    while not pool.is_local and len(places) // size > 2 * PARTS:
+        size *= 2
+    for first in range(0, len(places), size):
+        yield _Block(first, size, tuple(places[first : first + size]), kept(first))
+
+
+@dataclass(frozen=True, eq=False)
+class _LogWork:
+    """Reduces blocks of logs, as pools take it.
+
+    Attributes:
+        case: Model, preprocessing and meaning of the columns.
+        checkpoint: Where a worker keeps its work.
+        threads: Of a worker; None for as many as pay.
+    """
+
+    case: Case
+    checkpoint: Checkpoint | None
+    threads: int | None
+
+    @cached_property
+    def base(self) -> BaseParameters:
+        """Base parameters of the model."""
+        return base_parameters(self.case.model)
+
+    @cached_property
+    def _observer(self) -> Observer:
+        return Observer(self.case.model, self.base)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"case": self.case, "checkpoint": self.checkpoint, "threads": self.threads}  # the rest is made anew
+
+    def prepare(self) -> None:
+        """Do nothing: a log has no time limit."""
+
+    def do(self, task: _Block, tell: Tell) -> _Part:
+        """Return what comes of a block of logs."""
+        if task.kept and task.kept == self._hashes(task.places):
+            return _Part(None, True, ())
+        tree, bad, seen = MergeTree(), list[tuple[int, DynidentError]](), dict[str, str]()
+        for place_in_block, place in enumerate(task.places):
+            digest = self._reduced(place, task.first + place_in_block, tell, bad)
+            if digest is not None:
+                _check_once(digest, seen)
+            tree.add(place_in_block, 1, digest)
+            tell(_News(task.first + place_in_block, "", 1.0))
+        return _Part(tree.merged(), False, tuple(bad))
+
+    def _hashes(self, places: Sequence[str]) -> tuple[str, ...]:
+        """Return the hashes of logs; none where one cannot be read."""
+        found = []
+        for place in places:
+            try:
+                with at_hand(place) as path:
+                    found.append(open_log(path, self.case.columns).sha256)
+            except DynidentError:
+                return ()
+        return tuple(found)
+
+    def _reduced(self, place: str, position: int, tell: Tell, bad: list[tuple[int, DynidentError]]) -> Digest | None:
+        """Return the digest of a log; None where it is a bad one, which is then told in the list."""
+        try:
+            with at_hand(place) as path, _as_named(path, place):
+
+                def said(text: str, share: float) -> None:
+                    tell(_News(position, text.replace(str(path), place), share))
+
+                digest = reduce_log(
+                    self.case, path, self.base, self._observer, said, self.checkpoint, position, self.threads
+                )
+        except (LogFormatError, LogMismatch, FileError) as error:
+            if isinstance(error, FileError) and error.path != place:
+                raise  # the checkpoint cannot be written: no fault of the log
+            bad.append((position, error))
+            return None
+        return replace(digest, chunks=(replace(digest.chunks[0], path=place),))
+
+
+@contextmanager
+def _as_named(path: Path, place: str) -> Iterator[None]:
+    """Let errors name a log as the user does, not the copy of it."""
     try:
-        progress(f"{path}: time")
-        scan = scan_time(stream, case.preprocessing.filter)
-        windows = Windows.of(scan, case.preprocessing, stream.table.path)
-        tally, first = Tally(observer, windows.rate / windows.every, scan.count // windows.every), 0
-        if found is not None and found[1] is not None:
-            first, rows, stretch, stride = found[1]
-            tally = Tally.resumed(observer, found[0], rows, stretch, stride)
-        meaning = _Meaning(case)
-        written = time.monotonic()
-
-        def digest() -> Digest:
-            steps = steps_of(windows, meaning.last, scan.source)
-            rate = windows.rate / windows.every
-            chunk = Chunk(stream.table.path, stream.table.sha256, scan.samples, tally.rows, rate, steps)
-            assert tally.states is not None
-            how, states = case.preprocessing, tally.states
-            return Digest(case.model, base, how, case.columns, tally.joints(), states, tally.sampled(), (chunk,))
-
-        for done, window in enumerate(windows.of_log(stream, meaning, first), start=first + 1):
-            tally.add(window)
-            progress(f"{path}: {100 * done // windows.count} % of {scan.samples:,} rows")
-            late = checkpoint is not None and time.monotonic() - written >= checkpoint.period_s
-            if checkpoint is not None and late and tally.rows and done < windows.count:
-                position = {"windows": done, "rows": tally.rows, "stretch": tally.stretch, "stride": tally.stride}
-                write_digest(digest(), checkpoint.file(number), position)
-                written = time.monotonic()
-        if tally.rows < 2:
-            raise LogMismatch(stream.table.path, f"{tally.rows} samples are left of {scan.samples}", "trim less")
-        whole = digest()
-        if checkpoint is not None:
-            write_digest(whole, checkpoint.file(number))
-        return whole
-    finally:
-        stream.close()
+        yield
+    except DynidentError as error:
+        if str(path) == place:
+            raise
+        found = copy.copy(error)
+        found.args = (str(error).replace(str(path), place),)
+        for name, fact in vars(error).items():
+            setattr(found, name, fact.replace(str(path), place) if isinstance(fact, str) else fact)
+        raise found from error
 
 
-class _Meaning:
-    """What the case makes of rows as they are read; the last of them is kept for its provenance."""
+class _Gathering:
+    """What has come of the blocks so far.
 
-    def __init__(self, case: Case) -> None:
-        self._case = case
-        self.last: Log
+    Attributes:
+        tree: Their digests.
+        bad: Why logs cannot be reduced, by position.
+    """
 
-    def __call__(self, log: Log) -> Log:
-        self.last = with_meaning(log, self._case.columns, self._case.robot, self._case.locked)
-        _check_signals(self._case, self.last)
-        return self.last
+    def __init__(
+        self,
+        work: _LogWork,
+        places: Sequence[str],
+        checkpoint: Checkpoint | None,
+        progress: Callable[[str], None],
+        standing: Callable[[Standing], None],
+    ) -> None:
+        self.tree, self.bad = MergeTree(), dict[int, DynidentError]()
+        self._checkpoint, self._progress, self._standing = checkpoint, progress, standing
+        self._places, self._sizes = places, np.array([max(size_of(place), 1) for place in places], dtype=np.float64)
+        self._shares, self._finished = np.zeros(len(places)), 0
+        self._kept, self._seen = dict[int, Digest](), dict[str, str]()
+        model, how = work.case.model, work.case.preprocessing
+        self._wanted = model_hash(model, how, work.base.independent.tolist())
+
+    def kept(self, first: int) -> tuple[str, ...]:
+        """Return the hashes of the logs whose digest an earlier run has kept for the block at a position."""
+        if self._checkpoint is None or not self._checkpoint.file(first).is_file():
+            return ()
+        try:
+            digest = read_digest(self._checkpoint.file(first))
+        except DynidentError:
+            return ()  # of another version, or cut short: the work is done anew
+        if _hash_of(digest) != self._wanted:
+            return ()
+        self._kept[first] = digest
+        return tuple(chunk.sha256 for chunk in digest.chunks)
+
+    def hear(self, news: _News) -> None:
+        """Tell how far a log is."""
+        if news.text:
+            self._progress(news.text)
+        self._shares[news.position] = news.share
+        self._tell()
+
+    def take(self, block: _Block, part: _Part) -> None:
+        """Take what came of a block: every log of it, once."""
+        kept = self._kept.pop(block.first, None)
+        digest = kept if part.unchanged else part.digest
+        paths = [] if digest is None else [chunk.path for chunk in digest.chunks]
+        bad = dict(part.bad)
+        wanted = [place for k, place in enumerate(block.places, start=block.first) if k not in bad]
+        if paths != wanted or (digest is not None and _hash_of(digest) != self._wanted):
+            step = "the worker has another version of dynident; install the same everywhere"
+            raise SolverFailed("the reduction", f"a worker sent triangles of {paths} for {wanted}", step)
+        if digest is not None:
+            _check_once(digest, self._seen)
+            if self._checkpoint is not None and not part.unchanged:
+                write_digest(digest, self._checkpoint.file(block.first))
+        self.bad |= {k: _told_apart(error, self._places[k]) for k, error in bad.items()}
+        self.tree.add(block.first, block.size, digest)
+        self._finished += len(block.places)
+        self._shares[block.first : block.first + len(block.places)] = 1.0
+        self._tell()
+
+    def _tell(self) -> None:
+        share = float(self._shares @ self._sizes / self._sizes.sum())
+        self._standing(Standing(share, self._finished, len(self._places)))
 
 
-def _check_signals(case: Case, log: Log) -> None:
-    if log.torque is None:
-        raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
-    if "temperature" in case.model.needs and log.temperature is None:
-        step = "map them in the case file (log: columns: temperature), or leave the friction part out"
-        raise LogMismatch(log.name, "no temperatures of the drives", step)
+def _hash_of(digest: Digest) -> str:
+    return model_hash(digest.model, digest.how, digest.base.independent.tolist())
 
 
-def _found(
-    checkpoint: Checkpoint | None, number: int, sha256: str, wanted: str
-) -> tuple[Digest, tuple[int, int, int, int] | None] | None:
-    """Return what was done of a log before, and how far; None where nothing of use is there."""
-    if checkpoint is None or not checkpoint.file(number).is_file():
-        return None
-    try:
-        digest, position = read_position(checkpoint.file(number))
-    except DynidentError:
-        return None  # of another version, or not ours: the work is done anew
-    same = model_hash(digest.model, digest.how, digest.base.independent.tolist()) == wanted
-    if not same or digest.chunks[0].sha256 != sha256:
-        return None
-    if position is None:
-        return digest, None
-    return digest, (position["windows"], position["rows"], position["stretch"], position["stride"])
+def _check_once(digest: Digest, seen: dict[str, str]) -> None:
+    """Refuse a log whose content has been seen: its rows would count twice."""
+    for chunk in digest.chunks:
+        if chunk.sha256 in seen:
+            raise LogMismatch(chunk.path, f"the same content as {seen[chunk.sha256]}", "give each log once")
+        seen[chunk.sha256] = chunk.path
+
+
+def _told_apart(error: DynidentError, place: str) -> DynidentError:
+    """Return the error for a log that is here, and that a worker elsewhere did not find."""
+    if isinstance(error, FileError) and "no such file" in error.evidence and Path(place).exists():
+        step = "put logs where all workers see them under the same name: a shared folder, or a bucket"
+        return FileError(place, "there is no such file where the worker runs", step)
+    return error
+
+
+def _refusal(bad: Mapping[int, DynidentError], count: int) -> DynidentError:
+    """Return the error that names all bad logs."""
+    errors = [bad[position] for position in sorted(bad)]
+    if len(errors) == 1:
+        return errors[0]
+    named = "; ".join(map(str, errors[:_NAMED]))
+    more = f"; and {len(errors) - _NAMED} more" if len(errors) > _NAMED else ""
+    step = "mend them or leave them out (--skip-bad); what is done of the others is kept"
+    return LogMismatch(f"{len(errors)} of {count} logs", f"they cannot be reduced: {named}{more}", step)
 
 
 def _check_states(digest: Digest) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -19,6 +20,9 @@ STRETCH = 2.0
 
 #: Fewest rows of a stretch.
 _FEWEST = 32
+
+#: Some of the kept rows of a window, and the filtered rows of each joint there.
+Segment: TypeAlias = tuple[slice, tuple[Array, ...]]
 
 _SIGNALS = ("time", "q", "dq", "measured", "unfiltered")
 
@@ -54,8 +58,8 @@ class Tally:
         self._sampled_rows: list[list[Array]] = [[] for _ in sizes]
         self.states: States | None = None
 
-    def add(self, window: Window) -> None:
-        """Add the rows of the next window."""
+    def add(self, window: Window, segments: Sequence[Segment]) -> None:
+        """Add the next window and its rows, as :meth:`Observer.segments` makes them."""
         prepared = window.prepared
         self._add_states(window)
         mask = counting_rows(self._observer.model, prepared)
@@ -63,7 +67,7 @@ class Tally:
         measured = np.asarray(kept.torque)
         taken = np.asarray(kept.raw_torque) - measured
         with one_blas_thread():
-            for part, blocks in self._observer.segments(prepared):
+            for part, blocks in segments:
                 self._add_rows(blocks, mask[part], measured[part], taken[part])
                 self._sample(window, part, blocks)
                 self.rows += int(part.stop - part.start)

@@ -36,6 +36,7 @@ from dynident.estimation.saved_values import (
     preprocessing_to_dict,
 )
 from dynident.estimation.streaming.digest import Chunk, Digest, JointRows, Sampled, States
+from dynident.estimation.streaming.merge_tree import MergeTree
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.butterworth import Butterworth
 from dynident.files import unreadable, write_atomically
@@ -141,16 +142,19 @@ def read_position(path: str | Path) -> tuple[Digest, Mapping[str, Any] | None]:
 
 
 def merged_file(paths: Sequence[str | Path]) -> Digest:
-    """Return the digest of several files.
+    """Return the digest of several files, to the same bits in whatever order they are given.
+
+    Files are merged in the order of the names of their logs.
 
     Raises:
         TriangleFileError: A log is in two of them, or they are of different models or preparations.
     """
-    digests = [read_digest(path) for path in paths]
-    first = digests[0]
+    digests = {str(path): read_digest(path) for path in paths}
+    first = digests[str(paths[0])]
     wanted = model_hash(first.model, first.how, first.base.independent.tolist())
     seen: dict[str, str] = {}
-    for path, digest in zip(paths, digests, strict=True):
+    for path in map(str, paths):
+        digest = digests[path]
         if model_hash(digest.model, digest.how, digest.base.independent.tolist()) != wanted:
             evidence = f"other than {paths[0]}: {_difference((first.model, first.how), (digest.model, digest.how))}"
             raise TriangleFileError(path, evidence, "reduce all with one case that states the cut-off")
@@ -158,8 +162,14 @@ def merged_file(paths: Sequence[str | Path]) -> Digest:
             if chunk.sha256 in seen:
                 evidence = f"the log {chunk.path} is in {seen[chunk.sha256]} already, so its rows would count twice"
                 raise TriangleFileError(path, evidence, "give each log once")
-            seen[chunk.sha256] = str(path)
-    return first.joined(digests[1:])
+            seen[chunk.sha256] = path
+    ordered = sorted(digests.values(), key=lambda digest: [(chunk.path, chunk.sha256) for chunk in digest.chunks])
+    tree = MergeTree()
+    for position, digest in enumerate(ordered):
+        tree.add(position, 1, digest)
+    found = tree.merged()
+    assert found is not None
+    return found
 
 
 def check_case(digest: Digest, path: str | Path, model: DynamicModel, how: Preprocessing) -> None:

@@ -43,6 +43,23 @@ class Window:
 
 
 @dataclass(frozen=True)
+class Piece:
+    """Some samples of a log as they were read, with their neighbours.
+
+    Attributes:
+        log: The samples, on the uniform grid.
+        start: Number of the first of them in the whole log.
+        own: Those that the window is for.
+        used: Which of these are used, counted from the first of them.
+    """
+
+    log: Log
+    start: int
+    own: slice
+    used: IntArray
+
+
+@dataclass(frozen=True)
 class Windows:
     """How a log is cut.
 
@@ -94,8 +111,8 @@ class Windows:
         """Number of windows."""
         return -(-self.scan.count // self.tile)
 
-    def of_log(self, stream: LogStream, meaning: Callable[[Log], Log], first: int = 0) -> Iterator[Window]:
-        """Yield the windows of a log from number ``first`` on.
+    def pieces(self, stream: LogStream, meaning: Callable[[Log], Log], first: int = 0) -> Iterator[Piece]:
+        """Yield what the windows of a log from number ``first`` on are made of.
 
         Args:
             stream: The log.
@@ -103,7 +120,7 @@ class Windows:
             first: Number of windows that are left out.
 
         Raises:
-            LogMismatch: A value that is no number, or too few samples for the filter.
+            LogMismatch: A value that is no number.
         """
         tape = _Tape(_on_grid(stream, self.scan, meaning))
         total, overlap, used = self.scan.count, self.span + self.margin, _Used(self)
@@ -112,26 +129,29 @@ class Windows:
             low, high = max(0, start - overlap), min(total, stop + overlap)
             tape.read_to(high)
             log = tape.log(low, high)
+            own = slice(start - low, stop - low)
+            rows = used.rows(log.time[own], start)
             if number >= first:
-                yield self._window(log, low, slice(start, stop), used)
-            else:
-                used.rows(log.time[start - low : stop - low], start)
+                yield Piece(log, low, own, rows)
 
-    def _window(self, log: Log, low: int, own: slice, used: _Used) -> Window:
-        total = self.scan.count
-        time = log.time
+    def window(self, piece: Piece) -> Window:
+        """Return the window of a piece: its samples filtered.
+
+        Raises:
+            LogMismatch: Too few samples for the filter.
+        """
+        log, low, own = piece.log, piece.start, piece.own
         # Counted from 0, steps of the time are as exact as the rate needs.
         local = replace(log, time=np.arange(log.samples) / self.rate)
         filtered = self.how.filter.apply(local)
         if self.how.delay_s:
             filtered = shifted(filtered, self.how.delay_s)
-        first, last = max(0, own.start - self.margin), min(total, own.stop + self.margin)
-        cut = filtered.rows(slice(first - low, last - low), "window")
+        first, last = max(0, own.start - self.margin), min(log.samples, own.stop + self.margin)
+        cut = filtered.rows(slice(first, last), "window")
         inner = slice(own.start - first, own.stop - first)
-        absolute = time[first - low : last - low]
-        keep = used.rows(absolute[inner], own.start) + inner.start
+        keep = piece.used + inner.start
         prepared = Prepared(cut, keep, self.how, self.every, self.how.delay_s or 0.0)
-        return Window(prepared, inner, absolute[keep], own.start, own.stop)
+        return Window(prepared, inner, log.time[first:last][keep], low + own.start, low + own.stop)
 
 
 class _Used:

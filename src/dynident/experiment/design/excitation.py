@@ -32,6 +32,7 @@ from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.threads import one_blas_thread
+from dynident.workers.pool import Pool
 
 #: Noise of a joint's torque where none is given, as a share of its effort limit.
 NOISE_SHARE = 0.01
@@ -60,6 +61,7 @@ def design_excitation(
     rows: float | None = None,
     time_limit: float = 60.0,
     jobs: int | None = 1,
+    pool: Pool | None = None,
     checkpoint: str | Path | None = None,
     progress: Callable[[SearchState], None] = lambda state: None,
 ) -> Plan:
@@ -84,6 +86,7 @@ def design_excitation(
         rows: Independent rows of each joint that the run gives beside ``earlier``; None for 200 a second.
         time_limit: Time in s after which the best motion so far is taken.
         jobs: Processes, None for one a core; above 1 the main module must be importable.
+        pool: Where starts are run in place of ``jobs`` processes, such as a cluster.
         checkpoint: File that keeps finished starts; those in it are not searched again.
         progress: Told about five times a second and start, and when a start is done.
 
@@ -97,7 +100,7 @@ def design_excitation(
     shape, bounds = parametrise(trajectory, period, harmonics), limits or limits_of(model.robot)
     with one_blas_thread():
         problem = request.problem(shape, bounds, samples, uncertainty, clearance, tool)
-        search = Search(problem, starts, seed, time_limit, checked_jobs(jobs), {})
+        search = Search(problem, starts, seed, time_limit, checked_jobs(jobs), {}, pool)
         return request.plan(search, checkpoint, progress)
 
 
