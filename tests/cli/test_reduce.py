@@ -87,6 +87,8 @@ def test_large_logs_are_reduced_as_a_stream_by_themselves(
     for estimator, streamed in (("wls", True), ("huber", False)):
         assert main(["identify", "case.yaml", "--estimator", estimator, "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["extras"].get("streamed", False) is streamed
+    assert main(["identify", "case.yaml", "--estimator", "huber", "--cross-validate", "0"]) == 0
+    assert "are read into memory: the estimator needs the rows" in capsys.readouterr().err
 
 
 def test_what_does_not_go_together_is_refused(capsys: Capture, tmp_path: Path) -> None:

@@ -13,7 +13,10 @@ from drafted_logs import joints_called, moved, named, numbered, read, write_log,
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, DescriptionError, FileError, LogFormatError, UnknownChoice
+from dynident.estimation.streaming.one_log import check_streamable
+from dynident.experiment.case_file import case_draft
 from dynident.experiment.case_file.case_draft import draft_case, draft_summary
+from dynident.experiment.case_file.draft import readings
 from dynident.experiment.formats import Units
 from dynident.model.descriptions import read_robot
 from dynident.model.robot import Drive, Robot
@@ -297,6 +300,21 @@ def test_several_logs_and_their_parts(arm: str, motion: dict[str, Array], tmp_pa
     other = write_log(tmp_path / "d.csv", numbered(motion, torque="moment{}"))
     with pytest.raises(LogFormatError, match="no column 'tau1' as in the first log"):
         draft_case(arm, [paths[0], other], tmp_path)
+
+
+def test_logs_that_are_reduced_as_a_stream_ask_for_nothing_that_a_stream_cannot_do(
+    arm: str, motion: dict[str, Array], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_log(tmp_path / "run.csv", numbered(motion))
+    monkeypatch.setattr(case_draft, "LARGE", Path(path).stat().st_size)
+    case = read(draft_case(arm, path, tmp_path), tmp_path)
+    assert case.split is not None and "torque" in case.model.needs
+    monkeypatch.setattr(case_draft, "LARGE", Path(path).stat().st_size - 1)
+    monkeypatch.setattr(readings, "MOST_ROWS", 400)
+    draft = draft_case(arm, path, tmp_path)
+    assert "run.csv: the first 400 rows" in draft.text and "another log to test on?" in draft.text
+    assert draft.needed == ()
+    check_streamable(read(draft, tmp_path))
 
 
 def test_decimal_commas_are_stated_and_not_guessed(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:

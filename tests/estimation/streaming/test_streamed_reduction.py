@@ -15,15 +15,19 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.identify import identify
+from dynident.estimation.problem import Observer
 from dynident.estimation.streaming import digest, windows
 from dynident.estimation.streaming.estimate import identify_digest
+from dynident.estimation.streaming.one_log import reduce_log
 from dynident.estimation.streaming.reduction import reduce_logs
 from dynident.estimation.streaming.time_scan import StreamedMedian
 from dynident.estimation.streaming.triangle_file import check_case
 from dynident.experiment.case_file.case import Case, read_case
+from dynident.experiment.case_file.split import Split
 from dynident.experiment.formats import write_log
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import FILTERS, Preprocessing
+from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.robot import Robot
 
@@ -142,6 +146,18 @@ def test_a_delay_that_is_left_open_is_that_of_the_log(case: Case, make: Callable
     assert_same(identify_digest(digest, "wls"), in_memory(case, [log], "wls"))
 
 
+def test_threads_do_not_change_a_bit(case: Case, make: Callable[..., Path]) -> None:
+    path = make("run.npz", samples=4000)
+    base = base_parameters(case.model)
+    one, three = (
+        reduce_log(case, path, base, Observer(case.model, base), lambda step, share: None, None, 0, threads)
+        for threads in (1, 3)
+    )
+    for ours, wanted in zip(three.joints, one.joints, strict=True):
+        assert ours.factors.tobytes() == wanted.factors.tobytes() and ours.counts.sum() > 0
+    assert three.sampled.rows[0].tobytes() == one.sampled.rows[0].tobytes()
+
+
 def test_few_stretches_are_merged_and_the_estimate_stays(
     case: Case, make: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -183,8 +199,11 @@ def test_what_needs_all_rows_is_refused_in_words(case: Case, make: Callable[...,
             reduce_logs(changed, [log])
     with pytest.raises(LogMismatch, match="friction: auto needs all rows"):
         reduce_logs(replace(case, choose_friction=True), [log])
-    with pytest.raises(LogMismatch, match=r"takes several passes; leave it out \(--friction "):
-        reduce_logs(replace(case, friction=("coulomb", "load")), [log])  # type: ignore[arg-type]
+    with pytest.raises(
+        LogMismatch, match=r"several passes; .*not split; take load out of friction in .*; take split out of "
+    ):
+        both = replace(case, friction=("coulomb", "load"), split=Split(0.5))  # type: ignore[arg-type]
+        reduce_logs(both, [log])
     with pytest.raises(LogMismatch, match="the same content as"):
         reduce_logs(case, [log, log])
     reduced = reduce_logs(case, [log])

@@ -20,7 +20,7 @@ from dynident.experiment.case_file.draft.joint_choice import outside_limits
 from dynident.experiment.case_file.draft.readings import gaps, opened
 from dynident.experiment.case_file.draft.recognise import cutoff_of, recognised
 from dynident.experiment.case_file.questions import Question, questions_in
-from dynident.experiment.formats import FORMATS, LogFormat, Table
+from dynident.experiment.formats import FORMATS, LARGE, LogFormat, Table, bytes_of
 from dynident.experiment.profiles import PROFILES
 from dynident.model.descriptions import read_robot
 
@@ -87,7 +87,7 @@ def draft_case(
         reads = ", ".join(channel.pattern for channel in PROFILES.make(profile).read_channels().values())
         step = f"it reads {PROFILES.make(profile).time}, {reads}, for each joint of the robot; leave the profile out"
         raise BadOption("profile", profile, step)
-    found = replace(found, form=written)
+    found = replace(found, form=written, is_large=sum(bytes_of(Path(log)) for log in train) > LARGE)
     remarks = tuple(_remarks(found))
     files = Files(robot, train, tuple(test), Path(folder))
     text = case_text(found, files, remarks)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dynident.errors import LogFormatError
 from dynident.experiment.formats._stream import LogStream
-from dynident.experiment.formats._table import Table, log_of
+from dynident.experiment.formats._table import LARGE, Table, bytes_of, log_of
 from dynident.experiment.formats.base import ColumnMap, LogFormat, Units, written_columns
 from dynident.experiment.log import Log
 from dynident.plugins import Family
@@ -15,11 +15,13 @@ FORMATS: Family[LogFormat] = Family("dynident.experiment.formats", LogFormat, "l
 
 __all__ = [
     "FORMATS",
+    "LARGE",
     "ColumnMap",
     "LogFormat",
     "LogStream",
     "Table",
     "Units",
+    "bytes_of",
     "open_log",
     "read_header",
     "read_log",

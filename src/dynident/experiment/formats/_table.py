@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import ClassVar, TypeAlias
 
 import numpy as np
@@ -19,6 +20,9 @@ MIN_SAMPLES = 10
 
 #: Cells that are read at once at most: 2 GiB of numbers.
 MAX_CELLS = 1 << 28
+
+#: Bytes of all logs of a fit together above which they are reduced as a stream.
+LARGE = 512 << 20
 
 #: What to do with a file that is larger than what is read at once.
 TOO_LARGE = "reduce it as a stream: dynident reduce CASE LOG -o part.tri"
@@ -95,6 +99,12 @@ def log_of(table: Table, columns: ColumnMap) -> Log:
     log = checked.block(values)
     checked.end()
     return replace(log, source=checked.source(notes))
+
+
+def bytes_of(place: Path) -> int:
+    """Return the size of a log, a file or the files of a folder; 0 where nothing is there."""
+    files = place.iterdir() if place.is_dir() else (place,)
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def names_of(columns: ColumnMap) -> list[str]:

@@ -142,7 +142,10 @@ def _friction(found: Found) -> list[str]:
         else:
             lines.append(f"{rotor}            # of the motors, seen at the joints")
     lines.append("  - degressive               # gears: friction that bends over speed,")
-    lines.append("  - load                     # and grows with the torque")
+    if found.is_large:
+        lines.append("  # load: friction that grows with the torque takes several passes; logs this large get one")
+    else:
+        lines.append("  - load                     # and grows with the torque")
     return lines
 
 
@@ -191,6 +194,9 @@ def _data(found: Found, files: Files) -> list[str]:
     if len(train) > 1:
         text = f"which logs train and which test? Taken: the last of {len(train)} tests"
         return [_paths("train", files, train[:-1]), offered(_paths("test", files, train[-1:]), text)]
+    if found.is_large:
+        text = "is there another log to test on? One this large is reduced as a whole, no part of it is kept for a test"
+        return [_paths("train", files, train), offered("# test: other-run.csv", text)]
     text = "another log tests better: test: other-run.csv in place of the last third of this one"
     return [_paths("train", files, train), offered("split: first:0.67", text)]
 

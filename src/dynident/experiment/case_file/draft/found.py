@@ -55,6 +55,7 @@ class Found:
         still: Position in rad or m of the joints that stand still.
         left_out: Signals whose columns were found and are not read, and why.
         likely_effort: Columns that may be the torques or currents that a profile does not read; empty for none.
+        is_large: Whether the logs that train are reduced as a stream.
         form: How the file is read where its suffix does not say, as the case file writes it; empty for nothing.
     """
 
@@ -73,6 +74,7 @@ class Found:
     still: Mapping[str, float] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
     likely_effort: str = ""
+    is_large: bool = False
     form: str = ""
 
     @property

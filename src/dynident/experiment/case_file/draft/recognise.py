@@ -274,4 +274,5 @@ def facts_of(reading: Reading, seconds: float) -> str:
         reading: The log.
         seconds: Factor of its time's unit.
     """
-    return f"{reading.rows} rows, {reading.duration * seconds:.4g} s, {1 / (reading.step * seconds):.5g} Hz"
+    rows = f"the first {reading.rows} rows" if reading.is_head else f"{reading.rows} rows"
+    return f"{rows}, {reading.duration * seconds:.4g} s, {1 / (reading.step * seconds):.5g} Hz"
