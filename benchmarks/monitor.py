@@ -34,7 +34,8 @@ class Cell:
 
     def __init__(self):
         robot = read_robot("generic-6r")
-        self.model = DynamicModel(robot, ("coulomb", "viscous", "offset"))
+        assert robot.nominal is not None
+        self.model = DynamicModel(robot, ("coulomb", "viscous", "offset"))  # type: ignore[arg-type]
         friction = np.tile([2.0, 3.0, 0.4], robot.dof) * np.repeat(np.linspace(1.5, 0.3, robot.dof), 3)
         self.theta = np.concatenate([robot.nominal, friction])
 
@@ -42,7 +43,8 @@ class Cell:
         """Return a run of several random motions of 10 s one after the other, each a whole number of periods."""
         generator, joints = np.random.default_rng(seed), self.model.robot.dof
         time = np.arange(int(seconds * RATE)) / RATE
-        series = FourierSeries(np.zeros(joints), *(0.3 * generator.normal(size=(2, joints, 5))), 30.0)
+        sine, cosine = 0.3 * generator.normal(size=(2, joints, 5))
+        series = FourierSeries(np.zeros(joints), sine, cosine, 30.0)
         q, dq, ddq = series.evaluate(3.0 * time)
         dq, ddq = 3.0 * dq, 9.0 * ddq
         torque = self.model.torque(Motion(q, dq, ddq), self.theta)
@@ -86,9 +88,10 @@ def main() -> None:
     monitor = calibrated(observer, clean, 1.0 / 3600.0)
     late = delays(monitor, tests[0])
     state, log, taken = MonitorState(), tests[0], []
+    dq, torque = np.asarray(log.dq), np.asarray(log.torque)
     for k in range(2000):
         started = clock.process_time()
-        state, _ = step(monitor, state, float(log.time[k]), log.q[k], log.dq[k], log.torque[k])
+        state, _ = step(monitor, state, float(log.time[k]), log.q[k], dq[k], torque[k])
         taken.append(clock.process_time() - started)
     each = float(np.median(taken[100:]))
     seen = {

@@ -24,6 +24,7 @@ import numpy as np
 import scipy.signal
 
 from dynident import DynamicModel, FourierSeries, Inertia, Log, identify, preprocess, read_case, read_robot
+from dynident.arrays import Array
 from dynident.estimation.payload import identify_payload
 from dynident.estimation.problem import make_problem
 from dynident.estimation.residuals.row_passes import RowPasses
@@ -44,15 +45,20 @@ class Bench:
     """An arm and its noise-free logs without and with the payload."""
 
     def __init__(self, kind):
-        self.kind, robot, self.gains = kind, read_robot("generic-6r"), 1.0
-        self.model = DynamicModel(robot, ("coulomb", "viscous", "offset"))
+        self.kind, robot = kind, read_robot("generic-6r")
+        self.gains: float | Array = 1.0
+        assert robot.nominal is not None
+        self.model = DynamicModel(robot, ("coulomb", "viscous", "offset"))  # type: ignore[arg-type]
         body = Inertia.from_centre_of_mass(MASS, CENTRE, BODY)
         frame = robot.frames.get(robot.tool)
         carried = body if frame is None else body.moved(frame.rotation, frame.translation)
         link = len(robot.links) - 1 if frame is None else frame.link
         links = list(robot.links)
-        links[link] = replace(links[link], inertia=links[link].inertia + carried)
+        own = links[link].inertia
+        assert own is not None
+        links[link] = replace(links[link], inertia=own + carried)
         heavy = DynamicModel(replace(robot, links=tuple(links)), self.model.friction)
+        assert heavy.robot.nominal is not None
         friction = np.tile([2.0, 3.0, 0.4], robot.dof) * np.repeat(np.linspace(1.5, 0.3, robot.dof), 3)
         warm = 1.1 if kind in ("motion", "gains") else 1.0
         self.friction = friction
@@ -84,6 +90,7 @@ class Bench:
         return Log(model.robot.joint_names, time, q, dq, torque=torque)
 
     def noisy(self, log, generator, memory):
+        """Return a log with noise, and with the gains of its drives."""
         white = generator.normal(size=(log.samples + PAST, log.q.shape[1]))
         noise = scipy.signal.lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=0)[PAST:]
         torque = log.torque + SHARE * np.sqrt(np.mean(log.torque**2, axis=0)) * noise
@@ -98,7 +105,8 @@ class Bench:
         """Return the estimate of a run: weighted least squares and its coloured covariance, the rest of the first."""
         prepared = preprocess(self.noisy(self.empty, generator, memory), self.first.preprocessing)
         problem = make_problem(self.model, self.first.base, [prepared])
-        beta = least_squares(problem.reduced()).beta
+        weights = np.ones(self.model.robot.dof)
+        beta = least_squares(problem.reduced(weights)).beta
         for _ in range(2):
             weights = 1.0 / problem.joint_deviations(beta)
             beta = least_squares(problem.reduced(weights)).beta
@@ -116,7 +124,8 @@ def figures(kind, memory, runs):
     truth = {"m": MASS, **dict(zip(("cx", "cy", "cz"), CENTRE, strict=True))}
     body = Inertia.from_centre_of_mass(MASS, CENTRE, BODY)
     truth |= dict(zip(("Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz"), body.vector[:6], strict=True))
-    inside, halves, errors, near = {name: [] for name in truth}, [], [], []
+    inside: dict[str, list[bool]] = {name: [] for name in truth}
+    halves, errors, near, rows = list[float](), list[float](), list[bool](), ""
     for done in range(1, runs + 1):
         if kind == "gains":
             bench.gains = 1.0 + GAIN_ERROR * generator.normal(size=bench.model.robot.dof)
@@ -128,10 +137,11 @@ def figures(kind, memory, runs):
         halves.append(found.mass.half_width)
         errors.append(found.mass.value - MASS)
         near.append(found.distance < 3.3)
+        rows = found.rows
         if done % PART == 0 and done < runs:
-            told = {"kind": kind, "memory": memory, "runs": done, "rows": found.rows}
+            told = {"kind": kind, "memory": memory, "runs": done, "rows": rows}
             print(json.dumps(told | shares(inside, halves, errors, near)), flush=True)
-    return {"kind": kind, "memory": memory, "runs": runs, "rows": found.rows, **shares(inside, halves, errors, near)}
+    return {"kind": kind, "memory": memory, "runs": runs, "rows": rows, **shares(inside, halves, errors, near)}
 
 
 def shares(inside, halves, errors, near):

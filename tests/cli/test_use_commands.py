@@ -114,3 +114,16 @@ def test_predict_writes_torques_and_bands(cell: Path, capsys: pytest.CaptureFixt
     write_log(replace(recorded(read_robot("generic-scara"), 2), torque=None), "planned.csv")
     assert main(["predict", "estimate.json", "planned.csv", "-o", "tau2.csv", "--quiet"]) == 0
     assert main(["predict", "estimate.json", "clean.csv", "-o", "clean.csv"]) == 1
+
+
+def test_predict_says_where_its_bands_mean_nothing(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = recorded(read_robot("generic-scara"), 2)
+    assert main(["predict", "estimate.json", "train.csv", "-o", "tau.csv", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["remarks"] == []
+    write_log(replace(log, torque=100.0 + np.asarray(log.torque)), "other.csv")
+    assert main(["predict", "estimate.json", "other.csv", "-o", "tau.csv"]) == 0
+    said = capsys.readouterr().out
+    assert "remark: few measured torques lie in the band (" in said and "0 %" in said and "units, signs" in said
+    write_log(replace(log, q=3.0 * log.q, torque=None), "wide.csv")
+    assert main(["predict", "estimate.json", "wide.csv", "-o", "tau.csv"]) == 0
+    assert "remark: the log leaves what the fit has seen: position of" in capsys.readouterr().out

@@ -3,7 +3,8 @@
 The positions of the log are filtered like those of the fit. Its torques are not needed; where it has them they stand
 beside the prediction, filtered. For each joint: the model's torque, not filtered; half the width of the 95 % band by
 the covariance of the parameters; and the same with the residual of the fit, which takes in noise and what the model
-does not have. The table counts the rows inside it, both sides filtered alike.
+does not have. The table counts the rows inside it, both sides filtered alike. Remarks name joints whose torques do not
+lie there, and where the motion leaves what the logs of the fit have seen.
 
   dynident predict estimate.json run.csv -o tau.csv
   dynident predict estimate.json planned.csv -o tau.csv --json
@@ -12,11 +13,17 @@ does not have. The table counts the rows inside it, both sides filtered alike.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dynident.arrays import Array
+    from dynident.estimation.estimate import Estimate
     from dynident.experiment.log import Log
+    from dynident.experiment.preprocessing import Prepared
+
+#: Share of the rows in the 95 % band below which the model is not that of the robot in the log.
+LEAST_INSIDE = 0.5
 
 SUMMARY = "torques of a motion by an estimate, with bands, as CSV"
 
@@ -71,10 +78,14 @@ def run(options: argparse.Namespace) -> int:
         }
         for name, unit, size, narrow, wide, share in table
     ]
+    remarks = [*_outside(robot.joint_names, inside), *_beyond(estimate, prepared)]
     if options.json:
-        console.answer_json({"log": log.name, "samples": moved.samples, "written": options.output, "joints": joints})
+        facts = {"log": log.name, "samples": moved.samples, "written": options.output}
+        console.answer_json({**facts, "joints": joints, "remarks": remarks})
         return 0
     _show(joints, moved)
+    for remark in remarks:
+        console.answer(f"remark: {remark}")
     console.remark(f"saved {options.output}", options.quiet)
     return 0
 
@@ -97,6 +108,37 @@ def _motion(path: str, columns: object, robot: object) -> Log:
         if own.torque is not None:
             raise
     return read_with(path, replace(lenient, torque=()), arm)
+
+
+def _outside(names: Sequence[str], inside: Array) -> list[str]:
+    """Return what is to be said of joints whose measured torques the bands do not hold."""
+    low = [f"{name} {100 * share:.0f} %" for name, share in zip(names, inside, strict=True) if share < LEAST_INSIDE]
+    if not low:
+        return []
+    text = (
+        f"few measured torques lie in the band ({', '.join(low)}): the log may be of another robot, load or mounting; "
+    )
+    return [text + "look at units, signs and order of its columns"]
+
+
+def _beyond(estimate: Estimate, prepared: Prepared) -> list[str]:
+    """Return where the motion leaves what the logs of the fit have seen."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from dynident.estimation.problem import Observer
+    from dynident.estimation.uncertainty.envelope import departure_of
+
+    if estimate.envelope is None:
+        return []
+    log = replace(prepared.log, torque=np.zeros_like(prepared.log.q))  # bands do not depend on measured torques
+    observer = Observer(estimate.model, estimate.base, estimate.beta)
+    triangles = observer.triangles(replace(prepared, log=log), np.ones((len(prepared.keep), log.q.shape[1]), bool))
+    sentence = departure_of(estimate.envelope, [prepared.kept], triangles, estimate.covariance).sentence(
+        estimate.envelope
+    )
+    return [sentence] if sentence else []
 
 
 def _rms(values: Array) -> Array:

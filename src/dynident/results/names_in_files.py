@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import keyword
 import re
+import sys
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
@@ -29,6 +31,23 @@ def shown_names(names: Sequence[str]) -> tuple[tuple[str, ...], dict[str, str]]:
     """Return names for comments, each with other signs than ``A-Za-z0-9_.-`` replaced, and the map of the changed."""
     shown = tuple(_NOT_PLAIN.sub("_", name)[:LONGEST_NAME] or "_" for name in names)
     return shown, {name: new for name, new in zip(names, shown, strict=True) if name != new}
+
+
+def module_notes(path: Path, needs: str) -> tuple[str, ...]:
+    """Return what is to be said of a Python module that cannot be imported by the name of its file.
+
+    Args:
+        path: The file.
+        needs: Package that the module imports.
+    """
+    stem = path.stem
+    plain = stem.isascii() and stem.isidentifier() and not keyword.iskeyword(stem)
+    if path.suffix == ".py" and plain and stem != needs and stem not in sys.stdlib_module_names:
+        return ()
+    word = re.sub(r"\W+", "_", stem, flags=re.ASCII).strip("_")
+    new = word if word[:1].isalpha() and word != stem else f"robot_{word}".rstrip("_")
+    why = "is the name of another module" if plain and path.suffix == ".py" else "is no name of a Python module"
+    return (f"{path.name} {why}: 'import' takes it as {new}.py, for example",)
 
 
 def program_name(path: Path, language: str, longest: int, reserved: Collection[str]) -> str:

@@ -101,6 +101,19 @@ def test_a_fixed_link_that_is_too_heavy_loses_its_inertia(moving: Estimate, tmp_
     assert "<inertial>" not in after.decode().split('<link name="tool">')[1].split("</link>")[0]
 
 
+def test_a_fixed_link_that_is_no_body_loses_its_inertia(moving: Estimate, tmp_path: Path) -> None:
+    """Engines refuse it, and the moving link would carry the opposite of it."""
+    whole, at = 'ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.002"', tmp_path / "arm.urdf"
+    at.write_text(URDF.replace(whole, whole.replace('ixy="0"', 'ixy="0.0017"')))  # a principal moment below zero
+    found = export_model(moving, "urdf", tmp_path / "out.urdf", description=at)
+    assert all((proof.relative or 0.0) < 1e-9 for proof in found.proofs)
+    assert "<inertial>" not in (tmp_path / "out.urdf").read_text().split('<link name="tool">')[1].split("</link>")[0]
+    assert "no body has the inertia that the file states for tool" in found.notes
+    flat = whole.replace('izz="0.002"', 'izz="0.003"')  # a plate: at the edge of what can be
+    _, kept = written(moving, tmp_path, URDF.replace(whole, flat))
+    assert flat in kept.decode()
+
+
 def test_friction_of_followers_is_that_of_their_leader(moving: Estimate, tmp_path: Path) -> None:
     _, after = written(moving, tmp_path)
     follower = next(joint for joint in read_urdf("out", after).joints if joint.name == "follow")

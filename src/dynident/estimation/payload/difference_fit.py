@@ -5,6 +5,10 @@ R (D x + e) + noise: D = [B, F] carries the payload's ten and the change of fric
 error. Generalised least squares with S = I + R C R' gives x = H^-1 D' E (R'z - N beta), E = (I + N C)^-1 and
 H = D' E N D. Its error is T (sum_j w_j^2 X_j' v_j - N e) with T = H^-1 D' E: noise as coloured as it is, and the
 robot's covariance (Swevers, Verdonck and De Schutter 2007 state the difference; the weights are those of Aitken).
+
+C is an estimate, and T is the best for it: T N C N T' is too small by 2 E[T N d Q d N T'] with d the error of C and
+Q = E N (I - D T N) (Kenward and Roger 1997). For a Wishart covariance of f degrees of freedom that is
+2 (T N C Q C N T' + tr(Q C) T N C N T') / f.
 """
 
 from __future__ import annotations
@@ -33,6 +37,7 @@ class Known:
     Attributes:
         beta: Base parameters of the robot without it, shape (b,).
         covariance: Their covariance, shape (b, b).
+        degrees: Its degrees of freedom; infinite where it is no estimate.
         columns: D, what a unit of each unknown adds to the base parameters, shape (b, k).
         sizes: Natural size of each unknown, shape (k,).
         means: What is known of the unknowns, shape (k,).
@@ -41,6 +46,7 @@ class Known:
 
     beta: Array
     covariance: Array
+    degrees: float
     columns: Array
     sizes: Array
     means: Array
@@ -57,7 +63,7 @@ class Difference:
         transfer: T, shape (k, b).
         change: What the run adds to the robot's base parameters by the best judgement, shape (b,).
         respond: Q with change = Q (R'z - N beta) but for what is known beforehand, shape (b, b).
-        by_robot: Covariance by the robot's own, shape (k, k).
+        by_robot: Covariance by the robot's own, with what weights made of an estimate of it miss, shape (k, k).
         by_known: By what is known beforehand, one part per unknown, shape (k, k, k): the first index is the unknown.
     """
 
@@ -97,9 +103,12 @@ def fit_difference(problem: Problem, weights: Array, known: Known) -> Difference
     own = known.covariance @ share
     respond = known.columns @ transfer + own @ (np.eye(size) - gram @ known.columns @ transfer)
     change = known.columns @ x + own @ (product - gram @ known.columns @ x)
-    lever = transfer @ gram
     told = np.einsum("ik,jk,k->kij", inverse, inverse, informed)
-    by_robot = lever @ known.covariance @ lever.T
+    lever = transfer @ gram
+    spread, left = lever @ known.covariance, share @ gram @ (np.eye(size) - known.columns @ lever)
+    by_robot = spread @ lever.T
+    missed = spread @ left @ spread.T + float(np.sum(left * known.covariance)) * by_robot
+    by_robot = by_robot + (missed + missed.T) / known.degrees
     return Difference(np.where(open_, 0.0, x), open_, transfer, change, respond, by_robot, told)
 
 

@@ -112,7 +112,6 @@ class _Beforehand:
 class _Pass:
     """One fit: its rows, the weights it had, what was known, what it found and left, and what rows are worth after."""
 
-    problem: Problem
     passes: RowPasses
     weights: Array
     known: Known
@@ -171,6 +170,8 @@ class _Run:
         turn = np.column_stack([Inertia.from_vector(one).moved(rotation, translation).vector for one in np.eye(10)])
         self.carried = estimate.base.matrix[:, 10 * link : 10 * link + 10] @ turn
         model, base = estimate.model, estimate.base
+        # The variances are not known equally well; those known best let the weights go wrong least.
+        self.degrees = np.inf if estimate.degrees is None else float(np.max(estimate.degrees))
         friction = [k for k, unit in enumerate(base.units) if _is_friction(estimate, k, unit)]
         self.friction = np.array(friction if rows == "motion" and told.friction_share > 0 else [], dtype=np.int64)
         self.masks = tuple(counting_rows(model, log) for log in self.logs)
@@ -187,14 +188,14 @@ class _Run:
         estimate = self.estimate
         deviations = np.hypot(estimate.joint_deviations, self.floor)
         factors = estimate.correlation_factors if self.rows == "motion" else np.ones(len(deviations))
-        problem = self._problem(estimate.beta)
-        before = RowPasses(problem).residuals(estimate.beta)
-        fit = self._pass(problem, deviations, factors)
+        passes = RowPasses(self._problem(estimate.beta))
+        before = passes.residuals(estimate.beta)
+        fit = self._pass(passes, deviations, factors)
         for _ in range(PASSES - 1):
             if "torque" in estimate.model.needs:
-                problem = self._problem(estimate.beta + fit.found.change)
-            fit = self._pass(problem, fit.deviations, fit.factors)
-        found = fit.found
+                passes = RowPasses(self._problem(estimate.beta + fit.found.change))
+            fit = self._pass(passes, fit.deviations, fit.factors)
+        found, problem = fit.found, passes.problem
         if self.rows == "motion":
             noise, degrees = noise_covariance(problem, fit.passes, fit.weights, found, fit.residual)
         else:
@@ -221,12 +222,12 @@ class _Run:
             gains=doubt,
         )
 
-    def _pass(self, problem: Problem, deviations: Array, factors: Array) -> _Pass:
+    def _pass(self, passes: RowPasses, deviations: Array, factors: Array) -> _Pass:
         self.progress("payload")
-        passes, weights, known = RowPasses(problem), 1.0 / (deviations * np.sqrt(factors)), self._known(problem)
-        found = fit_difference(problem, weights, known)
+        weights, known = 1.0 / (deviations * np.sqrt(factors)), self._known(passes.problem)
+        found = fit_difference(passes.problem, weights, known)
         residual = passes.residuals(self.estimate.beta + found.change)
-        return _Pass(problem, passes, weights, known, found, residual, *self._worth(residual, passes))
+        return _Pass(passes, weights, known, found, residual, *self._worth(residual, passes))
 
     def _problem(self, load: Array) -> Problem:
         """Return the rows with friction under the load of some base parameters."""
@@ -258,15 +259,15 @@ class _Run:
         if self.told.mass is not None:
             means[9], deviations[9] = self.told.mass, max(self.told.deviation, 1e-6 * self.told.mass)
         sizes = np.r_[own, spread]
-        return Known(estimate.beta, estimate.covariance, columns, sizes, means, deviations)
+        return Known(estimate.beta, estimate.covariance, self.degrees, columns, sizes, means, deviations)
 
     def _gain_doubt(self, fit: _Pass) -> GainDoubt | None:
         """Return the doubt about drive gains; None where no torque is made of one."""
         if self.told.gains is not None and not np.any(self.told.gains):
             return None
         carried = fit.known.columns[:, :10] @ fit.found.x[:10]
-        scaled = scaled_rows(fit.problem, fit.passes, fit.weights, carried, fit.residual)
-        return gain_doubt(fit.problem, fit.weights, fit.known, fit.found, scaled, self.told.gains)
+        scaled = scaled_rows(fit.passes.problem, fit.passes, fit.weights, carried, fit.residual)
+        return gain_doubt(fit.passes.problem, fit.weights, fit.known, fit.found, scaled, self.told.gains)
 
 
 def _is_friction(estimate: Estimate, k: int, unit: str) -> bool:

@@ -15,6 +15,7 @@ from dynident.results.model_exporters.base import ModelContent, ModelExporter, R
 from dynident.results.model_exporters.subject.identified import Identified
 from dynident.results.model_exporters.subject.states import States
 from dynident.results.model_exporters.writing.casadi_text import casadi_text
+from dynident.results.names_in_files import module_notes
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,7 @@ class Casadi(ModelExporter):
         notes = ["it needs the package casadi; build() returns its functions by name"]
         if "torque" in subject.model.needs:
             notes.append("forward_dynamics is left out: friction depends on the load, so on the acceleration")
+        notes += module_notes(path, "casadi")
         return ModelContent({path: casadi_text(subject).encode("ascii")}, (), tuple(notes))
 
     def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:

@@ -18,6 +18,7 @@ from dynident.results.model_exporters.subject.drives import drives_of
 from dynident.results.model_exporters.subject.identified import Identified
 from dynident.results.model_exporters.subject.states import States, states_of
 from dynident.results.model_exporters.writing.numpy_template import SOURCE, TERMS
+from dynident.results.names_in_files import module_notes
 
 #: Samples of the self-test.
 REFERENCES = 5
@@ -60,7 +61,7 @@ class Numpy(ModelExporter):
         text = SOURCE
         for name, value in values.items():
             text = text.replace(f"@{name}@", str(value))
-        return ModelContent({path: text.encode("ascii")}, (), ())
+        return ModelContent({path: text.encode("ascii")}, (), module_notes(path, "numpy"))
 
     def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
         path = folder / next(iter(content.files)).name

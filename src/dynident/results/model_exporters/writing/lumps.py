@@ -14,6 +14,9 @@ from dynident.results.model_exporters.writing.placement import Placement
 #: Share of the smallest eigenvalue of the sum's pseudo-inertia that the moving link keeps where others keep theirs.
 ROOM = 0.01
 
+#: Share of the trace of a pseudo-inertia that an eigenvalue below zero may have: plates and points are at the edge.
+ROUNDING = 1e-9
+
 
 @dataclass(frozen=True)
 class Shares:
@@ -31,9 +34,9 @@ class Shares:
 def shared(subject: Identified, placement: Placement, lump: bool) -> Shares:
     """Share out the inertia of each link of the model.
 
-    Links that are fixed to a moving one, or locked behind it, keep the inertia that the file states, and the moving one
-    gets the rest, where that is a possible body. Else fixed ones lose theirs to it; locked ones, which move in the file
-    and need a mass, keep the same part of theirs, half of the largest that leaves a possible body.
+    Links that are fixed to a moving one, or locked behind it, keep the inertia that the file states, and the moving
+    one gets the rest, where that and they are possible bodies. Else fixed ones lose theirs to it; locked ones, which
+    move in the file and need a mass, keep the same part of theirs, half of the largest that leaves a possible body.
 
     Args:
         subject: The identified model.
@@ -46,7 +49,7 @@ def shared(subject: Identified, placement: Placement, lump: bool) -> Shares:
         others = [n for n in placement.on(i) if n != link.name and _weighs(placement.bodies[n])]
         fixed = [name for name in others if not placement.placed[name].behind_lock]
         held = [name for name in others if placement.placed[name].behind_lock]
-        kept = held if lump else others
+        kept = [name for name in others if name in held or not (lump or _is_none(placement.bodies[name]))]
         rest = _less(subject.bodies[i], placement, kept, 1.0)
         scale = 1.0
         if kept and not _has_room(rest, subject.bodies[i]):
@@ -62,12 +65,20 @@ def shared(subject: Identified, placement: Placement, lump: bool) -> Shares:
         inertias |= dict.fromkeys(gone)
         if others:
             notes.append(_sentence(link.name, kept, gone, scale))
+        unreal = [name for name in others if _is_none(placement.bodies[name])]
+        if unreal:
+            notes.append(f"no body has the inertia that the file states for {some(unreal)}")
     return Shares(inertias, tuple(notes))
 
 
 def _has_room(rest: Inertia, total: Inertia) -> bool:
     least = ROOM * float(np.linalg.eigvalsh(total.pseudo)[0])
     return bool(np.linalg.eigvalsh(rest.pseudo)[0] >= least)
+
+
+def _is_none(body: Inertia | None) -> bool:
+    """Return whether no body has the inertia that a file states."""
+    return body is not None and not body.is_consistent(-ROUNDING)
 
 
 def _weighs(body: Inertia | None) -> bool:
