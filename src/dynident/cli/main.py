@@ -16,8 +16,8 @@ from typing import Any
 #: Commands in the order of the work; each is the module of the same name with ``SUMMARY``, ``configure`` and ``run``.
 COMMANDS = (
     "demo", "inspect", "excite", "simulate", "export", "init", "check", "gains", "identify", "reduce", "merge",
-    "validate", "predict", "payload", "monitor", "compare", "diff", "report", "selftest", "benchmark", "list",
-    "environment", "studio", "completion",
+    "validate", "predict", "payload", "monitor", "track", "compare", "diff", "fleet",
+    "report", "selftest", "benchmark", "list", "environment", "studio", "completion",
 )  # fmt: skip
 
 _MODULES = {"list": "list_parts"}

@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     with console.progress(3, options.quiet or options.json) as progress:
         progress.step("reading")
         estimate = read_estimate(options.estimate)
-        names = options.clean or _logs_of_fit(estimate)
+        names = options.clean or logs_of_fit(estimate)
         clean = [signals_of(estimate, read_with(name, estimate.columns, estimate.model.robot)) for name in names]
         logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
         progress.step("thresholds of the clean runs")
@@ -81,7 +81,7 @@ def _rates(text: str) -> list[float]:
     return found
 
 
-def _logs_of_fit(estimate: Estimate) -> list[str]:
+def logs_of_fit(estimate: Estimate) -> list[str]:
     """Return the logs that the estimate was made from, where they are still there and unchanged."""
     from pathlib import Path
 

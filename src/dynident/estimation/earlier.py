@@ -89,8 +89,8 @@ def prior_of_logs(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) 
     noise, whole = np.ones(len(triangles)), False
     beta = np.zeros(base.count)
     for _ in range(2):
-        beta, rank = _fit(triangles, base, noise)
-        noise, whole = _deviations(triangles, beta, rank), rank == base.count
+        beta, rank = fit_determined(triangles, base, noise)
+        noise, whole = deviations_left(triangles, beta, rank), rank == base.count
     noise = noise * np.sqrt(correlation_factors([_residual(observer, log, beta) for log in prepared], masks))
     triangle = reduce(triangles, base.count, 1.0 / noise).r
     names = ", ".join(log.name for log in logs)
@@ -98,7 +98,7 @@ def prior_of_logs(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) 
     return Prior(triangle.T @ triangle, beta if whole else None, names), np.where(counted, noise, np.nan)
 
 
-def _fit(triangles: Sequence[Triangle], base: BaseParameters, noise: Array) -> tuple[Array, int]:
+def fit_determined(triangles: Sequence[Triangle], base: BaseParameters, noise: Array) -> tuple[Array, int]:
     """Return the least-squares beta of the directions that the rows determine, and their number."""
     reduced = reduce(triangles, base.count, 1.0 / noise)
     norms = np.where(reduced.column_norms > 0, reduced.column_norms, 1.0)
@@ -106,7 +106,7 @@ def _fit(triangles: Sequence[Triangle], base: BaseParameters, noise: Array) -> t
     return found / norms, int(rank)
 
 
-def _deviations(triangles: Sequence[Triangle], beta: Array, rank: int) -> Array:
+def deviations_left(triangles: Sequence[Triangle], beta: Array, rank: int) -> Array:
     """Return the residual standard deviation of each joint, shape (n,), never zero."""
     counts = np.array([max(triangle.rows, 1) for triangle in triangles])
     free = max(1.0 - rank / counts.sum(), 1e-3)

@@ -13,6 +13,7 @@ from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
 from dynident.estimation.recursive import RecursiveLeastSquares
+from dynident.estimation.recursive.rows_in_time import rows_in_time
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.estimation.uncertainty.bands import bands_beside
 from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
@@ -100,17 +101,10 @@ class RLS(Estimator):
 def _batches(problem: Problem, size: int) -> Iterator[tuple[Array, Array, IntArray, IntArray]]:
     """Yield rows in order of time: matrix (m, b), torque (m,), joint (m,) and age (m,) within the batch."""
     observer = problem.observer
+    joints = len(problem.triangles)
     for log, mask in zip(problem.logs, problem.masks, strict=True):
-        for part, blocks in observer.segments(log):
-            for start in range(0, part.stop - part.start, size):
-                count = min(size, part.stop - part.start - start)
-                matrix = np.zeros((count, len(blocks), problem.base.count))
-                torque = np.empty((count, len(blocks)))
-                for i, (columns, block) in enumerate(zip(observer.columns, blocks, strict=True)):
-                    matrix[:, i, columns] = block[:-1, start : start + count].T
-                    torque[:, i] = block[-1, start : start + count]
-                inside = slice(part.start + start, part.start + start + count)
-                matrix[~mask[inside]], torque[~mask[inside]] = 0.0, 0.0
-                age: IntArray = np.repeat(np.arange(count)[::-1], len(blocks))
-                joint: IntArray = np.tile(np.arange(len(blocks)), count)
-                yield matrix.reshape(-1, problem.base.count), torque.ravel(), joint, age
+        for _, matrix, torque in rows_in_time(observer, log, mask, size):
+            count = len(matrix)
+            age: IntArray = np.repeat(np.arange(count)[::-1], joints)
+            joint: IntArray = np.tile(np.arange(joints), count)
+            yield matrix.reshape(-1, problem.base.count), torque.ravel(), joint, age

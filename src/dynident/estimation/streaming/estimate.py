@@ -100,12 +100,13 @@ def identify_digest(
     extras["seconds"] = time.perf_counter() - started
     if not problem.constraints.is_empty and not part.keeps_constraints:
         extras["constraints_not_kept"] = ESTIMATORS.name_of(part)
-    return _assembled(digest, problem, part, replace(solution, extras=extras), provenance or {})
+    return assembled(digest, problem, part, replace(solution, extras=extras), provenance or {})
 
 
-def _assembled(
+def assembled(
     digest: Digest, problem: Problem, part: Estimator, solution: Solution, provenance: Mapping[str, Any]
 ) -> Estimate:
+    """Return the estimate of a solution, with covariance, verdicts and figures over all rows of a digest."""
     model, base, left = digest.model, digest.base, StretchStatistics(digest)
     deviations = problem.joint_deviations(solution.beta)
     covariance, degrees = solution.covariance, solution.degrees
