@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +15,7 @@ import numpy as np
 import pytest
 
 from dynident import FourierSeries, read_robot
+from dynident.estimation.estimate_file import read_estimate
 from dynident.model.robot import joint_pose
 
 STAGES = ("robot", "log", "case", "check", "excite", "identify", "results", "compare", "session")
@@ -137,7 +142,7 @@ def test_a_page_that_is_loaded_again_goes_on_with_the_command(page: Any, running
 
 
 @pytest.mark.battery
-def test_the_main_path_on_the_er16(page: Any, running: Any, tmp_path: Path) -> None:
+def test_the_main_path_on_the_er16(page: Any, running: Any, client: Any, tmp_path: Path) -> None:
     logs = [_er16_log(tmp_path / f"run{k}.csv", k) for k in (1, 2)]
     _go(page, "log")
     page.choose_files("section:not([hidden]) input[type=file]", *logs)
@@ -169,9 +174,19 @@ def test_the_main_path_on_the_er16(page: Any, running: Any, tmp_path: Path) -> N
     status = page.js("fetch('/file?name=estimate_1.json').then(one => one.json()).then(one => one.kind)")
     assert status == "dynident estimate"
     _go(page, "session")
-    commands = page.js(f"{_section('session')}.querySelector('.command code').textContent").splitlines()
-    assert [line.split()[1] for line in commands] == ["init", "check", "identify"]
+    page.until(f"{_section('session')}.querySelector('.command code')")
+    commands = page.js(f"{_section('session')}.querySelector('.command code').textContent")
+    ran = [line.split()[:2] for line in commands.splitlines() if line.startswith(("dynident ", "cat "))]
+    assert [words[1] if words[0] == "dynident" else words[0] for words in ran] == ["init", "cat", "check", "identify"]
     _nothing_wrong(page, running)
+    again = tmp_path / "again"
+    again.mkdir()
+    for log in logs:
+        shutil.copy(log, again)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    subprocess.run(["sh", "-e"], input=commands, text=True, cwd=again, env={**os.environ, "PATH": path}, check=True)
+    first, second = (read_estimate(folder / "estimate_1.json") for folder in (client.folder, again))
+    np.testing.assert_array_equal(first.beta, second.beta)
 
 
 def _er16_log(path: Path, seed: int) -> Path:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import shlex
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from dynident.estimation.estimate_file import read_estimate
 from dynident.experiment.case_file.case import read_case
 from dynident.studio import orders, views
 from dynident.studio.folder import Folder
+from dynident.studio.history import Edit
 from dynident.studio.orders import order_of
 
 JOINTS = read_robot("generic-scara").joint_names
@@ -38,6 +41,8 @@ def test_a_case_from_upload_to_report(client, logs: tuple[Path, Path]) -> None:
     status, saved = client.post("/api/case", {"name": "case_1.yaml", **found["mapping"], "units": units})
     assert status == 200 and saved["fault"] == "" and saved["mapping"]["joints"] == list(JOINTS)
     assert "# Drafted from train.csv" in saved["text"]
+    init, edit = client.get("/api/history")["commands"]
+    assert init == draft["command"] and edit == f"cat > case_1.yaml <<'END'\n{saved['text']}END"
     done = client.run("identify", case="case_1.yaml", estimator="wls", friction=["coulomb", "viscous"], quick=True)
     assert done["state"] == "done", done["progress"]
     assert done["progress"][0].strip() == "reading" and "total relative error" in done["answer"]
@@ -80,6 +85,14 @@ def test_the_other_verbs(client, logs: tuple[Path, Path]) -> None:
     assert client.run("validate", estimate="estimate_1.json", logs=[test])["state"] == "done"
     assert client.run("report", estimate="estimate_1.json", test=[test])["state"] == "done"
     assert client.run("compare", case="own.yaml", estimators=["ols", "wls"], time_limit=30)["state"] == "done"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell of POSIX")
+@pytest.mark.parametrize("text", ["", "a: 1\n", "END\nEND0\n$HOME `id` \\ 'x' é\n"])
+def test_an_edit_is_a_command_that_writes_the_same_text(tmp_path: Path, text: str) -> None:
+    edit = Edit(1, "my 'case'.yaml", text)
+    subprocess.run(["sh", "-e"], input=edit.command, text=True, cwd=tmp_path, check=True)
+    assert (tmp_path / edit.name).read_text(encoding="utf-8") == text
 
 
 def test_a_cancelled_command_leaves_nothing(client, running) -> None:

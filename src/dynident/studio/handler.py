@@ -16,6 +16,7 @@ from dynident.studio import views
 from dynident.studio.assets import asset, three_js
 from dynident.studio.folder import Folder
 from dynident.studio.gate import POLICY, REPORT_POLICY, Gate
+from dynident.studio.history import Edit, History
 from dynident.studio.orders import order_of
 from dynident.studio.runs import Runs
 
@@ -33,11 +34,13 @@ class Session:
         gate: Who may ask.
         folder: The files.
         runs: The commands.
+        history: What was edited among them.
     """
 
     gate: Gate
     folder: Folder
     runs: Runs
+    history: History = field(default_factory=History)
 
 
 @dataclass(frozen=True)
@@ -226,7 +229,13 @@ def _case(session: Session, query: Query, data: Data) -> Reply:
 
 
 def _save_case(session: Session, query: Query, data: Data) -> Reply:
-    return _json(views.saved_case(session.folder, data))
+    saved = views.saved_case(session.folder, data)
+    session.history.wrote(Edit(session.runs.count, str(data["name"]), saved["text"]))
+    return _json(saved)
+
+
+def _history(session: Session, query: Query, data: Data) -> Reply:
+    return _json({"commands": session.history.commands(session.runs.all())})
 
 
 def _estimate(session: Session, query: Query, data: Data) -> Reply:
@@ -276,6 +285,7 @@ def _report(session: Session, query: Query, data: Data) -> Reply:
 _ROUTES: dict[tuple[str, str], Route] = {
     ("GET", "/"): _page,
     ("GET", "/api/state"): _state,
+    ("GET", "/api/history"): _history,
     ("GET", "/api/choices"): _choices,
     ("GET", "/api/robot"): _robot,
     ("GET", "/api/log"): _log,

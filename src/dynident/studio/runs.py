@@ -100,6 +100,12 @@ class Runs:
         threading.Thread(target=self._follow, args=(run,), daemon=True).start()
         return run
 
+    @property
+    def count(self) -> int:
+        """How many commands were started, which is the number of the last one."""
+        with self._lock:
+            return self._count
+
     def get(self, number: int) -> Run:
         """Return a command by its number.
 

@@ -49,5 +49,5 @@ function findings(list) {
   if (!list.length) return el("p", { class: "soft" }, "Nothing found.");
   return el("ul", { class: "findings" }, list.map((one) => el("li", { class: one.severity },
     el("p", {}, el("strong", {}, one.severity), " ", one.name.replaceAll("_", " "), one.joint ? [" of ", name(one.joint)] : null),
-    el("p", {}, one.evidence), el("p", { class: "soft" }, one.remedy))));
+    [["", one.evidence], ["soft", one.remedy]].map(([kind, text]) => el("p", { class: kind }, text.replaceAll("+-", "±"))))));
 }

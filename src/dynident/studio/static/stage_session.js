@@ -1,6 +1,6 @@
 // Stage 9: all files of the session, and all that was done as commands.
 
-import { guarded, known, listen, post, refresh } from "./api.js";
+import { get, guarded, known, listen, post, refresh } from "./api.js";
 import { bytes, el, fill, name, table } from "./dom.js";
 import { commandLine } from "./runner.js";
 import { download } from "./stage_results.js";
@@ -19,8 +19,11 @@ export function build() {
     fill(files, known.files.length
       ? table(["file", "kind", { text: "size", number: true }, "download", "remove"], known.files.map((file) => [name(file.name), file.kind, bytes(file.size), download(file.name), file.own ? remove(file.name) : ""]), { label: "files of the session" })
       : el("p", { class: "soft" }, "There are no files yet."));
-    const done = known.runs.filter((run) => run.state === "done").map((run) => run.command);
-    fill(commands, done.length ? [el("p", {}, "Run in a folder with the uploaded files, these commands give the same files."), commandLine(done.join("\n"))] : el("p", { class: "soft" }, "Nothing was done yet."));
+    if (!files.offsetParent) return; // another stage is shown
+    guarded(commands, async () => {
+      const { commands: done } = await get("history");
+      fill(commands, done.length ? [el("p", {}, "Run in a folder with the uploaded files, these commands give the same files."), commandLine(done.join("\n"))] : el("p", { class: "soft" }, "Nothing was done yet."));
+    });
   }
   listen(show);
   return {

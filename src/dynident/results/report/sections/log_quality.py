@@ -72,5 +72,5 @@ def _examined(log: Mapping[str, Any]) -> Examined:
 def _remark(finding: Mapping[str, Any]) -> Remark:
     severity, name = str(finding["severity"]), label(str(finding["name"]))
     where = f", {label(str(finding['joint']))}" if finding["joint"] else ""
-    texts = (label(str(finding[key])) for key in ("evidence", "remedy"))
+    texts = (label(str(finding[key])).replace("+-", "±") for key in ("evidence", "remedy"))
     return Remark(severity, _TONES.get(severity, "plain"), f"{name}{where}", *texts)

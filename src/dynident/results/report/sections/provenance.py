@@ -53,5 +53,8 @@ def _entries(facts: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
             yield from _entries(value, f"{name} ")
         elif isinstance(value, list | tuple | np.ndarray) and np.size(np.asarray(value, dtype=object)) > _LONG:
             yield name, f"{len(value)} values"
+        elif isinstance(value, list | tuple) and value and all(isinstance(one, Mapping) for one in value):
+            for number, one in enumerate(value, start=1):
+                yield from _entries(one, f"{name} {number} ")
         else:
             yield name, plain_value(value)

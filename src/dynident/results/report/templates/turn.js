@@ -1,7 +1,7 @@
 // A robot with its bodies that can be turned by dragging, sliders or keys. Without this script three views stand still.
 "use strict";
 (() => {
-  const SVG = "http://www.w3.org/2000/svg", WIDE = 720, HIGH = 520, DEGREE = Math.PI / 180;
+  const SVG = "http://www.w3.org/2000/svg", WIDEST = 720, HIGHEST = 520, DEGREE = Math.PI / 180;
 
   const make = (parent, name, attributes, text) => {
     const element = document.createElementNS(SVG, name);
@@ -21,16 +21,26 @@
       Object.assign(this, JSON.parse(box.dataset.scene));
       this.hidden = new Set();
       [this.azimuth, this.elevation] = [-58, 24];
-      this.zoom = (0.47 * HIGH) / this.radius;
       this.figure = document.createElement("figure");
       this.figure.className = "live-view";
-      this.svg = make(this.figure, "svg", { class: "fig turnable", viewBox: `0 0 ${WIDE} ${HIGH}`, role: "img",
+      this.svg = make(this.figure, "svg", { class: "fig turnable", role: "img",
         "font-family": "system-ui, sans-serif", "font-size": 13 });
       this.svg.setAttribute("aria-label", "Masses in space, as turned by the sliders above");
       box.prepend(this.figure);
       box.classList.add("turning");
       this.controls(box);
       this.listen();
+      this.fit();
+      new ResizeObserver(() => this.fit()).observe(this.figure);
+    }
+
+    // On a phone the picture is drawn smaller, not shrunk: letters keep their size.
+    fit() {
+      const wide = Math.min(WIDEST, this.figure.clientWidth || WIDEST);
+      if (wide === this.wide) return;
+      [this.wide, this.high] = [wide, Math.min(HIGHEST, wide)];
+      this.zoom = (0.47 * this.high) / this.radius;
+      this.svg.setAttribute("viewBox", `0 0 ${this.wide} ${this.high}`);
       this.draw();
     }
 
@@ -86,7 +96,7 @@
       const dot = (p, q) => p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
       const at = (point) => {
         const from = point.map((value, k) => value - this.middle[k]);
-        return [WIDE / 2 + this.zoom * dot(right, from), HIGH / 2 - this.zoom * dot(up, from)];
+        return [this.wide / 2 + this.zoom * dot(right, from), this.high / 2 - this.zoom * dot(up, from)];
       };
       this.svg.replaceChildren();
       make(this.svg, "desc", {}, `Eye at ${Math.round(this.azimuth)} degrees about the vertical, ${Math.round(this.elevation)} above it.`);
@@ -133,7 +143,7 @@
     name(text, [x, y], taken) {
       const wide = 8 * text.length;
       for (const [left, base] of [[x + 9, y + 4], [x - 9 - wide, y + 4], [x - wide / 2, y - 10], [x - wide / 2, y + 20]]) {
-        if (left < 0 || left + wide > WIDE) continue;
+        if (left < 0 || left + wide > this.wide) continue;
         if (taken.some(([a, b, c]) => left < b && a < left + wide && Math.abs(base - c) < 15)) continue;
         taken.push([left, left + wide, base]);
         const style = { class: "ink halo", "stroke-width": 3.5, "paint-order": "stroke" };
@@ -142,7 +152,7 @@
     }
 
     ruler() {
-      const length = roundStep(60 / this.zoom), x = WIDE - 14, y = HIGH - 12;
+      const length = roundStep(60 / this.zoom), x = this.wide - 14, y = this.high - 12;
       make(this.svg, "line", { class: "axis", x1: x - this.zoom * length, y1: y, x2: x, y2: y });
       const place = { class: "soft", x: x - this.zoom * length - 6, y: y + 4, "text-anchor": "end" };
       make(this.svg, "text", place, `${+length.toPrecision(3)} m`);
