@@ -81,6 +81,10 @@ GOLDEN = [
         errors.TriangleFileError("all.tri", "format 2", "reduce the logs again"),
         "all.tri: format 2; reduce the logs again",
     ),
+    (
+        errors.PoolFailed("the cluster at tcp://host:8786", "no worker in 60 s", "start one"),
+        "the cluster at tcp://host:8786: no worker in 60 s; start one",
+    ),
 ]
 
 

@@ -150,3 +150,11 @@ class TriangleFileError(DynidentError):
     def __init__(self, path: object, evidence: str, step: str) -> None:
         self.path, self.evidence, self.step = str(path), evidence, step
         super().__init__(f"{path}: {evidence}; {step}")
+
+
+class PoolFailed(DynidentError):
+    """Workers that cannot be had, are lost, or are not those that are needed."""
+
+    def __init__(self, pool: str, evidence: str, step: str) -> None:
+        self.pool, self.evidence, self.step = pool, evidence, step
+        super().__init__(f"{pool}: {evidence}; {step}")

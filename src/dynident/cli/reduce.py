@@ -111,8 +111,9 @@ def _teller(progress: Progress) -> Callable[[Standing], None]:
         progress.reach(standing.share)
         if standing.finished > finished and standing.logs > 1:
             finished = standing.finished
-            left = (time.monotonic() - begun) * (1.0 - standing.share) / max(standing.share, 1e-9)
-            more = f", about {left:.0f} s left" if standing.share < 1.0 else ""
+            known = 0.02 < standing.share < 1.0
+            left = (time.monotonic() - begun) * (1.0 / standing.share - 1.0) if known else 0.0
+            more = f", about {left:.0f} s left" if known else ""
             progress.note(f"{finished} of {standing.logs} logs{more}")
 
     return told

@@ -18,7 +18,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from dynident.errors import BadOption, MissingDependency, SolverFailed
+from dynident.errors import BadOption, MissingDependency, PoolFailed
 from dynident.workers.pool import Done, Pool, Tell, Work, check_time_limit
 
 #: Packages whose versions decide about the bits of a result, or about whether pickles are understood.
@@ -29,6 +29,9 @@ PATIENCE_S, WORKERS_S = 10.0, 60.0
 
 #: Time in s between two looks at the clocks of tasks.
 _LOOK = 0.2
+
+#: Time in s between two counts of the workers.
+_COUNT = 1.0
 
 _NO_TASK: Any = object()
 
@@ -102,7 +105,7 @@ def _connected(pool: DaskPool) -> tuple[Any, Any]:
     except ImportError as error:
         raise MissingDependency(f"--scheduler {pool.scheduler}", "distributed", "dask") from error
     if pool.is_local:
-        settings: Any = {"n_workers": pool.workers or None, "threads_per_worker": 1, "dashboard_address": None}
+        settings: Any = {"n_workers": pool.workers or None, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
         cluster = distributed.LocalCluster(processes=True, **settings)
         return cluster, distributed.Client(cluster)
     where: Any = {"scheduler_file": pool.scheduler} if "://" not in pool.scheduler else {"address": pool.scheduler}
@@ -117,7 +120,7 @@ def _connected(pool: DaskPool) -> tuple[Any, Any]:
     except TimeoutError as error:
         client.close()
         step = f"start one: dask worker {pool.scheduler} --nthreads 1"
-        raise SolverFailed(f"the scheduler at {pool.scheduler}", f"no worker in {WORKERS_S:g} s", step) from error
+        raise PoolFailed(f"the scheduler at {pool.scheduler}", f"no worker in {WORKERS_S:g} s", step) from error
     return None, client
 
 
@@ -125,7 +128,7 @@ def _check_versions(client: Any, scheduler: str) -> None:
     """Refuse workers with other versions before anything is sent that they might not understand.
 
     Raises:
-        SolverFailed: Naming the packages and the workers.
+        PoolFailed: Naming the packages and the workers.
     """
     wanted = _versions()
     told = client.get_versions(packages=list(PACKAGES))["workers"]
@@ -139,7 +142,7 @@ def _check_versions(client: Any, scheduler: str) -> None:
     if wrong:
         evidence = "; ".join(f"{what} (on {_some(workers)})" for what, workers in wrong.items())
         step = "install the same versions on all workers: pip install --require-hashes -r constraints/..."
-        raise SolverFailed(f"the cluster at {scheduler}", f"other versions than here: {evidence}", step)
+        raise PoolFailed(f"the cluster at {scheduler}", f"other versions than here: {evidence}", step)
 
 
 def _some(names: list[str]) -> str:
@@ -185,9 +188,11 @@ class _Session:
 
     def run(self, tasks: Any, time_limit: float | None) -> Generator[Done, None, None]:
         """Yield tasks as they end."""
-        number = 0
+        number, places, counted = 0, 1, 0.0
         while True:
-            room = max(len(self._client.nthreads()), 1) - len(self._futures)
+            if time.monotonic() - counted > _COUNT:  # workers come and go
+                places, counted = max(len(self._client.nthreads()), 1), time.monotonic()
+            room = places - len(self._futures)
             while room > 0 and (task := next(tasks, _NO_TASK)) is not _NO_TASK:
                 number += 1
                 self._send(f"{self._topic}-{number}", task)
@@ -211,7 +216,7 @@ class _Session:
         except queue.Empty:
             if self._client.status != "running":
                 step = "look at its log, start it again and give the same command: what is done is kept"
-                raise SolverFailed("the cluster", "its scheduler is gone", step) from None
+                raise PoolFailed("the cluster", "its scheduler is gone", step) from None
             return
         if kind == _NEWS:
             self._news(said)
@@ -238,10 +243,10 @@ class _Session:
             )
         except (FutureCancelledError, OSError) as error:
             step = "look at its log, start it again and give the same command: what is done is kept"
-            raise SolverFailed("the cluster", f"the task is lost ({' '.join(str(error).split())})", step) from error
+            raise PoolFailed("the cluster", f"the task is lost ({' '.join(str(error).split())})", step) from error
         except ModuleNotFoundError as error:
             step = f"install the same versions there as here ({error})"
-            raise SolverFailed("the cluster", f"the worker {worker} lacks a package", step) from error
+            raise PoolFailed("the cluster", f"the worker {worker} lacks a package", step) from error
         finally:
             future.release()
         return Done(task, seconds, result)
@@ -292,4 +297,4 @@ def _check_code(wanted: str, address: str) -> None:
     """Refuse to work where the code is another; a worker may have come after the versions were compared."""
     if installation() != wanted:
         evidence = f"the worker {address} has other files of dynident, or other versions"
-        raise SolverFailed("the cluster", evidence, "install the same on all workers, and start them anew")
+        raise PoolFailed("the cluster", evidence, "install the same on all workers, and start them anew")

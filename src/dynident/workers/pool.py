@@ -76,7 +76,7 @@ class Pool(ABC):
             news: Told what tasks say on their way.
 
         Raises:
-            SolverFailed: Workers cannot be had.
+            PoolFailed: Workers cannot be had.
             Exception: What the work raised.
         """
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from dynident.errors import SolverFailed
+from dynident.errors import PoolFailed
 from dynident.workers.lifetime import end_with_parent
 from dynident.workers.pool import Done, Pool, Tell, Work
 
@@ -132,7 +132,7 @@ class _Worker:
         code = self._process.exitcode
         if self.begun is None:
             step = "do all in this process: one job, no time limit"
-            raise SolverFailed("a worker process", f"it ended with code {code} before it began", step) from None
+            raise PoolFailed("a worker process", f"it ended with code {code} before it began", step) from None
         self.ended, self.begun = True, None
         return Done(self.task, seconds, failure=f"its process ended with code {code}: out of memory?")
 

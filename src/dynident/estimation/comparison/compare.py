@@ -58,7 +58,7 @@ def compare(
 
     Raises:
         BadOption: A time limit or a number of jobs that cannot be.
-        SolverFailed: Worker processes cannot be started.
+        PoolFailed: Worker processes cannot be started.
     """
     numbers = {id(method): number for number, method in enumerate(methods, start=1)}
 

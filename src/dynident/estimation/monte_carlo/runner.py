@@ -45,7 +45,7 @@ def run_tasks(
     Raises:
         BadOption: A number of jobs or a time limit that cannot be.
         FileError: A result cannot be written.
-        SolverFailed: Workers cannot be had.
+        PoolFailed: Workers cannot be had.
     """
     doing = pool or local_pool(jobs, time_limit)
     missing = []

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.errors import DynidentError, FileError, LogFormatError, LogMismatch, SolverFailed
+from dynident.errors import DynidentError, FileError, LogFormatError, LogMismatch, PoolFailed
 from dynident.estimation.problem import Observer
 from dynident.estimation.streaming.digest import Digest
 from dynident.estimation.streaming.merge_tree import MergeTree
@@ -77,7 +77,7 @@ def reduce_logs(
         LogFormatError: An unsound row.
         LogMismatch: What the case asks for takes all rows at once, a log is twice in the list, several logs cannot be
             reduced, a joint never moved, or its torque never changed.
-        SolverFailed: Workers were lost again and again.
+        PoolFailed: Workers were lost again and again.
     """
     check_streamable(case)
     if not logs:
@@ -94,7 +94,7 @@ def reduce_logs(
         for done in ended:
             if done.failure:
                 step = "give the same command again: what is done is kept where --checkpoint is not 0"
-                raise SolverFailed("the reduction", f"{done.task.places[0]}: {done.failure}", step)
+                raise PoolFailed("the reduction", f"{done.task.places[0]}: {done.failure}", step)
             gathering.take(done.task, done.result)
     for position, error in sorted(gathering.bad.items()):
         if skipped is not None:
@@ -303,7 +303,7 @@ class _Gathering:
         wanted = [place for k, place in enumerate(block.places, start=block.first) if k not in bad]
         if paths != wanted or (digest is not None and _hash_of(digest) != self._wanted):
             step = "the worker has another version of dynident; install the same everywhere"
-            raise SolverFailed("the reduction", f"a worker sent triangles of {paths} for {wanted}", step)
+            raise PoolFailed("the reduction", f"a worker sent triangles of {paths} for {wanted}", step)
         if digest is not None:
             _check_once(digest, self._seen)
             if self._checkpoint is not None and not part.unchanged:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 
-from dynident.errors import BadOption, SolverFailed
+from dynident.errors import BadOption, PoolFailed
 from dynident.experiment.design.design_problem import DesignProblem
 from dynident.experiment.design.start import News, StartResult, run_start
 from dynident.workers.pool import Pool, Tell, local_pool
@@ -78,7 +78,7 @@ def run_starts(
         keep: Given every start that ended by itself, when it does.
 
     Raises:
-        SolverFailed: A worker process died.
+        PoolFailed: A worker died, or none can be had.
     """
     found = {k: search.done[k] for k in range(1, search.starts + 1) if k in search.done}
     watch = _Watch(search, progress, dict(found))
@@ -88,7 +88,7 @@ def run_starts(
         for done in ended:
             if done.failure:
                 step = "give --jobs 1, or look whether the machine ran out of memory"
-                raise SolverFailed("excitation design", f"a worker process died ({done.failure})", step)
+                raise PoolFailed("excitation design", f"a worker process died ({done.failure})", step)
             result: StartResult = done.result
             found[result.start] = result
             if result.whole:  # kept before it is told: who stops the search at the news does not lose the start

@@ -1,0 +1,165 @@
+"""Pools: the same results here, in processes and on a cluster; late tasks, lost workers, other versions."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dynident.cli.pools import cluster_of
+from dynident.errors import BadOption, LogMismatch, PoolFailed
+from dynident.workers import dask_pool
+from dynident.workers.dask_pool import DaskPool
+from dynident.workers.pool import Done, Here, Pool, Tell, local_pool
+from dynident.workers.processes import Processes
+
+
+@dataclass(frozen=True)
+class Squares:
+    """Squares numbers, and does odd things where it is told to."""
+
+    folder: str = ""
+
+    def prepare(self) -> None:
+        """Do nothing."""
+
+    def do(self, task: Any, tell: Tell) -> Any:
+        """Return the square of a number."""
+        if task == "raise":
+            raise LogMismatch("a.csv", "it is odd", "mend it")
+        if task == "sleep":
+            time.sleep(600)
+        if task == "die":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if task == "die once" and not (mark := Path(self.folder) / "died").exists():
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        tell(("seen", task))
+        return task**2 if isinstance(task, int) else task
+
+
+@pytest.fixture(scope="module")
+def inside() -> Iterator[DaskPool]:
+    """A cluster within this process, reached by its address."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        processes=False, n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", protocol="inproc"
+    ) as cluster:
+        yield DaskPool(cluster.scheduler_address)
+
+
+@pytest.fixture(params=["here", "processes", "cluster"])
+def pool(request: pytest.FixtureRequest) -> Pool:
+    """Each kind of pool."""
+    if request.param == "cluster":
+        return request.getfixturevalue("inside")
+    return Here() if request.param == "here" else Processes(2)
+
+
+def test_every_task_ends_once_and_is_told(pool: Pool) -> None:
+    begun, news = list[Any](), list[Any]()
+    ended = list(pool.run(Squares(), range(7), begins=begun.append, news=news.append))
+    assert sorted((done.task, done.result) for done in ended) == [(k, k * k) for k in range(7)]
+    assert sorted(begun) == list(range(7)) and sorted(news) == [("seen", k) for k in range(7)]
+    assert all(not done.failure and not done.late and done.seconds >= 0 for done in ended)
+    assert list(pool.run(Squares(), ())) == []
+
+
+def test_tasks_are_taken_when_there_is_room_after_the_results_before(pool: Pool) -> None:
+    """So that a search can stop handing out starts when it has what it needs."""
+    taken, seen = list[int](), list[Done]()
+
+    def tasks() -> Iterator[int]:
+        for k in range(100):
+            if len(seen) >= 3:
+                return
+            taken.append(k)
+            yield k
+
+    for done in pool.run(Squares(), tasks()):
+        seen.append(done)
+    assert len(taken) == len(seen) <= 5
+
+
+def test_what_work_raises_is_raised(pool: Pool) -> None:
+    with closing(pool.run(Squares(), ["raise"])) as ended, pytest.raises(LogMismatch, match="it is odd") as caught:
+        list(ended)
+    assert caught.value.step == "mend it"
+    assert not multiprocessing.active_children()
+
+
+def test_a_process_that_dies_or_is_late_fails_and_the_others_go_on() -> None:
+    ended = {done.task: done for done in Processes(2).run(Squares(), ["die", "sleep", 3, 4], time_limit=3.0)}
+    assert ended["die"].failure == "its process ended with code -9: out of memory?" and not ended["die"].late
+    assert ended["sleep"].failure == "ended at the time limit of 3 s" and ended["sleep"].late
+    assert ended[3].result == 9 and ended[4].result == 16
+    assert not multiprocessing.active_children()
+
+
+def test_options_that_cannot_be() -> None:
+    for jobs, limit in ((0, None), (1, 0.0), (1, float("nan"))):
+        with pytest.raises(BadOption):
+            local_pool(jobs, limit)
+    assert isinstance(local_pool(1), Here) and local_pool(1, 5.0) == Processes(1)
+    with pytest.raises(BadOption, match="take processes"):
+        list(Here().run(Squares(), [1], time_limit=1.0))
+    for scheduler in ("nowhere", "local:0", "local:x", "", "localhost:8786"):
+        with pytest.raises(BadOption, match="local:N"):
+            DaskPool(scheduler)
+    options = type("Options", (), {"scheduler": "local:2", "jobs": 2})
+    with pytest.raises(BadOption, match="give one of the two"):
+        cluster_of(options)  # type: ignore[arg-type]
+
+
+def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(dask_pool, "PATIENCE_S", 0.2)
+    with pytest.raises(BadOption, match=r"no Dask scheduler answers there \(Timed out"):
+        list(DaskPool("tcp://127.0.0.1:1").run(Squares(), [1]))
+
+
+def test_a_cluster_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(dask_pool, "WORKERS_S", 0.2)
+    with distributed.LocalCluster(processes=False, n_workers=0, dashboard_address="127.0.0.1:0", protocol="inproc") as cluster:
+        with pytest.raises(PoolFailed, match=r"no worker in 0\.2 s; start one: dask worker inproc://"):
+            list(DaskPool(cluster.scheduler_address).run(Squares(), [1]))
+
+
+def test_workers_with_other_versions_are_refused(inside: DaskPool, monkeypatch: pytest.MonkeyPatch) -> None:
+    told = dask_pool._versions()
+    monkeypatch.setattr(dask_pool, "_versions", lambda: told | {"numpy": "1.0"})
+    with pytest.raises(PoolFailed, match=r"other versions than here: numpy [\d.]+, here 1\.0 \(on inproc"):
+        list(inside.run(Squares(), [1]))
+    monkeypatch.undo()
+    own = dask_pool.installation()
+    answers = iter([own[::-1]])  # what is sent with the task; the worker, in this process, says its own
+    monkeypatch.setattr(dask_pool, "installation", lambda: next(answers, own))
+    with pytest.raises(PoolFailed, match="has other files of dynident, or other versions"):
+        list(inside.run(Squares(), [1]))
+
+
+def test_versions_name_what_changes_bits() -> None:
+    told = dask_pool._versions()
+    assert set(told) == {*dask_pool.PACKAGES, "python"} and all(told[name] for name in ("dynident", "numpy", "python"))
+    assert dask_pool.installation() == dask_pool.installation() and len(dask_pool.installation()) == 64
+
+
+@pytest.mark.battery
+def test_a_cluster_of_processes_loses_workers_and_ends_late_tasks(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    tasks = ["die once", 3, "sleep", 4, 5]
+    ended = {done.task: done for done in DaskPool("local:2").run(Squares(str(tmp_path)), tasks, time_limit=20.0)}
+    assert (tmp_path / "died").exists() and ended["die once"].result == "die once"
+    assert ended["sleep"].late and ended["sleep"].failure == "ended at the time limit of 20 s"
+    assert [ended[k].result for k in (3, 4, 5)] == [9, 16, 25]
+    (done,) = DaskPool("local:1").run(Squares(), ["die"])
+    assert "workers died of it: out of memory?" in done.failure
