@@ -25,7 +25,6 @@ from dynident.estimation.identify import pose
 from dynident.estimation.monte_carlo.possible_robots import told
 from dynident.estimation.monte_carlo.records import Records
 from dynident.estimation.monte_carlo.runner import run_tasks
-from dynident.estimation.monte_carlo.virtual_run import Recording, record
 from dynident.estimation.reproduction import (
     CONVERGED,
     POSITION_NOISE,
@@ -39,6 +38,7 @@ from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.experiment.preprocessing.fourier_fit import FourierFit
+from dynident.experiment.simulation.virtual_robot import Noise, simulate
 from dynident.files import write_atomically
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
@@ -116,6 +116,7 @@ class ArticleWork:
         outcome = contest.attempt(Method(task.name, part_of(task, box)))
         if outcome.estimate is None:
             return {"failure": outcome.failure, "seconds": outcome.seconds}
+        assert contest.truth is not None
         estimate, truth = outcome.estimate, contest.problem.base.from_standard(contest.truth)
         model = estimate.model
         found = model.torque(tests[0], estimate.base.to_standard(estimate.beta))
@@ -184,8 +185,8 @@ def virtual_data(seed: int) -> tuple[Contest, tuple[Motion, np.ndarray], np.ndar
     assert theta is not None
     excitation, validation = trajectories()
     noise = article.NOISE_SHARE * np.std(model.torque(states(excitation), theta), axis=0)
-    how = Recording(position_noise=POSITION_NOISE, torque_noise=noise, lead_in=2.0)
-    log = record(model, theta, excitation, how, seed, article.PERIOD).log
+    sensors = Noise(position=POSITION_NOISE, torque=noise)
+    log = simulate(model, theta, excitation, duration=article.PERIOD, noise=sensors, seed=seed).log
     filtering = Preprocessing(FourierFit(period_s=article.PERIOD, harmonics=5), rest="keep")
     contest = Contest(pose(told(model, None), [log], filtering), (), theta)
     _ = contest.least

@@ -17,7 +17,7 @@ title: mine
 robots: [generic-scara]
 friction: [{coulomb: {width: 0.1}}, viscous]
 motion: {period_s: 4, starts: 1, time_limit_s: 1}
-recording: {rate_hz: 250, control_hz: 250}
+cell: {controller: {pd: {rate: 250}}, recorder: {rate: 250}}
 rates_hz: [125]
 duration_s: 4
 noise:

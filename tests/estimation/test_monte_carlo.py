@@ -18,7 +18,7 @@ from dynident.estimation.monte_carlo.experiment import Experiment, read_experime
 from dynident.estimation.monte_carlo.records import Records
 from dynident.estimation.monte_carlo.runner import run_tasks
 from dynident.estimation.monte_carlo.summary import summary_of
-from dynident.estimation.monte_carlo.virtual_tasks import Motions, VirtualWork
+from dynident.estimation.monte_carlo.virtual_tasks import Motions, VirtualWork, recorded
 from dynident.experiment.trajectories.rest_fourier import RestFourier
 
 SMALL = """\
@@ -26,8 +26,7 @@ benchmark: 1
 title: a small one
 robots: [generic-scara]
 friction: [{coulomb: {width: 0.1}}, viscous, offset]
-coefficients: {F0: [0.3, -0.2, 0.1, 0.05]}
-recording: {rate_hz: 400, control_hz: 400}
+cell: {controller: {pd: {rate: 400}}, recorder: {rate: 400}, truth: {friction: {F0: [0.3, -0.2, 0.1, 0.05]}}}
 rates_hz: [100]
 duration_s: 4
 noise:
@@ -84,7 +83,7 @@ def test_the_shipped_benchmark_states_the_conditions_of_its_source(
     assert "didim with controller (filtered)" in labels and "ols (raw)" in labels
     quick = read_experiment("tx40", quick=True)
     assert quick.draws == 2 and len(quick.noise) == 2 and len(quick.entrants) < len(found.entrants)
-    truth = VirtualWork(found, {}).truth("tx40-like", 0)
+    truth = VirtualWork(found, {}).truth("tx40-like", found.noise[0], 0)
     (model,) = found.models.values()
     named = {p.name: float(v) for p, v in zip(model.parameters, truth, strict=True)}
     assert named["Ia[joint6]"] == 0.0096 and named["Fv[joint1]"] == 8.05 and named["F0[joint2]"] == 1.37
@@ -95,10 +94,12 @@ def test_the_shipped_benchmark_states_the_conditions_of_its_source(
     [
         ("draws: 2", "draws: 0", "draws = 0"),
         ("guess: 0.15", "guess: 1.5", "guess = 1.5"),
-        ("  raw: [ols]", "  raw: [{didim: {controller: known}}]", "state kp and kd"),
+        ("  raw: [ols]", "  raw: [{didim: {controller: known}}]", "a plain pd controller and its gains"),
         ("noise: some", "noise: other", "no noise 'other'"),
-        ("F0: [0.3, -0.2, 0.1, 0.05]", "F0: [0.3]", "F0"),
+        ("F0: [0.3, -0.2, 0.1, 0.05]", "F0: [0.3, 1]", "for each of the 4 joints"),
         ("title: a small one", "tilte: a small one", "title"),
+        ("torque: 0.3}", "torque: 0.3, set: riple.amplitude=1}", "ripple"),
+        ("truth: {friction", "truth: {believed: nominal, friction", "parameters or believed"),
     ],
 )
 def test_faults_of_a_file_are_named(small: Path, old: str, new: str, words: str) -> None:
@@ -151,6 +152,35 @@ def test_figures_of_merit(small: Path, tmp_path: Path) -> None:
     for row in rows.values():
         assert 0 <= row.coverage <= 1 and 0 <= row.consistent <= 1 and row.draws == 2
         assert row.medians["parameter_distance"] <= row.tails["parameter_distance"]
+
+
+def test_conditions_may_differ_in_any_effect_of_the_cell(small: Path) -> None:
+    rough = (
+        "  - {name: rough, position: 0, torque: 0, set: [ripple.amplitude=3, payload.mass=0.7, truth.friction.F0=0]}"
+    )
+    small.write_text(SMALL.replace("draws: 2", f"{rough}\ndraws: 1").replace("raw: [ols]", "raw: []"))
+    work = work_of(read_experiment(str(small), methods=["ols"]))
+    found = {task.noise.name: (task, work.result(task)) for task in work.tasks()}
+    clean, rippled = (found[name][1]["torque_distance"] for name in ("none", "rough"))
+    assert clean < 0.01 < rippled
+    cells = [found[name][0].facts for name in ("none", "rough")]
+    assert [facts["cell"]["ripple"]["amplitude"] for facts in cells] == [[0.0], [3.0]]
+    (model,) = work.experiment.models.values()
+    logged = [recorded(work, model.robot.name, found[name][0].noise, 0)[1] for name in ("none", "rough")]
+    masses, offsets = ([p.symbol == symbol for p in model.parameters] for symbol in ("m", "F0"))
+    assert np.sum(logged[1][masses]) == pytest.approx(np.sum(logged[0][masses]) + 0.7)
+    assert logged[0][offsets].tolist() == [0.3, -0.2, 0.1, 0.05] and not logged[1][offsets].any()
+
+
+def test_a_case_brings_its_own_cell(small: Path) -> None:
+    case = "case: 1\nrobot: generic-scara\nfriction: [viscous]\ncell: {controller: pid, recorder: {rate: 200}}\n"
+    (small.parent / "arm.yaml").write_text(case)
+    cell = next(line for line in SMALL.splitlines() if line.startswith("cell:"))
+    small.write_text(SMALL.replace("robots: [generic-scara]", "robots: [arm.yaml]").replace(cell, ""))
+    found = read_experiment(str(small))
+    ((name, setup),) = found.cells.items()
+    assert setup.cell.recorder.rate == 200 and type(setup.cell.controller).__name__ == "Pid"
+    assert [type(part).__name__ for part in found.models[name].friction] == ["Viscous"]
 
 
 def test_jobs_and_time_limits_that_cannot_be(small: Path, tmp_path: Path) -> None:

@@ -8,14 +8,15 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from dynident.errors import BadOption, DescriptionError, UnknownChoice
-from dynident.estimation.comparison.contest import Method
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.estimation.monte_carlo.virtual_run import Recording
-from dynident.experiment.case_file.case import DEFAULT_FRICTION, read_case
+from dynident.estimation.monte_carlo.entrants import Entrant, entrants_of
+from dynident.experiment.case_file.case import DEFAULT_FRICTION, Case, read_case
 from dynident.experiment.case_file.case_values import guarded, part_of, texts
-from dynident.experiment.preprocessing import FILTERS, Preprocessing
-from dynident.experiment.preprocessing.butterworth import Butterworth
+from dynident.experiment.case_file.cell_section import KEYS as CELL_KEYS
+from dynident.experiment.case_file.cell_section import CellSetup, cell_of
+from dynident.experiment.simulation.truth import true_parameters
 from dynident.files import unreadable
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
@@ -25,58 +26,33 @@ from dynident.model.friction import FRICTION
 
 FORMAT = 1
 
-#: Cut-off of an unfiltered preparation as a share of its rows a second: differences need one, and this is beyond them.
-OPEN = 0.4
-
 _KEYS = (
-    "benchmark", "title", "source", "robots", "friction", "coefficients", "motion", "truth", "duration_s", "rates_hz",
-    "recording", "noise", "draws", "guess", "seed", "preparations", "methods", "quick",
+    "benchmark", "title", "source", "robots", "friction", "motion", "truth", "cell", "duration_s", "rates_hz",
+    "noise", "draws", "guess", "seed", "preparations", "methods", "quick",
 )  # fmt: skip
 _QUICK = ("draws", "rates_hz", "noise", "methods")
 
 
 @dataclass(frozen=True)
 class NoiseLevel:
-    """Noise of one condition: standard deviations of the encoders in rad or m, of the torques in N m or N."""
+    """What the cell has beside its own settings in one condition.
+
+    Attributes:
+        name: What it is called.
+        position: Standard deviation of the encoders, in rad or m.
+        torque: Standard deviation of the measured torques, in N m or N.
+        settings: Other settings of the cell, such as ``ripple.amplitude=0.3``.
+    """
 
     name: str
     position: float
     torque: float
+    settings: tuple[str, ...] = ()
 
-
-@dataclass(frozen=True)
-class Preparation:
-    """How a log becomes rows.
-
-    Attributes:
-        name: What methods that are given it show beside their own names; empty for the only one.
-        how: Filter, trim and standstill; the rate is that of the condition.
-        unfiltered: Rows are taken first and differenced as they are; the filter does not count.
-    """
-
-    name: str
-    how: Preprocessing
-    unfiltered: bool = False
-
-    def at(self, rate: float) -> Preprocessing:
-        """Return the preprocessing of a condition with ``rate`` rows a second, in Hz."""
-        if not self.unfiltered:
-            return replace(self.how, rate_hz=rate)
-        return replace(self.how, filter=Butterworth(OPEN * rate), rate_hz=None)
-
-
-@dataclass(frozen=True)
-class Entrant:
-    """A method with the preparation that it is given."""
-
-    method: Method
-    preparation: Preparation
-
-    @property
-    def label(self) -> str:
-        """What it is called in tables."""
-        name = self.preparation.name
-        return f"{self.method.label} ({name})" if name else self.method.label
+    def cell(self, setup: CellSetup) -> CellSetup:
+        """Return a cell in this condition."""
+        noise = (f"encoder.noise={self.position!r}", f"effort.noise={self.torque!r}")
+        return setup.changed((*noise, *self.settings))
 
 
 @dataclass(frozen=True)
@@ -108,12 +84,11 @@ class Experiment:
         title: Of its page.
         source: Where its conditions come from.
         models: Robots by name, with friction and nominal bodies.
-        coefficients: True values of drive coefficients by symbol, one a joint, in place of those that are invented.
+        cells: The virtual cell of each robot; noise is that of the condition.
         motion: Where motions come from.
         truth: ``description``, or ``random``: each draw has a robot of its own.
         duration: Of a log, in s.
         rates: Rows a second that are used, in Hz.
-        recording: Rates and controller of the virtual robot; its noise is that of the condition.
         noise: Levels.
         draws: Logs of each condition, each with noise and guess of its own.
         guess: Relative deviation of the bodies and friction that methods are told; None: they are told none.
@@ -125,12 +100,11 @@ class Experiment:
     title: str
     source: str
     models: Mapping[str, DynamicModel]
-    coefficients: Mapping[str, tuple[float, ...]]
+    cells: Mapping[str, CellSetup]
     motion: MotionPlan
     truth: str
     duration: float
     rates: tuple[float, ...]
-    recording: Recording
     noise: tuple[NoiseLevel, ...]
     draws: int
     guess: float | None
@@ -152,6 +126,10 @@ class Experiment:
             names = [each.name if isinstance(each, NoiseLevel) else each.label for each in found]
             if not names or len(set(names)) != len(names):
                 raise BadOption(what, names, "give at least one, each once")
+
+    def cell(self, robot: str, noise: NoiseLevel) -> CellSetup:
+        """Return the cell of a robot in a condition."""
+        return noise.cell(self.cells[robot])
 
 
 def shipped_benchmarks() -> tuple[str, ...]:
@@ -218,7 +196,6 @@ def _experiment(path: Path, top: Section, short: Section | None) -> Experiment:
     def of(key: str) -> Section:
         return short if short is not None and short.has(key) else top
 
-    recording = _recording(top.section("recording", ("rate_hz", "control_hz", "kp", "kd")))
     motion = top.section("motion", ("train", "test", "period_s", "harmonics", "starts", "time_limit_s"))
     stated = MotionPlan()
     plan = MotionPlan(
@@ -229,24 +206,37 @@ def _experiment(path: Path, top: Section, short: Section | None) -> Experiment:
         int(motion.number("starts", stated.starts)),
         motion.number("time_limit_s", stated.time_limit),
     )
-    models = _models(path, top)
+    cases = _cases(path, top)
+    friction = _friction(top) if top.has("friction") else None
+    models = {
+        name: DynamicModel(case.robot, friction if friction is not None and not case.path else case.friction)
+        for name, case in cases.items()
+    }
+    stated = cell_of(top.section("cell", CELL_KEYS)) if top.has("cell") else None
+    cells = {name: stated or case.cell or CellSetup(path=str(path)) for name, case in cases.items()}
+    noise = _noise(of("noise"), top)
+    changed = guarded(
+        top.place("noise"), lambda: [(name, level.cell(setup)) for level in noise for name, setup in cells.items()]
+    )
+    for name, setup in changed:
+        _check_truth(models[name], setup, top.place("cell"))
+    controllers = tuple(dict.fromkeys(setup.cell.controller for _, setup in changed))
     return guarded(
         top.place(),
         lambda: Experiment(
             title=top.text("title", path.stem),
             source=top.text("source", ""),
             models=models,
-            coefficients=_coefficients(top, models),
+            cells=cells,
             motion=plan,
             truth=top.choice("truth", ("description", "random"), "description"),
             duration=top.number("duration_s", 10.0),
             rates=_numbers(of("rates_hz"), "rates_hz", (200.0,)),
-            recording=recording,
-            noise=_noise(of("noise"), top),
+            noise=noise,
             draws=int(of("draws").number("draws", 10)),
             guess=top.number("guess") if top.has("guess") else None,
             seed=int(top.number("seed", 0)),
-            entrants=_entrants(top, of("methods"), recording),
+            entrants=entrants_of(top, of("methods"), controllers),
             path=path,
         ),
     )
@@ -260,8 +250,8 @@ def _numbers(section: Section, key: str, default: tuple[float, ...]) -> tuple[fl
     return tuple(float(number) for number in section.numbers(key, count))
 
 
-def _models(path: Path, top: Section) -> dict[str, DynamicModel]:
-    """Return the robots by name; a case brings its own friction, a description takes that of the benchmark."""
+def _cases(path: Path, top: Section) -> dict[str, Case]:
+    """Return the robots by name as cases; a case brings its own friction and cell, a description neither."""
     names = texts(top, "robots")
     if not names:
         raise top.place("robots").error("no robot", "name at least one robot or case file")
@@ -269,24 +259,19 @@ def _models(path: Path, top: Section) -> dict[str, DynamicModel]:
     for name in names:
         beside = path.parent / name
         case = read_case(beside if beside.is_file() else name)
-        friction = case.friction
-        if top.has("friction") and not case.path:
-            friction = _friction(top)
-        found[case.robot.name] = DynamicModel(case.robot, friction)
+        if case.robot.name in found:
+            raise top.place("robots").error(f"two robots called '{case.robot.name}'", "benchmark them apart")
+        found[case.robot.name] = case
     return found
 
 
-def _coefficients(top: Section, models: Mapping[str, DynamicModel]) -> dict[str, tuple[float, ...]]:
-    """Return the values of drive coefficients, which every robot must have at every joint."""
-    if not top.has("coefficients"):
-        return {}
-    symbols = dict.fromkeys(p.symbol for model in models.values() for p in model.parameters[model.inertial_count :])
-    section = top.section("coefficients", tuple(symbols))
-    counts = {model.robot.dof for model in models.values()}
-    if len(counts) > 1:
-        raise top.place("coefficients").error("for robots with different numbers of joints", "benchmark them apart")
-    (count,) = counts
-    return {name: tuple(float(v) for v in section.numbers(name, count)) for name in symbols if section.has(name)}
+def _check_truth(model: DynamicModel, setup: CellSetup, place: Place) -> None:
+    """Refuse words of a cell on the truth that do not fit the robot, or that a benchmark has words of its own for."""
+    truth = setup.truth
+    if truth.parameters != "nominal" or truth.believed != "truth":
+        step = "a benchmark's truth is that of its key 'truth'; its controllers believe it"
+        raise place.error("truth: parameters or believed", step)
+    guarded(place, lambda: true_parameters(model, np.zeros(len(model.parameters)), replace(truth, spread=0.0)))
 
 
 def _friction(top: Section) -> tuple[Any, ...]:
@@ -300,8 +285,13 @@ def _friction(top: Section) -> tuple[Any, ...]:
 def _noise(section: Section, top: Section) -> tuple[NoiseLevel, ...]:
     """Return the levels; a short form names some of those of the whole."""
     levels = tuple(
-        NoiseLevel(each.name("name"), each.at_least_zero("position"), each.at_least_zero("torque"))
-        for each in top.sections("noise", ("name", "position", "torque"))
+        NoiseLevel(
+            each.name("name"),
+            each.at_least_zero("position"),
+            each.at_least_zero("torque"),
+            tuple(texts(each, "set")),
+        )
+        for each in top.sections("noise", ("name", "position", "torque", "set"))
     )
     if section is top:
         return levels
@@ -310,66 +300,3 @@ def _noise(section: Section, top: Section) -> tuple[NoiseLevel, ...]:
         if name not in known:
             raise section.place("noise").error(f"no noise '{name}'", f"name some of: {', '.join(known)}")
     return tuple(known[name] for name in wanted)
-
-
-def _recording(section: Section) -> Recording:
-    gains: dict[str, tuple[float, ...] | None] = {"kp": None, "kd": None}
-    for name in gains:
-        value = section.value(name) if section.has(name) else None
-        if isinstance(value, list):
-            gains[name] = tuple(float(number) for number in section.numbers(name, len(value)))
-        elif value is not None:
-            raise section.place(name).error("not a list", "write one number for each joint")
-    if (gains["kp"] is None) != (gains["kd"] is None):
-        raise section.place("kp").error("one of kp and kd without the other", "state both, or none")
-    rates = (section.number("rate_hz", 1000.0), section.number("control_hz", 1000.0))
-    return Recording(*rates, stiffness=gains["kp"], damping=gains["kd"])
-
-
-def _entrants(top: Section, section: Section, recording: Recording) -> tuple[Entrant, ...]:
-    preparations = _preparations(top)
-    asked = section.section("methods", tuple(preparations))
-    found = []
-    for name, preparation in preparations.items():
-        if not asked.has(name):
-            continue
-        value, place = asked.value(name), asked.place(name)
-        if not isinstance(value, list):
-            raise place.error("not a list", "write a list of estimators, such as [ols, wls]")
-        for item in value:
-            found.append(Entrant(_method(place, *part_of(place, item), recording), preparation))
-    return tuple(found)
-
-
-def _method(place: Place, name: str, options: dict[str, str | None], recording: Recording) -> Method:
-    """Return a method; the option ``controller: known`` tells it the controller that the logs were made with."""
-    known = options.pop("controller", "unknown")
-    label = ":".join([name, *(f"{key}={text}" for key, text in options.items())])
-    if known not in ("known", "unknown"):
-        raise place.error(f"controller: {known}", "write controller: known, or leave it out")
-    if known == "known":
-        if recording.stiffness is None or recording.damping is None:
-            raise place.error("controller: known without its gains", "state kp and kd under recording")
-        gains = {"kp": recording.stiffness, "kd": recording.damping}
-        texts_of = {key: ",".join(f"{gain!r}" for gain in values) for key, values in gains.items()}
-        options, label = {**options, **texts_of, "feedforward": "gravity"}, f"{label} with controller"
-    return Method(label, guarded(place, lambda: ESTIMATORS.make_from_text(name, options)))
-
-
-def _preparations(top: Section) -> dict[str, Preparation]:
-    value = top.value("preparations")
-    if not isinstance(value, dict) or not value:
-        raise top.place("preparations").error("no preparation", "state at least one, such as filtered: {...}")
-    section, found = top.section("preparations", tuple(value)), {}
-    for name in value:
-        each = section.section(name, ("filter", "unfiltered", "trim_s", "standstill"))
-        place, part = each.place("filter"), FILTERS.make("butterworth")
-        if each.has("filter"):
-            item = part_of(place, each.value("filter"))
-            part = guarded(place, lambda item=item: FILTERS.make_from_text(*item))
-        how = Preprocessing(
-            part, trim_s=each.number("trim_s", 0.1), standstill=each.number("standstill", 0.0), rest="keep"
-        )
-        unfiltered = each.has("unfiltered") and each.choice("unfiltered", ("true", "false")) == "true"
-        found[name] = Preparation(name if len(value) > 1 else "", how, unfiltered)
-    return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass
 from functools import lru_cache
 from importlib.metadata import version
 from typing import Any
@@ -18,21 +18,23 @@ from dynident.estimation.comparison.contest import Contest, Outcome
 from dynident.estimation.estimate_file import plain
 from dynident.estimation.estimators import ESTIMATORS
 from dynident.estimation.identify import pose
-from dynident.estimation.monte_carlo.experiment import Entrant, Experiment, NoiseLevel, Preparation
+from dynident.estimation.monte_carlo.entrants import Entrant, Preparation
+from dynident.estimation.monte_carlo.experiment import Experiment, NoiseLevel
 from dynident.estimation.monte_carlo.possible_robots import described_truth, near, random_truth, told
 from dynident.estimation.monte_carlo.runner import failed
-from dynident.estimation.monte_carlo.virtual_run import record
 from dynident.experiment.log import Log
+from dynident.experiment.simulation.cell_simulation import simulate_cell
+from dynident.experiment.simulation.truth import true_parameters
 from dynident.experiment.trajectories.base import Designable
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.robot import Robot
 
-#: Length of the run-in before a log, in s: motions of a benchmark need not start at rest.
-LEAD_IN = 2.0
-
 #: States of the test motion at which torques are compared.
 STATES = 1000
+
+#: Temperature of the drives there, in degrees Celsius, where friction depends on it.
+TEMPERATURE = 25.0
 
 #: Level of the intervals whose coverage is counted.
 LEVEL = 0.95
@@ -97,9 +99,11 @@ class VirtualWork:
         found = []
         for name in experiment.models:
             for noise in experiment.noise:
+                setup = experiment.cell(name, noise)
+                made = {"cell": plain(setup.cell.data()), "cell_truth": _fields(setup.truth)}
                 for draw in range(experiment.draws):
                     for entrant, rate in _in_order(experiment):
-                        facts = {**common[name], **_own_facts(noise, rate, entrant, draw)}
+                        facts = {**common[name], **made, **_own_facts(rate, entrant, draw)}
                         found.append(VirtualTask(name, noise, rate, entrant, draw, facts))
         return tuple(found)
 
@@ -113,33 +117,27 @@ class VirtualWork:
         motion = self.motions[task.robot].test
         return figures_of(outcome, contest, motion)
 
-    def truth(self, robot: str, draw: int) -> Array:
-        """Return the true parameters behind a log, shape (p,)."""
+    def truth(self, robot: str, noise: NoiseLevel, draw: int) -> Array:
+        """Return the true parameters behind a log but for a payload, shape (p,)."""
         experiment, model = self.experiment, self.experiment.models[robot]
         if experiment.truth == "description":
             theta = described_truth(model, experiment.seed)
         else:
             theta = random_truth(model, experiment.seed + draw)
-        joints = list(model.robot.joint_names)
-        for k, parameter in enumerate(model.parameters[model.inertial_count :], start=model.inertial_count):
-            if parameter.symbol in experiment.coefficients:
-                theta[k] = experiment.coefficients[parameter.symbol][joints.index(parameter.owner)]
-        return theta
+        return true_parameters(model, theta, experiment.cell(robot, noise).truth, experiment.seed + draw)
 
     def _common(self, robot: str) -> dict[str, Any]:
         """Return what all tasks of a robot depend on."""
         experiment, model = self.experiment, self.experiment.models[robot]
         friction = [{"part": FRICTION.name_of(part), **_fields(part)} for part in model.friction]
         described = {"robot": _digest(_robot_facts(model.robot)), "friction": friction}
-        record_facts = {"recording": _fields(experiment.recording), "duration": experiment.duration, "lead_in": LEAD_IN}
         return {
             "version": version("dynident"),
             "name": robot,
             **described,
             "motions": _digest(self.motions[robot].facts()),
-            **record_facts,
+            "duration": experiment.duration,
             "truth": experiment.truth,
-            "coefficients": {name: list(values) for name, values in experiment.coefficients.items()},
             "guess": experiment.guess,
             "seed": experiment.seed,
         }
@@ -157,10 +155,9 @@ def _in_order(experiment: Experiment) -> list[tuple[Entrant, float]]:
     ]
 
 
-def _own_facts(noise: NoiseLevel, rate: float, entrant: Entrant, draw: int) -> dict[str, Any]:
+def _own_facts(rate: float, entrant: Entrant, draw: int) -> dict[str, Any]:
     part = entrant.method.part
     return {
-        "noise": [noise.position, noise.torque],
         "rate": rate,
         "preparation": plain(entrant.preparation.at(rate).statement()),
         "unfiltered": entrant.preparation.unfiltered,
@@ -189,14 +186,14 @@ def _digest(facts: Any) -> str:
 
 
 @lru_cache(maxsize=2)
-def _log(work: VirtualWork, robot: str, noise: NoiseLevel, draw: int) -> tuple[Log, Array]:
-    """Return the log of a draw and the truth behind it; the same for a draw at every rate and for every method."""
+def recorded(work: VirtualWork, robot: str, noise: NoiseLevel, draw: int) -> tuple[Log, Array]:
+    """Return the log of a draw and the truth behind it, payload included; the same at every rate, for every method."""
     experiment = work.experiment
-    theta = work.truth(robot, draw)
+    theta = work.truth(robot, noise, draw)
     seed = int(np.random.SeedSequence([experiment.seed, draw]).generate_state(1)[0])
-    how = replace(experiment.recording, position_noise=noise.position, torque_noise=noise.torque, lead_in=LEAD_IN)
-    motion = work.motions[robot].train
-    return record(experiment.models[robot], theta, motion, how, seed, experiment.duration).log, theta
+    motion, cell = work.motions[robot].train, experiment.cell(robot, noise).cell
+    run = simulate_cell(experiment.models[robot], theta, motion, cell, duration=experiment.duration, seed=seed)
+    return run.log, run.theta
 
 
 @lru_cache(maxsize=2)
@@ -204,14 +201,16 @@ def _contest(
     work: VirtualWork, robot: str, noise: NoiseLevel, draw: int, rate: float, preparation: Preparation
 ) -> Contest:
     """Return the problem that all methods of one preparation are given."""
-    log, theta = _log(work, robot, noise, draw)
+    log, theta = recorded(work, robot, noise, draw)
     experiment = work.experiment
     if preparation.unfiltered:
-        step = max(1, round(experiment.recording.rate / rate))
+        step = max(1, round(experiment.cell(robot, noise).cell.recorder.rate / rate))
         log = log.rows(slice(None, None, step), f"every {step}th row")
     known: DynamicModel = experiment.models[robot]
     guess = (
-        None if experiment.guess is None else near(known, theta, experiment.seed + 1000 * (draw + 1), experiment.guess)
+        None
+        if experiment.guess is None
+        else near(known, work.truth(robot, noise, draw), experiment.seed + 1000 * (draw + 1), experiment.guess)
     )
     contest = Contest(pose(told(known, guess), [log], preparation.at(rate)), (), theta)
     _ = contest.least  # what all methods share is computed before the clock of the first one begins
@@ -237,7 +236,9 @@ def figures_of(outcome: Outcome, contest: Contest, motion: Designable) -> dict[s
         return {**failed(outcome.failure, outcome.seconds), **facts}
     problem = contest.problem
     truth = problem.base.from_standard(theta)
-    states = Motion(*motion.evaluate(np.arange(STATES) * motion.period / STATES))
+    q, dq, ddq = motion.evaluate(np.arange(STATES) * motion.period / STATES)
+    warm = np.full_like(q, TEMPERATURE) if "temperature" in problem.model.needs else None
+    states = Motion(q, dq, ddq, temperature=warm)
     wanted = problem.model.torque(states, theta)
     found = estimate.model.torque(states, estimate.base.to_standard(estimate.beta))
     covered = np.abs(estimate.beta - truth) <= estimate.half_widths(LEVEL)
