@@ -8,7 +8,6 @@ Run: python -m benchmarks.workers [LOGS, 40 unless stated] [ROWS of each, 100,00
 from __future__ import annotations
 
 import os
-import resource
 import statistics
 import sys
 import tempfile
@@ -84,22 +83,15 @@ def reductions(logs, rows, rounds):
 
 def overheads():
     """Print what an empty task costs: start of the pool with its first task, then each of the others."""
-    for name, pool in {
-        "this process": Here(),
-        "1 process": Processes(1),
-        "Dask, 1 worker": DaskPool("local:1"),
-    }.items():
-        used = _processor()
-        begun = time.perf_counter()
-        ends = [time.perf_counter() for _ in pool.run(Nothing(), range(TASKS))]
-        each = (ends[-1] - ends[0]) / (TASKS - 1)
-        print(f"{name:16} start {ends[0] - begun:6.2f} s, then {1e3 * each:6.2f} ms a task, "
-              f"processors {_processor() - used:5.2f} s in all")  # fmt: skip
-
-
-def _processor():
-    own, others = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return own.ru_utime + own.ru_stime + others.ru_utime + others.ru_stime
+    pools = {"this process": Here(), "1 process": Processes(1), "Dask, 1 worker": DaskPool("local:1")}
+    for name, pool in pools.items():
+        begun, marks = time.perf_counter(), []
+        for _ in pool.run(Nothing(), range(TASKS)):
+            marks.append((time.perf_counter(), time.process_time()))
+        wall, own = ((last - first) / (TASKS - 1) for first, last in zip(marks[0], marks[-1], strict=True))
+        start = marks[0][0] - begun
+        each = f"a task {1e3 * wall:6.2f} ms, {1e3 * own:5.2f} ms of them of this process's processor"
+        print(f"{name:16} start {start:6.2f} s; {each}", flush=True)
 
 
 def main() -> None:

@@ -129,7 +129,8 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_cluster_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
     distributed = pytest.importorskip("distributed")
     monkeypatch.setattr(dask_pool, "WORKERS_S", 0.2)
-    with distributed.LocalCluster(processes=False, n_workers=0, dashboard_address="127.0.0.1:0", protocol="inproc") as cluster:
+    settings: dict[str, Any] = {"n_workers": 0, "dashboard_address": "127.0.0.1:0", "protocol": "inproc"}
+    with distributed.LocalCluster(processes=False, **settings) as cluster:
         with pytest.raises(PoolFailed, match=r"no worker in 0\.2 s; start one: dask worker inproc://"):
             list(DaskPool(cluster.scheduler_address).run(Squares(), [1]))
 

@@ -96,6 +96,7 @@ def reduce_logs(
                 step = "give the same command again: what is done is kept where --checkpoint is not 0"
                 raise PoolFailed("the reduction", f"{done.task.places[0]}: {done.failure}", step)
             gathering.take(done.task, done.result)
+    gathering.check_whole()
     for position, error in sorted(gathering.bad.items()):
         if skipped is not None:
             skipped(places[position], error)
@@ -313,6 +314,12 @@ class _Gathering:
         self._finished += len(block.places)
         self._shares[block.first : block.first + len(block.places)] = 1.0
         self._tell()
+
+    def check_whole(self) -> None:
+        """Refuse an end with logs that never came back."""
+        if self._finished != len(self._places):
+            evidence = f"{self._finished} of {len(self._places)} logs came back"
+            raise PoolFailed("the reduction", evidence, "give the same command again")
 
     def _tell(self) -> None:
         share = float(self._shares @ self._sizes / self._sizes.sum())
