@@ -18,7 +18,7 @@ import scipy.special
 import scipy.stats
 
 from dynident.arrays import Array
-from dynident.estimation.fleet.population import Member, Population, divisor, population_of
+from dynident.estimation.fleet.population import Member, Population, divisor, expected_squares, population_of
 
 #: Fewest robots of which one can be told to be out.
 FEWEST = 4
@@ -172,9 +172,7 @@ def _without(population: Population, k: int) -> Population:
     products = population.scores + seen @ population.mean
     mean = mean_covariance @ products[keep].sum(axis=0)
     scores = products - seen @ mean
-    moved = variances[:, None] * seen[keep]
-    squares = (variances * scores[keep]) ** 2 + variances - variances**2 * np.einsum("ikk->ik", seen[keep])
-    squares += np.einsum("ikl,lm,ikm->ik", moved, mean_covariance, moved)
+    squares = expected_squares(variances, seen[keep], scores[keep], mean_covariance)
     found = squares.sum(axis=0) / divisor(len(members) - 1)
     rest = tuple(one for one, kept in zip(members, keep, strict=True) if kept)
     return Population(rest, mean, mean_covariance, found, seen[keep], scores[keep], population.settled)

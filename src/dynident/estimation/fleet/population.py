@@ -10,7 +10,7 @@ one has b (b + 1) / 2 entries, and a fleet has a few robots.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,9 @@ from dynident.model.threads import one_blas_thread
 
 #: Rounds of EM at most, and the change of a variance, as a share of it and of what logs leave open, that ends them.
 ROUNDS, SETTLED = 2000, 1e-5
+
+#: Furthest that the logarithm of a variance is extrapolated at once.
+_LEAP = 2.0
 
 #: Share of a parameter that may lie in directions that no robot's log determines.
 _OPEN = 1e-8
@@ -133,24 +136,42 @@ def population_of(members: Sequence[Member], start: Array | None = None) -> Popu
 
 def _fitted(members: Sequence[Member], information: Array, vectors: Array, start: Array | None) -> Population:
     """Return the population of scaled parameters, unit information on average."""
-    count = len(members)
     variances = _first(information, vectors) if start is None else np.maximum(start**2, 1e-12)
-    noise = 1.0 / np.maximum(np.einsum("ikk->k", information) / count, 1e-300)
-    for turn in range(ROUNDS + 1):
-        seen, products = _seen(information, vectors, np.sqrt(variances))
-        total = seen.sum(axis=0)
-        mean_covariance = np.linalg.inv(0.5 * (total + total.T))
-        mean = mean_covariance @ products.sum(axis=0)
-        scores = products - seen @ mean
-        moved = variances[:, None] * seen
-        squares = (variances * scores) ** 2 + variances - variances**2 * np.einsum("ikk->ik", seen)
-        squares += np.einsum("ikl,lm,ikm->ik", moved, mean_covariance, moved)
-        following = np.maximum(squares.sum(axis=0) / divisor(count), 1e-12 * noise)
-        settled = bool(np.all(np.abs(following - variances) < SETTLED * (variances + noise)))
-        if settled or turn == ROUNDS:
-            return Population(tuple(members), mean, mean_covariance, variances, seen, scores, settled)
-        variances = following
-    raise AssertionError("the last round returns")
+    noise = 1.0 / np.maximum(np.einsum("ikk->k", information) / len(members), 1e-300)
+    for _ in range(ROUNDS // 3):
+        found, first = _round(members, information, vectors, variances)
+        if np.all(np.abs(first - variances) < SETTLED * (variances + noise)):
+            return found
+        _, second = _round(members, information, vectors, first)
+        variances = _extrapolated(*np.log(np.maximum([variances, first, second], 1e-12 * noise)))
+        variances = np.maximum(_round(members, information, vectors, variances)[1], 1e-12 * noise)
+    return replace(_round(members, information, vectors, variances)[0], settled=False)
+
+
+def _round(members: Sequence[Member], information: Array, vectors: Array, variances: Array) -> tuple[Population, Array]:
+    """Return the population with some variances, and those of the next round of EM, shape (b,)."""
+    seen, products = _seen(information, vectors, np.sqrt(variances))
+    total = seen.sum(axis=0)
+    mean_covariance = np.linalg.inv(0.5 * (total + total.T))
+    mean = mean_covariance @ products.sum(axis=0)
+    scores = products - seen @ mean
+    squares = expected_squares(variances, seen, scores, mean_covariance)
+    found = Population(tuple(members), mean, mean_covariance, variances, seen, scores, True)
+    return found, squares.sum(axis=0) / divisor(len(members))
+
+
+def expected_squares(variances: Array, seen: Array, scores: Array, mean_covariance: Array) -> Array:
+    """Return what robots are expected to lie from the mean, squared, given their logs, shape (N, b)."""
+    moved = variances[:, None] * seen
+    squares = (variances * scores) ** 2 + variances - variances**2 * np.einsum("ikk->ik", seen)
+    return squares + np.einsum("ikl,lm,ikm->ik", moved, mean_covariance, moved)
+
+
+def _extrapolated(start: Array, first: Array, second: Array) -> Array:
+    """Return variances beyond two rounds of EM from the logarithms of all (SQUAREM, Varadhan and Roland 2008, S3)."""
+    step, bend = first - start, second - 2.0 * first + start
+    length = -max(1.0, float(np.linalg.norm(step)) / max(float(np.linalg.norm(bend)), 1e-300))
+    return np.exp(start + np.clip(-2.0 * length * step + length**2 * bend, -_LEAP, _LEAP))
 
 
 def divisor(count: int) -> int:
