@@ -112,5 +112,8 @@ def _show(found: CarriedLoad, forms: dict[str, str]) -> None:
         console.answer(f"\nfor controllers, from the origin of {label(found.frame)}{inertia}:")
         for name, text in forms.items():
             console.answer(f"  {name}: {text}")
+    else:
+        unknown = ", ".join(one.name for one in (found.mass, *found.centre) if not one.known)
+        console.answer(f"\nno form for controllers: {unknown} not determined well enough")
     for remark in found.remarks:
         console.answer(f"remark: {remark}")
