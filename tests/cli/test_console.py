@@ -10,7 +10,7 @@ from typing import TextIO
 import pytest
 
 from dynident.cli import console
-from dynident.cli.main import main
+from dynident.cli.main import COMMANDS, build_parser, main
 from dynident.results.text import Column, Table
 
 
@@ -47,3 +47,11 @@ def test_a_list_that_begins_with_a_minus_sign_is_a_value(capsys: pytest.CaptureF
     with pytest.raises(SystemExit):
         main(["export", "none.json", "--to", "csv", "-o", "motion.csv", "--from-posture", "--check"])
     assert "--from-posture: expected one argument" in capsys.readouterr().err
+
+
+def test_every_command_that_says_more_than_its_answer_can_be_quiet() -> None:
+    own = next(action.choices for action in build_parser()._actions if action.dest == "command")
+    assert isinstance(own, dict) and set(own) == set(COMMANDS)
+    assert {name for name in COMMANDS if "--quiet" not in own[name].format_usage()} == {
+        "completion", "environment", "list",
+    }  # fmt: skip

@@ -32,6 +32,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     output.add_argument("-o", "--output", metavar="FILE", default="case.yaml", help="default: case.yaml")
     output.add_argument("--force", action="store_true", help="write over a file that is there")
     output.add_argument("--json", action="store_true", help="print what was recognised, with how sure it is")
+    output.add_argument("--quiet", action="store_true", help="no remarks")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -64,12 +65,13 @@ def run(options: argparse.Namespace) -> int:
         console.answer_json({"case": options.output, **draft_summary(draft), "next": follow})
         return 0
     for finding in draft.remarks:
-        console.remark(f"check: {finding}")
+        console.remark(f"check: {finding}", options.quiet)
     if draft.needed:
         which = "line" if len(draft.needed) == 1 else "lines"
-        console.remark(f"wrote {options.output}; it asks in {which} {lines}; answer there, then: {follow}")
+        text = f"wrote {options.output}; it asks in {which} {lines}; answer there, then: {follow}"
+        console.remark(text, options.quiet)
     else:
-        console.remark(f"wrote {options.output}; next: {follow}")
+        console.remark(f"wrote {options.output}; next: {follow}", options.quiet)
     return 0
 
 

@@ -30,6 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--friction", nargs="*", metavar="NAME", help="friction parts; none: inertial parameters only")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
+    parser.add_argument("--quiet", action="store_true", help="no remarks")
     plan = parser.add_argument_group("of a plan")
     plan.add_argument(
         "--case",
@@ -71,9 +72,10 @@ def _run_plan(options: argparse.Namespace) -> int:
         from dynident.results.report import write_plan_page
 
         write_plan_page(options.html, view)
-        console.remark(f"wrote {options.html}", options.json)
+        console.remark(f"wrote {options.html}", options.quiet or options.json)
         if view.robot is None:
-            console.remark("without the path of the tool, which needs the robot: give it with --case", options.json)
+            text = "without the path of the tool, which needs the robot: give it with --case"
+            console.remark(text, options.quiet or options.json)
     plans.check_kept(view, options.case)
     return 0
 

@@ -30,6 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="MB",
         help="largest upload (1024)",
     )
+    parser.add_argument("--quiet", action="store_true", help="print the address, no remarks")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -44,12 +45,13 @@ def run(options: argparse.Namespace) -> int:
 
     with _endings() as asked, studio(options.port, options.work, options.max_upload) as running:
         console.answer(running.address)
-        console.remark("open this address; it works on this machine only. Ctrl-C ends the studio")
-        console.remark(f"files: {running.session.folder.path}{'' if options.work else ' (removed at the end)'}")
+        console.remark("open this address; it works on this machine only. Ctrl-C ends the studio", options.quiet)
+        kept = "" if options.work else " (removed at the end)"
+        console.remark(f"files: {running.session.folder.path}{kept}", options.quiet)
         try:
             three_js()
         except MissingDependency as error:
-            console.remark(f"no 3D view: {error}")
+            console.remark(f"no 3D view: {error}", options.quiet)
         if not options.no_browser and not asked:
             webbrowser.open(running.address)
         while not asked:

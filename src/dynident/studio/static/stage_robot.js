@@ -61,7 +61,7 @@ function tell(place, scene, robot) {
   });
   const links = scene.links.map((link) => {
     const { body } = link;
-    const centre = body?.centre ? body.centre.map((x) => number(x)) : ["–", "–", "–"];
+    const centre = body?.centre ? body.centre.map((x) => number(Number(x.toFixed(9)))) : ["–", "–", "–"];
     return [name(link.name), body ? number(body.mass) : "–", ...centre, body ? (body.defect ? `no: ${body.defect}` : "yes") : "not stated"];
   });
   fill(place,
