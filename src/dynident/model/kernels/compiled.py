@@ -11,7 +11,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,10 +19,12 @@ from dynident.arrays import Array
 from dynident.model.kernels.emit import Access, Layout, llvm_assembly
 from dynident.model.kernels.trace import Program
 
-#: Kernels kept ready; the one used longest ago goes first.
+#: Kernels and programs kept ready; the one used longest ago goes first.
 KEPT = 64
 
-_ready: OrderedDict[Hashable, Kernel | None] = OrderedDict()
+Made = TypeVar("Made")
+
+_ready: OrderedDict[Hashable, Any] = OrderedDict()
 _lock = threading.Lock()
 
 
@@ -79,10 +81,19 @@ def kernel(key: Hashable, make: Callable[[], tuple[Program, Layout] | None]) -> 
         key: Tells this kernel from all others.
         make: Returns what to compile, or None where it is not worth it, which is remembered too.
     """
+
+    def compiled() -> Kernel | None:
+        made = make()
+        return None if made is None else Kernel(*made)
+
+    return kept(key, compiled)
+
+
+def kept(key: Hashable, make: Callable[[], Made]) -> Made:
+    """Return what is known by ``key``, made now if need be, by one thread at a time; ``make`` must not call this."""
     with _lock:
         if key not in _ready:
-            made = make()
-            _ready[key] = None if made is None else Kernel(*made)
+            _ready[key] = make()
             while len(_ready) > KEPT:
                 _ready.popitem(last=False)
         _ready.move_to_end(key)

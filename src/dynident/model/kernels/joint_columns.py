@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dynident.arrays import Array, IntArray
-from dynident.model.kernels.compiled import Kernel, kernel
+from dynident.model.kernels.compiled import Kernel, kept, kernel
 from dynident.model.kernels.emit import Access, Buffer, Layout
 from dynident.model.kernels.generated import by_sample, chain_key, is_small
 from dynident.model.kernels.inputs import column_indices, kernel_choice, samples
@@ -45,11 +45,8 @@ class JointColumns:
         """
         self.chain, self.wanted = chain, column_indices(columns, 10 * chain.links)
         width = 10 * chain.links
-        traced = TracedChain(chain)
-        values = traced.regressor(self.wanted)
-        draft = traced.trace.program(values)
-        used = draft.outputs.keys() - draft.rounding_only(_random_motion(chain.joints))
-        self._program = traced.trace.program({slot: values[slot] for slot in sorted(used)})
+        self._program = kept(("program", *self._key), lambda: _moving_entries(chain, self.wanted))
+        used = self._program.outputs.keys()
         self._is_small = is_small(self._program)
         found = [[k for k, c in enumerate(self.wanted) if j * width + c in used] for j in range(chain.joints)]
         self.columns: tuple[IntArray, ...] = tuple(np.array(row, dtype=np.int64) for row in found)
@@ -192,6 +189,15 @@ class JointColumns:
                     f"{name}[{joint}] must be a C-contiguous float64 array{', writeable' * (name == 'out')}"
                 )
         return tuple(arrays)
+
+
+def _moving_entries(chain: Chain, wanted: IntArray) -> Program:
+    """Return the program of the entries of the regressor that are not zero at every motion."""
+    traced = TracedChain(chain)
+    values = traced.regressor(wanted)
+    draft = traced.trace.program(values)
+    used = draft.outputs.keys() - draft.rounding_only(_random_motion(chain.joints))
+    return traced.trace.program({slot: values[slot] for slot in sorted(used)})
 
 
 def _random_motion(joints: int) -> dict[str, Array]:
