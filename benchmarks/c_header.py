@@ -1,8 +1,9 @@
 """The exported C header of a UR10 beside Pinocchio's C++ algorithms, each in a compiled loop, in one program.
 
 Both get the same states and rotors; times do not depend on the bodies. The header is compiled as C99 with the levels
-below, Pinocchio's loops as C++17 with -O2 against the compiled library of its package. Repeats of all rows are
-interleaved, so that a busy machine slows all alike; the least time tells what the code needs. Pinocchio's headers come
+below, Pinocchio's loops as C++17 with -O2 against the compiled library of its package. Times are the processor's own,
+and repeats of all rows are interleaved, so that a busy machine slows all alike; the least time tells what the code
+needs, the ratio of each repeat (median, quartiles) what stands between the two. Pinocchio's headers come
 with its package; Eigen's do not: --eigen names the folder that holds ``Eigen``. Without it, only the header is timed.
 Run: python -m benchmarks.c_header [--eigen DIR] [--out FILE]
 """
@@ -108,7 +109,7 @@ def model_lines(model: DynamicModel) -> Iterator[str]:
 
 def main_source(model: DynamicModel, has_peer: bool) -> str:
     """Return the C++ program that times every row, and prints repeats in ns per call."""
-    head = ["#include <chrono>", "#include <cstdio>", "#include <vector>", "#include <algorithm>", "#include <cmath>"]
+    head = ["#include <time.h>", "#include <cstdio>", "#include <vector>", "#include <algorithm>", "#include <cmath>"]
     peers = [number for number, row in enumerate(ROWS) if row[2] and has_peer]
     if has_peer:
         head += ["#include <pinocchio/algorithm/rnea.hpp>"]
@@ -121,10 +122,11 @@ def main_source(model: DynamicModel, has_peer: bool) -> str:
             f"  for (int k = 0; k < {STATES}; ++k) {ROWS[k][2]};",
         ]
         lines += ["  sink = data.tau[5] + data.g[5]; }"]
-    lines += ["template <class F> double timed(F f) { f(); auto t = std::chrono::steady_clock::now();"]
+    lines += ["static double now() { timespec t; clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);"]
+    lines += ["  return 1e9 * t.tv_sec + t.tv_nsec; }"]
+    lines += ["template <class F> double timed(F f) { f(); double start = now();"]
     lines += [f"  for (int i = 0; i < {ROUNDS}; ++i) f();"]
-    lines += ["  std::chrono::duration<double, std::nano> d = std::chrono::steady_clock::now() - t;"]
-    lines += [f"  return d.count() / {ROUNDS * STATES}; }}", "int main(int, char **names) {"]
+    lines += [f"  return (now() - start) / {ROUNDS * STATES}; }}", "int main(int, char **names) {"]
     lines += [f'  states.resize({18 * STATES}); FILE *f = fopen(names[1], "rb");']
     lines += ["  if (!f || fread(states.data(), 8, states.size(), f) != states.size()) return 2;"]
     lines += ["  single.assign(states.begin(), states.end());"]
@@ -183,16 +185,19 @@ def main() -> None:
         for level in LEVELS:
             times = timed(folder, model, level, asked.eigen)
             rows = {}
-            print(f"\n{level}, ns per call{'':28s} {'median':>8s} {'least':>8s}   pinocchio, median, least; ratios")
+            print(f"\n{level}, ns per call{'':28s} {'median':>8s} {'least':>8s}   pinocchio, median, least; ratio")
             for number, (title, _, _) in enumerate(ROWS):
                 own, peer = times["header", number], times.get(("peer", number))
                 rows[title] = {"median ns": statistics.median(own), "least ns": min(own)}
                 line = f"  {title:38s} {statistics.median(own):8.0f} {min(own):8.0f}"
                 if peer:
-                    ratios = statistics.median(peer) / statistics.median(own), min(peer) / min(own)
+                    ratios = [theirs / ours for theirs, ours in zip(peer, own, strict=True)]
+                    low, middle, high = statistics.quantiles(ratios, n=4)
                     rows[title] |= {"pinocchio median ns": statistics.median(peer), "pinocchio least ns": min(peer)}
-                    rows[title] |= {"ratio of medians": ratios[0], "ratio of least": ratios[1]}
-                    line += f"   {statistics.median(peer):8.0f} {min(peer):8.0f}   {ratios[0]:.2f}x {ratios[1]:.2f}x"
+                    rows[title] |= {"median ratio": middle, "quartiles of the ratio": [low, high]}
+                    line += (
+                        f"   {statistics.median(peer):8.0f} {min(peer):8.0f}   {middle:.1f}x ({low:.1f} to {high:.1f})"
+                    )
                 print(line)
             facts[level] = rows
     asked.out.parent.mkdir(parents=True, exist_ok=True)
