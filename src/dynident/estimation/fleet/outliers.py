@@ -18,7 +18,13 @@ import scipy.special
 import scipy.stats
 
 from dynident.arrays import Array
-from dynident.estimation.fleet.population import Member, Population, divisor, expected_squares, population_of
+from dynident.estimation.fleet.population import (
+    Member,
+    Population,
+    expected_squares,
+    population_of,
+    population_with,
+)
 
 #: Fewest robots of which one can be told to be out.
 FEWEST = 4
@@ -163,16 +169,16 @@ def _as_normal(scores: Array, freedom: Array) -> Array:
 
 
 def _without(population: Population, k: int) -> Population:
-    """Return the population of all members but one, by one round from that of all; nothing is fitted anew."""
-    members = population.members
-    keep = np.arange(len(members)) != k
-    seen, variances = np.asarray(population.seen), np.asarray(population.variances)
-    total = seen[keep].sum(axis=0)
-    mean_covariance = np.linalg.inv(0.5 * (total + total.T))
-    products = population.scores + seen @ population.mean
-    mean = mean_covariance @ products[keep].sum(axis=0)
-    scores = products - seen @ mean
-    squares = expected_squares(variances, seen[keep], scores[keep], mean_covariance)
-    found = squares.sum(axis=0) / divisor(len(members) - 1)
-    rest = tuple(one for one, kept in zip(members, keep, strict=True) if kept)
-    return Population(rest, mean, mean_covariance, found, seen[keep], scores[keep], population.settled)
+    """Return the population of all members but one, from what all of them tell of its spread; nothing is fitted anew.
+
+    The squares of the others about their own mean are those of one round but for the doubt of the mean, which would
+    still be that of a spread with the robot; one less than their number makes up for it.
+    """
+    keep = np.arange(len(population.members)) != k
+    rest = tuple(one for one, kept in zip(population.members, keep, strict=True) if kept)
+    variances, seen = np.asarray(population.variances), np.asarray(population.seen)[keep]
+    scores = (population.scores + np.asarray(population.seen) @ population.mean)[keep]
+    scores = scores - seen @ np.linalg.solve(seen.sum(axis=0), scores.sum(axis=0))
+    squares = expected_squares(variances, seen, scores, np.zeros_like(seen[0]))
+    found = np.maximum(squares.sum(axis=0) / max(len(rest) - 2, 1), 1e-12 * variances)
+    return population_with(rest, found)

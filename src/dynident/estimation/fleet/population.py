@@ -134,6 +134,13 @@ def population_of(members: Sequence[Member], start: Array | None = None) -> Popu
     )
 
 
+def population_with(members: Sequence[Member], variances: Array) -> Population:
+    """Return the population whose variances (b,) are known."""
+    information = np.array([one.information for one in members])
+    vectors = np.array([one.vector for one in members])
+    return _round(members, information, vectors, variances)[0]
+
+
 def _fitted(members: Sequence[Member], information: Array, vectors: Array, start: Array | None) -> Population:
     """Return the population of scaled parameters, unit information on average."""
     variances = _first(information, vectors) if start is None else np.maximum(start**2, 1e-12)
