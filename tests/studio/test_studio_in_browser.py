@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import shutil
 import subprocess
@@ -139,6 +140,34 @@ def test_a_page_that_is_loaded_again_goes_on_with_the_command(page: Any, running
     page.until(f"{_section('excite')}.querySelector('.state').textContent.startsWith('cancelled')")
     assert client.names() == []
     _nothing_wrong(page, running)
+
+
+@pytest.mark.battery
+@pytest.mark.skipif(importlib.util.find_spec("axe_core_python") is None, reason="axe needs the package axe-core-python")
+def test_axe_finds_no_serious_fault_in_any_stage(page: Any, client: Any, logs: tuple[Path, Path]) -> None:
+    spec = importlib.util.find_spec("axe_core_python")
+    assert spec is not None and spec.origin is not None
+    names = [client.upload(log.name, log.read_bytes()) for log in logs]
+    text = f"case: 1\nrobot: generic-scara\ntrain: {names[0]}\nfriction: [coulomb, viscous]\n"
+    case = client.upload("arm.yaml", text.encode())
+    done = client.run("identify", case=case, estimator="wls", quick=True)
+    assert done["state"] == "done", done["progress"]
+    page.call("Page.setBypassCSP", enabled=True)  # for axe alone
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('.sliders input').length")
+    page.js(Path(spec.origin).with_name("axe.min.js").read_text(encoding="utf-8") + ";0")
+    grave = (
+        "axe.run(document, {resultTypes: ['violations'], iframes: false}).then(found => found.violations"
+        ".filter(one => ['serious', 'critical'].includes(one.impact))"
+        ".map(one => `${one.id}: ${one.nodes[0].html.slice(0, 200)}`))"
+    )
+    for width, dark in ((1440, False), (360, True)):
+        page.size(width, 900, dark)
+        for stage in STAGES:
+            _go(page, stage)
+            if stage == "results":
+                page.until(f"{_section('results')}.querySelector('iframe')", 60)
+            assert page.js(grave) == [], (stage, width)
 
 
 @pytest.mark.battery
