@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynident import DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot
+from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot
 from dynident.estimation.warnings import warnings_of
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.model.friction import FRICTION, Motion
@@ -37,6 +37,13 @@ HOW = Preprocessing(AsGiven(), rest="keep")
 def test_a_sound_estimate_has_no_warning() -> None:
     model, log = recorded()
     assert warnings_of(identify(model, [log], preprocessing=HOW)) == ()
+
+
+@pytest.mark.parametrize(("name", "warned"), [("five_point", True), ("butterworth", False)])
+def test_a_filter_of_the_torque_alone(name: str, warned: bool) -> None:
+    model, log = recorded()
+    found = warnings_of(identify(model, [log], preprocessing=Preprocessing(FILTERS.make(name), rest="keep")))
+    assert any("not the model's columns" in text for text in found) is warned, found
 
 
 def test_a_torque_of_the_wrong_sign() -> None:

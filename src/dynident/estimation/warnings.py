@@ -34,6 +34,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     if total > POOR_FIT:
         found.append(f"the model misses {100 * total:.0f} % of the torques of the fit: check units, gains and gravity")
     found += _gains(estimate)
+    found += _one_sided(estimate)
     above = estimate.extras.get("residual_above_unconstrained")
     if above is not None and above > POOR_CONSISTENCY:
         worse = f"fit {100 * above:.0f} % worse than" if above < 9 else "leave over ten times the residual of"
@@ -79,6 +80,18 @@ def _gains(estimate: Estimate) -> list[str]:
     return [
         f"drive gains are known to {span} (std) only, which moves {more} of {estimate.base.count} parameters by more "
         "than their own deviations, beside them (extras.gain_deviations)"
+    ]
+
+
+def _one_sided(estimate: Estimate) -> list[str]:
+    """Say where a filter acts on the torque and not on the columns of the regressor: no interval knows of that."""
+    filter = estimate.preprocessing.filter
+    kind, torque = (str(filter.statement()[key]) for key in ("kind", "torque"))
+    if torque in ("none", "as given") or filter.reach(1000.0):
+        return []
+    return [
+        f"'{kind}' smooths the torque and not the model's columns: intervals hold the random error, not what that and "
+        "the noise of the accelerations make; compare with butterworth"
     ]
 
 
