@@ -33,6 +33,7 @@ EXTRAS = {
     "pin": "Pinocchio: proof of exports, meshes; none for Windows",
     "mujoco": "MuJoCo: proof of exports, virtual cell",
     "casadi": "proof of exported CasADi modules",
+    "dask": "work on a cluster, logs in buckets",
     "fmu": "proof of exported FMUs",
     "figures": "figures as PDF and PNG",
     "studio": "3-D view of the studio",
