@@ -68,6 +68,13 @@ log:
   units: {current: mA}
   side: {q: motor}
 """,
+    "states.mcap": "log: {profile: joint_states}\n",
+    "states.db3": "log: {profile: joint_states}\n",
+    "states.bag": "log: {profile: joint_states}\n",
+    "topics.mcap": """log:
+  columns: {q: "/arm:{joint}.position", torque: "/arm:{joint}.effort", q_ref: "/want:{joint}.points[0].positions"}
+  format: {rosbag: {topics: [/arm, /want]}}
+""",
 }
 
 
@@ -94,6 +101,8 @@ def _limits(robot: Any) -> MotionLimits:
 
 @pytest.mark.parametrize("look", LOOKS)
 def test_the_case_reads_the_log_back_as_it_was_simulated(here: Path, look: str) -> None:
+    if look.endswith((".mcap", ".db3", ".bag")):
+        pytest.importorskip("rosbags")
     Path("case.yaml").write_text(CASE + LOOKS[look])
     assert main(["simulate", "case.yaml", "plan.json", "-o", look, "--quiet"]) == 0
     log = read_case("case.yaml").read(look)
@@ -102,6 +111,8 @@ def test_the_case_reads_the_log_back_as_it_was_simulated(here: Path, look: str) 
     np.testing.assert_allclose(log.q, truth["q"], atol=1e-5)
     np.testing.assert_allclose(log.torque, truth["tau"], atol=1e-9)
     assert log.joints == ("shoulder", "elbow")
+    if look == "topics.mcap":
+        assert log.q_ref is not None and 0 < np.abs(log.q_ref - truth["q"]).max() < 0.1
 
 
 def test_identify_finds_the_truth_beside_the_log(here: Path, capsys: Capture) -> None:
@@ -176,6 +187,21 @@ def test_what_cannot_be_done_is_said_in_one_line(here: Path, capsys: Capture, wo
     assert message in shown.err, shown.err
     assert shown.err.count("\n") == 1
     assert sorted(Path().iterdir()) == before
+
+
+@pytest.mark.parametrize("look", ["units.csv", "plain.csv"])
+def test_a_recording_of_ros_has_joints_by_name(here: Path, capsys: Capture, look: str) -> None:
+    pytest.importorskip("rosbags")
+    Path("case.yaml").write_text(CASE + LOOKS[look])
+    code = main(["simulate", "case.yaml", "plan.json", "-o", "run.mcap", "--quiet"])
+    if look == "units.csv":  # columns such as pos_elbow have no place in a message
+        assert code == 1 and "'pos_shoulder' in a recording of ROS" in capsys.readouterr().err
+        assert not Path("run.mcap").exists() and not Path("run.truth.json").exists()
+        return
+    assert code == 0
+    Path("case.yaml").write_text(CASE + LOOKS["states.mcap"])
+    log = read_case("case.yaml").read("run.mcap")
+    np.testing.assert_allclose(log.torque, np.load("run.truth.npz")["tau"], atol=1e-9)
 
 
 def test_a_plan_for_other_joints_is_refused(here: Path, capsys: Capture) -> None:

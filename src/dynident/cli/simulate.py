@@ -28,7 +28,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("case", metavar="CASE", help="case file or robot description")
     parser.add_argument("plan", metavar="PLAN", help="plan of 'dynident excite'")
     parser.add_argument(
-        "-o", "--output", required=True, metavar="FILE", help="write the log here: .csv, .tsv, .npz, .parquet, .mat"
+        "-o",
+        "--output",
+        required=True,
+        metavar="FILE",
+        help="write the log here: .csv, .tsv, .npz, .parquet, .mat, .mcap, .db3, .bag",
     )
     parser.add_argument("--cell", metavar="FILE", help="the cell, in place of the case's (docs/virtual-cell.md)")
     parser.add_argument(
@@ -54,6 +58,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.errors import BadOption
     from dynident.experiment.case_file.case import read_case
     from dynident.experiment.design.plan import read_plan
+    from dynident.experiment.simulation.case_bag import BAGS, write_bag
     from dynident.experiment.simulation.case_log import case_columns, wants_current, write_columns
     from dynident.experiment.simulation.cell_simulation import simulate_cell
     from dynident.experiment.simulation.truth import true_parameters
@@ -85,7 +90,11 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
     )
     table = case_columns(found.log, case.columns, robot, case.locked)
-    write_columns(table, target, case.columns.decimal)
+    if target.suffix.lower() in BAGS:
+        signals = {name: values for name, values in table.items() if name != case.columns.time}
+        write_bag(signals, target, found.log.time, case.columns.joints or found.log.joints)
+    else:
+        write_columns(table, target, case.columns.decimal)
     facts = _facts(options, setup, model, found)
     _write_truth(truth_files, facts, found)
     if options.json:

@@ -14,6 +14,7 @@ from dynident.errors import BadOption, MissingDependency
 from dynident.experiment.formats import ColumnMap
 from dynident.experiment.formats.base import NUMBERED, QUANTITY, RATED, UNITS
 from dynident.experiment.log import Log
+from dynident.experiment.simulation.case_bag import BAGS
 from dynident.files import write_atomically
 from dynident.model.robot import Robot
 
@@ -82,7 +83,7 @@ def write_columns(table: Mapping[str, Array], path: str | Path, decimal: str = "
         ".mat": _mat,
     }
     if suffix not in writers:
-        raise BadOption("--output", str(path), f"end the name in one of: {', '.join(writers)}")
+        raise BadOption("--output", str(path), f"end the name in one of: {', '.join((*writers, *BAGS))}")
     write_atomically(path, writers[suffix](table))
 
 
