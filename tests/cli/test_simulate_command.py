@@ -109,6 +109,7 @@ def test_the_case_reads_the_log_back_as_it_was_simulated(here: Path, look: str) 
     truth = np.load(Path(look).with_suffix(".truth.npz"))
     np.testing.assert_allclose(log.time, truth["t"], atol=1e-12)
     np.testing.assert_allclose(log.q, truth["q"], atol=1e-5)
+    assert log.torque is not None
     np.testing.assert_allclose(log.torque, truth["tau"], atol=1e-9)
     assert log.joints == ("shoulder", "elbow")
     if look == "topics.mcap":
@@ -201,6 +202,7 @@ def test_a_recording_of_ros_has_joints_by_name(here: Path, capsys: Capture, look
     assert code == 0
     Path("case.yaml").write_text(CASE + LOOKS["states.mcap"])
     log = read_case("case.yaml").read("run.mcap")
+    assert log.torque is not None
     np.testing.assert_allclose(log.torque, np.load("run.truth.npz")["tau"], atol=1e-9)
 
 
