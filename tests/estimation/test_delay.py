@@ -91,6 +91,20 @@ def test_each_log_has_its_own_and_others_the_common_one(
     assert good < 0.8 * validate(again, [unseen], replace(again.preprocessing, delay_s=0.0)).total_relative_error
 
 
+def test_friction_that_turns_before_the_speed_is_no_delay(model: DynamicModel, exact_motion: ExactMotion) -> None:
+    """Drives stick at reversals: their friction follows the torque there, so it turns ahead of the speed."""
+    assert model.robot.nominal is not None
+    time = np.arange(4000) / RATE
+    motion, ahead = (exact_motion(3, time + lead, 1.0, seed=12) for lead in (0.0, 0.03))
+    bodies = model.torque(motion, np.append(model.robot.nominal, np.zeros(9)))
+    friction = 0.3 * np.std(bodies, axis=0) * np.tanh(ahead.dq / 0.01)
+    noise = 0.01 * np.std(bodies, axis=0) * np.random.default_rng(2).normal(size=bodies.shape)
+    log = Log(model.robot.joint_names, time, motion.q, torque=bodies + friction + noise)
+    (found,) = identify(model, [log], "wls", AUTO).extras["delays"]
+    assert abs(found["applied"]) * RATE < 0.1
+    assert abs(found["seconds"]) < 3 * found["deviation"]
+
+
 def test_the_surest_delay_counts_most() -> None:
     delays = (Delay(1e-3, 1e-4, 1e-3), Delay(2e-3, 2e-4, 2e-3))
     assert common_delay(delays) == pytest.approx((4 * 1e-3 + 2e-3) / 5)

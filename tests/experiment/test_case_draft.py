@@ -192,6 +192,39 @@ def test_velocities_in_another_unit_are_left_out(arm: str, motion: dict[str, Arr
         assert ("57.3 times the derivative of the positions" in draft.text) != there
 
 
+def test_velocities_in_the_unit_of_the_header_are_read(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    columns = numbered({**motion, "q": np.rad2deg(motion["q"])}, q="q{} [deg]")
+    turning = np.rad2deg(np.gradient(motion["q"], motion["time"], axis=0))
+    columns |= {f"qd{k + 1} [deg/s]": column for k, column in enumerate(turning.T)}
+    case = read(draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path), tmp_path)
+    assert case.columns.units.velocity == "deg/s"
+    np.testing.assert_allclose(np.asarray(case.read(case.train[0]).dq), np.deg2rad(turning), atol=1e-9)
+
+
+@pytest.mark.parametrize("turn", [360.0, 2 * np.pi])
+def test_turns_that_start_again_are_counted_on(turn: float, arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    factor = turn / (2 * np.pi)
+    columns = numbered({**motion, "q": np.mod(motion["q"] * factor, turn)})
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
+    assert draft.needed == ()
+    case = read(draft, tmp_path)
+    assert case.columns.wrapped == case.robot.joint_names
+    assert case.columns.units.position == ("deg" if turn == 360.0 else "rad")
+    np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"], atol=1e-9)
+
+
+def test_a_jump_of_some_degrees_is_no_turn(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    q = np.rad2deg(motion["q"])
+    q[300:, 0] += 6.3
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered({**motion, "q": q})), tmp_path)
+    assert "wrapped" not in draft.text and "likely deg" in draft.text
+
+
+def test_permille_before_the_number_of_the_joint(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(motion, torque="tau_permille{}")), tmp_path)
+    assert "the header says permille" in draft.text
+
+
 def test_a_joint_that_stands_is_locked_where_it_stands(
     arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path
 ) -> None:
@@ -322,6 +355,36 @@ def test_decimal_commas_are_stated_and_not_guessed(arm: str, motion: dict[str, A
     draft = draft_case(arm, log, tmp_path)
     case = read(draft, tmp_path)
     assert case.columns.decimal == "," and case.read("run.csv").samples == 600
+
+
+def test_decimal_commas_are_seen_where_the_first_column_has_none(
+    arm: str, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    columns = {"time [ms]": np.arange(len(motion["q"])) * 5.0}
+    columns |= {name: values for name, values in numbered(motion).items() if name != "t"}
+    path = Path(write_log(tmp_path / "run.csv", columns))
+    header, *rows = path.read_text().splitlines()
+    rows = [";".join(f"{float(cell):.9g}".replace(".", ",") for cell in row.split(",")) for row in rows]
+    path.write_text("\n".join([header.replace(",", ";"), *rows]) + "\n")
+    draft = draft_case(arm, str(path), tmp_path)
+    assert 'decimal: ","' in draft.text
+    np.testing.assert_allclose(read(draft, tmp_path).read("run.csv").q, motion["q"], rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("cells", "step"),
+    [
+        (("2024-05-01T12:00:00.5", "1"), "write the time as a number, such as seconds from the first row on"),
+        (("12:00:01", "1"), "no date is read"),
+        (("s", "rad"), r"put them into the names, such as q1 \[rad\]"),
+        (("0.1x", "1"), "mend the cell"),
+    ],
+)
+def test_cells_that_are_no_numbers_say_what_to_do(cells: tuple[str, str], step: str, arm: str, tmp_path: Path) -> None:
+    rows = "\n".join(f"{0.01 * k},{k}" for k in range(20))
+    (tmp_path / "run.csv").write_text(f"t,q1\n{','.join(cells)}\n{rows}\n")
+    with pytest.raises(LogFormatError, match=f"run.csv:2: .*not a number; .*{step}"):
+        draft_case(arm, str(tmp_path / "run.csv"), tmp_path)
 
 
 def test_vectors_in_archives(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:

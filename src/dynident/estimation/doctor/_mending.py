@@ -9,6 +9,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.estimation.doctor._recording import Recording
 from dynident.experiment.log import Log
+from dynident.experiment.turns import jumps_of_a_turn
 from dynident.model.robot import Robot
 
 #: Rows with a value that is not finite are left out up to this share; above it a recording is not mended.
@@ -16,9 +17,6 @@ MOST_LOST = 0.05
 
 #: A sorted log whose rows were only out of order has no step shorter than this share of the median one.
 SHORTEST_STEP = 0.2
-
-#: A jump within this share of a turn between two samples is one of the encoder's counter, not of the joint.
-NEAR_TURN = 0.1
 
 
 @dataclass(frozen=True)
@@ -97,15 +95,8 @@ def sortable(time: Array) -> bool:
 
 def wraps(log: Log, robot: Robot) -> dict[str, int]:
     """Return how often the position of each revolute joint jumps by a whole turn between two samples."""
-    counts: dict[str, int] = {}
-    for joint, column in zip(robot.active, log.q.T, strict=True):
-        if joint.kind != "revolute" or log.samples < 2:
-            continue
-        steps = np.diff(column)
-        near = np.abs(np.abs(steps) - 2 * np.pi) < NEAR_TURN * 2 * np.pi
-        usual = np.nanquantile(np.abs(steps), 0.99) if np.isfinite(steps).any() else np.inf
-        counts[joint.name] = int(near.sum()) if usual < NEAR_TURN * 2 * np.pi else 0
-    return {name: count for name, count in counts.items() if count}
+    counts = zip(robot.active, jumps_of_a_turn(log.q).tolist(), strict=True)
+    return {joint.name: count for joint, count in counts if count and joint.kind == "revolute"}
 
 
 def _unwrapped(log: Log, joints: list[str]) -> Log:

@@ -57,7 +57,7 @@ def read_recording(case: Case, name: str) -> Recording:
     count = len(columns.joints)
     with np.errstate(all="ignore"):
         signals = {
-            signal: columns.to_si(signal, values[:, 1 + k * count : 1 + (k + 1) * count])
+            signal: columns.counted(signal, columns.to_si(signal, values[:, 1 + k * count : 1 + (k + 1) * count]))
             for k, signal in enumerate(stated)
         }
         time = columns.time_to_si(values[:, 0])

@@ -2,7 +2,12 @@
 
 A delay d turns the model into tau(t) = Y(t - d) theta. The derivative of the torque by d is minus its derivative by
 time, so d is one more column of the linear problem: Gauss and Newton's method on the problem in which the linear
-parameters are eliminated (Golub and Pereyra 1973), with one column a log.
+parameters are eliminated (Golub and Pereyra 1973), with one column for each joint of each log.
+
+The joints of a log have one clock. By what their delays differ beyond chance, friction differs from the model, which
+counts in the deviation of their mean (DerSimonian and Laird 1986). Where they differ so, or where the rows away from
+reversals say something else (Hausman 1978), these rows alone count: the friction of a drive that sticks turns before
+its speed does, which passes for a torque that runs ahead.
 """
 
 from __future__ import annotations
@@ -11,9 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.stats
 
 from dynident.arrays import Array, BoolArray
-from dynident.estimation.problem import Observer, counting_rows
+from dynident.estimation.problem import Observer, counting_rows, motion_of
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import LONGEST_DELAY, Prepared, Preprocessing, preprocess, thinned
@@ -28,8 +34,15 @@ SETTLED = 0.02
 #: Steps at most, and the longest one in s: what a straight line through the torque may be asked to bridge.
 STEPS, LONGEST_STEP = 25, 0.05
 
-#: A delay that is not this many of its standard deviations away from zero is none.
+#: A delay that is not this many of its standard deviations away from zero is none; more, by Student's t, where its
+#: joints do not agree.
 SIGNIFICANT = 2.0
+
+#: Joints whose delays would differ as much by chance in fewer than this share of logs do not agree.
+CHANCE = 0.05
+
+#: Rows nearer to a reversal than this part of the period of the cut-off have a share of what happens there.
+REVERSAL = 0.5
 
 
 @dataclass(frozen=True)
@@ -38,7 +51,7 @@ class Delay:
 
     Attributes:
         seconds: By how much its torque lags behind its positions, in s; negative where it runs ahead.
-        deviation: Standard deviation of it, in s, with the residuals' correlation taken into account.
+        deviation: Standard deviation of it, in s, by the correlated residuals and by what the joints differ.
         applied: What the motion is shifted by, in s: ``seconds``, or 0 where that may well be none.
     """
 
@@ -62,18 +75,17 @@ def find_delays(
         LogMismatch: A log is too short.
     """
     plain = [preprocess(log, how) for log in logs]
-    observer = Observer(model, base)
-    seconds, deviation, prepared = np.zeros(len(logs)), np.zeros(len(logs)), plain
-    beta = _first_fit(observer, plain)
-    for _ in range(STEPS):
-        beta, step, deviation = _step(observer, prepared, beta)
-        step = np.clip(step, -LONGEST_STEP, LONGEST_STEP)
-        seconds = np.clip(seconds + step, -LONGEST_DELAY, LONGEST_DELAY)
-        if np.all(np.abs(step) * [log.log.rate for log in plain] < SETTLED):
-            break
-        prepared = _moved(logs, plain, how, seconds)
-    applied: Array = np.where(np.abs(seconds) > SIGNIFICANT * deviation, seconds, 0.0)
-    found = tuple(Delay(*map(float, each)) for each in zip(seconds, deviation, applied, strict=True))
+    search = _Search(Observer(model, base), logs, plain, how)
+    step = search.settled()
+    away = search.step(np.ones(len(logs), bool))
+    doubt = np.sqrt(np.maximum(away.deviation**2 - step.deviation**2, 0.0))
+    biased = ~step.agree | (np.abs(away.seconds) > SIGNIFICANT * doubt)
+    if biased.any():
+        step = search.settled(biased)
+    degrees = np.where(step.agree, np.inf, max(model.robot.dof - 1, 1))
+    bound = scipy.stats.t.ppf(scipy.stats.norm.cdf(SIGNIFICANT), degrees) * step.deviation
+    applied: Array = np.where(np.abs(search.seconds) > bound, search.seconds, 0.0)
+    found = tuple(Delay(*map(float, each)) for each in zip(search.seconds, step.deviation, applied, strict=True))
     return found, tuple(_moved(logs, plain, how, applied))
 
 
@@ -88,26 +100,107 @@ def _moved(logs: Sequence[Log], plain: Sequence[Prepared], how: Preprocessing, s
     return [thinned(raw, log.log, how, delay) if delay else log for raw, log, delay in parts]
 
 
-def _step(observer: Observer, logs: Sequence[Prepared], beta: Array) -> tuple[Array, Array, Array]:
-    """Return beta (b,), the step of each delay that removes the most of the residual, and its deviation, (L,) in s."""
-    masks = [counting_rows(observer.model, log) for log in logs]
-    predicted = [log.smooth(observer.predict(log.log, beta).T).T for log in logs]
-    slopes = [
-        -np.gradient(torque, 1.0 / log.log.rate, axis=0)[log.keep] for torque, log in zip(predicted, logs, strict=True)
-    ]
-    residuals = [
-        np.asarray(log.log.torque)[log.keep] - torque[log.keep] for log, torque in zip(logs, predicted, strict=True)
-    ]
-    squares = sum(
-        np.sum(np.where(mask, residual, 0.0) ** 2, axis=0) for mask, residual in zip(masks, residuals, strict=True)
-    )
-    weights = _weights(np.asarray(squares), np.sum([mask.sum(axis=0) for mask in masks], axis=0))
-    size = observer.base.count
-    reduced = reduce(_triangles(observer, logs, masks, slopes), size + len(logs), np.tile(weights, len(logs)))
-    solution = least_squares(reduced)
-    spread = correlation_factors(residuals, masks).mean() * reduced.rest / max(reduced.rows, 1)
-    deviation = np.sqrt(np.diag(solution.unscaled_covariance)[size:] * spread)
-    return solution.beta[:size], solution.beta[size:], deviation
+@dataclass(frozen=True)
+class _Step:
+    """A step of Gauss and Newton.
+
+    Attributes:
+        beta: Base parameters, shape (b,).
+        seconds: By how much the delay of each log changes, in s, shape (L,).
+        deviation: Standard deviations of the delays, in s, shape (L,).
+        agree: Whether the joints of each log agree about it, shape (L,).
+    """
+
+    beta: Array
+    seconds: Array
+    deviation: Array
+    agree: BoolArray
+
+
+class _Search:
+    """The delays as far as they are known, and the logs shifted by them."""
+
+    def __init__(self, observer: Observer, logs: Sequence[Log], plain: Sequence[Prepared], how: Preprocessing) -> None:
+        self.observer, self.logs, self.plain, self.how = observer, logs, plain, how
+        self.prepared = plain
+        self.seconds: Array = np.zeros(len(logs))
+        self.beta = _first_fit(observer, plain)
+
+    def settled(self, away: BoolArray | None = None) -> _Step:
+        """Take steps until they are short, and return the last; ``away`` as of :meth:`step`."""
+        away = np.zeros(len(self.logs), bool) if away is None else away
+        step = self.step(away)
+        for left in reversed(range(STEPS)):
+            bounded = np.clip(step.seconds, -LONGEST_STEP, LONGEST_STEP)
+            self.beta, self.seconds = step.beta, np.clip(self.seconds + bounded, -LONGEST_DELAY, LONGEST_DELAY)
+            if not left or np.all(np.abs(bounded) * [log.log.rate for log in self.plain] < SETTLED):
+                break
+            self.prepared = _moved(self.logs, self.plain, self.how, self.seconds)
+            step = self.step(away)
+        return step
+
+    def step(self, away: BoolArray) -> _Step:
+        """Return the step from here; of the logs named in ``away``, shape (L,), only rows away from reversals count."""
+        model, logs = self.observer.model, self.prepared
+        masks = [counting_rows(model, log) for log in logs]
+        masks = [m & ~_near_reversal(model, log) if a else m for m, log, a in zip(masks, logs, away, strict=True)]
+        predicted = [log.smooth(self.observer.predict(log.log, self.beta).T).T for log in logs]
+        slopes = [
+            -np.gradient(torque, 1.0 / log.log.rate, axis=0)[log.keep]
+            for torque, log in zip(predicted, logs, strict=True)
+        ]
+        residuals = [
+            np.asarray(log.log.torque)[log.keep] - torque[log.keep] for log, torque in zip(logs, predicted, strict=True)
+        ]
+        squares = sum(np.sum(np.where(mask, r, 0.0) ** 2, axis=0) for mask, r in zip(masks, residuals, strict=True))
+        weights = _weights(np.asarray(squares), np.sum([mask.sum(axis=0) for mask in masks], axis=0))
+        size, joints = self.observer.base.count, model.robot.dof
+        triangles = _triangles(self.observer, logs, masks, slopes)
+        reduced = reduce(triangles, size + len(logs) * joints, np.tile(weights, len(logs)))
+        solution = least_squares(reduced)
+        # Rows that hang together count once, each joint's by how its own do.
+        worth = np.sqrt(np.tile(correlation_factors(residuals, masks), len(logs)) * reduced.rest / max(reduced.rows, 1))
+        covariance = solution.unscaled_covariance[size:, size:] * np.outer(worth, worth)
+        parts = [slice(k * joints, (k + 1) * joints) for k in range(len(logs))]
+        means = [_common(solution.beta[size:][part], covariance[part, part]) for part in parts]
+        seconds, deviation, agree = (np.array(each) for each in zip(*means, strict=True))
+        return _Step(solution.beta[:size], seconds, deviation, agree)
+
+
+def _common(delays: Array, covariance: Array) -> tuple[float, float, bool]:
+    """Return the mean of the joints' delays (n,), its standard deviation, and whether they agree.
+
+    What they differ by beyond their covariance is a variance of its own, by the method of moments (DerSimonian and
+    Laird 1986) for estimates that depend on each other.
+    """
+    telling = np.diag(covariance) > 0
+    if not telling.any():
+        return 0.0, np.inf, True
+    delays, covariance = delays[telling], covariance[np.ix_(telling, telling)]
+    ones, weights = np.ones(len(delays)), np.linalg.pinv(covariance, hermitian=True)
+    total = float(ones @ weights @ ones)
+    mean = float(ones @ weights @ delays) / total
+    excess = float((delays - mean) @ weights @ (delays - mean)) - (len(delays) - 1)
+    scale = float(np.trace(weights) - ones @ weights @ weights @ ones / total)
+    if len(delays) > 1 and excess > 0 and scale > 0:
+        weights = np.linalg.pinv(covariance + excess / scale * np.eye(len(delays)), hermitian=True)
+        total = float(ones @ weights @ ones)
+        mean = float(ones @ weights @ delays) / total
+    agree = len(delays) < 2 or scipy.stats.chi2.sf(excess + len(delays) - 1, len(delays) - 1) > CHANCE
+    return mean, float(1.0 / np.sqrt(total)), bool(agree)
+
+
+def _near_reversal(model: DynamicModel, prepared: Prepared) -> BoolArray:
+    """Return which of the kept rows the filter mixes with a reversal of one of the joint's drives, shape (N, n)."""
+    cutoff = prepared.how.filter.bandwidth()
+    speeds = motion_of(prepared.log).dq @ np.asarray(model.robot.coupling).T
+    reach = int(np.ceil(REVERSAL / cutoff * prepared.log.rate)) if cutoff else 1
+    turning = np.zeros(speeds.shape)
+    turning[1:] = speeds[1:] * speeds[:-1] <= 0
+    passed = np.pad(np.cumsum(turning, axis=0), ((reach + 1, reach), (0, 0)), mode="edge")
+    passed[: reach + 1] = 0.0
+    near = (passed[2 * reach + 1 :] - passed[: -2 * reach - 1])[prepared.keep] > 0
+    return (near @ (np.asarray(model.robot.coupling) != 0)) > 0
 
 
 def _weights(squares: Array, rows: Array) -> Array:
@@ -119,9 +212,9 @@ def _weights(squares: Array, rows: Array) -> Array:
 def _triangles(
     observer: Observer, logs: Sequence[Prepared], masks: Sequence[BoolArray], extra: Sequence[Array]
 ) -> list[Triangle]:
-    """Return the triangles of each joint, log after log, with the column ``extra`` (N, n) of each log's own delay."""
-    found = []
-    for k, (log, mask, column) in enumerate(zip(logs, masks, extra, strict=True)):
+    """Return the triangles of each joint, log after log, each with a column of its own: that of ``extra`` (N, n)."""
+    found, place = [], observer.base.count
+    for log, mask, column in zip(logs, masks, extra, strict=True):
         factors: list[Array] = [np.zeros((0, len(own) + 2)) for own in observer.columns]
         with one_blas_thread():
             for part, blocks in observer.segments(log):
@@ -131,7 +224,8 @@ def _triangles(
                     for start in range(0, rows.shape[1], CHUNK):
                         factors[i] = triangle_of(np.vstack([factors[i], rows[:, start : start + CHUNK].T]))
         for own, factor, count in zip(observer.columns, factors, mask.sum(axis=0), strict=True):
-            found.append(Triangle(np.append(own, observer.base.count + k), factor, int(count)))
+            found.append(Triangle(np.append(own, place), factor, int(count)))
+            place += 1
     return found
 
 

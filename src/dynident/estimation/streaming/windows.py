@@ -16,7 +16,7 @@ from dynident.errors import LogMismatch
 from dynident.estimation.streaming.time_scan import TimeScan
 from dynident.experiment.formats import LogStream
 from dynident.experiment.log import Log, Source
-from dynident.experiment.preprocessing import SHORTEST_REST, Prepared, Preprocessing, check_finite
+from dynident.experiment.preprocessing import SHORTEST_REST, Prepared, Preprocessing, check_finite, check_turns
 from dynident.experiment.preprocessing._shift import POINTS, shifted
 
 #: Samples of a window without its margins, at least.
@@ -219,6 +219,7 @@ def _on_grid(stream: LogStream, scan: TimeScan, meaning: Callable[[Log], Log]) -
     for block in stream.blocks():
         log = meaning(block)
         check_finite(log, done)
+        check_turns(log)
         done += log.samples
         if scan.is_even:
             yield log

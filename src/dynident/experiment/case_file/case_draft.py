@@ -143,7 +143,8 @@ def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> t
     first: LogFormatError
     try:
         tables = [opened(log) for log in logs]
-        if _is_table(tables[0]):
+        numbers = _numbers(tables[0])
+        if _is_table(tables[0]) and (numbers == len(tables[0].header) or _numbers_with_commas(logs[0]) <= numbers):
             return tables, ""
         first = LogFormatError(logs[0], tables[0].line, "no rows of numbers", "is it a log?")
     except LogFormatError as error:
@@ -166,6 +167,30 @@ def _readable(logs: Sequence[str], form: LogFormat) -> list[Table]:
         return tables if _is_table(tables[0]) else []
     except DynidentError:
         return []
+
+
+def _numbers_with_commas(log: str) -> int:
+    """Return how many columns of a text hold numbers where commas are decimal signs."""
+    if Path(log).suffix.lower() not in FORMATS.get("csv").suffixes:
+        return 0
+    try:
+        return _numbers(opened(log, FORMATS.make("csv", decimal=",")))
+    except DynidentError:
+        return 0
+
+
+def _numbers(table: Table) -> int:
+    """Return how many columns hold a number in the first row; all of a file that is no text."""
+    if table.line is None:
+        return len(table.header)
+    found = 0
+    for name in table.header:
+        try:
+            next(table.batches([name], 1), None)
+            found += 1
+        except LogFormatError:
+            continue
+    return found
 
 
 def _is_table(table: Table) -> bool:

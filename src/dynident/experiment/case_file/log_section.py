@@ -15,7 +15,7 @@ from dynident.experiment.profiles.base import MARKS, SIDES
 from dynident.model.documents.sections import Section
 from dynident.model.robot import Robot
 
-_LOG_KEYS = ("profile", "format", "columns", "units", "decimal", "rated", "side", "zero", "force")
+_LOG_KEYS = ("profile", "format", "columns", "units", "decimal", "rated", "side", "zero", "wrapped", "force")
 _COLUMN_KEYS = ("time", "q", "dq", "ddq", "torque", "current", "temperature", "q_ref", "dq_ref")
 _UNIT_KEYS = ("time", "position", "velocity", "acceleration", "torque", "current")
 
@@ -51,6 +51,8 @@ def read_columns(top: Section, robot: Robot) -> ColumnMap:
     for key in ("rated", "zero"):
         if log.has(key):
             found[key] = tuple(log.numbers(key, len(joints)))
+    if log.has("wrapped"):
+        found["wrapped"] = _wrapped(log, joints, robot)
     if log.has("force"):
         found["force"] = texts(log, "force")
     if log.has("format"):
@@ -77,6 +79,17 @@ def _motor(log: Section) -> tuple[str, ...]:
         return SIDED if log.choice("side", SIDES) == "motor" else ()
     side = log.section("side", SIDED)
     return tuple(key for key in SIDED if side.has(key) and side.choice(key, SIDES) == "motor")
+
+
+def _wrapped(log: Section, joints: Sequence[str], robot: Robot) -> tuple[str, ...]:
+    """Return the joints whose turns are counted on, which must turn and be in the log."""
+    wrapped = texts(log, "wrapped")
+    turning = [joint.name for joint in robot.active if joint.kind == "revolute" and joint.name in joints]
+    strange = [name for name in wrapped if name not in turning]
+    if strange:
+        step = f"name joints of the log that turn: {', '.join(turning)}"
+        raise log.place("wrapped").error(f"no turning joint called '{strange[0]}'", step)
+    return wrapped
 
 
 def _check_units(units: Units, joints: Sequence[str], robot: Robot) -> None:

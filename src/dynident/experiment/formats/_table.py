@@ -123,6 +123,7 @@ class Checked:
         self.rows = 0
         self._table, self._columns, self._names = table, columns, names_of(columns)
         self._last: float | None = None
+        self._counted: dict[str, Array] = {}
 
     def block(self, values: Array) -> Log:
         """Return the log of the next rows, shape (rows, columns of :func:`names_of`).
@@ -136,6 +137,9 @@ class Checked:
             name: chosen.to_si(name, values[:, 1 + k * count : 1 + (k + 1) * count])
             for k, name in enumerate(chosen.stated())
         }
+        if chosen.wrapped and len(values):
+            signals = {name: chosen.counted(name, each, self._counted.get(name)) for name, each in signals.items()}
+            self._counted = {name: each[-1] for name, each in signals.items()}
         return Log(chosen.joints, time, source=Source(self._table.path, self._table.sha256), **signals)
 
     def time(self, values: Array) -> Array:

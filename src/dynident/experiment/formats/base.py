@@ -16,6 +16,7 @@ from dynident.errors import BadOption, LogFormatError, LogMismatch, nearest
 from dynident.experiment.formats._units import ONE, QUANTITY, RATED, UNITS, Units, converted
 from dynident.experiment.log import Log
 from dynident.experiment.profiles import unmeasured
+from dynident.experiment.turns import turns_counted
 
 if TYPE_CHECKING:
     from dynident.experiment.formats._table import Table
@@ -60,6 +61,7 @@ class ColumnMap:
         force: Signals that are read although their columns are known not to be measured.
         motor: Signals that are on the side of the motors; :func:`dynident.experiment.motor_side.joint_side` turns them.
         zero: Position in rad or m that is added to the positions of each joint; empty for none.
+        wrapped: Joints whose positions start again after a whole turn; their turns are counted on.
         form: Format of the files; empty for the one by their suffix.
         form_options: Its options, as name and text.
 
@@ -86,6 +88,7 @@ class ColumnMap:
     force: tuple[str, ...] = ()
     motor: tuple[str, ...] = ()
     zero: tuple[float, ...] = ()
+    wrapped: tuple[str, ...] = ()
     form: str = ""
     form_options: tuple[tuple[str, str | None], ...] = ()
 
@@ -94,6 +97,7 @@ class ColumnMap:
             object.__setattr__(self, name, tuple(map(float, getattr(self, name))))
         for name in ("optional", "force", "motor"):
             object.__setattr__(self, name, _signals(name, getattr(self, name)))
+        object.__setattr__(self, "wrapped", tuple(self.wrapped))
         object.__setattr__(self, "form_options", tuple((key, value) for key, value in self.form_options))
         for name in ("joints", *NUMBERED):
             names = getattr(self, name)
@@ -161,6 +165,21 @@ class ColumnMap:
             [rated if word in RATED else 1.0 for rated, word in zip(self.rated, words, strict=True)]
         )
 
+    def counted(self, signal: str, values: Array, before: Array | None = None) -> Array:
+        """Return positions in SI units, shape (N, n), with the turns of the wrapped joints counted on.
+
+        Args:
+            signal: Signal that they are; others than positions stay as they are.
+            values: Shape (N, n).
+            before: Counted positions of the row before, shape (n,); None where the log begins.
+        """
+        places = [k for k, name in enumerate(self.joints) if name in self.wrapped]
+        if not places or QUANTITY[signal] != "position":
+            return values
+        counted = np.array(values)
+        counted[:, places] = turns_counted(values[:, places], None if before is None else before[places])
+        return counted
+
     def time_to_si(self, values: Array) -> Array:
         """Return the time (N,) in s."""
         return converted(values[:, None], "time", (self.units.time,))[:, 0]
@@ -173,6 +192,8 @@ class ColumnMap:
             changed = [word for word in words if UNITS[quantity][word][0] != ONE]
             if changed:
                 texts.append(f"{quantity} from {', '.join(changed)}")
+        if self.wrapped:
+            texts.append(f"turns of {', '.join(self.wrapped)} counted on")
         return "; ".join(texts)
 
     def _joint_count(self) -> int:

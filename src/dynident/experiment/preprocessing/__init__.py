@@ -13,6 +13,7 @@ from dynident.experiment.log import Log
 from dynident.experiment.preprocessing._shift import shifted
 from dynident.experiment.preprocessing._thinning import Thinning
 from dynident.experiment.preprocessing.base import Filter
+from dynident.experiment.turns import jumps_of_a_turn
 from dynident.plugins import Family
 
 FILTERS: Family[Filter] = Family("dynident.experiment.preprocessing", Filter, "filter")  # type: ignore[type-abstract]
@@ -138,9 +139,11 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
     """Return the log with q, dq, ddq and torque ready for the regressor; time is made uniform first.
 
     Raises:
-        LogMismatch: Too few samples for the filter, the trim or the rate, or a value that is no finite number.
+        LogMismatch: Too few samples for the filter, the trim or the rate, a value that is no finite number, or a
+            position that starts again after a whole turn.
     """
     check_finite(log)
+    check_turns(log)
     return thinned(log, how.filter.apply(resample(log)), how, how.delay_s or 0.0)
 
 
@@ -189,6 +192,22 @@ def _near_gaps(log: Log, time: Array, filter: Filter) -> BoolArray:
     for start, end in zip(log.time[gaps], log.time[gaps + 1], strict=True):
         near |= (time > start - period) & (time < end + period)
     return near
+
+
+def check_turns(log: Log) -> None:
+    """Refuse positions that start again after a whole turn, of which no filter makes a motion.
+
+    Raises:
+        LogMismatch: A position that jumps by a turn between two samples.
+    """
+    counts = jumps_of_a_turn(log.q, time=log.time)
+    if np.any(counts):
+        wrapped = {name: int(count) for name, count in zip(log.joints, counts, strict=True) if count}
+        evidence = "positions jump by a whole turn between two samples: " + ", ".join(
+            f"{name} {count} times" if count > 1 else f"{name} once" for name, count in wrapped.items()
+        )
+        step = f"have the turns counted on in the case file (log: {{wrapped: [{', '.join(wrapped)}]}})"
+        raise LogMismatch(log.name, evidence, step)
 
 
 def check_finite(log: Log, before: int = 0) -> None:

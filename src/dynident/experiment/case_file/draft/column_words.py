@@ -54,6 +54,9 @@ _QUANTITY_UNITS: Mapping[str, frozenset[str]] = {
     "current": frozenset(("A", "mA")),
 }
 
+#: Of these the words that have no other meaning in a name, so that a number may follow them.
+_PLAIN_UNITS = frozenset("rad deg rads degs mm nm mnm percent permille".split())
+
 _BRACKETED = re.compile(r"[\[({]\s*([^\[\](){}]*?)\s*[\])}]\s*$")
 
 
@@ -103,7 +106,7 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
     words = list(words)
     signals, kind, side, strange = _signals(words), "", "", 0
     signal = _one(signals)
-    if not unit and at_end and len(words) > 1 and words[-1] in UNIT_WORDS:
+    if not unit and len(words) > 1 and words[-1] in UNIT_WORDS and (at_end or words[-1] in _PLAIN_UNITS):
         unit = UNIT_WORDS[words[-1]]
         words = words[:-1] if unit in _QUANTITY_UNITS.get(signal, ()) else words
     if signal in _QUANTITY_UNITS and unit not in _QUANTITY_UNITS[signal]:

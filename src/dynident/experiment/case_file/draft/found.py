@@ -56,6 +56,8 @@ class Found:
         left_out: Signals whose columns were found and are not read, and why.
         likely_effort: Columns that may be the torques or currents that a profile does not read; empty for none.
         is_large: Whether the logs that train are reduced as a stream.
+        turn: A whole turn after which positions start again, in the file's unit; 0 where they do not.
+        wrapped: Joints that turn, where some of them start again so.
         form: How the file is read where its suffix does not say, as the case file writes it; empty for nothing.
     """
 
@@ -75,6 +77,8 @@ class Found:
     left_out: Mapping[str, str] = field(default_factory=dict)
     likely_effort: str = ""
     is_large: bool = False
+    turn: float = 0.0
+    wrapped: tuple[str, ...] = ()
     form: str = ""
 
     @property

@@ -23,8 +23,16 @@ def log_lines(found: Found) -> list[str]:
     if found.form:
         lines.append(f"  {found.form}")
     if found.profiles:
-        return [*lines, *_profile(found), *_profile_gaps(found), *_side(found)]
-    return [*lines, *_columns(found), *_units(found), *_side(found)]
+        return [*lines, *_profile(found), *_profile_gaps(found), *_side(found), *_wrapped(found)]
+    return [*lines, *_columns(found), *_units(found), *_side(found), *_wrapped(found)]
+
+
+def _wrapped(found: Found) -> list[str]:
+    if not found.wrapped:
+        return []
+    return [
+        f"  wrapped: {listed(found.wrapped)}   # positions start again after {found.turn:.4g}; turns are counted on"
+    ]
 
 
 def _profile(found: Found) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, BoolArray
 from dynident.experiment.case_file.draft.column_groups import Group, groups_of, time_columns, unit_of_time
 from dynident.experiment.case_file.draft.found import Found, Source
 from dynident.experiment.case_file.draft.joint_choice import JointChoice, choose_joints
@@ -19,6 +19,7 @@ from dynident.experiment.case_file.draft.torque_evidence import torque_evidence
 from dynident.experiment.case_file.draft.yaml_words import listed, quoted
 from dynident.experiment.formats import Table
 from dynident.experiment.formats.base import UNITS
+from dynident.experiment.turns import jumps_of_a_turn, turns_counted
 from dynident.model.robot import Robot
 
 #: The cut-off is this many times the band of the motion; see the part on filters in docs/how-to-choose.md.
@@ -123,12 +124,16 @@ def _by_values(found: Found) -> Found:
     stated = {signal: _stated_unit(found, signal) for signal in found.sources}
     if not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
         found = _first_columns(found)
+    found = _with_turns(found)
     q = np.concatenate([reading.signals["q"] for reading in found.readings])
     if not found.profiles:
         group = next(g for g in _groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
         found = replace(found, joints=choose_joints(found.robot, group, _likely_si(q, stated["q"])))
     found = replace(found, units=units)
     moving = found.moving
+    found = _with_wrapped(found)
+    if found.turn and "position" not in units:
+        units["position"] = _unit_of_turn(found, stated["q"])
     if "position" not in units and "q" in found.on_motors:
         units["position"] = _motor_unit(stated["q"])
     elif "position" not in units and moving is not None and len(found.joints.names) == q.shape[1]:
@@ -144,6 +149,48 @@ def _by_values(found: Found) -> Found:
     factors = _factors(units["position"], q.shape[1])
     found = _with_effort(replace(found, units=units), moving, factors, stated)
     return _with_motion(found, q, factors)
+
+
+def _with_turns(found: Found) -> Found:
+    """Return what was found with positions whose counters start again counted on, in the units of the file."""
+    for turn in (2 * np.pi, 360.0):
+        again = np.any([_start_again(reading, turn) for reading in found.readings], axis=0)
+        if again.any():
+            readings = tuple(
+                replace(reading, signals=_counted(reading.signals, again, turn)) for reading in found.readings
+            )
+            return replace(found, readings=readings, turn=turn)
+    return found
+
+
+def _start_again(reading: Reading, turn: float) -> BoolArray:
+    """Return which positions jump by a turn and stay within one: a slip of a few degrees is no counter."""
+    q = reading.signals["q"]
+    return (jumps_of_a_turn(q, turn, reading.time) > 0) & (np.ptp(q, axis=0) <= 1.01 * turn)
+
+
+def _counted(signals: Mapping[str, Array], again: BoolArray, turn: float) -> dict[str, Array]:
+    """Return signals with positions counted on where they start ``again``, shape (n,)."""
+    found = dict(signals)
+    for key in ("q", "q_ref"):
+        if key in signals and signals[key].shape[1] == len(again):
+            found[key] = np.where(again, turns_counted(signals[key], turn=turn), signals[key])
+    return found
+
+
+def _with_wrapped(found: Found) -> Found:
+    """Return what was found with the joints whose turns are counted on: all that turn, as they have one electronics."""
+    if not found.turn:
+        return found
+    kinds = {joint.name: joint.kind for joint in found.robot.active}
+    return replace(found, wrapped=tuple(name for name in found.joints.names if kinds[name] == "revolute"))
+
+
+def _unit_of_turn(found: Found, stated: str) -> Told:
+    """Return the unit of positions that start again after a turn: that of the turn, where all joints turn."""
+    word = "deg" if found.turn > 2 * np.pi else "rad"
+    fits = len(found.wrapped) == len(found.joints.names) and stated in ("", word)
+    return Told((word,), fits, f"they start again after {found.turn:.4g}, a whole turn")
 
 
 def _with_effort(found: Found, moving: Robot | None, factors: Array, stated: Mapping[str, str]) -> Found:
@@ -185,10 +232,14 @@ def _with_motion(found: Found, q: Array, factors: Array) -> Found:
         seconds = found.to_seconds
         ratio = velocity_ratio(first.time * seconds, first.signals["q"] * factors, first.signals["dq"])
         stated = _stated_unit(found, "dq")
-        if SAME_UNIT[0] <= ratio <= SAME_UNIT[1] and found.units["position"].certain:
+        certain, in_stated = found.units["position"].certain, ratio * _velocity_factor(stated)
+        if SAME_UNIT[0] <= ratio <= SAME_UNIT[1] and certain:
             words = {"m": "m/s", "mm": "m/s"}
             told = tuple(words.get(word, "rad/s") for word in found.units["position"].words)
             units["velocity"] = Told(told, True, f"{ratio:.3g} times the derivative of the positions")
+        elif SAME_UNIT[0] <= in_stated <= SAME_UNIT[1] and certain and _all_of_a_kind(found):
+            why = f"the header says {stated}, and so they are {in_stated:.3g} times the derivative of the positions"
+            units["velocity"] = Told((stated,), True, why)
         else:
             said = f"{ratio:.3g} times the derivative of the positions" + (f", the header says {stated}" * bool(stated))
             left_out["dq"] = f"{sources.pop('dq').shown()}: {said}; only the filter as_given reads velocities"
@@ -207,6 +258,15 @@ def _with_motion(found: Found, q: Array, factors: Array) -> Found:
         }
         still = still if len(still) < len(found.joints.names) else {}
     return replace(found, sources=sources, left_out=left_out, units=units, still=still)
+
+
+def _velocity_factor(stated: str) -> float:
+    (numerator, denominator), _ = UNITS["velocity"].get(stated, ((np.nan, 1.0), ""))
+    return numerator / denominator
+
+
+def _all_of_a_kind(found: Found) -> bool:
+    return found.moving is not None and len({joint.kind for joint in found.moving.active}) == 1
 
 
 def _profile_units(found: Found) -> dict[str, Told]:
