@@ -360,7 +360,7 @@ def test_decimal_commas_are_stated_and_not_guessed(arm: str, motion: dict[str, A
 def test_decimal_commas_are_seen_where_the_first_column_has_none(
     arm: str, motion: dict[str, Array], tmp_path: Path
 ) -> None:
-    columns = {"time [ms]": np.arange(len(motion["q"])) * 5.0}
+    columns = {"time [ms]": np.round(1e3 * numbered(motion)["t"], 3)}
     columns |= {name: values for name, values in numbered(motion).items() if name != "t"}
     path = Path(write_log(tmp_path / "run.csv", columns))
     header, *rows = path.read_text().splitlines()

@@ -30,6 +30,9 @@ _CHUNK = 1 << 20
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 
+#: A date or a time of day, which is not read: its zone and its steps are anyone's guess.
+_DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}[./]\d{1,2}[./]\d{2,4}|\d{1,2}:\d\d:\d\d", re.ASCII)
+
 
 @dataclass(frozen=True, kw_only=True)
 class TextTable(Table):
@@ -172,8 +175,15 @@ class TextTable(Table):
         evidence = f"column '{shown(name)}' holds '{shown(cell)}', which is not a number"
         if self.decimal == "." and _DECIMAL_COMMA.fullmatch(cell):
             raise LogFormatError(self.path, line, evidence, 'if the commas are decimal signs, declare decimal: ","')
-        step = 'with decimal: "," points are refused' if "." in cell and self.decimal == "," else "mend the cell"
-        raise LogFormatError(self.path, line, evidence, step)
+        raise LogFormatError(self.path, line, evidence, self._step(cell, line))
+
+    def _step(self, cell: str, line: int) -> str:
+        """Return what to do about a cell that is no number."""
+        if _DATE.match(cell):
+            return "write the time as a number, such as seconds from the first row on; no date is read"
+        if self.line is not None and line == self.line + 1 and not any(sign.isdigit() for sign in cell):
+            return "if the row holds units, take it out and put them into the names, such as q1 [rad]"
+        return 'with decimal: "," points are refused' if "." in cell and self.decimal == "," else "mend the cell"
 
 
 def open_table(path: str | Path, decimal: str = ".") -> TextTable:
