@@ -49,15 +49,19 @@ def logs_named(names: Sequence[str], find: Callable[[str], Path]) -> tuple[list[
 
 
 @contextmanager
-def at_hand(name: str) -> Iterator[Path]:
+def at_hand(name: str, root: str = "") -> Iterator[Path]:
     """Give a log as a file of this machine; what comes from an address goes when it is no longer needed.
+
+    Args:
+        name: File or address.
+        root: Folder that the names of files start from.
 
     Raises:
         FileError: The address cannot be reached.
         MissingDependency: An address, and fsspec is not installed.
     """
     if not is_address(name):
-        yield Path(name)
+        yield Path(root) / name
         return
     with tempfile.TemporaryDirectory(prefix="dynident-") as folder:
         file = Path(folder) / name.rstrip("/").rpartition("/")[2]

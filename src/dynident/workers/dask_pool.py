@@ -141,7 +141,7 @@ def _check_versions(client: Any, scheduler: str) -> None:
                 wrong.setdefault(f"{name} {own[name] or 'is not installed'}, here {here or 'none'}", []).append(address)
     if wrong:
         evidence = "; ".join(f"{what} (on {_some(workers)})" for what, workers in wrong.items())
-        step = "install the same versions on all workers: pip install --require-hashes -r constraints/..."
+        step = "install the same versions on all of them, and start them anew (docs/scale.md)"
         raise PoolFailed(f"the cluster at {scheduler}", f"other versions than here: {evidence}", step)
 
 
@@ -260,7 +260,11 @@ class _Session:
             future, task = self._futures.pop(key), self._tasks.pop(key)
             del self._begun[key]
             future.cancel(force=True)
-            self._client.restart_workers([worker], timeout=WORKERS_S, raise_for_error=False)
+            try:
+                self._client.restart_workers([worker], timeout=WORKERS_S, raise_for_error=False)
+            except ValueError as error:
+                step = "start workers without --no-nanny, or leave the time limit out"
+                raise PoolFailed("the cluster", f"{worker} has no nanny that could end a late task", step) from error
             yield Done(task, seconds, failure=f"ended at the time limit of {time_limit:g} s", late=True)
 
 

@@ -278,6 +278,8 @@ def test_folders_patterns_and_what_is_no_log(folder: Path, case: Case, tmp_path:
     for name in ("logs/*.csv", str(tmp_path / "deeper"), str(tmp_path / "*.md")):
         with pytest.raises(FileError, match=r"no log|none of which is a log"):
             logs_named([name], case.find)
+    with at_hand("b.csv", str(tmp_path)) as path, at_hand(str(logs[0]), str(tmp_path)) as absolute:
+        assert path == tmp_path / "b.csv" and absolute == logs[0]
     assert size_of(str(logs[0])) == logs[0].stat().st_size and size_of(str(tmp_path / "none.csv")) == 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, replace
@@ -87,7 +88,7 @@ def reduce_logs(
     pool = pool or Here()
     case = replace(case, preprocessing=_settled(case, places, skipped is not None, progress))
     threads = None if isinstance(pool, Here) else 1
-    work = _LogWork(case, checkpoint if pool.is_local else None, threads)
+    work = _LogWork(case, checkpoint if pool.is_local else None, threads, "" if pool.is_local else os.getcwd())
     gathering = _Gathering(work, places, None if pool.is_local else checkpoint, progress, standing)
     blocks = _blocks(places, pool, gathering.kept)
     with closing(pool.run(work, blocks, news=gathering.hear)) as ended:
@@ -172,11 +173,13 @@ class _LogWork:
         case: Model, preprocessing and meaning of the columns.
         checkpoint: Where a worker keeps its work.
         threads: Of a worker; None for as many as pay.
+        root: Folder that names of logs start from; empty for that of the process.
     """
 
     case: Case
     checkpoint: Checkpoint | None
     threads: int | None
+    root: str
 
     @cached_property
     def base(self) -> BaseParameters:
@@ -188,7 +191,7 @@ class _LogWork:
         return Observer(self.case.model, self.base)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"case": self.case, "checkpoint": self.checkpoint, "threads": self.threads}  # the rest is made anew
+        return {name: getattr(self, name) for name in ("case", "checkpoint", "threads", "root")}  # no compiled code
 
     def prepare(self) -> None:
         """Do nothing: a log has no time limit."""
@@ -211,7 +214,7 @@ class _LogWork:
         found = []
         for place in places:
             try:
-                with at_hand(place) as path:
+                with at_hand(place, self.root) as path:
                     found.append(open_log(path, self.case.columns).sha256)
             except DynidentError:
                 return ()
@@ -220,7 +223,7 @@ class _LogWork:
     def _reduced(self, place: str, position: int, tell: Tell, bad: list[tuple[int, DynidentError]]) -> Digest | None:
         """Return the digest of a log; None where it is a bad one, which is then told in the list."""
         try:
-            with at_hand(place) as path, _as_named(path, place):
+            with at_hand(place, self.root) as path, _as_named(path, place):
 
                 def said(text: str, share: float) -> None:
                     tell(_News(position, text.replace(str(path), place), share))
