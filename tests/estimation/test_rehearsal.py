@@ -44,6 +44,16 @@ def test_random_robots_could_exist_with_and_without_a_description(model: Dynamic
     assert not np.allclose(random_truth(model, seed), random_truth(model, seed + 1))
 
 
+def test_invented_friction_of_low_speeds_is_as_strong_as_the_other() -> None:
+    model = DynamicModel(read_robot("generic-6r"), ("coulomb", "viscous", "stribeck"))  # type: ignore[arg-type]
+    theta = random_truth(model, 0)
+    by_symbol = {
+        symbol: [float(v) for p, v in zip(model.parameters, theta, strict=True) if p.symbol == symbol]
+        for symbol in ("Fc", "Fs")
+    }
+    assert np.all(0 < np.array(by_symbol["Fs"])) and sum(by_symbol["Fs"]) < 2 * sum(by_symbol["Fc"])
+
+
 def test_near_moves_masses_by_the_share_and_leaves_bodies_possible(model: DynamicModel) -> None:
     theta = described_truth(model)
     drawn = np.array([near(model, theta, seed, 0.15) for seed in range(400)])

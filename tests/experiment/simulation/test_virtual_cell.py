@@ -175,6 +175,18 @@ def test_bristles_hold_a_mass_or_let_it_slide(level, slides):
         assert run.friction[-1, 0] == pytest.approx(-2 * 9.81)
 
 
+def test_bristles_under_friction_that_falls_with_speed_are_integrated_finely_enough():
+    model = DynamicModel(two_links(), ("coulomb", "viscous", "stribeck"))
+    theta = with_friction(model, [0.5, 0.5, 6.0])  # at speed bristles slip at a twelfth of the torque that they hold
+    motion = FourierSeries(np.zeros(2), np.zeros((2, 1)), np.array([[0.6], [-0.6]]), 1.0)
+    cell = Cell(bristles=Bristles(1e-2), lead_in=0.0)
+    chosen = simulate_cell(model, theta, motion, cell, duration=0.3)
+    finer = simulate_cell(
+        model, theta, motion, replace(cell, integration_rate=4 * chosen.integration_rate), duration=0.3
+    )
+    np.testing.assert_allclose(chosen.truth.q, finer.truth.q, atol=1e-6)
+
+
 @pytest.mark.parametrize("name", ["generic-6r", "generic-scara", "coupled"])
 def test_mujoco_in_the_same_cell_agrees(name):
     """Other dynamics of the bodies under springs or bristles, friction, delay and noise: the same log."""

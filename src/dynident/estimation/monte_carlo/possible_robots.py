@@ -23,6 +23,9 @@ SLENDERNESS, LEAST_RADIUS, LEAST_LENGTH = (0.15, 0.3), 0.03, 0.08
 #: and of those that can.
 FRICTION_SHARE, OFFSET_SHARE = 0.04, 0.005
 
+#: A term whose mean at work is below this share of its peak, such as one of low speeds alone, is measured by its peak.
+SELDOM = 0.3
+
 
 def described_truth(model: DynamicModel, seed: int = 0) -> Array:
     """Return the parameters of the description, shape (p,); friction that it does not state is invented.
@@ -126,7 +129,9 @@ def _with_friction(model: DynamicModel, theta: Array, seed: int) -> Array:
     strength = np.abs(model.torque(motion, theta)).max(axis=0)
     efforts = np.array([joint.limits.effort for joint in model.robot.active])
     strength = np.where(np.isfinite(efforts) & (efforts > 0), efforts, strength)
-    sizes = np.sqrt(np.mean(model.friction_values(motion) ** 2, axis=0))
+    values = model.friction_values(motion)
+    sizes, peaks = np.sqrt(np.mean(values**2, axis=0)), np.max(np.abs(values), axis=0)
+    sizes = np.where(sizes < SELDOM * peaks, peaks, sizes)
     drive, column = model.terms
     found = theta.copy()
     for k in missing:

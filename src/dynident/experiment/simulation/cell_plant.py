@@ -115,7 +115,8 @@ class CellPlant:
         damping = self.tables.steepest(speed) + self.bristles[1]
         stiffness, slip = self.bristles[0], 0.0
         if np.any(stiffness > 0):
-            level = np.maximum(self.tables.breakaway, 1e-12)
+            level = np.maximum(self.tables.least_dry(speed), 1e-12)
+            level = np.where(stiffness > 0, level, np.inf)
             slip = float(np.max(speed * stiffness / level))
         if not self.is_elastic:
             found = [_pull(masses, self.coupling, damping), slip]

@@ -51,6 +51,14 @@ class FrictionTables:
         within = np.min(np.abs(speed), axis=1) <= fastest[:, None]
         return np.max(np.where(within, rise, 0.0), axis=1)
 
+    def least_dry(self, fastest: Array) -> Array:
+        """Return the least dry friction at any speed up to the speeds (n,), shape (n,), in N m or N."""
+        if not len(self.dry):
+            return np.zeros(len(fastest))
+        size = np.abs(np.stack([self.dry[BASE, ..., 0], _end(self.dry[BASE])]))
+        within = np.min(np.abs(node_speeds()), axis=1) <= fastest[:, None]
+        return np.min(np.where(within, size, np.inf), axis=(0, 2))
+
 
 def friction_tables(model: DynamicModel, theta: Array, start: Array, bristles: bool) -> FrictionTables:
     """Return the friction of a model with the parameters theta (p,).
