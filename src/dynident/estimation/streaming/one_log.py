@@ -21,7 +21,7 @@ from dynident.estimation.streaming.time_scan import scan_time
 from dynident.estimation.streaming.triangle_file import model_hash, read_position, write_digest
 from dynident.estimation.streaming.windows import Piece, Window, Windows, steps_of
 from dynident.experiment.case_file.case import Case, with_meaning
-from dynident.experiment.formats import stream_log
+from dynident.experiment.formats import LogStream, stream_log
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.butterworth import Butterworth
@@ -76,8 +76,16 @@ def check_streamable(case: Case) -> None:
         for asked, evidence, step in (
             (case.choose_friction, "friction: auto needs all rows at once, which a stream does not have", state),
             (has_varying(model), "a friction part that varies a field (vary) needs all rows at once", state),
-            (loaded, "friction that depends on the load takes several passes", f"take {loaded} out of friction in {place}"),
-            (case.split, "a log is reduced as a whole, not split", f"take split out of {place} and test on another log"),
+            (
+                loaded,
+                "friction that depends on the load takes several passes",
+                f"take {loaded} out of friction in {place}",
+            ),
+            (
+                case.split,
+                "a log is reduced as a whole, not split",
+                f"take split out of {place} and test on another log",
+            ),
         )
         if asked
     ]
@@ -148,46 +156,62 @@ def reduce_log(
     if found is not None and found[1] is None:
         return found[0]
     try:
-        progress(f"{path}: time", 0.0)
-        scan = scan_time(stream, case.preprocessing.filter)
-        windows = Windows.of(scan, case.preprocessing, stream.table.path)
-        tally, first = Tally(observer, windows.rate / windows.every, scan.count // windows.every), 0
-        if found is not None and found[1] is not None:
-            first, rows, stretch, stride = found[1]
-            tally = Tally.resumed(observer, found[0], rows, stretch, stride)
-        meaning = _Meaning(case)
-        written = time.monotonic()
-
-        def digest() -> Digest:
-            steps = steps_of(windows, meaning.last, scan.source)
-            rate = windows.rate / windows.every
-            chunk = Chunk(stream.table.path, stream.table.sha256, scan.samples, tally.rows, rate, steps)
-            assert tally.states is not None
-            how, states = case.preprocessing, tally.states
-            return Digest(case.model, base, how, case.columns, tally.joints(), states, tally.sampled(), (chunk,))
-
-        def rows_of(piece: Piece) -> tuple[Window, Sequence[Segment]]:
-            window = windows.window(piece)
-            return window, list(observer.segments(window.prepared))
-
-        pieces = windows.pieces(stream, meaning, first)
-        threads = threads or min(usable_processors(), _THREADS)
-        for done, ready in enumerate(in_order(rows_of, pieces, threads), start=first + 1):
-            tally.add(*ready)
-            progress(f"{path}: {100 * done // windows.count} % of {scan.samples:,} rows", done / windows.count)
-            late = checkpoint is not None and time.monotonic() - written >= checkpoint.period_s
-            if checkpoint is not None and late and tally.rows and done < windows.count:
-                position = {"windows": done, "rows": tally.rows, "stretch": tally.stretch, "stride": tally.stride}
-                write_digest(digest(), checkpoint.file(number), position)
-                written = time.monotonic()
-        if tally.rows < 2:
-            raise LogMismatch(stream.table.path, f"{tally.rows} samples are left of {scan.samples}", "trim less")
-        whole = digest()
-        if checkpoint is not None:
-            write_digest(whole, checkpoint.file(number))
-        return whole
+        return _by_windows(case, stream, base, observer, progress, checkpoint, number, threads, found)
     finally:
         stream.close()
+
+
+def _by_windows(
+    case: Case,
+    stream: LogStream,
+    base: BaseParameters,
+    observer: Observer,
+    progress: Callable[[str, float], None],
+    checkpoint: Checkpoint | None,
+    number: int,
+    threads: int | None,
+    found: tuple[Digest, tuple[int, int, int, int] | None] | None,
+) -> Digest:
+    """Return the digest of an opened log, from where ``found`` stands on."""
+    path = stream.table.path
+    progress(f"{path}: time", 0.0)
+    scan = scan_time(stream, case.preprocessing.filter)
+    windows = Windows.of(scan, case.preprocessing, stream.table.path)
+    tally, first = Tally(observer, windows.rate / windows.every, scan.count // windows.every), 0
+    if found is not None and found[1] is not None:
+        first, rows, stretch, stride = found[1]
+        tally = Tally.resumed(observer, found[0], rows, stretch, stride)
+    meaning = _Meaning(case)
+    written = time.monotonic()
+
+    def digest() -> Digest:
+        steps = steps_of(windows, meaning.last, scan.source)
+        rate = windows.rate / windows.every
+        chunk = Chunk(stream.table.path, stream.table.sha256, scan.samples, tally.rows, rate, steps)
+        assert tally.states is not None
+        how, states = case.preprocessing, tally.states
+        return Digest(case.model, base, how, case.columns, tally.joints(), states, tally.sampled(), (chunk,))
+
+    def rows_of(piece: Piece) -> tuple[Window, Sequence[Segment]]:
+        window = windows.window(piece)
+        return window, list(observer.segments(window.prepared))
+
+    pieces = windows.pieces(stream, meaning, first)
+    threads = threads or min(usable_processors(), _THREADS)
+    for done, ready in enumerate(in_order(rows_of, pieces, threads), start=first + 1):
+        tally.add(*ready)
+        progress(f"{path}: {100 * done // windows.count} % of {scan.samples:,} rows", done / windows.count)
+        late = checkpoint is not None and time.monotonic() - written >= checkpoint.period_s
+        if checkpoint is not None and late and tally.rows and done < windows.count:
+            position = {"windows": done, "rows": tally.rows, "stretch": tally.stretch, "stride": tally.stride}
+            write_digest(digest(), checkpoint.file(number), position)
+            written = time.monotonic()
+    if tally.rows < 2:
+        raise LogMismatch(stream.table.path, f"{tally.rows} samples are left of {scan.samples}", "trim less")
+    whole = digest()
+    if checkpoint is not None:
+        write_digest(whole, checkpoint.file(number))
+    return whole
 
 
 class _Meaning:

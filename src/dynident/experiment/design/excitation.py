@@ -21,7 +21,7 @@ from dynident.experiment.design.design_problem import DesignProblem
 from dynident.experiment.design.distances import Distances
 from dynident.experiment.design.finishing import FINER, Candidate, checked_plan, first_that_starts
 from dynident.experiment.design.limits import MotionLimits, ToolLimit, limits_of
-from dynident.experiment.design.multistart import Search, SearchState, checked_jobs, run_starts
+from dynident.experiment.design.multistart import Search, SearchState, run_starts
 from dynident.experiment.design.observation import Observation
 from dynident.experiment.design.parametrisation import Parametrisation, parametrise
 from dynident.experiment.design.plan import Plan
@@ -100,8 +100,7 @@ def design_excitation(
     shape, bounds = parametrise(trajectory, period, harmonics), limits or limits_of(model.robot)
     with one_blas_thread():
         problem = request.problem(shape, bounds, samples, uncertainty, clearance, tool)
-        search = Search(problem, starts, seed, time_limit, checked_jobs(jobs), {}, pool)
-        return request.plan(search, checkpoint, progress)
+        return request.plan(Search(problem, starts, seed, time_limit, jobs, {}, pool), checkpoint, progress)
 
 
 @dataclass(frozen=True)

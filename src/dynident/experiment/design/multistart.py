@@ -50,7 +50,7 @@ class Search:
         starts: Number of starts.
         seed: Of the starts.
         time_limit: Time in s after which the best so far is taken.
-        jobs: Number of processes; 1 for this one.
+        jobs: Number of processes; 1 for this one, None for one a core.
         done: Starts that are known already, by number.
         pool: Where starts are run in place of ``jobs`` processes.
     """
@@ -59,7 +59,7 @@ class Search:
     starts: int
     seed: int
     time_limit: float
-    jobs: int
+    jobs: int | None
     done: Mapping[int, StartResult]
     pool: Pool | None = None
 
@@ -78,12 +78,13 @@ def run_starts(
         keep: Given every start that ended by itself, when it does.
 
     Raises:
+        BadOption: Fewer jobs than one.
         PoolFailed: A worker died, or none can be had.
     """
     found = {k: search.done[k] for k in range(1, search.starts + 1) if k in search.done}
     watch = _Watch(search, progress, dict(found))
-    jobs = max(1, min(search.jobs, search.starts - len(found)))
-    pool = search.pool or local_pool(jobs)
+    jobs = min(_checked_jobs(search.jobs), search.starts - len(found))
+    pool = search.pool or local_pool(max(jobs, 1))
     with closing(pool.run(_Starts(search.problem, search.seed), _tasks(search, watch), news=watch.tell)) as ended:
         for done in ended:
             if done.failure:
@@ -172,7 +173,7 @@ class _Starts:
         return run_start(self.problem, number, self.seed, seconds, tell)
 
 
-def checked_jobs(jobs: int | None) -> int:
+def _checked_jobs(jobs: int | None) -> int:
     """Return the number of processes: that given, or one for each core that this process may use.
 
     Raises:
