@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,34 @@ def test_monitor_finds_the_contact_and_nothing_else(cell: Path, capsys: pytest.C
     assert 20.0 <= first["start"] <= 20.05 and first["peak"] == pytest.approx(60.0, rel=0.3)
     assert main(["monitor", "estimate.json", "clean.csv", "--rate", "never"]) == 1
     assert "false alarms an hour" in capsys.readouterr().err
+
+
+def test_monitor_tells_alarms_of_a_stream_as_they_begin(
+    cell: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rules = ["--clean", "train.csv", "clean.csv"]
+    main(["monitor", "estimate.json", "contact.csv", *rules, "--json"])
+    whole = [one["start"] for one in json.loads(capsys.readouterr().out)["logs"][0]["alarms"]]
+    monkeypatch.setattr("sys.stdin", StringIO(Path("contact.csv").read_text()))
+    assert main(["monitor", "estimate.json", "-", *rules, "--json"]) == 1
+    *alarms, end = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert end == {"samples": 3000, "seconds": pytest.approx(29.99), "alarms": len(alarms)}
+    assert [one["time"] for one in alarms] == pytest.approx(whole) and abs(alarms[0]["torque"]) > alarms[0]["threshold"]
+    monkeypatch.setattr("sys.stdin", StringIO(Path("clean.csv").read_text()))
+    assert main(["monitor", "estimate.json", "-", *rules, "--rate", "0.1", "--quiet"]) == 0
+    assert capsys.readouterr().out == "0 alarms in 3000 samples, 29.99 s\n"
+    header, *rows = Path("clean.csv").read_text().splitlines()
+    for text, evidence in (
+        ("", "it ended before its first row"),
+        ("\n".join([header, rows[0], rows[1].replace(",", ",x", 1)]), "row 2: column 'q1' holds 'x"),
+        ("\n".join([header, rows[0], rows[0]]), "row 2: time in column 't' repeats"),
+        ("\n".join([header.replace(",q1,", ",z,"), *rows[:3]]), "no column 'q1'"),
+    ):
+        monkeypatch.setattr("sys.stdin", StringIO(text))
+        assert main(["monitor", "estimate.json", "-", *rules]) == 1
+        assert evidence in capsys.readouterr().err
+    assert main(["monitor", "estimate.json", "-", "clean.csv", *rules]) == 1
+    assert "standard input is looked at alone" in capsys.readouterr().err
 
 
 def test_predict_writes_torques_and_bands(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -41,6 +41,11 @@ def answer_json(data: Mapping[str, Any]) -> None:
     _say(json.dumps(data, indent=1, allow_nan=False), sys.stdout)
 
 
+def answer_line(data: Mapping[str, Any]) -> None:
+    """Print one JSON object on a line of its own, as in a stream of them."""
+    _say(json.dumps(data, allow_nan=False), sys.stdout)
+
+
 def answer_table(table: Table, title: str = "") -> None:
     """Print a table: with rules and colour on a terminal, as plain columns in a pipe."""
     from dynident.results.text import plain

@@ -7,6 +7,10 @@ filter that knows the future. The exit code is 1 where there is an alarm.
 
   dynident monitor estimate.json run.csv --rate 1
   dynident monitor estimate.json run.csv --clean monday.csv tuesday.csv --json
+  record-the-robot | dynident monitor estimate.json - --clean monday.csv
+
+The log - is a text on standard input that is still being written: a header and a row a sample, columns and units as
+those of the fit. Each alarm is told as it begins; with --json each is one object on a line, the last line is the sum.
 """
 
 from __future__ import annotations
@@ -25,7 +29,9 @@ SUMMARY = "alarms where torques from outside exceed what clean runs show"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
-    parser.add_argument("logs", nargs="+", metavar="LOG", help="logs to look at, read as those of the fit")
+    parser.add_argument(
+        "logs", nargs="+", metavar="LOG", help="logs to look at, read as those of the fit; - for standard input"
+    )
     parser.add_argument("--clean", nargs="+", metavar="LOG", help="logs without contact; default: those of the fit")
     parser.add_argument(
         "--rate",
@@ -41,22 +47,29 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.cli import console
+    from dynident.errors import BadOption
     from dynident.estimation.estimate_file import read_estimate
     from dynident.estimation.monitor import MomentumObserver, calibrated, run_monitor
     from dynident.estimation.monitor.signals import signals_of
     from dynident.experiment.case_file.case import read_with
 
     rates = _rates(options.rate)
+    if "-" in options.logs and len(options.logs) > 1:
+        raise BadOption("LOG", "-", "standard input is looked at alone: name no other log beside it")
+    live = options.logs == ["-"]
     with console.progress(3, options.quiet or options.json) as progress:
         progress.step("reading")
         estimate = read_estimate(options.estimate)
         names = options.clean or logs_of_fit(estimate)
         clean = [signals_of(estimate, read_with(name, estimate.columns, estimate.model.robot)) for name in names]
-        logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
+        logs = [] if live else [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
         progress.step("thresholds of the clean runs")
         observer = MomentumObserver(estimate, options.gain)
         monitor = calibrated(observer, clean, [one / 3600.0 for one in rates] if len(rates) > 1 else rates[0] / 3600.0)
         progress.step("looking")
+        if live:
+            progress.stop()
+            return _watch(monitor, options.json)
         found = [run_monitor(monitor, log) for log in logs]
     told = {"clean": list(names), "gain": options.gain, "tails": [vars(tail) for tail in monitor.tails]}
     alarms = sum(len(one.alarms) for one in found)
@@ -66,6 +79,37 @@ def run(options: argparse.Namespace) -> int:
         console.answer_json({**facts, **told, "logs": [one.figures() for one in found]})
     else:
         _show(monitor, found, names)
+    return 1 if alarms else 0
+
+
+def _watch(monitor: Monitor, as_json: bool) -> int:
+    """Tell the alarms of standard input as they begin."""
+    import sys
+
+    from dynident.cli import console
+    from dynident.estimation.monitor import watch
+    from dynident.results.text import label
+
+    names = monitor.observer.joint_names
+    samples = alarms = 0
+    first = last = 0.0
+    for reading in watch(monitor, sys.stdin):
+        first, last = (reading.time if samples == 0 else first), reading.time
+        samples += 1
+        for name in reading.alarms:
+            j = names.index(name)
+            alarms += 1
+            size, threshold = float(reading.residual[j]), float(reading.threshold[j])
+            if as_json:
+                told = {"alarm": name, "time": reading.time, "torque": size, "threshold": threshold}
+                console.answer_line(told)
+            else:
+                console.answer(f"alarm: {label(name)}, at {reading.time:.4f} s: {size:.4g} against {threshold:.4g}")
+            sys.stdout.flush()
+    if as_json:
+        console.answer_line({"samples": samples, "seconds": last - first, "alarms": alarms})
+    else:
+        console.answer(f"{alarms} alarms in {samples} samples, {last - first:.4g} s")
     return 1 if alarms else 0
 
 

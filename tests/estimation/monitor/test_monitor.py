@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,11 +19,12 @@ from dynident.estimation.compensation import (
     mass_matrices,
     parameters_of,
 )
-from dynident.estimation.monitor import MomentumObserver, MonitorState, calibrated, run_monitor, step
+from dynident.estimation.monitor import MomentumObserver, MonitorState, calibrated, run_monitor, step, watch
 from dynident.estimation.monitor.band import fitted_band, lagged
 from dynident.estimation.monitor.equations import Equations
-from dynident.estimation.monitor.signals import signals_of
+from dynident.estimation.monitor.signals import residuals_of, signals_of
 from dynident.estimation.monitor.tails import Tail, shrunk, tail_of
+from dynident.experiment.formats import ColumnMap, write_log
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.model.base_parameters import base_parameters
@@ -125,6 +127,25 @@ def test_a_contact_is_seen_as_it_is_and_a_stream_says_what_a_log_does(robot: Rob
             np.testing.assert_allclose(reading.threshold, found.threshold[k], rtol=1e-9)
     np.testing.assert_allclose(residual, found.residual[639], atol=1e-2)  # what was before 580 is forgotten
     assert started == [(first.start, first.joint)]
+
+
+@pytest.mark.parametrize(("delay", "speeds"), [(0.0, False), (0.013, True), (-0.02, True), (0.004, False)])
+def test_lines_of_text_say_what_the_log_does(
+    robot: Robot, estimate: Estimate, delay: float, speeds: bool, tmp_path: Path
+) -> None:
+    """Rows as they come against the whole log: differences for velocities, and a delay of the torque either way."""
+    log = replace(run_of(robot, 6, seconds=3.0), ddq=None)
+    log = log if speeds else replace(log, dq=None)
+    late = replace(
+        estimate, preprocessing=replace(estimate.preprocessing, delay_s=delay), columns=ColumnMap(joints=log.joints)
+    )
+    monitor = calibrated(MomentumObserver(late), [signals_of(late, run_of(robot, seed)) for seed in range(2, 8)], 0.01)
+    write_log(log, tmp_path / "run.csv")
+    found = list(watch(monitor, (tmp_path / "run.csv").read_text().splitlines()))
+    signals = signals_of(late, log)
+    np.testing.assert_allclose([one.time for one in found], signals.time, atol=1e-12)
+    residual = residuals_of(monitor.observer, signals)
+    np.testing.assert_allclose([one.residual for one in found], residual, atol=1e-6 * np.abs(residual).max())
 
 
 def test_rates_set_thresholds(robot: Robot, estimate: Estimate) -> None:

@@ -1,5 +1,6 @@
 """Monitor: torques from outside by a momentum observer, and alarms at a rate that the user chooses."""
 
+from dynident.estimation.monitor.live import watch as watch
 from dynident.estimation.monitor.momentum_observer import MomentumObserver as MomentumObserver
 from dynident.estimation.monitor.monitor import Alarm as Alarm
 from dynident.estimation.monitor.monitor import Monitor as Monitor

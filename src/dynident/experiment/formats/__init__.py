@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynident.errors import LogFormatError
+from dynident.experiment.formats._live_table import live_rows
 from dynident.experiment.formats._stream import LogStream
 from dynident.experiment.formats._table import LARGE, Table, bytes_of, log_of
 from dynident.experiment.formats.base import ColumnMap, LogFormat, Units, written_columns
@@ -22,6 +23,7 @@ __all__ = [
     "Table",
     "Units",
     "bytes_of",
+    "live_rows",
     "open_log",
     "read_header",
     "read_log",

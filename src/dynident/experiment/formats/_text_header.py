@@ -66,10 +66,10 @@ def find_header(path: str | Path, decimal: str) -> Layout:
     """
     lines, comment, stated = _first_lines(path)
     first = lines[0]
-    delimiter = _delimiter([line.text for line in lines], decimal, stated)
+    delimiter = delimiter_of([line.text for line in lines], decimal, stated)
     names = _names(first.text, delimiter)
     if comment is not None and all(_is_number(name, decimal) for name in names):
-        inside = _names(comment.text.lstrip("#%"), _delimiter([comment.text.lstrip("#%")], decimal, stated))
+        inside = _names(comment.text.lstrip("#%"), delimiter_of([comment.text.lstrip("#%")], decimal, stated))
         if len(inside) == len(names) and not any(_is_number(name, decimal) for name in inside):
             note = ", its header in a comment"
             return Layout(comment.number, inside, delimiter, first.number - 1, comment.text, note)
@@ -99,7 +99,7 @@ def cells_of(text: str, delimiter: str | None) -> list[str]:
 def _header_at(lines: Sequence[_Line], decimal: str, stated: str | None) -> tuple[tuple[str, ...], str | None] | None:
     """Return names and delimiter where the first of three lines is the header of the two others."""
     texts = [line.text for line in lines]
-    delimiter = _delimiter(texts, decimal, stated)
+    delimiter = delimiter_of(texts, decimal, stated)
     names, *rows = (_names(text, delimiter) for text in texts)
     if len(names) < 2 or any(len(row) != len(names) for row in rows):
         return None
@@ -108,7 +108,7 @@ def _header_at(lines: Sequence[_Line], decimal: str, stated: str | None) -> tupl
     return names, delimiter
 
 
-def _delimiter(texts: Sequence[str], decimal: str, stated: str | None) -> str | None:
+def delimiter_of(texts: Sequence[str], decimal: str, stated: str | None) -> str | None:
     """Return the separator that gives most cells of those under which the next row has as many; else the first."""
     if stated is not None:
         return stated
