@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dynident.arrays import Array
+from dynident.estimation.cutoff import choice
 from dynident.estimation.cutoff.block_triangles import block_triangles
 from dynident.estimation.cutoff.candidates import Bench, stretch_of, thinned_out
 from dynident.estimation.cutoff.choice import choose_cutoff, with_cutoff
@@ -170,3 +171,17 @@ def test_eight_rows_a_period_know_as_much_as_all(cell: Cell) -> None:
     assert every.samples / few.samples == pytest.approx(5.0, rel=0.01)
     np.testing.assert_allclose(few.deviations, every.deviations, rtol=0.05)
     assert np.max(np.abs(few.beta - every.beta) / every.deviations) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("errors", "best", "sharpest"),
+    [
+        ([(9.0, 0.0), (4.0, 0.5), (4.0, 2.0), (4.0, 9.0)], 1, 2),  # 6 is below twice 4.5, 13 is not
+        ([(4.0, 0.0), (9.0, 0.0), (4.0, 0.0)], 0, 0),  # what lies beyond a bad one is not looked at
+        ([(5.0, 0.0), (4.0, 0.0)], 1, 1),
+    ],
+)
+def test_motion_is_imitated_with_the_detail_that_noise_leaves(
+    errors: list[tuple[float, float]], best: int, sharpest: int
+) -> None:
+    assert choice._sharpest(errors, best) == sharpest

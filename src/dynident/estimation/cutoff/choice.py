@@ -38,6 +38,9 @@ HIGHEST = 0.2
 #: Cut-offs up to so many times the one of least variance and noise bias are asked for the bias of their filter.
 BEYOND = 2.1
 
+#: Motion is imitated with the detail that passes up to so many times the least variance and noise bias.
+SHARP = 2.0
+
 #: Time in s, over all logs, that the choice looks at.
 LONGEST_S = 120.0
 
@@ -214,14 +217,27 @@ def _tried(bench: Bench, lowest: float, highest: float) -> tuple[Judged, ...]:
     if not found:
         return ()
     errors = [each.error(_metric(found)) for each in found]
-    best = found[int(np.argmin([sum(error) for error in errors]))]
-    imitation = bench.imitated(best.beta, best.hertz)
+    best = int(np.argmin([sum(error) for error in errors]))
+    sharp = found[_sharpest(errors, best)].hertz
+    imitation = bench.imitated(found[best].beta, sharp)
     judged = []
     for one, (variance, noise) in zip(found, errors, strict=True):
-        known = one.hertz <= BEYOND * best.hertz  # above, the imitation is as smooth as all filters see it
-        off = imitation.filter_bias(best.beta, one.hertz) if known else np.zeros(len(one.beta))
-        judged.append(Judged(one.hertz, variance, noise, float(off @ best.gram @ off)))
+        known = one.hertz <= BEYOND * sharp  # above, the imitation is as smooth as all filters see it
+        off = imitation.filter_bias(found[best].beta, one.hertz) if known else np.zeros(len(one.beta))
+        judged.append(Judged(one.hertz, variance, noise, float(off @ found[best].gram @ off)))
     return tuple(judged)
+
+
+def _sharpest(errors: Sequence[tuple[float, float]], best: int) -> int:
+    """Return the highest cut-off from the best on up to which the error is at most twice the least.
+
+    What a filter takes from a reversal shows only in an imitation that still has it; noise that is left in its motion
+    would be taken for such detail.
+    """
+    last = best
+    while last + 1 < len(errors) and sum(errors[last + 1]) < SHARP * sum(errors[best]):
+        last += 1
+    return last
 
 
 def _metric(found: Sequence[Candidate]) -> Array:
