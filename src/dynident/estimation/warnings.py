@@ -39,7 +39,8 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     if above is not None and above > POOR_CONSISTENCY:
         worse = f"fit {100 * above:.0f} % worse than" if above < 9 else "leave over ten times the residual of"
         found.append(
-            f"possible robots {worse} impossible ones: check signs of torques, order of joints, gravity and gear ratios"
+            f"possible robots {worse} impossible ones: check signs of torques, order of joints, gravity, gear ratios, "
+            "and whether a motor turns more than its own joint (coupling)"
         )
     moved = sensitivity_warning(estimate.extras.get("cutoff_sensitivity") or {})
     if moved:

@@ -41,7 +41,10 @@ def _one_joint(fit: QuickFit) -> list[Finding]:
     if gain < GAIN or max(factor, 1 / factor) < FACTOR:
         return []
     evidence = f"{factor:.3g} times its torque agrees with the others, better by {gain:.1f} in log variance"
-    remedy = "check gear ratio, gain and unit (drives: {JOINT: {gain: ...}}; log: units: {torque: [...]})"
+    remedy = (
+        "check gear ratio, gain and unit (drives: {JOINT: {gain: ...}}; log: units: {torque: [...]}), and whether a "
+        "motor turns more than its own joint (coupling)"
+    )
     return [Finding("warning", "torque scale", name, evidence, remedy, {"factor": factor, "gain": gain})]
 
 

@@ -241,5 +241,6 @@ def topic_problem(path: str, topics: Mapping[str, str]) -> LogFormatError:
     states = [topic for topic, kind in topics.items() if kind == "sensor_msgs/msg/JointState"]
     listed = ", ".join(f"{topic} ({kind})" for topic, kind in list(topics.items())[:20])
     evidence = f"{len(states)} topics with states of joints" if states else "no topic with states of joints"
-    step = f"name topics with format: {{rosbag: {{topics: [...]}}}}; there are {listed or 'none'}"
+    how = "format: {rosbag: {topics: [...]}}, to init with --format rosbag --format-option topics=TOPIC"
+    step = f"name topics with {how}; there are {listed or 'none'}"
     return LogFormatError(path, None, evidence, step)
