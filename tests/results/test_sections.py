@@ -77,6 +77,8 @@ def test_the_verdict_on_a_good_model(case: tuple[Estimate, Validation]) -> None:
     assert found["sentences"] == [
         "On motions it has not seen, the model misses 4.2 % of the measured torque: very good.",
         "A robot with these parameters can exist: a simulation of it stays stable, whether it is right or not.",
+        "Look into this: 'five_point' smooths the torque and not the model's columns: intervals hold the random error, "
+        "not what that and the noise of the accelerations make; compare with butterworth.",
         "Every base parameter can be told from zero.",
     ]
 
