@@ -135,6 +135,25 @@ def test_a_cluster_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
             list(DaskPool(cluster.scheduler_address).run(Squares(), [1]))
 
 
+def test_a_cluster_that_loses_all_its_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(dask_pool, "LOST_S", 0.5)
+    settings: dict[str, Any] = {"n_workers": 1, "dashboard_address": "127.0.0.1:0", "protocol": "inproc"}
+    with distributed.LocalCluster(processes=False, **settings) as cluster:
+
+        def tasks() -> Iterator[int]:
+            yield 1
+            cluster.scale(0)
+            while cluster.scheduler.workers:
+                time.sleep(0.05)
+            yield 2
+
+        ended = DaskPool(cluster.scheduler_address).run(Squares(), tasks())
+        assert next(ended).result == 1
+        with pytest.raises(PoolFailed, match=r"all its workers are gone, for 0\.5 s; start workers anew"):
+            list(ended)
+
+
 def test_workers_with_other_versions_are_refused(inside: DaskPool, monkeypatch: pytest.MonkeyPatch) -> None:
     told = dask_pool._versions()
     monkeypatch.setattr(dask_pool, "_versions", lambda: told | {"numpy": "1.0"})
@@ -155,8 +174,11 @@ def test_versions_name_what_changes_bits() -> None:
 
 
 @pytest.mark.battery
-def test_a_cluster_of_processes_loses_workers_and_ends_late_tasks(tmp_path: Path) -> None:
+def test_a_cluster_of_processes_loses_workers_and_ends_late_tasks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("distributed")
+    monkeypatch.setattr(dask_pool, "LOST_S", 120.0)
     tasks = ["die once", 3, "sleep", 4, 5]
     ended = {done.task: done for done in DaskPool("local:2").run(Squares(str(tmp_path)), tasks, time_limit=20.0)}
     assert (tmp_path / "died").exists() and ended["die once"].result == "die once"

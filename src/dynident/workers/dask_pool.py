@@ -27,6 +27,9 @@ PACKAGES = ("dynident", "numpy", "scipy", "numba", "llvmlite", "dask", "distribu
 #: Time in s that is waited for a scheduler to answer, and for the first worker.
 PATIENCE_S, WORKERS_S = 10.0, 60.0
 
+#: Time in s without any worker after which a run is given up.
+LOST_S = 300.0
+
 #: Time in s between two looks at the clocks of tasks.
 _LOOK = 0.2
 
@@ -188,11 +191,15 @@ class _Session:
 
     def run(self, tasks: Any, time_limit: float | None) -> Generator[Done, None, None]:
         """Yield tasks as they end."""
-        number, places, counted = 0, 1, 0.0
+        number, places, counted, seen = 0, 1, 0.0, time.monotonic()
         while True:
             if time.monotonic() - counted > _COUNT:  # workers come and go
-                places, counted = max(len(self._client.nthreads()), 1), time.monotonic()
-            room = places - len(self._futures)
+                places, counted = len(self._client.nthreads()), time.monotonic()
+                seen = counted if places else seen
+                if counted - seen > LOST_S:
+                    step = "start workers anew, and give the same command: what is done is kept"
+                    raise PoolFailed("the cluster", f"all its workers are gone, for {LOST_S:g} s", step)
+            room = max(places, 1) - len(self._futures)
             while room > 0 and (task := next(tasks, _NO_TASK)) is not _NO_TASK:
                 number += 1
                 self._send(f"{self._topic}-{number}", task)
