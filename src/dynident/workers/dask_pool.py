@@ -245,9 +245,8 @@ class _Session:
         try:
             result = pickle.loads(future.result())
         except KilledWorker as error:
-            return Done(
-                task, seconds, failure=f"its workers died, {error.allowed_failures + 1} of them: out of memory?"
-            )
+            lost = error.allowed_failures + 1
+            return Done(task, seconds, failure=f"{lost} workers died of it: out of memory?")
         except (FutureCancelledError, OSError) as error:
             step = "look at its log, start it again and give the same command: what is done is kept"
             raise PoolFailed("the cluster", f"the task is lost ({' '.join(str(error).split())})", step) from error
