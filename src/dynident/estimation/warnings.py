@@ -40,7 +40,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
         worse = f"fit {100 * above:.0f} % worse than" if above < 9 else "leave over ten times the residual of"
         found.append(
             f"possible robots {worse} impossible ones: check signs of torques, order of joints, gravity, gear ratios, "
-            "and whether a motor turns more than its own joint (coupling)"
+            "whether a motor turns more than its own joint (coupling), and the friction parts (friction: auto)"
         )
     moved = sensitivity_warning(estimate.extras.get("cutoff_sensitivity") or {})
     if moved:

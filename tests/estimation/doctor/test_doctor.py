@@ -22,7 +22,7 @@ from dynident.estimation.doctor._mending import mend, sortable, wraps
 from dynident.estimation.doctor._recording import read_recording
 from dynident.estimation.doctor.base import SEVERITIES
 from dynident.estimation.doctor.resolution import steps_of
-from dynident.estimation.doctor.saturation import flat_share
+from dynident.estimation.doctor.saturation import flat_share, limit_share
 from dynident.experiment.case_file.case import DEFAULT_FRICTION, Case, default_preprocessing
 from dynident.experiment.formats import ColumnMap
 from dynident.model.descriptions import read_robot
@@ -268,6 +268,13 @@ def test_sorting_is_for_rows_out_of_order_only() -> None:
     swapped[[10, 11]] = swapped[[11, 10]]
     assert sortable(swapped)
     assert not sortable(np.concatenate([time, time + 0.001]))
+
+
+def test_a_torque_beyond_the_described_limit_is_not_at_it() -> None:
+    torque = 100.0 * np.sin(np.linspace(0.0, 60.0, 4000))
+    assert limit_share(np.clip(torque, -80.0, 80.0), 80.0) == pytest.approx(np.mean(np.abs(torque) >= 79.6))
+    assert limit_share(torque, 80.0) == 0.0
+    assert limit_share(torque, 120.0) == 0.0 and limit_share(torque, np.inf) == 0.0
 
 
 def test_a_joint_that_turns_fast_does_not_wrap(trial: Trial, tmp_path: Path) -> None:

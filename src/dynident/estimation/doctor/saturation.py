@@ -14,8 +14,9 @@ from dynident.estimation.doctor.base import Check, Finding, Subject, listed
 #: A flat top lasts this many times longer than values within the range do, and at least this many samples.
 LONGER, SHORTEST = 6.0, 5
 
-#: A torque counts as at its limit of effort within this share of it, from this share of the rows on.
-NEAR, AT_LIMIT = 0.005, 0.002
+#: A torque counts as at its limit of effort within this share of it, from this share of the rows on. Where as many are
+#: beyond the limit by more than the last share, the drive has another one than the description states.
+NEAR, AT_LIMIT, BEYOND = 0.005, 0.002, 0.02
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,7 @@ class Saturation(Check):
         joints, most = [], 0.0
         for joint, column in zip(subject.case.robot.active, log.torque.T, strict=True):
             share = max(flat_share(column), flat_share(-column))
-            if np.isfinite(joint.limits.effort):
-                near = float(np.mean(np.abs(column) >= (1 - NEAR) * joint.limits.effort))
-                share = max(share, near if near > AT_LIMIT else 0.0)
+            share = max(share, limit_share(column, joint.limits.effort))
             if share:
                 joints.append(joint.name)
                 most = max(most, share)
@@ -42,6 +41,12 @@ class Saturation(Check):
         evidence = f"the torque stands flat at its extreme in up to {100 * most:.2g} % of the rows"
         remedy = "leave these rows out or record a slower motion: the drive gave less than the motion asked for"
         return [Finding("warning", "torque saturation", listed(joints), evidence, remedy, {"share": most})]
+
+
+def limit_share(column: Array, limit: float) -> float:
+    """Return the share of the samples (N,) at a limit of effort; 0 for few, and where the torque goes beyond it."""
+    near, beyond = (float(np.mean(np.abs(column) >= part * limit)) for part in (1 - NEAR, 1 + BEYOND))
+    return near if near > AT_LIMIT and beyond <= AT_LIMIT else 0.0
 
 
 def flat_share(column: Array) -> float:
