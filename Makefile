@@ -1,6 +1,8 @@
 # Plain words for the daily work. Only Python (>= 3.11) and make are needed.
 PYTHON ?= python3
 BIN := .venv/bin
+# The environment of the peers that benchmarks run beside the package.
+BENCH ?= .venv-bench
 NOISE := --disable-pip-version-check --quiet
 # The time that a release carries in place of the clock's, so that two builds are the same bytes.
 WHEN = $(shell git log -1 --format=%ct 2>/dev/null || date -r CHANGELOG.md +%s)
@@ -29,8 +31,9 @@ imports: .venv/dev
 
 check: lint type imports test
 
-benchmark: .venv/dev  ## speed and accuracy, side by side with the peers that are installed
-	$(BIN)/python -m benchmarks.run
+benchmark: $(BENCH)/ready  ## speed beside the peers: every row, its JSON and the table of docs/performance.md
+	$(BENCH)/bin/python -m benchmarks.speed
+	$(BENCH)/bin/python -m benchmarks.speed.scaling
 
 docs: .venv/docs  ## the documentation, into build/docs/index.html: opens without a server, fetches nothing
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
@@ -58,6 +61,12 @@ release: constraints/release.txt constraints/core.txt  ## wheel, sdist and bill 
 	$(BIN)/python -m pip install $(NOISE) --no-deps --no-build-isolation -e .
 	touch .venv/core $@
 
+$(BENCH)/ready: constraints/bench.txt pyproject.toml
+	$(PYTHON) -m venv $(BENCH)
+	$(BENCH)/bin/python -m pip install $(NOISE) --require-hashes -r constraints/bench.txt
+	$(BENCH)/bin/python -m pip install $(NOISE) --no-deps --no-build-isolation -e .
+	touch $@
+
 .venv/docs: constraints/docs.txt | .venv/bin/python
 	$(BIN)/python -m pip install $(NOISE) --require-hashes -r constraints/docs.txt
 	touch $@
@@ -66,4 +75,4 @@ constraints:  ## renew the exact versions and hashes (needs pip-tools)
 	$(PYTHON) scripts/lock.py
 
 clean:
-	rm -rf .venv dist build .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-bench dist build .pytest_cache .ruff_cache .hypothesis

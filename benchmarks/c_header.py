@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.regressor import ur10
+from benchmarks.speed.arms import ur10
 from dynident.estimation.identify import identify
 from dynident.experiment.log import Log
 from dynident.model.dynamic_model import DynamicModel

@@ -65,7 +65,7 @@ def coal_model(robot, clearance):
     import coal
     import pinocchio
 
-    from benchmarks.simulation import as_pinocchio
+    from benchmarks.speed.arms import as_pinocchio
 
     model, geometry = as_pinocchio(robot, np.zeros((robot.dof, robot.dof))), pinocchio.GeometryModel()
     names = ["base", *(link.name for link in robot.links)]

@@ -13,6 +13,7 @@ import time
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from benchmarks.speed.rows.consistent_fit import ROWS, noisy_triangle
 from dynident import DynamicModel, base_parameters, read_robot
 from dynident.estimation.consistency.barrier import inside, solve_barrier
 from dynident.estimation.consistency.conic import solve_conic, solve_whitened
@@ -20,20 +21,8 @@ from dynident.estimation.consistency.consistent_fit import METRICS, consistent_f
 from dynident.estimation.consistency.log_cholesky_fit import descend
 from dynident.estimation.consistency.scale import natural_scale
 from dynident.estimation.consistency.verdicts import broken_conditions
-from dynident.model.reduction import Reduced, triangle_of
 
-ROWS, REPEATS, PROBLEMS = 12_000, 15, 40
-
-
-def problem_of(model, base, noise, seed):
-    """Return the triangle of random states with white noise."""
-    theta = model.nominal()
-    motion = model.random_motion(ROWS // model.robot.dof, seed)
-    regressor = model.regressor(motion).reshape(-1, len(theta))[:, base.independent]
-    torque = regressor @ base.from_standard(theta)
-    torque = torque + noise * np.random.default_rng(seed).normal(size=len(torque))
-    factor, size = triangle_of(np.column_stack([regressor, torque])), base.count
-    return Reduced(factor[:size, :size], factor[:size, size], float(factor[size, size] ** 2), len(torque))
+REPEATS, PROBLEMS = 15, 40
 
 
 def median_ms(function):
@@ -51,7 +40,7 @@ def main() -> None:
     model = DynamicModel(read_robot("generic-6r"), ("coulomb", "viscous", "rotor_inertia"))
     base = base_parameters(model)
     scale = natural_scale(model, np.full(6, 10.0), np.ones(6))
-    posed = (model, base, problem_of(model, base, 5.0, 0), scale)
+    posed = (model, base, noisy_triangle(model, base, 5.0, 0), scale)
     result: dict[str, object] = {"parameters": len(model.parameters), "rows": ROWS}
     with threadpool_limits(1, user_api="blas"):
         program = pose_program(*posed)
@@ -67,7 +56,7 @@ def main() -> None:
         }
         broken, gaps = 0, []
         for seed in range(PROBLEMS):
-            reduced = problem_of(model, base, 10.0 ** (seed % 4 - 1), seed)
+            reduced = noisy_triangle(model, base, 10.0 ** (seed % 4 - 1), seed)
             fit = consistent_fit(model, base, reduced, scale)
             broken += bool(broken_conditions(model, fit.theta))
             gaps.append(fit.optimality.gap)

@@ -20,7 +20,7 @@ import pinocchio
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
-from benchmarks.simulation import as_pinocchio
+from benchmarks.speed.designs import Loop
 from dynident import DynamicModel, FourierSeries, base_parameters, identify, read_robot, simulate
 from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.design.design_problem import GUARD, DesignProblem
@@ -38,7 +38,6 @@ from dynident.experiment.simulation.virtual_robot import Noise
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.model.parameters import to_pinocchio
 from dynident.robots import er16_article as article
 
 #: The maker's limits of the Panda: acceleration in rad/s^2 and jerk in rad/s^3.
@@ -128,44 +127,10 @@ def six_joints(seeds: int = 20) -> None:
             )
 
 
-class Loop:
-    """The route of the literature: a loop over the samples in Pinocchio and the singular values of the whole matrix."""
-
-    def __init__(self, problem) -> None:
-        self.problem, self.model, self.base = problem, problem.observation.model, problem.observation.base
-        joints = self.model.robot.dof
-        self.oracle = as_pinocchio(self.model.robot, np.zeros((joints, joints)))
-        self.data = self.oracle.createData()
-        inertial = self.base.independent[self.base.independent < self.model.inertial_count]
-        order = np.argsort(to_pinocchio(np.arange(10)))
-        self.columns = (10 * np.arange(joints)[:, None] + order).ravel()[inertial]
-
-    def matrix(self, x):
-        """Return the base observation matrix at free numbers."""
-        motion, kept = self.problem.motion(x), len(self.columns)
-        matrix = np.zeros((*motion.q.shape, self.base.count))
-        for k in range(len(motion.q)):
-            whole = pinocchio.computeJointTorqueRegressor(
-                self.oracle, self.data, motion.q[k], motion.dq[k], motion.ddq[k]
-            )
-            matrix[k, :, :kept] = whole[:, self.columns]
-        friction = self.model.friction_values(motion)
-        for j in range(matrix.shape[1]):
-            matrix[:, j, kept + 2 * j : kept + 2 * j + 2] = friction[:, j]
-        return matrix
-
-    def cost(self, x) -> float:
-        """Return the condition number, or minus log det of the information, at free numbers."""
-        matrix = self.matrix(x)
-        if not self.problem.criterion.weighted:
-            return float(np.linalg.cond(matrix.reshape(-1, self.base.count)))
-        weighted = (matrix / self.problem.noise[:, None]).reshape(-1, self.base.count)
-        return -float(np.linalg.slogdet(weighted.T @ weighted / len(matrix))[1])
-
-    def room(self, x):
-        """Return what is left of each bound, highest and lowest apart; from our kernels, which favours this route."""
-        grid = self.problem.grid(x)
-        return 1.0 - GUARD - np.concatenate([bound.shares(grid).max(axis=1) for bound in self.problem.bounds])
+def room_of(problem, x):
+    """Return what is left of each bound, highest and lowest apart; from our kernels, which favours that route."""
+    grid = problem.grid(x)
+    return 1.0 - GUARD - np.concatenate([bound.shares(grid).max(axis=1) for bound in problem.bounds])
 
 
 def beside_differences(seeds: int = 2) -> None:
@@ -187,7 +152,7 @@ def _one_criterion(model, clearance, name, seeds) -> None:
     problem = DesignProblem(
         observation, shape, criterion, limits_of(model.robot), noise, model.nominal(), 200, clearance=clearance
     )
-    dense, loop = replace(problem, samples=FINER * problem.samples), Loop(problem)
+    dense, loop = replace(problem, samples=FINER * problem.samples), Loop(pinocchio, problem)
     sign = -1.0 if criterion.larger_is_better else 1.0
 
     def judged(x) -> float:
@@ -197,14 +162,14 @@ def _one_criterion(model, clearance, name, seeds) -> None:
     x = feasible_start(problem, np.random.default_rng(0))
     if abs(loop.cost(x) - sign * problem.figure(problem.motion(x))) > 1e-5 * abs(loop.cost(x)):
         raise SystemExit("the two figures differ")
-    parts = (lambda: problem.point(x, 4.0)), (lambda: loop.cost(x)), (lambda: loop.room(x))
+    parts = (lambda: problem.point(x, 4.0)), (lambda: loop.cost(x)), (lambda: room_of(problem, x))
     ours, cost, room = (1e3 * np.median([_cpu(work) for _ in range(30)]) for work in parts)
     theirs = (cost + room) * (problem.size + 1)
     print(f"   {name}: value, gradients, bounds {ours:.2f} ms; differences {theirs:.0f} ms; {theirs / ours:.0f}x")
     for seed in range(seeds):
         x = feasible_start(problem, np.random.default_rng(seed))
         began = time.process_time()
-        limits = {"type": "ineq", "fun": loop.room}
+        limits = {"type": "ineq", "fun": lambda at: room_of(problem, at)}
         found = minimize(loop.cost, x, method="SLSQP", constraints=limits, options={"maxiter": 300})
         other, goal = time.process_time() - began, judged(found.x)
         seen: list = []

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import differential_evolution
 from threadpoolctl import threadpool_limits
 
-from benchmarks.colony import article_problem, report
+from benchmarks.speed.rows.colony import article_problem
 from dynident.estimation.estimators import ESTIMATORS
 from dynident.estimation.search.landscape import absolute_landscape, box_optimum, square_landscape
 from dynident.estimation.search.population import values
@@ -127,6 +127,13 @@ PEERS = (
     ("mealpy OriginalPSO", mealpy("swarm_based.PSO", "OriginalPSO")),
     ("pymoo PSO", pymoo("pso", "PSO")),
 )
+
+
+def report(name, runs, optimum):
+    """Print the median time and objective of some runs of (seconds, objective)."""
+    seconds, values = np.median([run[0] for run in runs]), np.median([run[1] for run in runs])
+    print(f"  {name:44} {1e3 * seconds:9.1f} ms   {values:10.3f}   {values / optimum:6.3f} x optimum")
+    return seconds
 
 
 def compare(rows, land, lower, upper, optimum):

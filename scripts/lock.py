@@ -1,8 +1,8 @@
 """Write constraints/*.txt: exact versions with hashes, no addresses (needs pip-tools).
 
-``core`` is what the package needs, ``dev`` adds the tests, ``bench`` the peers that benchmarks run beside it; ``docs`` and
-``release`` stand alone. All take what they share with ``dev`` in its versions, so that all can go into one environment.
-Names on the command line choose some.
+``core`` is what the package needs, ``dev`` adds the tests, ``bench`` the peers that benchmarks run beside it; ``docs``
+and ``release`` stand alone. All take what they share with ``dev`` in its versions, so that all can go into one
+environment. Names on the command line choose some.
 """
 
 import re

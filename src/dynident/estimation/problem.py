@@ -12,7 +12,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import LogMismatch, PoorExcitation
 from dynident.estimation.consistency.scale import BodyPrior
-from dynident.estimation.thinned_rows import stretches, thinned_rows
+from dynident.estimation.thinned_rows import stretch_of, stretches, thinned_rows
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, at_rest
 from dynident.model.base_parameters import BaseParameters
@@ -204,14 +204,17 @@ class Observer:
         A filter looks ``reach`` samples to either side, so segments overlap by that much.
         """
         log, keep = prepared.log, prepared.keep
-        motion, torque = motion_of(log), target_torque(self.model, prepared)
-        reach = prepared.how.filter.reach(log.rate)
+        motion, reach = motion_of(log), prepared.how.filter.reach(log.rate)
         if not reach:  # nothing to filter: only the kept rows are ever computed
-            motion, torque = motion.rows(keep), torque[keep]
+            measured, known = _measured_torque(log), _has_known_torque(self.model)
             for start in range(0, len(keep), CHUNK):
                 part = slice(start, min(start + CHUNK, len(keep)))
-                yield part, self._block(motion, part, torque, self.load)
+                rows = stretch_of(keep[part])
+                cut, own = motion.rows(rows), measured[rows]
+                own = own - self.model.known_torque(cut) if known else own
+                yield part, self._block(cut, slice(0, len(own)), own, self.load)
             return
+        torque = target_torque(self.model, prepared)
         for inner in stretches(log.samples, reach):
             outer = slice(max(0, inner.start - reach), min(log.samples, inner.stop + reach))
             wanted = slice(*np.searchsorted(keep, [inner.start, inner.stop]))
@@ -284,11 +287,20 @@ def target_torque(model: DynamicModel, prepared: Prepared) -> Array:
         LogMismatch: The log has no torques.
     """
     log = prepared.log
+    torque = _measured_torque(log)
+    if not _has_known_torque(model):
+        return torque
+    return torque - prepared.smooth(model.known_torque(motion_of(log)).T).T
+
+
+def _measured_torque(log: Log) -> Array:
     if log.torque is None:
         raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
-    if not np.any(model.robot.reflected_inertia) and not np.any(model.robot.bias):
-        return log.torque
-    return log.torque - prepared.smooth(model.known_torque(motion_of(log)).T).T
+    return log.torque
+
+
+def _has_known_torque(model: DynamicModel) -> bool:
+    return bool(np.any(model.robot.reflected_inertia) or np.any(model.robot.bias))
 
 
 def make_problem(

@@ -20,6 +20,12 @@ def stretches(samples: int, reach: int) -> Iterator[slice]:
     yield from map(slice, edges[:-1], edges[1:])
 
 
+def stretch_of(rows: IntArray) -> slice | IntArray:
+    """Return ascending rows as a slice where none is left out between them: a view then, not a copy."""
+    first, last = int(rows[0]), int(rows[-1])
+    return slice(first, last + 1) if last - first + 1 == len(rows) else rows
+
+
 def thinned_rows(
     make: Callable[[slice, Sequence[Array]], object], sizes: Sequence[int], outer: slice, keep: IntArray, thin: Thinning
 ) -> list[Array]:

@@ -4,7 +4,7 @@ Primal-dual interior point for L1 regression as in Portnoy and Koenker 1997, wit
 Mehrotra 1992; a step costs one product W' D W of b columns. Many rows are cut first, another idea of Portnoy and
 Koenker: a fit to a sample of the rows tells the sign of most residuals, and a row of known sign is only a linear term.
 Every result, however it came about, is judged by its certificate alone. HiGHS takes over ten times as long on 75 000
-rows (see benchmarks/colony.py); it steps in where the interior point stalls.
+rows (see benchmarks/speed/rows/colony.py); it steps in where the interior point stalls.
 """
 
 from __future__ import annotations

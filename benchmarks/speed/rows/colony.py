@@ -1,21 +1,23 @@
 """The article's bee colony on its own case: 25 000 x 3 rows, 21 parameters, colony 30, limit 15, 50 iterations.
 
 Beside it, on the same objective and box: a NumPy colony that evaluates the whole objective at every trial, and the bee
-colonies of beecolpy, mealpy and abcopt where they happen to be installed. Then what no colony is needed for: the
-certified L1 optimum, beside HiGHS on the dual linear program. Run: python -m benchmarks.colony
+colonies of beecolpy, mealpy and abcopt. Ours prepares its rows in the time that is stated. Then what no colony is
+needed for: the certified L1 optimum, beside HiGHS on the dual linear program.
 """
 
 from __future__ import annotations
 
 import importlib
+import itertools
 import logging
-import time
+import statistics
+from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse
 from scipy.optimize import linprog
-from threadpoolctl import threadpool_limits
 
+from benchmarks.speed.harness import Line, Record
 from dynident.estimation.problem import make_problem
 from dynident.estimation.search.colony import search
 from dynident.estimation.search.landscape import absolute_landscape, box_optimum, square_landscape
@@ -32,8 +34,10 @@ from dynident.model.friction.viscous import Viscous
 from dynident.model.reduction import least_squares
 from dynident.robots import er16_article as article
 
-SEEDS = (0, 1, 2)
+REPEATS = 2
 SETTINGS = (article.COLONY, article.LIMIT, article.ITERATIONS)
+HERE, SQUARES, CERTIFIED = "L1, rows prepared", "L2, through the triangle, rows prepared", "certified L1 optimum"
+NUMPY, DUAL = "NumPy, whole objectives", "HiGHS, interior point, on the dual"
 
 
 def article_problem():
@@ -108,19 +112,6 @@ def abcopt(objective, lower, upper, seed):
     return hive.best_cost
 
 
-def timed(function):
-    start = time.perf_counter()
-    result = function()
-    return time.perf_counter() - start, result
-
-
-def report(name, runs, optimum):
-    """Print the median time and objective of some runs of (seconds, objective)."""
-    seconds, values = np.median([run[0] for run in runs]), np.median([run[1] for run in runs])
-    print(f"  {name:44} {1e3 * seconds:9.1f} ms   {values:10.3f}   {values / optimum:6.3f} x optimum")
-    return seconds
-
-
 def highs_dual(land, lower, upper):
     """Return the L1 optimum by HiGHS on the dual program, which has one row per parameter."""
     weights = np.repeat(land.weights, np.diff(land.edges))
@@ -132,74 +123,51 @@ def highs_dual(land, lower, upper):
     return -linprog(cost, A_eq=equality, b_eq=np.zeros(count), bounds=bounds, method="highs-ipm").fun
 
 
-def best(function, repeats=5):
-    """Return the shortest of a few times in s, and the result."""
-    runs = [timed(function) for _ in range(repeats)]
-    return min(run[0] for run in runs), runs[0][1]
-
-
-def main() -> None:
-    problem, truth = article_problem()
-    fit = least_squares(problem.reduced()).beta
-    upper = 5 * np.abs(fit) + 2
-    lower, delta = -upper, np.ones(3)
-    matrix = np.ascontiguousarray(problem.rows.matrix)
-    torque = problem.rows.torque
+def measure() -> Record:
+    found = Record("colony", "ER-16, joints 1-3, 25 000 x 3 rows, 21 parameters, colony 30, limit 15, 50 iterations")
+    problem, _ = article_problem()
+    upper, delta = 5 * np.abs(least_squares(problem.reduced()).beta) + 2, np.ones(3)
+    lower, matrix, torque = -upper, np.ascontiguousarray(problem.rows.matrix), problem.rows.torque
 
     def objective(x):
         return float(np.abs(matrix @ x - torque).sum()) / problem.samples
 
-    land = absolute_landscape(problem, delta)
-    search(land, lower, upper, 4, 5, 1, 0)  # compile
-    rows, land = best(lambda: absolute_landscape(problem, delta))
-    certify, optimum = best(lambda: box_optimum(land, lower, upper))
-    calls, _ = best(lambda: objective(fit), 20)
-    print(
-        f"{problem.samples} x 3 rows, {len(fit)} parameters, box +-(5 |least squares| + 2), median of {len(SEEDS)} runs"
-    )
-    print(
-        f"  L1 optimum {optimum.objective:.6f} N m, least squares {objective(fit):.6f}, Table 2 {objective(truth):.6f}"
-    )
-    print(f"  one NumPy objective {1e3 * calls:.2f} ms; preparing the rows {1e3 * rows:.1f} ms, in the next line")
+    land, flat = absolute_landscape(problem, delta), square_landscape(problem, delta)
+    optimum = box_optimum(land, lower, upper)
+    values = {name: [] for name in (HERE, SQUARES, NUMPY)}
 
-    def ours(seed):
-        start = time.perf_counter()
-        found = search(absolute_landscape(problem, delta), lower, upper, *SETTINGS, seed=seed)
-        return time.perf_counter() - start, found.objective
+    def ours(name, make) -> Callable[[], object]:
+        seeds = itertools.count()
+        return lambda: values[name].append(search(make(problem, delta), lower, upper, *SETTINGS, next(seeds)).objective)
 
-    mine = report("dynident, L1, from the prepared log", [ours(seed) for seed in SEEDS], optimum.objective)
-    ratios = {}
-    for name, peer in (
-        ("NumPy, whole objectives", plain_colony),
-        *((p.__name__, p) for p in (beecolpy, mealpy, abcopt)),
-    ):
-        try:
-            runs = [timed(lambda s=seed, p=peer: p(objective, lower, upper, s)) for seed in SEEDS]
-        except ModuleNotFoundError as missing:
-            print(f"  {name:44} not installed ({missing.name})")
-            continue
-        ratios[name] = report(name, runs, optimum.objective) / mine
-    print("  ratio to dynident: " + ", ".join(f"{name} {ratio:.1f}" for name, ratio in ratios.items()))
+    def theirs(name, peer) -> Callable[[], object]:
+        seeds = itertools.count()
+        return lambda: values[name].append(peer(objective, lower, upper, next(seeds)))
 
-    flat = square_landscape(problem, delta)
-    smallest = box_optimum(flat, lower, upper).objective
-
-    def squares(seed):
-        start = time.perf_counter()
-        found = search(square_landscape(problem, delta), lower, upper, *SETTINGS, seed=seed)
-        return time.perf_counter() - start, found.objective
-
-    report("dynident, L2, through the triangle", [squares(seed) for seed in SEEDS], smallest)
-    report("least squares", [best(lambda: flat.value(least_squares(problem.reduced()).beta))], smallest)
-    solver, value = best(lambda: highs_dual(land, lower, upper), 1)
-    print(
-        f"  certified L1 optimum {1e3 * certify:.1f} ms, gap proven {1 - optimum.lower_bound / optimum.objective:.1e}"
-    )
-    print(f"  HiGHS, interior point, on the dual {1e3 * solver:.0f} ms, ratio {solver / certify:.1f}")
-    if not abs(value - optimum.objective) < 1e-6 * value or min(ratios.values()) < 1:
-        raise SystemExit("the optima differ, or another colony was faster")
-
-
-if __name__ == "__main__":
-    with threadpool_limits(1, user_api="blas"):
-        main()
+    calls = {
+        HERE: ours(HERE, absolute_landscape),
+        SQUARES: ours(SQUARES, square_landscape),
+        NUMPY: theirs(NUMPY, plain_colony),
+        CERTIFIED: lambda: box_optimum(land, lower, upper),
+        DUAL: lambda: highs_dual(land, lower, upper),
+    }
+    peers = []
+    for peer in (beecolpy, mealpy, abcopt):
+        if found.peer(peer.__name__):
+            peers.append(peer.__name__)
+            values[peer.__name__] = []
+            calls[peer.__name__] = theirs(peer.__name__, peer)
+    x = np.linspace(-1.0, 1.0, len(upper)) * upper
+    found.agree("objectives at a point, relative", abs(land.value(x) / objective(x) - 1), 1e-12)
+    found.agree("L1 optima, relative", abs(highs_dual(land, lower, upper) / optimum.objective - 1), 1e-6)
+    found.time(calls, REPEATS)
+    least = {HERE: optimum.objective, SQUARES: box_optimum(flat, lower, upper).objective}
+    found.facts["objective, times the optimum, medians"] = {
+        name: round(statistics.median(runs) / least.get(name, optimum.objective), 3) for name, runs in values.items()
+    }
+    work = "the article's bee colony, L1 over 25 000 x 3 rows"
+    found.lines = [Line(work, HERE, NUMPY, 1.0)]
+    found.lines += [Line(f"{work}, beside {name}", HERE, name, 1.0) for name in ("beecolpy", "mealpy", "abcopt")]
+    found.lines.append(Line("the colony on squares, through the triangle", SQUARES, reach=0.020))
+    found.lines.append(Line("certified L1 optimum of 75 000 rows in a box", CERTIFIED, DUAL))
+    return found
