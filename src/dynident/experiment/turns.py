@@ -21,15 +21,22 @@ def jumps_of_a_turn(q: Array, turn: float = 2 * np.pi, time: Array | None = None
         turn: A whole turn in their unit.
         time: Time of the samples, shape (N,); None where it says nothing.
     """
+    found = np.zeros(q.shape[1], int)
     if len(q) < 2:
-        return np.zeros(q.shape[1], int)
-    steps = np.abs(np.diff(q, axis=0))
-    steps = np.where(np.isfinite(steps), steps, 0.0)
-    usual = np.quantile(np.abs(steps - turn * np.round(steps / turn)), 0.99, axis=0)
-    if time is not None:
-        apart = np.diff(time)
-        steps[apart > 2 * np.median(apart)] = 0.0
-    return np.where(usual < NEAR_TURN * turn, (np.abs(steps - turn) < NEAR_TURN * turn).sum(axis=0), 0)
+        return found
+    for k, column in enumerate(q.T):  # one by one: of a long log even these steps take room
+        steps = np.diff(column)
+        np.abs(steps, out=steps)
+        steps[~np.isfinite(steps)] = 0.0
+        if steps.max() <= (1.0 - NEAR_TURN) * turn:
+            continue
+        usual = np.quantile(np.abs(steps - turn * np.round(steps / turn)), 0.99)
+        if time is not None:
+            apart = np.diff(time)
+            steps[apart > 2 * np.median(apart)] = 0.0
+        if usual < NEAR_TURN * turn:
+            found[k] = np.count_nonzero(np.abs(steps - turn) < NEAR_TURN * turn)
+    return found
 
 
 def turns_counted(q: Array, before: Array | None = None, turn: float = 2 * np.pi) -> Array:
