@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.article_page import page
+from benchmarks.article_page import convergence, page
 from dynident.estimation.comparison.contest import Contest, Method
 from dynident.estimation.estimate_file import plain
 from dynident.estimation.estimators import ESTIMATORS
@@ -52,6 +52,9 @@ KARABOGA = article.COLONY // 2 * 21
 
 #: Iterations at which the curves are told.
 CURVE = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 4000)
+
+#: The figure of the curves, beside the page.
+FIGURE = "figures/article-convergence.svg"
 
 #: Settings of the colony: size, limit, iterations. The published ones first.
 PUBLISHED = (article.COLONY, article.LIMIT, article.ITERATIONS)
@@ -231,9 +234,13 @@ def main() -> None:
         results = [(task, kept) for task in asked if (kept := records.read(task)) is not None]
     else:
         results = list(run_tasks(ArticleWork(), asked, records, jobs=options.jobs))
-    text = page(results, parts, version("dynident"))
+    text = page(results, parts, version("dynident"), FIGURE)
     if options.write:
         write_atomically(Path(options.write), text)
+        if (drawing := convergence(results)) is not None:
+            place = Path(options.write).parent / FIGURE
+            place.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(place, drawing)
     else:
         print(text)
 

@@ -14,6 +14,8 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
+from dynident.results.figures.chart import Across, Band, Level, Line, Mark, Plot, chart
+from dynident.results.figures.files import figure_file
 from dynident.robots import er16_article as article
 
 HEAD = """\
@@ -86,8 +88,8 @@ optimum in 4000 iterations.
 """
 
 
-def page(results: Sequence[tuple], parts: Sequence, version: str) -> str:
-    """Return the page: results of tasks, the two parts of the demo, and the version that computed them."""
+def page(results: Sequence[tuple], parts: Sequence, version: str, figure: str) -> str:
+    """Return the page: results of tasks, the two parts of the demo, the version, and the path of the curves' figure."""
     published, virtual = parts
     text = (
         HEAD.format(version=version, seeds=fewest(results))
@@ -100,7 +102,7 @@ def page(results: Sequence[tuple], parts: Sequence, version: str) -> str:
     for part in "ab":
         text += seeds_table(results, part)
         text += "The consistent fit cannot come near Table 2, which no possible robot has.\n\n" if part == "a" else ""
-    text += curves(results) + settings(results)
+    text += curves(results, figure) + settings(results)
     return text.rstrip() + "\n"
 
 
@@ -245,15 +247,47 @@ def seeds_table(results: Sequence[tuple], part: str) -> str:
     return "\n".join(lines) + "\n\n"
 
 
-def curves(results: Sequence[tuple]) -> str:
-    """Return the objective over the iterations for the published colony and the one that converges."""
+def searches(results: Sequence[tuple]) -> dict[tuple[str, str], list[dict]]:
+    """Return the results with curves by part and name of the colony: the published one and the one that converges."""
     groups = grouped(
         results,
         lambda task: task.settings is not None and task.name != "settings",
         lambda task: (task.part, task.name),
     )
     groups = {key: [r for r in found if r["failure"] is None and "curve" in r] for key, found in groups.items()}
-    groups = {key: found for key, found in groups.items() if found}
+    return {key: found for key, found in sorted(groups.items()) if found}
+
+
+def curve_of(found: Sequence[dict]) -> tuple[np.ndarray, np.ndarray]:
+    """Return iterations (k,) and (9) over the optimum after them, shape (seeds, k)."""
+    steps = [int(k) for k in found[0]["curve"]]
+    values = np.array([[r["curve"][str(k)] / r["optimum"] for k in sorted(steps)] for r in found])
+    return np.array(sorted(steps), dtype=float), values
+
+
+def convergence(results: Sequence[tuple]) -> bytes | None:
+    """Return the curves as an SVG file, one panel a part: median, and from the lowest to the highest seed."""
+    groups = searches(results)
+    if not groups:
+        return None
+    plots = []
+    for part in sorted({part for part, _ in groups}):
+        own = {name: curve_of(found) for (other, name), found in groups.items() if other == part}
+        marks: list[Mark] = []
+        for k, (name, (steps, values)) in enumerate(own.items(), start=1):
+            x = np.geomspace(steps[0], steps[-1], 600)  # a band is drawn column by column
+            low, high = (np.interp(np.log(x), np.log(steps), edge) for edge in (values.min(axis=0), values.max(axis=0)))
+            marks.append(Band("", x, high, k, low=low))
+            marks.append(Line(f"{name}, {len(values)} seeds", steps, np.median(values, axis=0), k, width=1.8))
+        plots.append(Plot(f"({part}) (9) / optimum", tuple(marks), 150.0, log=True, levels=(Level(1.0, ""),)))
+    said = "The objective falls over the iterations: median of the seeds, and the range from the lowest to the highest."
+    drawing = chart("Convergence of the colony", said, Across("iteration", log=True), plots)
+    return figure_file(drawing, "Convergence of the colony", said)
+
+
+def curves(results: Sequence[tuple], figure: str) -> str:
+    """Return the objective over the iterations, with the figure ``figure`` (a path beside the page) above the table."""
+    groups = searches(results)
     if not groups:
         return ""
     steps = sorted({int(k) for found in groups.values() for k in found[0]["curve"]})
@@ -262,10 +296,12 @@ def curves(results: Sequence[tuple]) -> str:
         "",
         "(9) over the optimum of the box after so many iterations: median over the seeds, and lowest to highest.",
         "",
+        f"![Objective of the colony over its iterations, median and range over the seeds]({figure})",
+        "",
         f"| colony | seeds | {' | '.join(str(k) for k in steps)} |",
         f"|---|---|{'---|' * len(steps)}",
     ]
-    for (part, name), found in sorted(groups.items()):
+    for (part, name), found in groups.items():
         cells = []
         for k in steps:
             values = [r["curve"][str(k)] / r["optimum"] for r in found if str(k) in r["curve"]]
