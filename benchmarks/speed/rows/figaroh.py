@@ -43,5 +43,7 @@ def measure() -> Record:
         else:
             spent = [run["reached_s"] or run["processor_s"] for run in theirs]
             found.times[FIGAROH] = Times(spent, spent)
-    found.lines = [Line(f"excitation of a UR10 to a condition number of {GOAL:g}", HERE, FIGAROH, 100.0)]
+    never = all(run.get("reached_s") is None for run in theirs)
+    word = f", where the peer did not get in {CAP:g} s" if never else ""
+    found.lines = [Line(f"excitation of a UR10 to a condition number of {GOAL:g}{word}", HERE, FIGAROH)]
     return found
