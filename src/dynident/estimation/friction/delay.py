@@ -7,7 +7,9 @@ parameters are eliminated (Golub and Pereyra 1973), with one column for each joi
 The joints of a log have one clock. By what their delays differ beyond chance, friction differs from the model, which
 counts in the deviation of their mean (DerSimonian and Laird 1986). Where they differ so, or where the rows away from
 reversals say something else (Hausman 1978), these rows alone count: the friction of a drive that sticks turns before
-its speed does, which passes for a torque that runs ahead.
+its speed does, which passes for a torque that runs ahead. These rows may be few. Where all rows ask for a longer lag,
+which is nothing that such drives feign, the data decide: both are tried on parts of the logs that the fit has not seen
+(Stone 1974), and the one with the smaller error is taken.
 """
 
 from __future__ import annotations
@@ -40,6 +42,9 @@ SIGNIFICANT = 2.0
 
 #: Joints whose delays would differ as much by chance in fewer than this share of logs do not agree.
 CHANCE = 0.05
+
+#: Parts of each log of which each is left out in turn, and pieces of the log that they are made of in turn.
+PARTS, PIECES = 4, 32
 
 #: Rows nearer to a reversal than this part of the period of the cut-off have a share of what happens there.
 REVERSAL = 0.5
@@ -76,23 +81,64 @@ def find_delays(
     """
     plain = [preprocess(log, how) for log in logs]
     search = _Search(Observer(model, base), logs, plain, how)
-    step = search.settled()
-    away = search.step(np.ones(len(logs), bool))
-    doubt = np.sqrt(np.maximum(away.deviation**2 - step.deviation**2, 0.0))
-    biased = ~step.agree | (np.abs(away.seconds) > SIGNIFICANT * doubt)
-    if biased.any():
-        step = search.settled(biased)
-    degrees = np.where(step.agree, np.inf, max(model.robot.dof - 1, 1))
-    bound = scipy.stats.t.ppf(scipy.stats.norm.cdf(SIGNIFICANT), degrees) * step.deviation
-    applied: Array = np.where(np.abs(search.seconds) > bound, search.seconds, 0.0)
-    found = tuple(Delay(*map(float, each)) for each in zip(search.seconds, step.deviation, applied, strict=True))
-    return found, tuple(_moved(logs, plain, how, applied))
+    whole, careful = _asked_by_all_rows(search), _away_from_reversals(search)
+    asked = tuple(max(pair, key=lambda one: one.applied) for pair in zip(careful, whole, strict=True))
+    applied = [np.array([delay.applied for delay in found]) for found in (careful, asked)]
+    moved = [_moved(logs, plain, how, each) for each in applied]
+    apart = np.abs(applied[1] - applied[0]) * [log.log.rate for log in plain]
+    if np.all(apart < SETTLED):
+        return careful, tuple(moved[0])
+    errors = [_unseen(search.observer, each) for each in moved]
+    return (asked, tuple(moved[1])) if errors[1] < errors[0] else (careful, tuple(moved[0]))
 
 
 def common_delay(delays: Sequence[Delay]) -> float:
     """Return the delay in s to be expected of another log of the same robot: the mean, the surest counting most."""
     weights = np.array([1.0 / max(delay.deviation, 1e-9) ** 2 for delay in delays])
     return float(weights @ [delay.applied for delay in delays] / weights.sum())
+
+
+def _asked_by_all_rows(search: _Search) -> tuple[Delay, ...]:
+    """Return the delays that leave the least of all rows, the joints' friction taken for that of the model."""
+    step = search.settled(pooled=True)
+    return _significant(search.seconds, step.deviation, SIGNIFICANT)
+
+
+def _away_from_reversals(search: _Search) -> tuple[Delay, ...]:
+    """Return the delays that the joints agree about, without the rows near reversals where these say something else."""
+    step = search.settled()
+    away = search.step(np.ones(len(search.logs), bool))
+    doubt = np.sqrt(np.maximum(away.deviation**2 - step.deviation**2, 0.0))
+    biased = ~step.agree | (np.abs(away.seconds) > SIGNIFICANT * doubt)
+    if biased.any():
+        step = search.settled(biased)
+    degrees = np.where(step.agree, np.inf, max(search.observer.model.robot.dof - 1, 1))
+    return _significant(search.seconds, step.deviation, scipy.stats.t.ppf(scipy.stats.norm.cdf(SIGNIFICANT), degrees))
+
+
+def _significant(seconds: Array, deviation: Array, bound: Array | float) -> tuple[Delay, ...]:
+    """Return delays, of which those within ``bound`` deviations of zero are not applied."""
+    applied = np.where(np.abs(seconds) > bound * deviation, seconds, 0.0)
+    return tuple(Delay(*map(float, each)) for each in zip(seconds, deviation, applied, strict=True))
+
+
+def _unseen(observer: Observer, logs: Sequence[Prepared]) -> float:
+    """Return how badly fits predict parts of the logs that they leave out: the joints' mean log of the mean square."""
+    parts = []
+    for k in range(PARTS):
+        found = []
+        for log in logs:
+            piece = np.arange(len(log.keep)) * PIECES // max(len(log.keep), 1)
+            mask = (piece % PARTS == k)[:, None]
+            found.append(observer.triangles(log, counting_rows(observer.model, log) & mask))
+        parts.append([first.merged(rest) for first, *rest in zip(*found, strict=True)])
+    squares, rows = np.zeros(observer.model.robot.dof), np.zeros(observer.model.robot.dof)
+    for k, left_out in enumerate(parts):
+        seen = [first.merged(rest) for first, *rest in zip(*parts[:k], *parts[k + 1 :], strict=True)]
+        beta = _weighted_fit(observer, seen)
+        squares += [triangle.residual_square(beta) for triangle in left_out]
+        rows += [triangle.rows for triangle in left_out]
+    return float(np.average(np.log(np.maximum(squares, np.finfo(float).tiny) / np.maximum(rows, 1)), weights=rows))
 
 
 def _moved(logs: Sequence[Log], plain: Sequence[Prepared], how: Preprocessing, seconds: Array) -> list[Prepared]:
@@ -126,21 +172,26 @@ class _Search:
         self.seconds: Array = np.zeros(len(logs))
         self.beta = _first_fit(observer, plain)
 
-    def settled(self, away: BoolArray | None = None) -> _Step:
-        """Take steps until they are short, and return the last; ``away`` as of :meth:`step`."""
+    def settled(self, away: BoolArray | None = None, *, pooled: bool = False) -> _Step:
+        """Take steps until they are short, and return the last; arguments as of :meth:`step`."""
         away = np.zeros(len(self.logs), bool) if away is None else away
-        step = self.step(away)
+        step = self.step(away, pooled=pooled)
         for left in reversed(range(STEPS)):
             bounded = np.clip(step.seconds, -LONGEST_STEP, LONGEST_STEP)
             self.beta, self.seconds = step.beta, np.clip(self.seconds + bounded, -LONGEST_DELAY, LONGEST_DELAY)
             if not left or np.all(np.abs(bounded) * [log.log.rate for log in self.plain] < SETTLED):
                 break
             self.prepared = _moved(self.logs, self.plain, self.how, self.seconds)
-            step = self.step(away)
+            step = self.step(away, pooled=pooled)
         return step
 
-    def step(self, away: BoolArray) -> _Step:
-        """Return the step from here; of the logs named in ``away``, shape (L,), only rows away from reversals count."""
+    def step(self, away: BoolArray, *, pooled: bool = False) -> _Step:
+        """Return the step from here.
+
+        Args:
+            away: Logs of which only rows away from reversals count, shape (L,).
+            pooled: Whether what the joints differ by counts as noise of their rows, not as a doubt of its own.
+        """
         model, logs = self.observer.model, self.prepared
         masks = [counting_rows(model, log) for log in logs]
         masks = [m & ~_near_reversal(model, log) if a else m for m, log, a in zip(masks, logs, away, strict=True)]
@@ -159,15 +210,17 @@ class _Search:
         reduced = reduce(triangles, size + len(logs) * joints, np.tile(weights, len(logs)))
         solution = least_squares(reduced)
         # Rows that hang together count once, each joint's by how its own do.
-        worth = np.sqrt(np.tile(correlation_factors(residuals, masks), len(logs)) * reduced.rest / max(reduced.rows, 1))
+        factors = correlation_factors(residuals, masks)
+        factors = np.full(joints, factors.mean()) if pooled else factors
+        worth = np.sqrt(np.tile(factors, len(logs)) * reduced.rest / max(reduced.rows, 1))
         covariance = solution.unscaled_covariance[size:, size:] * np.outer(worth, worth)
         parts = [slice(k * joints, (k + 1) * joints) for k in range(len(logs))]
-        means = [_common(solution.beta[size:][part], covariance[part, part]) for part in parts]
+        means = [_common(solution.beta[size:][part], covariance[part, part], pooled) for part in parts]
         seconds, deviation, agree = (np.array(each) for each in zip(*means, strict=True))
         return _Step(solution.beta[:size], seconds, deviation, agree)
 
 
-def _common(delays: Array, covariance: Array) -> tuple[float, float, bool]:
+def _common(delays: Array, covariance: Array, pooled: bool) -> tuple[float, float, bool]:
     """Return the mean of the joints' delays (n,), its standard deviation, and whether they agree.
 
     What they differ by beyond their covariance is a variance of its own, by the method of moments (DerSimonian and
@@ -182,7 +235,7 @@ def _common(delays: Array, covariance: Array) -> tuple[float, float, bool]:
     mean = float(ones @ weights @ delays) / total
     excess = float((delays - mean) @ weights @ (delays - mean)) - (len(delays) - 1)
     scale = float(np.trace(weights) - ones @ weights @ weights @ ones / total)
-    if len(delays) > 1 and excess > 0 and scale > 0:
+    if not pooled and len(delays) > 1 and excess > 0 and scale > 0:
         weights = np.linalg.pinv(covariance + excess / scale * np.eye(len(delays)), hermitian=True)
         total = float(ones @ weights @ ones)
         mean = float(ones @ weights @ delays) / total
@@ -232,7 +285,11 @@ def _triangles(
 def _first_fit(observer: Observer, logs: Sequence[Prepared]) -> Array:
     """Return beta (b,) of weighted least squares without delays."""
     parts = [observer.triangles(log, counting_rows(observer.model, log)) for log in logs]
-    triangles = [first.merged(rest) for first, *rest in zip(*parts, strict=True)]
+    return _weighted_fit(observer, [first.merged(rest) for first, *rest in zip(*parts, strict=True)])
+
+
+def _weighted_fit(observer: Observer, triangles: Sequence[Triangle]) -> Array:
+    """Return beta (b,) of triangles, one per joint, each weighted by its own residual."""
     weights, beta = np.ones(len(triangles)), np.zeros(observer.base.count)
     for _ in range(3):
         beta = least_squares(reduce(triangles, observer.base.count, weights)).beta
