@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from loaded_arms import BODY, CENTRE, GIVEN, MASS, LoadedArm
 
-from dynident.errors import BadOption, LogMismatch, UnknownChoice
+from dynident.errors import BadOption, LogMismatch, SolverFailed, UnknownChoice
 from dynident.estimation.drive_gains import METHODS, DriveGains, Payload, gains_from_payload
 from dynident.model.robot import Drive, Robot
 
@@ -175,6 +175,10 @@ def test_a_payload_whose_known_part_does_nothing_is_refused(pendulum: Robot, met
 def test_a_payload_before_a_joint_leaves_no_gain_without_a_verdict(spatial_3r: Robot, method: str) -> None:
     arm = LoadedArm(spatial_3r, np.array([14.0, 9.0, 6.0]))
     logs = [arm.log(False, 0.02)], [arm.log(False, 0.02, seed=7)]
+    if method == "tls":  # with noise alone in the column of what is known, the smallest singular vector is not its
+        with pytest.raises(SolverFailed, match="use the method 'structured'"):
+            gains_from_payload(arm.model, *logs, Payload(1e-6, CENTRE, frame="link2"), GIVEN, method=method)
+        return
     gains = gains_from_payload(arm.model, *logs, Payload(1e-6, CENTRE, frame="link2"), GIVEN, method=method)
     assert all(np.isfinite(gain.residual) for gain in gains.gains)
     assert all(gain.reason for gain in gains.gains if not gain.known)

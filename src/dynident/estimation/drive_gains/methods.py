@@ -91,10 +91,14 @@ def fit_gains(data: GainData, method: str, factors: Array | None = None) -> Gain
 
 
 def _deviations(data: GainData, rows: Linearised, floor: Array) -> Array:
-    """Return the residual standard deviation of each group, shape (G,), a millionth of ``floor`` at least."""
+    """Return the residual standard deviation of each group, shape (G,).
+
+    It is a millionth of ``floor`` at least, and of the largest: a group whose gain is nothing has a residual of rounding.
+    """
     counts = np.maximum(data.counts, 1.0)
     share = 1.0 - min((len(data.groups) + data.unknowns.count) / counts.sum(), 0.9)
-    found = np.maximum(np.sqrt(group_squares(data, rows) / counts / share), np.maximum(1e-6 * floor, 1e-100))
+    found = np.sqrt(group_squares(data, rows) / counts / share)
+    found = np.maximum(found, np.maximum(1e-6 * np.maximum(floor, found.max(initial=0.0)), 1e-100))
     return np.where(data.counts >= FEWEST, found, np.inf)  # a group of a few rows has no say
 
 
