@@ -93,7 +93,7 @@ def fit_gains(data: GainData, method: str, factors: Array | None = None) -> Gain
 def _deviations(data: GainData, rows: Linearised, floor: Array) -> Array:
     """Return the residual standard deviation of each group, shape (G,).
 
-    It is a millionth of ``floor`` at least, and of the largest: a group whose gain is nothing has a residual of rounding.
+    At least a millionth of ``floor`` and of the largest: a group whose gain is nothing has a residual of rounding.
     """
     counts = np.maximum(data.counts, 1.0)
     share = 1.0 - min((len(data.groups) + data.unknowns.count) / counts.sum(), 0.9)
