@@ -62,7 +62,7 @@ def added(package: str) -> Mapping[str, tuple[EntryPoint, ...]]:
     return found
 
 
-def _in_folder(package: str) -> set[str]:
+def _in_folder(package: str) -> frozenset[str]:
     folder = sys.modules.get(package)
     spec = importlib.util.find_spec(package)
     places = (
@@ -70,8 +70,13 @@ def _in_folder(package: str) -> set[str]:
     )
     if places is None:
         raise ModuleNotFoundError(f"there is no folder of parts '{package}'", name=package)
+    return _modules(tuple(places))
+
+
+@cache
+def _modules(places: tuple[str, ...]) -> frozenset[str]:
     found = (module.name for module in pkgutil.iter_modules(places) if not module.ispkg)
-    return {name for name in found if name != "base" and not name.startswith("_")}
+    return frozenset(name for name in found if name != "base" and not name.startswith("_"))
 
 
 class Family(Generic[Part]):
@@ -102,7 +107,7 @@ class Family(Generic[Part]):
         points = added(self.package).get(name, ())
         if points:
             return self._added(points)
-        return self._only_class(importlib.import_module(f"{self.package}.{name}"))
+        return _only_class(importlib.import_module(f"{self.package}.{name}"), self.kind)
 
     def make(self, choice: str | Part, **options: Any) -> Part:
         """Return a part from its name and options, or the part itself when one is given.
@@ -140,17 +145,7 @@ class Family(Generic[Part]):
 
     def options(self, name: str) -> tuple[Option, ...]:
         """Return the options of a part: the fields of its dataclass, with the line that describes each."""
-        part = self.get(name)
-        if not is_dataclass(part):
-            return ()
-        texts: dict[str, str] = {}
-        for kind in reversed(part.__mro__):  # options that parts share are described where they come from
-            texts |= _attribute_lines(inspect.getdoc(kind) or "")
-        return tuple(
-            Option(f.name, str(f.type), None if f.default is MISSING else f.default, texts.get(f.name, ""))
-            for f in fields(part)
-            if f.init
-        )
+        return _options(self.get(name))
 
     def summary(self, name: str) -> str:
         """Return the first line of the part's docstring."""
@@ -167,20 +162,36 @@ class Family(Generic[Part]):
             step = f'{origin} must add a module called as the part is: {name} = "....{name}"'
             raise BrokenPart(self.noun, name, f"its entry point is '{module}'", step)
         try:
-            return self._only_class(importlib.import_module(module))
+            return _only_class(importlib.import_module(module), self.kind)
         except Exception as error:
             evidence = f"loading {module} ends with {type(error).__name__}: {error}"
             raise BrokenPart(self.noun, name, evidence, f"mend or uninstall {origin}") from error
 
-    def _only_class(self, module: ModuleType) -> type[Part]:
-        mine = [
-            value
-            for value in vars(module).values()
-            if inspect.isclass(value) and value.__module__ == module.__name__ and issubclass(value, self.kind)
-        ]
-        if len(mine) != 1:
-            raise TypeError(f"{module.__name__} must define exactly one {self.kind.__name__}, found {len(mine)}")
-        return mine[0]
+
+@cache
+def _only_class(module: ModuleType, kind: type[Any]) -> type[Any]:
+    mine = [
+        value
+        for value in vars(module).values()
+        if inspect.isclass(value) and value.__module__ == module.__name__ and issubclass(value, kind)
+    ]
+    if len(mine) != 1:
+        raise TypeError(f"{module.__name__} must define exactly one {kind.__name__}, found {len(mine)}")
+    return mine[0]
+
+
+@cache
+def _options(part: type[Any]) -> tuple[Option, ...]:
+    if not is_dataclass(part):
+        return ()
+    texts: dict[str, str] = {}
+    for kind in reversed(part.__mro__):  # options that parts share are described where they come from
+        texts |= _attribute_lines(inspect.getdoc(kind) or "")
+    return tuple(
+        Option(f.name, str(f.type), None if f.default is MISSING else f.default, texts.get(f.name, ""))
+        for f in fields(part)
+        if f.init
+    )
 
 
 def _attribute_lines(doc: str) -> dict[str, str]:
