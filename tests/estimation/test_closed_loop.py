@@ -118,6 +118,7 @@ def test_implicit_steps_find_what_small_explicit_ones_find(stiff, options, monke
     implicit = list(loop.follow(course, truth))
     assert all(segment.implicit for segment in implicit)
     monkeypatch.setattr(module, "IMPLICIT_COST", np.inf)
+    monkeypatch.setattr(module, "STABLE", 0.3)
     explicit = list(loop.follow(course, truth))
     assert not any(segment.implicit for segment in explicit)
     found, expected = (np.concatenate([segment.out for segment in way]) for way in (implicit, explicit))
@@ -143,18 +144,37 @@ def test_derivatives_of_implicit_steps_are_exact(stiff, options, monkeypatch):
         np.testing.assert_allclose(by_torque[:, :, k], rise[:, 3], atol=1e-4 * np.abs(by_torque).max() + 1e-6)
 
 
-def test_a_stiff_robot_is_integrated_by_implicit_steps(planar_2r, scaled):
-    """A light last link: explicit steps would follow the decay of its friction."""
-    light = replace(planar_2r, links=(planar_2r.links[0], scaled(planar_2r, 1e-2, 1.0).links[1]))
-    model = DynamicModel(light, (Coulomb(0.1), Viscous()))
-    theta = np.append(light.nominal, [1.0, 0.5, 0.5, 0.2])
+@pytest.fixture(params=[1e-3])
+def light(planar_2r, scaled, request):
+    """Return a closed loop and its truth with a light last link, whose friction decays within a small step."""
+    robot = replace(planar_2r, links=(planar_2r.links[0], scaled(planar_2r, request.param, 1.0).links[1]))
+    model = DynamicModel(robot, (Coulomb(0.1), Viscous()))
+    theta = np.append(robot.nominal, [1.0, 0.5, 0.5, 0.2])
     run = simulate(model, theta, wave(2), rate=250.0, duration=0.4, noise=Noise())
     problem = pose(model, [run.log], HOW)
     beta = problem.base.from_standard(theta)
-    loop = closed_loop(problem, LoopOptions(feedforward="measured", reference="measured"), beta)
+    return closed_loop(problem, LoopOptions(feedforward="measured", reference="measured"), beta), beta
+
+
+def test_a_stiff_robot_is_integrated_by_implicit_steps(light):
+    """Explicit steps would follow the decay of the friction of its last link."""
+    loop, beta = light
     segments = list(loop.follow(loop.courses[0], beta, tangent=False))
     assert all(segment.implicit and segment.counts[0] <= 10 for segment in segments)
     assert all(np.all(np.isfinite(segment.out)) for segment in segments)
+
+
+@pytest.mark.parametrize("light", [1e-2], indirect=True)
+def test_explicit_steps_near_the_bound_of_stability_find_what_small_ones_find(light, monkeypatch):
+    loop, beta = light
+    monkeypatch.setattr(module, "IMPLICIT_COST", np.inf)
+    found = list(loop.follow(loop.courses[0], beta, tangent=False))
+    monkeypatch.setattr(module, "STABLE", 0.21)
+    small = list(loop.follow(loop.courses[0], beta, tangent=False))
+    assert small[0].counts[0] > 9 * found[0].counts[0]
+    found, small = (np.concatenate([segment.out for segment in way]) for way in (found, small))
+    for k, tolerance in enumerate((1e-8, 1e-6, 5e-4, 1e-6)):
+        np.testing.assert_allclose(found[:, k], small[:, k], atol=tolerance * np.abs(small[:, k]).max())
 
 
 def test_smoothing_passes_parabolas_and_halves_the_cut_off():

@@ -28,11 +28,12 @@ from dynident.experiment.preprocessing import Prepared
 from dynident.experiment.simulation.plant import MAX_RATE, MIN_RATE, Plant, plant
 from dynident.model.friction import Motion
 
-#: A step of the integration times the fastest decay of the loop stays below this.
-STEP = 0.3
+#: An explicit step times the fastest pole of the joint loops stays below this; times that and the fastest decay of
+#: friction below ``STABLE``: the rule is stable up to 2.78, and what friction turns that fast follows the speed.
+STEP, STABLE = 0.3, 2.1
 
-#: Implicit steps while friction turns its sign, and explicit steps that take as long as an implicit one.
-TURN, IMPLICIT_COST = 4.0, 8.0
+#: Steps while friction turns its sign, and explicit steps that take as long as an implicit one.
+TURN, IMPLICIT_COST = 4.0, 5.0
 
 #: Stages of the integration rule (four a step) that are held in memory at a time.
 STAGES = 8_000
@@ -151,10 +152,11 @@ class ClosedLoop:
     def _pace(self, body: Plant, course: Course) -> _Pace:
         """Return the steps of the integration: implicit ones where explicit ones would be small only to be stable."""
         masses, options = course.masses(body), self.options
-        stable = max(float(np.max(np.abs(_poles(masses, self.gains)))), body.fastest_decay(masses)) / STEP
+        pole = float(np.max(np.abs(_poles(masses, self.gains))))
+        stable = max(pole / STEP, (pole + body.fastest_decay(masses)) / STABLE)
         smooth = max(MIN_RATE, TURN * _fastest_turn(body, course))
-        implicit = max(stable, MIN_RATE) > IMPLICIT_COST * smooth
-        needed = smooth if implicit else max(MIN_RATE, stable)
+        implicit = stable > IMPLICIT_COST * smooth
+        needed = smooth if implicit else max(smooth, stable)
         if needed > MAX_RATE:
             advice = "give the Coulomb part a greater width, or the controller lower gains"
             raise SolverFailed("the simulated closed loop", f"it needs {needed:.3g} steps a second", advice)

@@ -15,7 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.experiment.simulation.simulation_loop import Plant, feedback
-from dynident.model.kernels.generic import WORK, bias_torque, joint_mass, solve
+from dynident.model.kernels.generic import WORK, bias_torque, placed_mass, solve
 from dynident.model.kernels.jit import compiled
 
 #: Newton steps at most; the change of the accelerations, against their size, that ends them.
@@ -39,7 +39,7 @@ def losses(plant: Plant, motion: Array, found: Torques) -> None:
     lost, matrices, drive, work = found
     mass, slope, joints = matrices[0], matrices[1], len(lost)
     bias_torque(links, reals, gravity, theta, motion[0], motion[1], lost, work)
-    joint_mass(links, reals, theta, motion[0], mass, work)
+    placed_mass(links, reals, theta, mass, work)
     for j in range(joints):
         speed = 0.0
         for k in range(joints):

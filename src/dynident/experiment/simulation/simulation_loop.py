@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.model.kernels.generic import WORK, bias_torque, joint_mass, solve
+from dynident.model.kernels.generic import WORK, bias_torque, placed_mass, solve
 from dynident.model.kernels.jit import compiled
 
 #: links, reals, gravity and theta as in generic.py; armature (n, n) at the joints; coupling (n, n) with motor speed =
@@ -27,7 +27,7 @@ def acceleration(plant: Plant, q: Array, dq: Array, tau: Array, ddq: Array, scra
     joints = len(q)
     bias, drive, scale = vectors[0], vectors[1], vectors[2]
     bias_torque(links, reals, gravity, theta, q, dq, bias, work)
-    joint_mass(links, reals, theta, q, mass, work)
+    placed_mass(links, reals, theta, mass, work)
     for j in range(joints):
         speed = 0.0
         for k in range(joints):
