@@ -33,7 +33,7 @@ def test_a_benchmark_goes_on_and_writes_its_page(tmp_path: Path, capsys: pytest.
     (tmp_path / "mine.yaml").write_text(MINE)
     command = ["benchmark", str(tmp_path / "mine.yaml"), "--out", str(tmp_path / "out")]
     assert main([*command, "--methods", "ols", "--quiet"]) == 0
-    assert "mine: 1 draws" in capsys.readouterr().out
+    assert "mine: 1 draw of each condition" in capsys.readouterr().out
     assert len(list((tmp_path / "out").glob("*.plan.json"))) == 2
     assert main([*command, "--html", str(tmp_path / "page.html"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

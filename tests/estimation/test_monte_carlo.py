@@ -99,6 +99,8 @@ def test_the_shipped_benchmark_states_the_conditions_of_its_source(
         ("F0: [0.3, -0.2, 0.1, 0.05]", "F0: [0.3, 1]", "for each of the 4 joints"),
         ("title: a small one", "tilte: a small one", "title"),
         ("torque: 0.3}", "torque: 0.3, set: riple.amplitude=1}", "ripple"),
+        ("torque: 0.3}", "torque: 0.3, set: [ripple.high=1]}", r"line 10, noise\.2\.set: ripple: unknown key 'high'"),
+        ("torque: 0.3}", "torque: 0.3, set: ripple}", r"line 10, noise\.2\.set: --set = 'ripple' is not possible"),
         ("truth: {friction", "truth: {believed: nominal, friction", "parameters or believed"),
     ],
 )

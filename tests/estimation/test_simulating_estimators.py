@@ -2,33 +2,38 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from dynident.errors import SolverFailed
+from dynident.errors import BadOption, SolverFailed
 from dynident.estimation.estimators.clie import CLIE
 from dynident.estimation.estimators.cloe import CLOE
 from dynident.estimation.estimators.didim import DIDIM
 from dynident.estimation.estimators.iv import IV
 from dynident.estimation.estimators.kalman import Kalman
 from dynident.estimation.estimators.ols import OLS
+from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import pose
 from dynident.estimation.problem import Observer
 from dynident.estimation.simulated.closed_loop import closed_loop, simulated_logs
 from dynident.estimation.simulated.course import LoopOptions
 from dynident.estimation.simulated.instruments import instruments
-from dynident.estimation.simulated.iteration import started
+from dynident.estimation.simulated.iteration import after_changes, started
 from dynident.estimation.simulated.joint_filter import position_noise
 from dynident.estimation.uncertainty.exogeneity import durbin_wu_hausman
+from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.experiment.preprocessing.butterworth import central_differences
 from dynident.experiment.simulation.virtual_robot import Controller, Noise, simulate
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.viscous import Viscous
 
 KP, KD = (500.0, 100.0), (40.0, 8.0)
@@ -144,6 +149,38 @@ def test_an_iteration_that_does_not_settle_says_so(cell):
         DIDIM(iterations=1, **KNOWN).solve(problems[0])
     with pytest.raises(SolverFailed, match=r"after 1 steps a parameter still moves by"):
         CLIE(iterations=1, **KNOWN).solve(problems[0])
+    with pytest.raises(SolverFailed, match=r"the motion is lost at .* check kp and kd"):
+        DIDIM(**{**KNOWN, "kd": (0.0, 0.0), "kp": (5.0, 1.0), "control_hz": 25.0}).solve(problems[0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "advice"),
+    [
+        ([0.8], "give more iterations, or a tolerance above 0.01"),
+        ([0.8, 0.4, 0.2], r"give more iterations \(about 8\), or"),
+        ([0.2, 0.4, 0.8], r"its changes do not fall \(0.2, 0.4, 0.8\), .* check kp, kd and q_ref"),
+        ([3.0, 0.21, 0.2, 0.21], "more iterations are of no use"),
+    ],
+)
+def test_the_advice_follows_the_changes(changes, advice):
+    assert re.search(advice, after_changes(changes, 0.01))
+
+
+def test_a_robot_that_is_not_integrated_may_have_any_friction(planar_2r):
+    """A virtual controller holds the simulated robot on the measured motion: least squares, whatever the friction."""
+    model = DynamicModel(planar_2r, (Coulomb(0.1), Degressive()))
+    theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
+    time = np.arange(500) / 250.0
+    sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
+    motion = Motion(*FourierSeries(np.zeros(2), sine, cosine, 2.0).evaluate(time))
+    torque = model.torque(motion, theta) + 0.05 * np.random.default_rng(2).normal(size=motion.q.shape)
+    log = Log(planar_2r.joint_names, time, motion.q, motion.dq, motion.ddq, torque)
+    problem = pose(model, [log], Preprocessing(AsGiven(), rest="keep"))
+    expected = WLS().solve(problem).beta
+    for part in (DIDIM(), CLIE()):
+        np.testing.assert_allclose(part.solve(problem).beta, expected, rtol=1e-4, atol=1e-4)
+    with pytest.raises(BadOption, match="the virtual robot simulates"):
+        CLOE().solve(problem)
 
 
 def test_the_kalman_filter_finds_the_truth_and_knows_its_error(planar_2r):

@@ -132,9 +132,9 @@ def _figures(experiment: Experiment, rows: tuple[MethodRow, ...], done: int, tot
 def _show(experiment: Experiment, rows: tuple[MethodRow, ...]) -> None:
     from dynident.cli import console
     from dynident.results import benchmark_page as page
-    from dynident.results.text import label
+    from dynident.results.text import counted, label
 
-    console.answer(f"{label(experiment.title)}: {experiment.draws} draws of each condition")
+    console.answer(f"{label(experiment.title)}: {counted(experiment.draws, 'draw')} of each condition")
     console.answer(page.NOTE)
     for name, found in page.by_condition(rows, experiment).items():
         console.answer()

@@ -14,7 +14,7 @@ from dynident.files import write_atomically
 from dynident.results.figures import line_chart
 from dynident.results.report.builder import Part, build_page
 from dynident.results.report.sections.base import drawn
-from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label, shorten
+from dynident.results.text import MISSING, Column, Table, counted, format_number, format_percent, label, shorten
 
 NOTE = (
     "Medians over the draws. Parameters: |found - true| / |true|; weighted: each in units of its column's norm. "
@@ -90,7 +90,8 @@ def failure_lines(rows: Sequence[MethodRow]) -> list[str]:
             said.setdefault((row.method, row.why), 0)
             said[row.method, row.why] += row.failures
     return [
-        f"{label(method)} failed {count} times: {shorten(label(why), _WHY)}" for (method, why), count in said.items()
+        f"{label(method)} failed {counted(count, 'time')}: {shorten(label(why), _WHY)}"
+        for (method, why), count in said.items()
     ]
 
 
@@ -111,7 +112,8 @@ def write_benchmark_page(
         "tables": [(name, condition_table(found)) for name, found in groups.items()],
         "failures": failure_lines(rows),
     }
-    lead = (f"{experiment.draws} draws", f"{len(groups)} conditions", f"{len(experiment.entrants)} methods")
+    counts = {"draw": experiment.draws, "condition": len(groups), "method": len(experiment.entrants)}
+    lead = tuple(counted(count, word) for word, count in counts.items())
     parts = [Part("benchmark", label(experiment.title), "benchmark.html", context)]
     write_atomically(path, build_page("Benchmark", ", ".join(experiment.models), lead, parts))
 

@@ -10,7 +10,7 @@ from dynident.estimation.monte_carlo.real_sets import Published, Scoreboard
 from dynident.files import write_atomically
 from dynident.results.comparison import percent
 from dynident.results.report.builder import Part, build_page
-from dynident.results.text import MISSING, Column, Table, format_number, label
+from dynident.results.text import MISSING, Column, Table, counted, format_number, label
 
 NOTE = (
     "Error: |measured - predicted| / |measured|, all joints; held out: of unseen rows. RMSE: of those against the "
@@ -134,6 +134,6 @@ def write_scoreboard_page(
         "tables": groups,
         "failures": [],
     }
-    lead = (f"{len(groups)} sets", f"{len(results)} results")
+    lead = (counted(len(groups), "set"), counted(len(results), "result"))
     part = Part("benchmark", "Real logs", "benchmark.html", context)
     write_atomically(path, build_page("Scoreboard", "real robots", lead, [part]))

@@ -92,6 +92,11 @@ def format_number(value: float, digits: int = 4) -> str:
     return _number(value, lambda v: _significant(v, digits))
 
 
+def counted(count: int, word: str) -> str:
+    """Return a number of things, such as ``1 draw`` or ``25 draws``."""
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
 def format_given(value: float | None) -> str:
     """Return a number that somebody stated, as short as it is; MISSING where none is, or where it is infinite."""
     return MISSING if value is None or not np.isfinite(value) else f"{value:.6g}"

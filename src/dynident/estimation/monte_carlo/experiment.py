@@ -215,9 +215,7 @@ def _experiment(path: Path, top: Section, short: Section | None) -> Experiment:
     stated = cell_of(top.section("cell", CELL_KEYS)) if top.has("cell") else None
     cells = {name: stated or case.cell or CellSetup(path=str(path)) for name, case in cases.items()}
     noise = _noise(of("noise"), top)
-    changed = guarded(
-        top.place("noise"), lambda: [(name, level.cell(setup)) for level in noise for name, setup in cells.items()]
-    )
+    changed = [(name, _changed(setup, level, top)) for level in noise for name, setup in cells.items()]
     for name, setup in changed:
         _check_truth(models[name], setup, top.place("cell"))
     controllers = tuple(dict.fromkeys(setup.cell.controller for _, setup in changed))
@@ -280,6 +278,18 @@ def _friction(top: Section) -> tuple[Any, ...]:
     if not isinstance(value, list):
         raise place.error("not a list", f"write a list such as [{', '.join(DEFAULT_FRICTION)}]")
     return tuple(guarded(place, lambda item=item: FRICTION.make_from_text(*part_of(place, item))) for item in value)
+
+
+def _changed(setup: CellSetup, level: NoiseLevel, top: Section) -> CellSetup:
+    """Return a cell in a condition; a fault of its settings stands where they stand in the file."""
+    names = [item.get("name") for item in top.value("noise") if isinstance(item, dict)]
+    place = top.place(f"noise.{names.index(level.name) + 1}" + (".set" if level.settings else ""))
+    try:
+        return guarded(place, lambda: level.cell(setup))
+    except DescriptionError as error:
+        if error.where == place.where:
+            raise
+        raise DescriptionError(place.path, place.where, f"{error.where}: {error.evidence}", error.step) from error
 
 
 def _noise(section: Section, top: Section) -> tuple[NoiseLevel, ...]:

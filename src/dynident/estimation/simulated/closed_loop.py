@@ -104,7 +104,7 @@ class ClosedLoop:
 
     def along(self, course: Course, beta: Array) -> Array:
         """Return q, dq, ddq and torque of a course that is followed exactly, shape (N, 4, n), whatever the masses."""
-        torque = self._fed(self.body(beta), beta, Motion(*course.reference), None)
+        torque = self._fed(self.still(beta), beta, Motion(*course.reference), None)
         return np.stack([*course.reference, torque], axis=1)
 
     def follow(self, course: Course, beta: Array, tangent: bool = True) -> Iterator[Segment]:
@@ -131,13 +131,22 @@ class ClosedLoop:
             failed = track(body.tables, self.gains, goals, counts, step, state, torque, out, stages)
             if failed >= 0:
                 at = start / course.rate + failed * step
-                advice = "state the controller's gains (kp, kd), or another bandwidth_hz"
-                raise SolverFailed("the simulated closed loop", f"the motion is lost at {at:.4g} s", advice)
+                evidence = f"the motion is lost at {at:.4g} s"
+                raise SolverFailed("the simulated closed loop", evidence, self._advice())
             yield Segment(rows, reference, pace.implicit, counts, step, out, stages)
 
     def body(self, beta: Array) -> Plant:
         """Return the robot with the base parameters ``beta``, shape (b,)."""
         return plant(self.problem.model, self.problem.base.to_standard(beta))
+
+    def still(self, beta: Array) -> Plant:
+        """Return the robot with the base parameters ``beta`` without its friction, which no motion then needs."""
+        return plant(self.problem.model, self.problem.base.to_standard(beta), is_moved=False)
+
+    def _advice(self) -> str:
+        if self.options.kp is None:
+            return "state the controller's gains (kp, kd), or another bandwidth_hz"
+        return "check kp and kd (N m/rad and N m s/rad at the joints) and q_ref, or filter the log at a lower frequency"
 
     def check(self, beta: Array) -> None:
         """Check that ``beta`` can be simulated.
@@ -147,7 +156,7 @@ class ClosedLoop:
         """
         for course in self.courses:
             if not self.is_exact(course):
-                course.masses(self.body(beta))
+                course.masses(self.still(beta))
 
     def _pace(self, body: Plant, course: Course) -> _Pace:
         """Return the steps of the integration: implicit ones where explicit ones would be small only to be stable."""
@@ -187,7 +196,7 @@ class ClosedLoop:
             return self.problem.masks
         found = []
         for course, mask in zip(self.courses, self.problem.masks, strict=True):
-            slowest = -np.max(_poles(course.masses(self.body(beta)), self.gains).real)
+            slowest = -np.max(_poles(course.masses(self.still(beta)), self.gains).real)
             log = course.log.log
             wait = min(SETTLED / slowest if slowest > 0 else np.inf, LONGEST_WAIT * log.duration)
             found.append(mask & (log.time[course.log.keep] >= log.time[0] + wait)[:, None])
@@ -247,7 +256,7 @@ def closed_loop(
     loop = ClosedLoop(problem, chosen, fed, courses, gains)
     if known:
         return loop
-    masses = np.concatenate([course.masses(loop.body(beta)) for course in courses])
+    masses = np.concatenate([course.masses(loop.still(beta)) for course in courses])
     inertia, pulsation = np.diagonal(masses, axis1=1, axis2=2).mean(axis=0), 2 * np.pi * options.bandwidth_hz
     return replace(loop, gains=np.array([pulsation**2 * inertia, 2 * pulsation * inertia]))
 

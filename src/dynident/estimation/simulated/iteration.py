@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +17,9 @@ from dynident.estimation.simulated.closed_loop import ClosedLoop, closed_loop, p
 from dynident.estimation.simulated.course import LoopOptions
 from dynident.estimation.simulated.instruments import Instruments, instruments
 from dynident.model.reduction import least_squares
+
+#: Changes from round to round that fall by less than to this share will not come to an end in time.
+SETTLING = 0.95
 
 #: Change of a parameter, as a share of its natural size, that rounding and the integration leave.
 ROUNDING = 1e-7
@@ -144,7 +148,7 @@ def fixed_point(
         beta = found.beta
         done = change <= tolerance and is_own
     if not done:
-        _refuse(solver, trace, tolerance)
+        _refuse(loop, solver, trace, tolerance)
     news = {
         "iterations": len(trace.changes),
         "simulations": len(trace.changes) * len(loop.courses),
@@ -156,14 +160,30 @@ def fixed_point(
     return found, news
 
 
-def _refuse(solver: str, trace: _Trace, tolerance: float) -> None:
+def _refuse(loop: ClosedLoop, solver: str, trace: _Trace, tolerance: float) -> None:
     if trace.replaced[-1]:
         evidence = "the mass matrix of its parameters is not positive definite along the motion"
-        step = "filter the log, state commanded positions and gains, or use --estimator consistent"
-        raise SolverFailed(solver, evidence, step)
+        stated = "check kp, kd and q_ref" if loop.options.kp is not None else "state commanded positions and gains"
+        raise SolverFailed(solver, evidence, f"filter the log, {stated}, or use --estimator consistent")
     evidence = f"after {len(trace.changes)} rounds a parameter still moves by {trace.changes[-1]:.3g} of its deviation"
-    step = f"give more iterations, or a tolerance above {tolerance:g}"
-    raise SolverFailed(solver, evidence, step)
+    raise SolverFailed(solver, evidence, after_changes(trace.changes, tolerance))
+
+
+def after_changes(changes: Sequence[float], tolerance: float) -> str:
+    """Return what to do after changes that did not fall below the tolerance: as many more as they need, or other data.
+
+    Args:
+        changes: Of each round, in standard deviations.
+        tolerance: That ends the iteration.
+    """
+    last = list(changes[-3:])
+    pace = (last[-1] / last[0]) ** (1.0 / (len(last) - 1)) if len(last) > 1 else 0.0
+    if pace >= SETTLING:
+        told = ", ".join(f"{change:.3g}" for change in last)
+        better = "check kp, kd and q_ref, filter the log at a lower frequency, or use --estimator wls"
+        return f"its changes do not fall ({told}), so that more iterations are of no use: {better}"
+    count = f" (about {len(changes) + math.ceil(math.log(tolerance / last[-1], pace))})" if pace * tolerance > 0 else ""
+    return f"give more iterations{count}, or a tolerance above {tolerance:g}"
 
 
 def least_squares_round(simulated: Problem, beta: Array) -> Round:

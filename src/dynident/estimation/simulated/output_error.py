@@ -15,7 +15,7 @@ from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.residuals.row_passes import Segment
 from dynident.estimation.residuals.stretches import stretches_of
 from dynident.estimation.simulated.closed_loop import ClosedLoop
-from dynident.estimation.simulated.iteration import largest_change
+from dynident.estimation.simulated.iteration import after_changes, largest_change
 from dynident.estimation.simulated.sensitivities import sensitivities
 from dynident.estimation.uncertainty.bands import bands_of
 from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, uncertainty_of
@@ -164,7 +164,7 @@ def output_error(loop: ClosedLoop, start: Array, of: str, iterations: int, toler
             sure = task.uncertainty(rows, weights, fit)
             return Fit(beta, weights, sure.covariance, sure.degrees, news)
     evidence = f"after {iterations} steps a parameter still moves by {changes[-1]:.3g} of its deviation"
-    raise SolverFailed(solver, evidence, f"give more iterations, or a tolerance above {tolerance:g}")
+    raise SolverFailed(solver, evidence, after_changes(changes, tolerance))
 
 
 def _step(loop: ClosedLoop, beta: Array, reduced: Reduced, fit: LeastSquares) -> tuple[Array, bool]:

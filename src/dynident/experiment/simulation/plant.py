@@ -200,12 +200,13 @@ class Plant:
         return out, int(cut)
 
 
-def plant(model: DynamicModel, theta: npt.ArrayLike) -> Plant:
+def plant(model: DynamicModel, theta: npt.ArrayLike, is_moved: bool = True) -> Plant:
     """Return the plant of a model.
 
     Args:
         model: Robot and friction.
         theta: All its parameters, shape (p,).
+        is_moved: Whether it is to be integrated. For masses and gravity alone friction of any kind is left out.
 
     Raises:
         BadOption: theta of another length or not finite, or a friction part that cannot be simulated.
@@ -223,7 +224,11 @@ def plant(model: DynamicModel, theta: npt.ArrayLike) -> Plant:
     for part in model.friction:
         block = coefficients[:, at : at + len(part.coefficients)]
         at += len(part.coefficients)
-        if isinstance(part, Coulomb):
+        if isinstance(part, RotorInertia):
+            rotor = block[:, 0]
+        elif not is_moved:
+            continue
+        elif isinstance(part, Coulomb):
             if part.width == 0 and np.any(block):
                 step = "a sharp sign cannot be integrated; simulate with a width, such as 0.01 rad/s"
                 raise BadOption("width", part.width, step)
@@ -233,8 +238,6 @@ def plant(model: DynamicModel, theta: npt.ArrayLike) -> Plant:
             friction[:, 1] = block[:, 0]
         elif isinstance(part, Offset):
             friction[:, 2] = block[:, 0]
-        elif isinstance(part, RotorInertia):
-            rotor = block[:, 0]
         else:
             step = "the virtual robot simulates coulomb, viscous, offset and rotor_inertia"
             raise BadOption("friction", type(part).__name__, step)
