@@ -30,6 +30,7 @@ _KEYS = (
     "benchmark", "title", "source", "robots", "friction", "motion", "truth", "cell", "duration_s", "rates_hz",
     "noise", "draws", "guess", "seed", "preparations", "methods", "quick",
 )  # fmt: skip
+_NOISE = ("name", "position", "torque", "set")
 _QUICK = ("draws", "rates_hz", "noise", "methods")
 
 
@@ -282,7 +283,7 @@ def _friction(top: Section) -> tuple[Any, ...]:
 
 def _changed(setup: CellSetup, level: NoiseLevel, top: Section) -> CellSetup:
     """Return a cell in a condition; a fault of its settings stands where they stand in the file."""
-    names = [item.get("name") for item in top.value("noise") if isinstance(item, dict)]
+    names = [each.text("name") for each in top.sections("noise", _NOISE)]
     place = top.place(f"noise.{names.index(level.name) + 1}" + (".set" if level.settings else ""))
     try:
         return guarded(place, lambda: level.cell(setup))
@@ -301,7 +302,7 @@ def _noise(section: Section, top: Section) -> tuple[NoiseLevel, ...]:
             each.at_least_zero("torque"),
             tuple(texts(each, "set")),
         )
-        for each in top.sections("noise", ("name", "position", "torque", "set"))
+        for each in top.sections("noise", _NOISE)
     )
     if section is top:
         return levels
