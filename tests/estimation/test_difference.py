@@ -102,6 +102,7 @@ def test_the_command_prints_tables_json_and_a_page(
     assert page.count("<svg") == 2
     assert main(["diff", "monday.json", "<b>friday.json", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
+    assert page.count('class="sum"') == len(data["parameters"]) > 2  # combinations as mathematics
     assert [each["name"] for each in data["estimates"]] == ["monday", "<b>friday"]
     assert data["torques"][1]["rms_gap"][1] > 1.0 and data["why_no_torques"] is None
     assert main(["diff", "monday.json"]) == 1

@@ -57,6 +57,16 @@ def test_bodies_that_cannot_be_are_named_and_needles_do_not_shrink_the_picture()
     check_labels(scene_chart("View", scene))
 
 
+def test_a_body_larger_than_the_robot_is_a_line_and_does_not_fill_the_picture() -> None:
+    robot = arm()
+    small = Inertia.from_centre_of_mass(2.0, [0.0, 0.0, 0.1], np.diag([0.01, 0.01, 0.01]))
+    vast = Inertia.from_centre_of_mass(0.01, [0.0, 0.0, 0.0], np.diag([5.0, 5.0, 5.0]))
+    scene = mass_scene(robot, np.zeros(3), [("identified", [small, vast, None])])
+    filled = [p for p in named(parsed(scene_chart("View", scene)), "path") if p.get("fill-opacity") == "0.14"]
+    assert [body.vast for body in scene.bodies] == [False, True] and len(filled) == 1
+    assert [body["vast"] for body in json.loads(scene_text(scene))["bodies"]] == [False, True]
+
+
 def test_the_section_shows_what_was_identified_beside_what_was_described() -> None:
     estimate, _ = subject_of(samples=300)
     found = MassDistribution().context(Subject(estimate))

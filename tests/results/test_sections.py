@@ -354,6 +354,48 @@ def test_provenance_in_words(subject: Subject) -> None:
     ]
     assert groups["Origin"] == [("versions numpy", "2.4.6"), ("case", "a.yaml")]
     assert found["command"] == ["dynident identify"]
+    both = context("provenance", replace(subject, estimate=estimate, command="dynident report a.json"))
+    assert both["command"] == ["dynident identify", "dynident report a.json"]
+
+
+def test_a_chosen_cut_off_stands_with_what_was_found_and_not_in_the_provenance(subject: Subject) -> None:
+    first = subject.estimate.base.names[0]
+    row = {"held_out_error": 0.012345, "largest_change": 0.5, "parameter": first}
+    found = {
+        "cutoff_choice": {"reason": "8 Hz, the middle of 4 to 16 Hz"},
+        "cutoff_sensitivity": {
+            "cutoff_hz": 8.0,
+            "folds": 5,
+            "table": [
+                {**row, "cutoff_hz": 4.0},
+                {**row, "cutoff_hz": 8.0},
+                {**row, "cutoff_hz": 16.0, "parameter": "x"},
+            ],
+        },
+    }
+    given = replace(subject, estimate=replace(subject.estimate, extras=found))
+    said = context("choices", given)
+    assert said["reason"] == "8 Hz, the middle of 4 to 16 Hz" and said["tables"] == ()
+    rows = said["cutoff"].rows
+    assert [row[0] for row in rows] == ["4", "8", "16"] and {row[1] for row in rows} == {"1.23"}
+    assert "<var>" in rows[0][2] and rows[1][2:] == ("the fit's own", "–") and rows[2][2:] == ("x", "0.50")
+    assert "What the method reports" not in dict(context("provenance", given)["groups"])
+
+
+def test_what_a_solver_leaves_of_a_zero_is_shown_as_zero(case: tuple[Estimate, Validation]) -> None:
+    """Interior points stop at about 1e-8 of what they find; a centre of mass is small beside the body, too."""
+    theta = np.array(case[0].theta)
+    inertia = Inertia.from_centre_of_mass(
+        4.0, [2e-9, -3e-9, 0.0], [[0.05, 1e-10, 0], [1e-10, 0.06, 2e-4], [0, 2e-4, 0.02]]
+    )
+    theta[:10] = inertia.vector
+    first = context("bodies", Subject(replace(case[0], theta=theta), (case[1],)))
+    said = {
+        c.heading: cell.text.strip()
+        for c, cell in zip(first["bodies"].columns, first["bodies"].rows[0][1], strict=True)
+    }
+    assert [said[name] for name in ("centre x", "y", "z", "Ixy", "Ixz")] == ["0"] * 5
+    assert float(said["Iyz"]) == 2e-4 and float(said["Ixx"]) == 0.05
 
 
 def test_a_sliding_robot_has_its_own_units() -> None:

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dynident.results.text import MISSING, Column, Table, format_number, format_percent, format_value, label
+from dynident.results.text import (
+    MISSING,
+    Column,
+    Table,
+    format_given,
+    format_number,
+    format_percent,
+    format_value,
+    label,
+)
 
 
 def choice_tables(extras: Mapping[str, Any]) -> tuple[tuple[str, Table], ...]:
@@ -22,6 +31,29 @@ def choice_tables(extras: Mapping[str, Any]) -> tuple[tuple[str, Table], ...]:
     if extras.get("gain_deviations"):
         tables.append(("Drive gains that are known to a deviation", _gains(extras["gain_deviations"])))
     return tuple(tables)
+
+
+def cutoff_table(extras: Mapping[str, Any]) -> Table | None:
+    """Return how the estimate depends on the cut-off of its filter; None where that was not tried."""
+    found = extras.get("cutoff_sensitivity")
+    if not found:
+        return None
+    columns = (
+        Column("cut-off", "Hz", numeric=True),
+        Column("held-out error", "%", numeric=True),
+        Column("moves most"),
+        Column("by", "std", numeric=True),
+    )
+    rows = []
+    for row in found["table"]:
+        own = row["cutoff_hz"] == found["cutoff_hz"]
+        moved = (
+            ("the fit's own", MISSING) if own else (label(row["parameter"]), format_number(row["largest_change"], 2))
+        )
+        error = format_number(100.0 * row["held_out_error"], 3)
+        rows.append((format_given(row["cutoff_hz"]), error, *moved))
+    note = f"Errors are those of {found['folds']} blocks of the training data, each held out once."
+    return Table(columns, tuple(rows), note)
 
 
 def _gains(stated: Mapping[str, Any]) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from os import PathLike
 
 import numpy as np
@@ -12,6 +13,7 @@ from dynident.files import write_atomically
 from dynident.results.figures import line_chart
 from dynident.results.figures.friction import speed_grid
 from dynident.results.report.builder import Part, build_page
+from dynident.results.report.combinations import combination
 from dynident.results.report.sections.base import drawn
 from dynident.results.report.sections.friction import friction_torque, standard_parameters
 from dynident.results.text import (
@@ -128,7 +130,7 @@ def write_difference_page(path: str | PathLike[str], difference: Difference) -> 
     """
     context = {
         "estimates": estimates_table(difference),
-        "parameters": parameters_beside(difference),
+        "parameters": _as_mathematics(parameters_beside(difference), difference),
         "torques": torques_table(difference),
         "verdicts": verdicts(difference),
         "friction": _friction(difference),
@@ -136,6 +138,14 @@ def write_difference_page(path: str | PathLike[str], difference: Difference) -> 
     robot = difference.estimates[0].model.robot.name
     parts = [Part("difference", "Side by side", "difference.html", context)]
     write_atomically(path, build_page("Estimates", robot, [label(name) for name in difference.names], parts))
+
+
+def _as_mathematics(table: Table, difference: Difference) -> Table:
+    """Return the table of shared base parameters with their combinations as mathematics in place of plain names."""
+    bases = [each.base for each in difference.estimates]
+    found = {name: (base, row) for base in bases for row, name in enumerate(base.names)}
+    rows = zip(table.rows, difference.shared, strict=True)
+    return replace(table, rows=tuple((combination(*found[each.name]), *row[1:]) for row, each in rows))
 
 
 def _friction(difference: Difference) -> list[str]:

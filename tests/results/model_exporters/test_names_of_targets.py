@@ -38,6 +38,32 @@ def test_a_base_called_world_has_another_name_in_sdf(on_world: Estimate, tmp_pat
     assert "::base" in (tmp_path / "arm.dmd.yaml").read_text()
 
 
+def test_a_base_with_the_name_of_a_joint_has_another_in_sdf(
+    planar_2r: Robot, exact_log: Callable[..., Log], tmp_path: Path
+) -> None:
+    """The base of a DH table is called base, and so may its first joint; in SDF both are frames of one room."""
+    joints = (replace(planar_2r.joints[0], name="base"), *planar_2r.joints[1:])
+    robot = replace(planar_2r, base="base", joints=joints)
+    estimate = estimate_of(robot, lambda *a, **k: replace(exact_log(*a, **k), joints=robot.joint_names), exact=True)
+    found = export_model(estimate, "sdf", tmp_path / "arm.sdf")
+    model = ElementTree.parse(tmp_path / "arm.sdf").getroot().find("model")
+    assert model is not None
+    names = [element.get("name") for element in model]
+    assert len(set(names)) == len(names) and names[0] == "base_2"
+    assert [joint.get("name") for joint in model.iter("joint")] == list(robot.joint_names)
+    assert any("'base' is 'base_2' here: in SDF no link has the name of a joint" in note for note in found.notes)
+    export_model(estimate, "drake", tmp_path / "arm.dmd.yaml")
+    assert "::base_2" in (tmp_path / "arm.dmd.yaml").read_text()
+
+
+def test_a_link_with_the_name_of_a_joint_is_refused_by_sdf(on_world: Estimate, tmp_path: Path) -> None:
+    robot = on_world.model.robot
+    links = (replace(robot.links[0], name=robot.joint_names[1]), *robot.links[1:])
+    estimate = replace(on_world, model=replace(on_world.model, robot=replace(robot, links=links)))
+    with pytest.raises(BadOption, match="a link and a joint have this name"):
+        export_model(estimate, "sdf", tmp_path / "arm.sdf")
+
+
 @pytest.mark.parametrize("name", ["world", "__root__", "a::b"])
 def test_other_names_that_sdf_keeps_are_refused(
     planar_2r: Robot, exact_log: Callable[..., Log], tmp_path: Path, name: str

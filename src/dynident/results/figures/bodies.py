@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,7 @@ class Body:
         spread: Squared half axes of the solid ellipsoid of even density with the same mass and inertia, as a matrix in
             the base frame, shape (3, 3), in m^2.
         kind: Which of the kinds of a scene it belongs to.
+        vast: Whether the ellipsoid is larger than the whole robot: what the data do not pin down, drawn as a line only.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Body:
     centre: Array
     spread: Array
     kind: int
+    vast: bool = False
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,8 @@ def mass_scene(robot: Robot, q: Array, sets: Sequence[tuple[str, Sequence[Inerti
             centre = places[0, k] + turn @ inertia.centre_of_mass
             bodies.append(Body(label(link.name), float(inertia.mass), centre, turn @ spread @ turn.T, kind))
     bones = tool_path(robot, np.asarray(q, dtype=float)[None, :]).bones
+    reach = float(np.ptp(bones.reshape(-1, 3), axis=0).max())
+    bodies = [replace(each, vast=bool(2.0 * np.sqrt(np.linalg.norm(each.spread, 2)) > reach)) for each in bodies]
     return Scene(tuple(name for name, _ in sets), bones, tuple(bodies), tuple(left_out))
 
 
@@ -157,6 +161,7 @@ def scene_text(scene: Scene) -> str:
             "kind": body.kind,
             "centre": _short(body.centre),
             "spread": [_short(row) for row in body.spread],
+            "vast": body.vast,
         }
         for body in scene.bodies
     ]
@@ -186,7 +191,7 @@ def _ellipsoid(view: View, body: Body) -> str:
     data = svg.track(x + outline[0], y + outline[1]) + "z"
     colour = _colour(body.kind)
     edge = svg.stroke(data, colour, 1.4, dashed=body.kind > 0)
-    return (svg.filled(data, colour, 0.14) if body.kind == 0 else "") + edge
+    return (svg.filled(data, colour, 0.14) if body.kind == 0 and not body.vast else "") + edge
 
 
 def _cut(view: View, top: float, body: str) -> str:

@@ -87,7 +87,7 @@ class Subject:
         tests: Comparisons with logs that the fit did not see.
         comparison: Other estimators beside it.
         trajectories: Reference motions by name: logs with time, q and, where known, dq.
-        command: The command line that repeats the report; empty to take that of the estimate's provenance.
+        command: The command line of the report; it stands below that of the estimate, which its provenance has.
         sources: Files of the tests; those of the fit are in the estimate's provenance.
         plan: The motion that was designed, with its check; None for none.
         log_quality: What the doctor found in the logs of the fit, as plain data; empty for what the provenance has.

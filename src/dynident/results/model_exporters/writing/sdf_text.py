@@ -34,7 +34,7 @@ def sdf_text(subject: Identified, drives: Drives) -> bytes:
     robot = subject.model.robot
     names = checked_names("link", [base_name(robot), *(link.name for link in robot.links)])
     joints = checked_names("joint", [joint.name for joint in robot.joints])
-    checked_names("name", [*names, *joints])  # links and joints are frames of one room
+    _check_apart(names, joints)
     checked_names("robot", [robot.name])
     _check_sdf([robot.name, *names, *joints])
     lines = [
@@ -58,20 +58,30 @@ def sdf_text(subject: Identified, drives: Drives) -> bytes:
 
 
 def base_name(robot: Robot) -> str:
-    """Return what the base link is called in SDF, where ``world``, a usual name in URDF, is not free."""
-    if not _is_reserved(robot.base):
+    """Return what the base link is called in SDF, where ``world`` and the names of joints are not free."""
+    joints = {joint.name for joint in robot.joints}
+    if not _is_reserved(robot.base) and robot.base not in joints:
         return robot.base
-    return unused_name("base", {*(link.name for link in robot.links), *(joint.name for joint in robot.joints)})
+    return unused_name("base", {*(link.name for link in robot.links), *joints})
 
 
 def base_note(subject: Identified) -> list[str]:
     """Return what is to be said where the base link has another name in SDF."""
     own, name = subject.model.robot.base, base_name(subject.model.robot)
-    return [] if name == own else [f"the base link '{own}' is '{name}' here: SDF keeps that name for itself"]
+    why = "SDF keeps that name for itself" if _is_reserved(own) else "in SDF no link has the name of a joint"
+    return [] if name == own else [f"the base link '{own}' is '{name}' here: {why}"]
 
 
 def _is_reserved(name: str) -> bool:
     return name == "world" or "::" in name or (len(name) > 3 and name.startswith("__") and name.endswith("__"))
+
+
+def _check_apart(links: Sequence[str], joints: Sequence[str]) -> None:
+    """Refuse a link and a joint of one name: both are frames of one room."""
+    for name in links:
+        if name in joints:
+            step = "a link and a joint have this name, which SDF does not allow; rename one in the robot description"
+            raise BadOption("link", name, step)
 
 
 def _check_sdf(names: Sequence[str]) -> None:

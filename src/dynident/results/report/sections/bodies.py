@@ -20,7 +20,9 @@ from dynident.results.text import Column, format_number, format_value, label, li
 SIGNS = {IDENTIFIED: "●", ONLY_COMBINED: "◐", FROM_PRIOR: "○"}
 
 _RANK = list(SIGNS)
-_ROUNDING = 1e-9
+
+#: Of the largest number of its kind: solvers of the conditions find zeros to about a hundred-millionth.
+_ROUNDING = 1e-6
 _CENTRE = ((6, 9), (7, 9), (8, 9))  # of TEN, what the centre of mass is made of
 _INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
@@ -83,7 +85,8 @@ def _bodies(names: Sequence[str], theta: Array, verdicts: Sequence[Sequence[str]
         inertia = Inertia.from_vector(row)
         about = inertia.about_centre
         products = [about[i, j] for i, j in _INERTIA]
-        values.append([inertia.mass, *_rounded(inertia.centre_of_mass), *_rounded(np.array(products))])
+        size = np.sqrt(max(np.trace(about), 0.0) / inertia.mass) if inertia.mass > 0 else 0.0
+        values.append([inertia.mass, *_rounded(inertia.centre_of_mass, size), *_rounded(np.array(products))])
         whole = _worst(verdict)
         centre = [_worst([verdict[k] for k in parts]) for parts in _CENTRE]
         worst.append([verdict[9], *centre, *[whole] * len(_INERTIA)])
@@ -97,7 +100,9 @@ def _ten(
 ) -> JudgedTable:
     """Return the ten of each link, with their deviations where they are known."""
     columns = tuple(Column(symbol, pretty_unit(unit)) for symbol, unit in zip(TEN, TEN_UNITS, strict=True))
-    whole = [np.concatenate([_rounded(row[:6]), _rounded(row[6:9]), row[9:]]) for row in theta]
+    sizes = [np.sqrt(max(row[9] * np.sum(row[[0, 3, 5]]), 0.0)) for row in theta]
+    moments = zip(theta, sizes, strict=True)
+    whole = [np.concatenate([_rounded(row[:6]), _rounded(row[6:9], size), row[9:]]) for row, size in moments]
     table = _judged(names, np.array(whole), verdicts, [""] * len(names))
     if deviations is not None:
         table = _with_deviations(table, np.array(whole), deviations[: theta.size].reshape(theta.shape))
@@ -121,9 +126,9 @@ def _with_deviations(
     )
 
 
-def _rounded(values: Array) -> Array:
-    """Return values of one kind and link with zeros for what is only rounding beside the largest."""
-    return np.where(np.abs(values) < _ROUNDING * np.max(np.abs(values)), 0.0, values)
+def _rounded(values: Array, size: float = 0.0) -> Array:
+    """Return values of one kind and link with zeros for what is only rounding beside the largest, or beside a size."""
+    return np.where(np.abs(values) < _ROUNDING * max(np.max(np.abs(values)), size), 0.0, values)
 
 
 def _worst(verdicts: Sequence[str]) -> str:

@@ -15,8 +15,12 @@ from dynident.results.text import format_number, label, plain_value
 #: Lists longer than this are counted, not written out.
 _LONG = 12
 
-#: Shown elsewhere: the files with the data, findings on them, the command above the facts, the trace as a figure.
-_ELSEWHERE = ("logs", "log_quality", "command", "trace")
+#: Shown elsewhere: the files with the data, findings on them, the command above the facts, the trace as a figure, and
+#: what was found from the logs.
+_ELSEWHERE = (
+    "logs", "log_quality", "command", "trace",
+    "cutoff_choice", "cutoff_sensitivity", "delays", "friction_choice", "non_linear", "gain_deviations",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -38,9 +42,16 @@ class Provenance(Section):
             ),
             ("Origin", list(_entries(estimate.provenance))),
         ]
-        command = subject.command or estimate.provenance.get("command") or ""
-        shown = command if isinstance(command, str) else " ".join(str(part) for part in command)
-        return {"groups": [group for group in groups if group[1]], "command": shown.splitlines()}
+        commands = [_command(each) for each in (estimate.provenance.get("command"), subject.command)]
+        lines = [line for command in dict.fromkeys(commands) for line in command.splitlines()]
+        return {"groups": [group for group in groups if group[1]], "command": lines}
+
+
+def _command(stated: object) -> str:
+    """Return a command line, which stands in an estimate as text or as its parts."""
+    if isinstance(stated, list | tuple):
+        return " ".join(str(part) for part in stated)
+    return str(stated or "")
 
 
 def _entries(facts: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:

@@ -118,13 +118,13 @@
     }
 
     // The outline of a projected ellipsoid: half axes and direction are those of its projected 2 x 2 matrix.
-    ellipsoid({ spread, kind }, [x, y], right, up, dot) {
+    ellipsoid({ spread, kind, vast }, [x, y], right, up, dot) {
       const through = (p, q) => this.zoom ** 2 * dot(p, spread.map((row) => dot(row, q)));
       const [xx, xy, yy] = [through(right, right), -through(right, up), through(up, up)];
       const mean = (xx + yy) / 2, away = Math.hypot((xx - yy) / 2, xy), turn = Math.atan2(2 * xy, xx - yy) / 2;
       const shape = { cx: x, cy: y, rx: Math.sqrt(Math.max(0, mean + away)), ry: Math.sqrt(Math.max(0, mean - away)),
         transform: `rotate(${turn / DEGREE} ${x} ${y})` };
-      if (kind === 0) make(this.svg, "ellipse", { class: "d1", "fill-opacity": 0.14, ...shape });
+      if (kind === 0 && !vast) make(this.svg, "ellipse", { class: "d1", "fill-opacity": 0.14, ...shape });
       const line = kind ? { "stroke-dasharray": "5 3" } : {};
       make(this.svg, "ellipse", { class: `c${kind + 1}`, fill: "none", "stroke-width": 1.5, ...line, ...shape });
       make(this.svg, "circle", { class: `d${kind + 1}`, r: 4, cx: x, cy: y });
