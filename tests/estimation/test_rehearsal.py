@@ -12,6 +12,7 @@ from dynident.estimation.selftest.rehearsal import Plan, Tolerance, rehearse
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.butterworth import Butterworth
 from dynident.experiment.simulation.cell import Cell
+from dynident.experiment.simulation.controllers import CONTROLLERS
 from dynident.experiment.simulation.effects import Effort, Encoder, Payload, Recorder, Tilt
 from dynident.experiment.trajectories.rest_fourier import RestFourier
 from dynident.model.descriptions import read_robot
@@ -130,6 +131,18 @@ def test_a_log_that_tells_nothing_fails_with_its_reason(model: DynamicModel, pla
         rehearse(model, described_truth(model), replace(plan, repeats=0), WLS(), Tolerance())
     with pytest.raises(BadOption, match="tolerance"):
         Tolerance(0.0)
+
+
+def test_a_joint_that_sticks_is_named_with_what_helps(model: DynamicModel, plan: Plan) -> None:
+    theta, last = described_truth(model), model.robot.joint_names[-1]
+    sticks = [p.symbol == "Fc" and p.owner == last for p in model.parameters]
+    theta = np.where(sticks, 0.7 * model.robot.active[-1].limits.effort, theta)
+    found = rehearse(model, theta, plan, WLS(), Tolerance(), shares=(1.0,))
+    assert list(found.facts["left_behind"]) == [last]
+    (said,) = [line for line in verdict(found) if "not on the commanded motion" in line]
+    assert last in said and "controller.feedforward=model" in said
+    helped = replace(plan, cell=replace(plan.cell, controller=CONTROLLERS.make("pd", feedforward="model")))
+    assert not rehearse(model, theta, helped, WLS(), Tolerance(), shares=(1.0,)).facts["left_behind"]
 
 
 def test_payload_and_tilt_of_the_cell_are_part_of_the_truth(model: DynamicModel, plan: Plan) -> None:

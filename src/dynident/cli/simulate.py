@@ -124,6 +124,7 @@ def _facts(options: argparse.Namespace, setup: CellSetup, model: DynamicModel, f
         "cell": setup.cell.data(),
         "saturated": found.saturated,
         "tracking_error": dict(zip(robot.joint_names, found.tracking_error().tolist(), strict=True)),
+        "left_behind": dict(found.left_behind()),
     }
 
 
@@ -150,6 +151,7 @@ def _show(found: CellRun, model: DynamicModel, target: str, truths: tuple[str, .
 
     from dynident.cli import console
     from dynident.experiment.simulation.truth import without_friction
+    from dynident.results.rehearsal_view import left_behind
     from dynident.results.text import Column, Table, format_number, label, pretty_unit
 
     robot, log = model.robot, found.log
@@ -173,6 +175,8 @@ def _show(found: CellRun, model: DynamicModel, target: str, truths: tuple[str, .
         Column("unit"),
     )
     console.answer_table(Table(columns, tuple(rows)))
+    if found.left_behind():
+        console.remark(left_behind(found.left_behind()), quiet)
     nothing = without_friction(model, found.theta)
     if nothing:
         known = "give them with --set truth.friction.SYMBOL=VALUE"

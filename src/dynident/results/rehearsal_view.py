@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -116,10 +117,21 @@ def _chance_of(stage: Stage) -> float:
     return sum(math.comb(count, k) * LEVEL**k * (1 - LEVEL) ** (count - k) for k in range(hold + 1))
 
 
+def left_behind(shares: Mapping[str, float]) -> str:
+    """Return which joints of a virtual cell do not follow the motion, and what helps."""
+    joints = ", ".join(f"{label(joint)} ({format_percent(share, sign=False)} %)" for joint, share in shares.items())
+    return (
+        f"not on the commanded motion (position error as a share of it): {joints}; the controller of the cell is too "
+        "soft for the friction there: --set controller.feedforward=model, or a higher controller.bandwidth_hz"
+    )
+
+
 def verdict(rehearsal: Rehearsal) -> list[str]:
     """Return whether the plan passes, what is beyond the tolerance, and what would help."""
     complaints = rehearsal.complaints(rehearsal.planned)
     lines = []
+    if rehearsal.facts.get("left_behind"):
+        lines.append(left_behind(rehearsal.facts["left_behind"]))
     if _chance_of(rehearsal.stages[-1]) < UNLIKELY:
         held, length = format_percent(rehearsal.stages[-1].inside), rehearsal.stages[-1].seconds
         lines.append(

@@ -283,7 +283,8 @@ def rehearse(
         progress(f"{log.duration:.3g} s of motion")
         stages.append(_stage(share, log, known, plan.preprocessing, estimator, constraints))
     judged = tuple(_judged(stage, model, run, states, noise) for stage in stages)
-    return Rehearsal(model, base.names, base.units, weights, judged, tolerance, {"saturated_torques": run.saturated})
+    facts = {"saturated_torques": run.saturated, "left_behind": dict(run.left_behind())}
+    return Rehearsal(model, base.names, base.units, weights, judged, tolerance, facts)
 
 
 def _stage(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Literal
 
@@ -78,6 +79,10 @@ class Cell:
         return tuple(name for name in names if getattr(self, name) != getattr(usual, name))
 
 
+#: Share of a joint's motion that its position error exceeds where the joint does not follow.
+FOLLOWS = 0.25
+
+
 @dataclass(frozen=True)
 class CellRun:
     """What a virtual cell recorded, and what was true at the same moments.
@@ -107,3 +112,9 @@ class CellRun:
     def tracking_error(self) -> Array:
         """Return the root mean square of the true position error of each joint, shape (n,), in rad or m."""
         return np.sqrt(np.mean((np.asarray(self.log.q_ref) - np.asarray(self.truth.q)) ** 2, axis=0))
+
+    def left_behind(self) -> Mapping[str, float]:
+        """Return the joints that do not follow the motion, with their position error as a share of it, both rms."""
+        moved = np.std(np.asarray(self.log.q_ref), axis=0)
+        pairs = zip(self.log.joints, self.tracking_error(), moved, strict=True)
+        return {joint: float(error / size) for joint, error, size in pairs if size > 0 and error > FOLLOWS * size}
