@@ -11,6 +11,7 @@ from typing import Any
 from dynident.errors import BadOption, FileError, LogFormatError, MissingDependency
 from dynident.experiment.formats._arrays import checked_file
 from dynident.experiment.formats._bag_decoding import Decoder
+from dynident.experiment.formats._bag_definitions import check_arrays, check_texts
 from dynident.experiment.formats._bag_messages import Numbers
 from dynident.experiment.formats._mcap_salvage import Channel, is_cut, salvaged
 from dynident.files import unreadable
@@ -60,6 +61,11 @@ class BagSource:
         if self.cut:
             return {channel.topic: channel.msgtype for channel, _, _ in salvaged(self.place)}
         try:
+            reader = self._reader()
+            for part in reader.readers:
+                with part:
+                    definitions = [connection.msgdef for connection in part.connections]
+                    check_texts(self.path, ((one.data, one.format.name == "IDL") for one in definitions))
             with self._reader() as reader:
                 return {connection.topic: connection.msgtype for connection in reader.connections}
         except Exception as error:
@@ -79,6 +85,7 @@ class BagSource:
     def _read(self, topics: Collection[str]) -> Iterator[tuple[str, int, Numbers]]:
         with self._reader() as reader:
             chosen = [connection for connection in reader.connections if connection.topic in topics]
+            check_arrays(self.path, reader.typestore.fielddefs, (connection.msgtype for connection in chosen))
             decode = Decoder(reader.deserialize)
             for connection, received, data in reader.messages(chosen) if chosen else ():
                 yield connection.topic, received, decode(data, connection.topic, connection.msgtype)
@@ -91,7 +98,9 @@ class BagSource:
             if channel.topic not in topics:
                 continue
             if channel not in known:
+                check_texts(self.path, [(channel.definition, channel.encoding != "ros2msg")])
                 store.register(_types(channel))
+                check_arrays(self.path, store.fielddefs, (channel.msgtype,))
                 known.add(channel)
             yield channel.topic, received, decode(data, channel.topic, channel.msgtype)
 
