@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import random
 import sys
+import time
 import warnings
 from pathlib import Path
 from typing import Any
@@ -13,12 +15,12 @@ from fuzz.targets import TARGETS
 from fuzz.trial import Trials
 
 
-def main(name: str, runs: int, seed: int, first: int, guided: bool, kept: Path, folder: Path) -> None:
-    """Execute ``runs`` inputs, from number ``first``; number and seed decide what input it is."""
+def main(name: str, runs: int, first: int, seconds: float, way: str, kept: Path, folder: Path) -> None:
+    """Execute ``runs`` inputs behind the first ``first`` for some seconds, or the kept input that ``way`` names."""
     target = TARGETS[name]
     warnings.simplefilter("ignore")
     atheris: Any = None
-    if guided:
+    if way == "guided":
         import atheris  # type: ignore[no-redef,import-not-found]
 
         with atheris.instrument_imports(include=list(target.instrument)):
@@ -30,14 +32,12 @@ def main(name: str, runs: int, seed: int, first: int, guided: bool, kept: Path, 
         target.read(sound)  # has to succeed, and loads what reading needs
     trials = Trials(target, folder, kept)
     trials.limit_memory()
-    if guided:
-        _guided(atheris, trials, name, seeds, runs, seed, kept)
-        return
-    for number in range(first, runs):
-        draw = random.Random(f"{name} {seed} {number}")
-        (kept / "number").write_text(str(number))
-        trials.run(mutated(target.kind, draw.choice(seeds), draw.choice(seeds), draw, target.words))
-    trials.save()
+    if way == "guided":
+        _guided(atheris, trials, name, seeds, runs, first, seconds, kept)
+    elif way == "plain":
+        _plain(trials, name, seeds, runs, first, seconds, folder)
+    else:
+        sys.exit(trials.judge((kept / way).read_bytes())[1] or 0)
 
 
 def _load(packages: tuple[str, ...]) -> None:
@@ -50,26 +50,60 @@ def _load(packages: tuple[str, ...]) -> None:
             importlib.import_module(f"{package}.{one.name}")
 
 
-def _guided(atheris: Any, trials: Trials, name: str, seeds: list[bytes], runs: int, seed: int, kept: Path) -> None:
+def _plain(trials: Trials, name: str, seeds: list[bytes], runs: int, first: int, seconds: float, folder: Path) -> None:
+    """Execute inputs that follow from their number alone."""
+    target = TARGETS[name]
+    ended = time.monotonic() + seconds
+    number = os.open(folder / "number", os.O_WRONLY | os.O_CREAT)
+    for k in range(first, first + runs):
+        draw = random.Random(f"{name} {k}")
+        os.pwrite(number, b"%20d" % k, 0)
+        trials.run(mutated(target.kind, draw.choice(seeds), draw.choice(seeds), draw, target.words))
+        if time.monotonic() > ended:
+            break
+    trials.save()
+
+
+def _guided(
+    atheris: Any,
+    trials: Trials,
+    name: str,
+    seeds: list[bytes],
+    runs: int,
+    first: int,
+    seconds: float,
+    kept: Path,
+) -> None:
+    """Execute inputs that are changes of those that reached new branches; these are kept for the next time."""
     target = TARGETS[name]
     corpus = kept / "corpus"
     corpus.mkdir(exist_ok=True)
     for k, content in enumerate(seeds):
         (corpus / f"sound{k}").write_bytes(content)
+    changed = False
 
     def change(data: bytes, most: int, number: int) -> bytes:
+        nonlocal changed
+        changed = True
         draw = random.Random(number)
-        if draw.random() < 0.3:
+        way = draw.random()
+        if way < 0.2:
             return atheris.Mutate(data, most)
-        return mutated(target.kind, data, draw.choice(seeds), draw, target.words)[:most]
+        start = data if way < 0.6 else draw.choice(seeds)  # sound files lead behind the first check that refuses
+        return mutated(target.kind, start, draw.choice(seeds), draw, target.words)[:most]
 
     def one(data: bytes) -> None:
+        if not changed:  # the corpus, which was counted when it was found
+            trials.judge(data)
+            return
         trials.run(data)
         if sum(trials.score.values()) >= runs:
             trials.save()
+            os._exit(0)
 
-    options = [f"-runs={runs}", f"-seed={seed or 1}", "-max_len=1048576", "-rss_limit_mb=0", "-timeout=60"]
-    options += ["-print_final_stats=1", f"-artifact_prefix={kept}/", "-verbosity=1", "-handle_int=0"]
+    most = max(8192, 2 * max(map(len, seeds)))
+    options = [f"-max_total_time={max(1, int(seconds))}", f"-seed={first + 1}", f"-max_len={most}", "-len_control=0"]
+    options += ["-rss_limit_mb=0", "-timeout=600", f"-artifact_prefix={kept}/", "-verbosity=1", "-handle_int=0"]
     atheris.Setup([sys.argv[0], *options, str(corpus)], one, custom_mutator=change)
     try:
         atheris.Fuzz()
@@ -79,4 +113,4 @@ def _guided(atheris: Any, trials: Trials, name: str, seeds: list[bytes], runs: i
 
 if __name__ == "__main__":
     words = sys.argv[1:]
-    main(words[0], int(words[1]), int(words[2]), int(words[3]), words[4] == "guided", Path(words[5]), Path(words[6]))
+    main(words[0], int(words[1]), int(words[2]), float(words[3]), words[4], Path(words[5]), Path(words[6]))

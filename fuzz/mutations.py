@@ -78,15 +78,22 @@ def _bytes(data: bytes, other: bytes, draw: random.Random, words: Sequence[str])
 
 
 def _words(data: bytes, other: bytes, draw: random.Random, words: Sequence[str]) -> bytes:
-    found = list(_TOKEN.finditer(data))
-    if not found:
+    one = _token(data, draw)
+    if one is None:
         return _bytes(data, other, draw, words)
-    one = draw.choice(found)
     if draw.random() < 0.4:
         new = draw.choice((*_NUMBERS, *words)).encode("utf-8", "surrogatepass")
     else:
-        new = draw.choice(found).group()
+        new = (_token(data, draw) or one).group()
     return data[: one.start()] + new + data[one.end() :]
+
+
+def _token(data: bytes, draw: random.Random) -> re.Match[bytes] | None:
+    """Return the word, number or sign at a random place, or the first."""
+    start = draw.randrange(len(data) or 1)
+    while start and (data[start - 1 : start].isalnum() or data[start - 1 : start] in (b".", b"_")):
+        start -= 1
+    return _TOKEN.search(data, start) or _TOKEN.search(data)
 
 
 def _lines(data: bytes, other: bytes, draw: random.Random, words: Sequence[str]) -> bytes:

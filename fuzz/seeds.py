@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -15,7 +16,7 @@ from dynident.experiment.log import Log
 from dynident.model.robot import Robot
 
 JOINTS = ("shoulder", "elbow")
-ROWS = 24
+ROWS = 10
 
 URDF = """<?xml version="1.0"?>
 <robot name="arm">
@@ -227,8 +228,13 @@ def mcap(folder: Path) -> list[Path]:
 
 
 def db3(folder: Path) -> list[Path]:
-    """Write a bag of ROS 2 in SQLite."""
-    return [_bag2(folder, "SQLITE3", False)]
+    """Write a bag of ROS 2 in SQLite, in small pages."""
+    import sqlite3
+
+    path = _bag2(folder, "SQLITE3", False)
+    with contextlib.closing(sqlite3.connect(path)) as base:
+        base.executescript("PRAGMA page_size = 512; VACUUM;")
+    return [path]
 
 
 def plan(folder: Path) -> list[Path]:
@@ -257,17 +263,20 @@ def plan(folder: Path) -> list[Path]:
 
 
 def _cell(folder: Path) -> tuple[Any, Path]:
+    """Return the case of the first joint alone: its files are the smallest."""
     from dynident.experiment.case_file.case import read_case
     from dynident.experiment.formats import write_log
 
-    _robot(folder)
+    before, _, _ = URDF.partition('  <link name="lower">')
+    after = URDF[URDF.index('  <joint name="shoulder"') : URDF.index('  <joint name="elbow"')]
+    (folder / "one.urdf").write_text(f"{before}{after}</robot>")
     log = _log(400, 100.0)
-    noise = np.random.default_rng(0).normal(0, 0.1, log.q.shape)
+    noise = np.random.default_rng(0).normal(0, 0.1, (400, 1))
     assert log.torque is not None
-    write_log(Log(JOINTS, log.time, log.q, torque=log.torque + noise), folder / "run.npz")
-    how = "preprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 25}"
-    names = "log: {columns: {q: [q1, q2], torque: [tau1, tau2]}}"
-    (folder / "case.yaml").write_text(f"case: 1\nrobot: arm.urdf\n{names}\n{how}\n")
+    write_log(Log(JOINTS[:1], log.time, log.q[:, :1], torque=log.torque[:, :1] + noise), folder / "run.npz")
+    how = "friction: [viscous]\npreprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 25}"
+    names = "log: {columns: {q: [q1], torque: [tau1]}}"
+    (folder / "case.yaml").write_text(f"case: 1\nrobot: one.urdf\n{names}\n{how}\n")
     return read_case(folder / "case.yaml"), folder / "run.npz"
 
 

@@ -19,8 +19,10 @@ from typing import Any
 from dynident.errors import DynidentError
 from fuzz.targets import Target
 
-#: Longest time of one execution in s, and memory in bytes that reading may add to that of the process.
-LONGEST, MEMORY = 10.0, 1 << 30
+#: Longest time of one execution in s of the processor, longest wait in s, memory in bytes that reading may add.
+LONGEST, WAIT, MEMORY = 10.0, 60.0, 1 << 30
+
+_OUTCOMES = ("taken", "refused", "crash", "hang", "memory", "escape")
 
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 _FORBIDDEN = (
@@ -47,22 +49,24 @@ class Trials:
 
     Args:
         target: The reader.
-        folder: Folder of this process; a reader may write nowhere else.
+        folder: Folder of this process; a reader may write nowhere else. The input under test lies there.
         kept: Folder of inputs that found a fault, and of the score.
     """
 
     def __init__(self, target: Target, folder: Path, kept: Path) -> None:
         self._target, self._kept = target, kept
         self._file = folder / f"input{target.suffix}"
+        self._name = str(self._file)
         cache = os.environ.get("NUMBA_CACHE_DIR", "")
         self._own = tuple(f"{os.path.realpath(place)}{os.sep}" for place in (folder, cache) if str(place))
         self._watch = False
         self.score: Counter[str] = Counter()
         self.faults: dict[str, str] = {}
-        self._began, self._slowest, self._said = time.monotonic(), 0.0, 0.0
+        self._began, self._slowest, self._said = time.process_time(), 0.0, 0.0
         sys.dont_write_bytecode = True
         sys.addaudithook(self._audit)
         signal.signal(signal.SIGALRM, self._late)
+        signal.signal(signal.SIGPROF, self._late)
 
     def limit_memory(self) -> None:
         """Cap the address space from here on; to be called after a first reading has loaded what it needs."""
@@ -71,39 +75,43 @@ class Trials:
         resource.setrlimit(resource.RLIMIT_AS, (now + MEMORY, now + MEMORY))
 
     def run(self, content: bytes) -> None:
-        """Execute one input."""
-        self._file.write_bytes(content)
-        begun = time.monotonic()
-        outcome, place = "taken", ""
-        try:
-            with self._watched():
-                self._target.read(self._file)
-        except DynidentError as error:
-            text = str(error)
-            outcome = "refused" if text.strip() else "crash"
-            place = place if text.strip() else "an error without words"
-        except Hang:
-            outcome, place = "hang", _place()
-        except MemoryError:
-            outcome, place = "memory", _place()
-        except Escape as error:
-            outcome, place = "escape", str(error)
-        except Exception:
-            outcome, place = "crash", _place()
-        self._slowest = max(self._slowest, time.monotonic() - begun)
+        """Execute one input and count it."""
+        outcome, place = self.judge(content)
         self.score[outcome] += 1
         if place:
             self._keep(outcome, place, content)
-        if begun - self._said > 2:
+        if time.monotonic() - self._said > 2:
             self.save()
 
+    def judge(self, content: bytes) -> tuple[str, str]:
+        """Execute one input, uncounted, and return the outcome and, where it is a fault, what and where."""
+        with open(self._name, "wb") as stream:
+            stream.write(content)
+        begun = time.process_time()
+        try:
+            with self._watched():
+                self._target.read(self._file)
+            return "taken", ""
+        except DynidentError as error:
+            return ("refused", "") if str(error).strip() else ("crash", "an error without words")
+        except Hang:
+            return "hang", _place()
+        except MemoryError:
+            return "memory", _place()
+        except Escape as error:
+            return "escape", str(error)
+        except Exception:
+            return "crash", _place()
+        finally:
+            self._slowest = max(self._slowest, time.process_time() - begun)
+
     def save(self) -> None:
-        """Write the score."""
+        """Write the score; seconds are those of the processor."""
         self._said = time.monotonic()
         facts: dict[str, Any] = {
             "executions": sum(self.score.values()),
-            **{name: self.score[name] for name in ("taken", "refused", "crash", "hang", "memory", "escape")},
-            "seconds": round(self._said - self._began, 1),
+            **{name: self.score[name] for name in _OUTCOMES},
+            "seconds": round(time.process_time() - self._began, 1),
             "slowest_s": round(self._slowest, 3),
             "faults": self.faults,
         }
@@ -123,10 +131,12 @@ class Trials:
     @contextmanager
     def _watched(self) -> Iterator[None]:
         self._watch = True
-        signal.setitimer(signal.ITIMER_REAL, LONGEST)
+        signal.setitimer(signal.ITIMER_PROF, LONGEST)
+        signal.setitimer(signal.ITIMER_REAL, WAIT)
         try:
             yield
         finally:
+            signal.setitimer(signal.ITIMER_PROF, 0)
             signal.setitimer(signal.ITIMER_REAL, 0)
             self._watch = False
 
