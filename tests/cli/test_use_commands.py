@@ -93,7 +93,8 @@ def test_payload_states_mass_and_what_the_arm_cannot_tell(cell: Path, capsys: py
 
 def test_monitor_finds_the_contact_and_nothing_else(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["monitor", "estimate.json", "clean.csv", "--rate", "0.1", "--quiet"]) == 0
-    assert "thresholds from 1 clean logs" in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert "thresholds from 1 clean log of" in shown and "median threshold" in shown and "Thresholds follow" in shown
     assert main(["monitor", "estimate.json", "contact.csv", "--clean", "train.csv", "clean.csv", "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
     assert set(found) == documented("monitor")

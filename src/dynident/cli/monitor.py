@@ -109,7 +109,7 @@ def _watch(monitor: Monitor, as_json: bool) -> int:
     if as_json:
         console.answer_line({"samples": samples, "seconds": last - first, "alarms": alarms})
     else:
-        console.answer(f"{alarms} alarms in {samples} samples, {last - first:.4g} s")
+        console.answer(f"{alarms} alarm{'' if alarms == 1 else 's'} in {samples} samples, {last - first:.4g} s")
     return 1 if alarms else 0
 
 
@@ -150,10 +150,10 @@ def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) ->
 
     robot = monitor.observer.model.robot
     seconds = monitor.tails[0].seconds
-    console.answer(
-        f"thresholds from {len(clean)} clean logs of {seconds:.4g} s, observer {monitor.observer.gain:g} 1/s"
-    )
-    columns = ("threshold", "largest", "of threshold", "false alarms/h", "alarms")
+    logs = f"{len(clean)} clean log{'' if len(clean) == 1 else 's'}"
+    console.answer(f"thresholds from {logs} of {seconds:.4g} s, observer {monitor.observer.gain:g} 1/s")
+    columns = ("median threshold", "largest", "of threshold", "false alarms/h", "alarms")
+    note = "Thresholds follow the state; 'of threshold' is the largest share of them that was reached at any moment."
     for one in found:
         rows = []
         for j, (name, unit) in enumerate(zip(robot.joint_names, robot.units, strict=True)):
@@ -166,6 +166,7 @@ def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) ->
         heads = (Column("joint"), *(Column(text, numeric=True) for text in columns), Column("unit"))
         console.answer(f"\n{label(one.log)}: {one.seconds:.4g} s\n")
         console.answer_table(Table(heads, tuple(rows)))
+        console.answer(note)
         for alarm in one.alarms:
             times = f"{alarm.start:.4f} to {alarm.end:.4f} s"
             sizes = f"{alarm.peak:.4g} against {alarm.threshold:.4g}"

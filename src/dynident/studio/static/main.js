@@ -17,7 +17,7 @@ const built = {};
 let current = "";
 
 function enter() {
-  const wanted = location.hash.slice(1);
+  const wanted = location.hash.replace(/^#\/?/, ""); // with a slash: a stage, no place on the page that a skip link goes to
   const key = STAGES[wanted] ? wanted : "robot";
   if (current) built[current].leave();
   if (current && current !== key) built[current].place.hidden = true;
@@ -30,7 +30,7 @@ function enter() {
   }
   built[key].place.hidden = false;
   for (const link of document.querySelectorAll("#stages a")) {
-    if (link.hash === `#${key}`) {
+    if (link.hash === `#/${key}`) {
       link.setAttribute("aria-current", "page");
       link.scrollIntoView({ block: "nearest", inline: "nearest" }); // on a phone the stages are a row that scrolls
     } else link.removeAttribute("aria-current");
@@ -47,7 +47,7 @@ function enter() {
 
 async function begin() {
   if (location.search) history.replaceState(null, "", `/${location.hash}`); // the token leaves the address bar
-  const list = Object.entries(STAGES).map(([key, stage]) => el("li", {}, el("a", { href: `#${key}` }, stage.title)));
+  const list = Object.entries(STAGES).map(([key, stage]) => el("li", {}, el("a", { href: `#/${key}` }, stage.title)));
   fill(document.getElementById("stages"), el("ol", {}, list));
   await guarded(document.getElementById("stage"), async () => {
     const [choices] = await Promise.all([get("choices"), refresh()]);

@@ -16,7 +16,7 @@ export function build() {
     case: choice.value, estimator: estimator.value, friction: picked(friction), cutoff: cutoff.value, quick: quick.checked,
   }), (done, place) => {
     choose({ estimate: done.outputs[0] });
-    place.append(el("p", { class: "actions" }, el("a", { class: "go", href: "#results" }, "See the result")), answerText(done.answer));
+    place.append(el("p", { class: "actions" }, el("a", { class: "go", href: "#/results" }, "See the result")), answerText(done.answer));
   });
   return {
     whole: [
