@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.offset import Offset
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robot import Robot
+from dynident.model.robot import Robot, rotation_about
 
 Capture = pytest.CaptureFixture[str]
 
@@ -270,6 +271,25 @@ def test_inspect(capsys: Capture) -> None:
     assert data["joints"][0]["lower"] is None and data["impossible_links"] == {}
     assert answered_json(capsys, "inspect", "case.yaml")["robot"] == "planar-2r"
     assert answered_json(capsys, "inspect", "generic-7r", "--friction")["inertial_base_parameters"] == 43
+
+
+def test_inspect_tells_what_hardly_shows(planar_2r: Robot, tmp_path: Path, capsys: Capture) -> None:
+    """An axis 1e-4 rad off the other: first moments along it appear, and are told apart from the rest."""
+    turn = rotation_about(np.array([1.0, 0.0, 0.0]), 1e-4)
+    robot = replace(planar_2r, joints=(planar_2r.joints[0], replace(planar_2r.joints[1], rotation=turn)))
+    (tmp_path / "off.json").write_text(json.dumps(robot_to_dict(robot)))
+    out = answered(capsys, "inspect", str(tmp_path / "off.json"), "--friction")
+    data = answered_json(capsys, "inspect", str(tmp_path / "off.json"), "--friction")
+    weak = data["weakly_identifiable"]
+    assert len(weak) == len(data["base_parameters"]) - 6 > 0 and {entry["name"] for entry in weak} < set(
+        data["base_parameters"]
+    )
+    assert all(1e-5 < entry["share"] < 1e-3 for entry in weak) and 0 < data["neglected_share"] < 1e-5
+    assert "hardly identifiable: axes are nearly, but not exactly, parallel" in out
+    assert all(entry["name"] in out.split("hardly identifiable")[1] for entry in weak)
+    assert "taken for rounding: combinations that move the torque by a share of" in out
+    clear = answered_json(capsys, "inspect", "arm.json", "--friction")
+    assert clear["weakly_identifiable"] == [] and clear["neglected_share"] == 0
 
 
 def test_list(capsys: Capture) -> None:

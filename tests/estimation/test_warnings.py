@@ -58,6 +58,16 @@ def test_positions_beyond_the_limits() -> None:
     assert any("limits" in text and "check units" in text for text in found), found
 
 
+def test_what_the_robot_itself_hides() -> None:
+    """A base that is 1e-4 rad off the vertical: first moments of the first link hang on that alone."""
+    model, log = recorded()
+    tilted = replace(model, robot=model.robot.with_gravity([0.0, 9.81e-4, -9.81]))
+    estimate = identify(tilted, [log], preprocessing=HOW)
+    (found,) = warnings_of(estimate)
+    assert found.startswith(f"{len(estimate.base.weak)} of {estimate.base.count} base parameters hardly show")
+    assert estimate.base.names[estimate.base.weak[0]] in found
+
+
 @pytest.mark.parametrize(("number", "count"), [(999.0, 0), (1001.0, 1)])
 def test_a_poor_condition_number(number: float, count: int) -> None:
     model, log = recorded()

@@ -108,9 +108,15 @@ def _run_robot(options: argparse.Namespace) -> int:
         return 0
     _show(case.robot, base, inertial)
     if exact is not None:
-        agrees = "as many as the rank of the regressor" if exact == base.count else "NOT the rank of the regressor"
-        console.answer(f"\nexact count by the geometry of the joints: {exact}, {agrees}")
+        console.answer(f"\nexact count by the geometry of the joints: {exact}, {_agreement(base, exact)}")
     return 0
+
+
+def _agreement(base: BaseParameters, exact: int) -> str:
+    if exact == base.count:
+        return "as many as the rank of the regressor"
+    near = len(base.weak) or base.neglected > 0
+    return "which draws the line elsewhere among those that hardly show" if near else "NOT the rank of the regressor"
 
 
 def _exact_count(model: DynamicModel) -> int | None:
@@ -152,6 +158,8 @@ def _data(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> dict[
         ],
         "base_parameters": list(base.names),
         "inertial_base_parameters": inertial.count,
+        "weakly_identifiable": [{"name": base.names[k], "share": float(base.shares[k])} for k in base.weak],
+        "neglected_share": base.neglected,
     }
 
 
@@ -187,3 +195,23 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
         console.answer("\nnot identifiable at all, whatever the motion:")
         for owner, symbols in lost.items():
             console.answer(f"  {label(owner)}: {' '.join(symbols)}")
+    _show_weak(base)
+
+
+def _show_weak(base: BaseParameters) -> None:
+    from dynident.cli import console
+    from dynident.results.text import Column, Table, label
+
+    if len(base.weak):
+        console.answer(
+            "\nhardly identifiable: axes are nearly, but not exactly, parallel, intersecting or vertical, or friction\n"
+            "parts say nearly the same. Of what its kind moves each has only this share beside the others; torques\n"
+            "come out right, these values hardly:"
+        )
+        columns = (Column("#", numeric=True), Column("base parameter"), Column("share", numeric=True))
+        rows = tuple((str(k + 1), label(base.names[k]), f"{base.shares[k]:.1e}") for k in base.weak)
+        console.answer_table(Table(columns, rows))
+    if base.neglected > 0:
+        console.answer(
+            f"\ntaken for rounding: combinations that move the torque by a share of {base.neglected:.1e} or less"
+        )

@@ -53,6 +53,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     if estimate.condition_number > POOR_CONDITION:
         size = f"{estimate.condition_number:.3g}"
         found.append(f"condition number {size}: the motion says little about single parameters; excite all joints")
+    found += _weak(estimate)
     if test is not None:
         found += _torques(test)
         if test.departure is not None and estimate.envelope is not None and test.departure.leaves():
@@ -67,6 +68,19 @@ def _gaps(estimate: Estimate) -> list[str]:
         for log in estimate.provenance.get("logs", ())
         for step in log.get("steps", ())
         if "near gaps in time" in step
+    ]
+
+
+def _weak(estimate: Estimate) -> list[str]:
+    """Name what the robot itself hides, whatever the motion."""
+    base = estimate.base
+    if not len(base.weak):
+        return []
+    most = ", ".join(base.names[k] for k in base.weak[:3]) + (", ..." if len(base.weak) > 3 else "")
+    return [
+        f"{len(base.weak)} of {base.count} base parameters hardly show in any motion, as axes are nearly, but not "
+        "exactly, parallel, intersecting or vertical, or friction parts say nearly the same: take the torques, not the "
+        f"values of {most} (all: dynident inspect)"
     ]
 
 

@@ -4,6 +4,10 @@ Numeric method of Gautier 1991: the columns of Y on random states are reduced to
 those chosen before it is expressed by them. The order in which columns are offered decides only the names, and follows
 the grouping rules of Khalil and Dombre 2002, section 9.4: the second moment across the axis, the first moment along
 it and the mass go into the links before.
+
+Axes that are a little off, as a calibration finds them, leave singular values of every size. The rank is then the
+number above one line, and columns are exchanged until none of those left out is a large multiple of those kept (Gu and
+Eisenstat 1996, strong rank-revealing QR); what lies near the line is told by ``shares`` and ``neglected``.
 """
 
 from __future__ import annotations
@@ -14,7 +18,6 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.errors import SolverFailed
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.parameters import Parameter
@@ -23,6 +26,16 @@ from dynident.model.reduction import triangle_of
 #: A column is dependent when what remains of it is below this share of its norm. Descriptions with angles like 1.5708
 #: tilt axes by 4e-6 rad; what that lets through is no information, while true columns keep a tenth and more.
 TOLERANCE = 1e-5
+
+#: A base parameter is weak where the others leave less than this share of it: a log tells it only where the torque is
+#: known better than to about this share. Arms with exact axes keep a hundredth and more.
+WEAK = 1e-3
+
+#: Singular values below this share of the largest are rounding of double precision.
+_EXACT = 1e-12
+
+#: Columns are exchanged until none is more than this multiple of a kept one, norms being equal.
+_MULTIPLE = 100.0
 
 #: A column this much smaller than the largest of its kind is zero but for such rounding. Kinds are second moments,
 #: first moments, masses, each coefficient of the drives: against another unit small arms lose columns that count.
@@ -46,12 +59,18 @@ class BaseParameters:
         independent: Positions in theta of the columns that are kept, ascending, shape (b,).
         matrix: K, shape (b, p); identity on the kept columns.
         matters: Which entries of K are more than rounding, and stand in names and verdicts, shape (b, p).
+        shares: Norm on random states of what no combination of the others gives of each kept column, as a share of the
+            largest column of its kind (second moments, first moments, masses, one coefficient of the drives), (b,).
+        neglected: The largest singular value that was taken for rounding, as a share of the largest of all; 0 where
+            nothing was left out but rounding of double precision.
     """
 
     parameters: tuple[Parameter, ...]
     independent: IntArray
     matrix: Array
     matters: BoolArray
+    shares: Array
+    neglected: float = 0.0
 
     @property
     def count(self) -> int:
@@ -77,6 +96,12 @@ class BaseParameters:
             IDENTIFIABLE if alone[:, k].any() else COMBINED if used[:, k].any() else NOT_IDENTIFIABLE
             for k in range(len(self.parameters))
         )
+
+    @property
+    def weak(self) -> IntArray:
+        """Base parameters that a log will hardly tell from the others, the weakest first: shares below 1e-3."""
+        order = np.argsort(self.shares, kind="stable")
+        return order[self.shares[order] < WEAK].astype(np.int64)
 
     def from_standard(self, theta: Array) -> Array:
         """Return beta = K theta, shape (b,)."""
@@ -107,27 +132,28 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
         model: Robot, drives and friction.
         inertial_only: Leave out friction, offset and rotor inertia: the count the literature states for an arm.
         seed: Seed of the random states.
-
-    Raises:
-        SolverFailed: The rank is not clear on the random states (a gap of less than a thousand in singular values).
     """
     samples = max(40, 4 * len(model.parameters) // max(model.robot.dof, 1))
     regressor = _balanced(model, model.random_motion(samples, seed))
     size = model.inertial_count if inertial_only else regressor.shape[-1]
     triangle = triangle_of(regressor[..., :size].reshape(-1, size))
     norms = np.linalg.norm(triangle, axis=0)
-    live = _live(model, norms)
+    sizes = _sizes(model, norms)
+    live = sizes > ZERO
     scaled = np.where(live, triangle / np.where(live, norms, 1.0), 0.0)
-    rank = _rank(scaled[:, live])
+    rank, after = _rank(scaled[:, live])
+    neglected = max(after, sizes[~live].max(initial=0.0))
     order = [k for k in _preference(model, size) if live[k]]
-    chosen = np.array(sorted(_independent(scaled, order, rank)), dtype=np.int64)
+    chosen = _independent(scaled, order, rank)
     matrix = np.zeros((rank, size))
     matrix[:, live] = _express(scaled[:, chosen], scaled[:, live]) / norms[chosen, None] * norms[live]
     largest = norms[chosen, None] * np.abs(matrix) / np.where(live, norms, np.inf)
     matrix[largest < 1e-13] = 0.0
     matrix[:, chosen] = np.eye(rank)
     matrix.setflags(write=False)
-    return BaseParameters(model.parameters[:size], chosen, matrix, (largest >= 1e-7) & (matrix != 0))
+    shares = sizes[chosen] * _remainders(scaled[:, chosen])
+    matters = (largest >= 1e-7) & (matrix != 0)
+    return BaseParameters(model.parameters[:size], chosen, matrix, matters, shares, float(neglected))
 
 
 def _balanced(model: DynamicModel, motion: Motion) -> Array:
@@ -140,10 +166,10 @@ def _balanced(model: DynamicModel, motion: Motion) -> Array:
     length, gravity = _length(model), float(np.linalg.norm(model.robot.gravity))
     arm = np.array([1.0 if joint.kind == "revolute" else length for joint in model.robot.active])
     motion = replace(motion, q=motion.q * arm)
-    regressor = model.regressor(motion)
+    regressor = model.regressor(motion, once=True)
     if gravity > 0:
         still = np.zeros_like(motion.q)
-        rest = model.regressor(replace(motion, dq=still, ddq=still))
+        rest = model.regressor(replace(motion, dq=still, ddq=still), once=True)
         regressor = regressor - (1.0 - length * _ACCELERATION / gravity) * rest
     return regressor * arm[:, None]
 
@@ -154,53 +180,70 @@ def _length(model: DynamicModel) -> float:
     return float(distances[distances > _POINT].mean()) if np.any(distances > _POINT) else 1.0
 
 
-def _live(model: DynamicModel, norms: Array) -> BoolArray:
-    """Return which columns are not zero, by their norms (p,)."""
+def _sizes(model: DynamicModel, norms: Array) -> Array:
+    """Return each column's norm (p,) as a share of the largest of its kind; 0 for rounding of double precision."""
     length, links = _length(model), model.inertial_count // 10
     drive, column = (np.asarray(each) for each in model.terms)
     slides = np.array([joint.kind != "revolute" for joint in model.robot.active])
     drives = 3 + 2 * column + slides[drive]  # forces and torques apart, each coefficient by itself
     kinds = np.concatenate([np.tile([0] * 6 + [1] * 3 + [2], links), drives])[: len(norms)]
     unit = norms / np.array([1.0, length, length**2, 1.0])[np.minimum(kinds, 3)]  # as if the arm were of unit size
-    floor = 1e-12 * unit.max(initial=0.0)  # a kind of which nothing counts
-    return np.array([x > max(floor, ZERO * unit[kinds == k].max()) for x, k in zip(unit, kinds, strict=True)])
+    floor = _EXACT * unit.max(initial=0.0)  # a kind of which nothing counts
+    largest = np.array([unit[kinds == k].max() for k in kinds])
+    return np.where(unit > np.maximum(floor, _EXACT * largest), unit / np.where(largest > 0, largest, 1.0), 0.0)
 
 
-def _rank(scaled: Array) -> int:
+def _rank(scaled: Array) -> tuple[int, float]:
+    """Return how many singular values count, and the largest of the others as a share of the largest."""
     values = np.linalg.svd(scaled, compute_uv=False)
-    rank = int(np.sum(values > TOLERANCE * values[0]))
-    after = values[rank] if rank < len(values) else 0.0
-    if after * 1e3 > values[rank - 1]:
-        raise SolverFailed(
-            "the base parameter count",
-            f"singular values {values[rank - 1]:.2g} and {after:.2g} leave the rank open",
-            "check the robot description for nearly, but not exactly, parallel or intersecting axes, and for friction "
-            "parts that say nearly the same, such as asymmetric beside offset",
-        )
-    return rank
+    shares = values / values[0]
+    rank = int(np.sum(shares > TOLERANCE))
+    after = float(shares[rank]) if rank < len(shares) else 0.0
+    return rank, after if after > _EXACT else 0.0
 
 
-def _independent(scaled: Array, order: list[int], rank: int) -> list[int]:
-    """Return the first ``rank`` columns in ``order`` that do not depend on those before (Gram-Schmidt, twice)."""
-    basis = np.zeros((len(scaled), 0))
-    chosen: list[int] = []
+def _independent(scaled: Array, order: list[int], rank: int) -> IntArray:
+    """Return ``rank`` columns that give the others, ascending: the first in ``order`` that depend on no earlier one.
+
+    Where singular values leave no gap, that alone may take too few or nearly dependent ones. Then those of which most
+    is left follow, and columns change places until no multiple is large: each exchange makes the volume of the kept
+    ones larger by that multiple, so that it ends.
+    """
+    chosen, rest = _first_independent(scaled, order, rank)
+    while len(chosen) < rank:
+        chosen.append(max((k for k in order if k not in chosen), key=lambda k: float(np.linalg.norm(rest[:, k]))))
+        rest = _less(rest, rest[:, chosen[-1]])
+    while True:
+        others = [k for k in order if k not in chosen]
+        multiples = np.abs(_express(scaled[:, chosen], scaled[:, others]))
+        if multiples.max(initial=0.0) <= _MULTIPLE:
+            return np.array(sorted(chosen), dtype=np.int64)
+        leaves, enters = np.unravel_index(np.argmax(multiples), multiples.shape)
+        chosen[leaves] = others[enters]
+
+
+def _first_independent(scaled: Array, order: list[int], rank: int) -> tuple[list[int], Array]:
+    """Return up to ``rank`` columns in ``order`` that do not depend on those before, and what they leave of all."""
+    rest, chosen = scaled, list[int]()
     for k in order:
-        if len(chosen) == rank:
-            break
-        rest = scaled[:, k].copy()
-        for _ in range(2):
-            rest -= basis @ (basis.T @ rest)
-        size = float(np.linalg.norm(rest))
-        if size > TOLERANCE:
+        if len(chosen) < rank and np.linalg.norm(rest[:, k]) > TOLERANCE:
             chosen.append(k)
-            basis = np.column_stack([basis, rest / size])
-    if len(chosen) != rank:
-        raise SolverFailed(
-            "the base parameter choice",
-            f"{len(chosen)} columns where the singular values say {rank}",
-            "check the robot description for nearly, but not exactly, parallel or intersecting axes",
-        )
-    return chosen
+            rest = _less(rest, rest[:, k])
+    return chosen, rest
+
+
+def _less(columns: Array, direction: Array) -> Array:
+    """Return columns less what lies along a direction (Gram-Schmidt, twice)."""
+    unit = direction / np.linalg.norm(direction)
+    for _ in range(2):
+        columns = columns - np.outer(unit, unit @ columns)
+    return columns
+
+
+def _remainders(kept: Array) -> Array:
+    """Return the norm of what all other columns leave of each, shape (b,), from columns of norm 1."""
+    inverse = np.linalg.inv(np.linalg.qr(kept, mode="r"))
+    return 1.0 / np.linalg.norm(inverse, axis=1)
 
 
 def _express(basis: Array, columns: Array) -> Array:

@@ -14,7 +14,6 @@ from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.estimation.uncertainty.coloured import Uncertainty, spectral_uncertainty
 from dynident.estimation.uncertainty.covariance import residual_factors, sandwich
-from dynident.model.base_parameters import BaseParameters
 from dynident.model.reduction import Triangle
 
 
@@ -152,7 +151,13 @@ def restricted(problem: Problem, keep: BoolArray) -> Problem:
         keep: Which base parameters stay, shape (b,).
     """
     base = problem.base
-    fewer = BaseParameters(base.parameters, base.independent[keep], base.matrix[keep], base.matters[keep])
+    fewer = replace(
+        base,
+        independent=base.independent[keep],
+        matrix=base.matrix[keep],
+        matters=base.matters[keep],
+        shares=base.shares[keep],
+    )
     place = np.cumsum(keep) - 1
     triangles = []
     for triangle in problem.triangles:

@@ -117,7 +117,7 @@ def make_pool(
     independent = np.concatenate([rigid.independent, np.arange(whole.inertial_count, len(whole.parameters))])
     count = len(independent)
     unused = np.zeros((count, len(whole.parameters)))
-    base = BaseParameters(whole.parameters, independent.astype(np.int64), unused, unused.astype(bool))
+    base = BaseParameters(whole.parameters, independent.astype(np.int64), unused, unused.astype(bool), np.ones(count))
     start = None if load is None else np.append(rigid.from_standard(load), np.zeros(count - rigid.count))
     observer = Observer(whole, base, start)
     products, rows = [], []
