@@ -127,6 +127,29 @@ def test_a_wrong_gravity_is_named_with_the_right_one(trial: Trial, kind: int, tm
     assert "[0, 0, -9.81]" in finding.remedy
 
 
+@pytest.mark.parametrize("at_motors", [False, True])
+def test_a_motor_that_turns_with_another_joint_is_named(case: Case, at_motors: bool, tmp_path: Path) -> None:
+    """The log holds torques of the joints, or those of the motors as if they were the joints'."""
+    matrix = np.eye(3)
+    matrix[2, 1] = -0.8
+    coupled = virtual(replace(case, robot=case.robot.with_drives({}, matrix)), rate=RATE)
+    tau = coupled.columns["tau"]
+    log = replace(coupled.with_columns(tau=tau @ np.linalg.inv(matrix) if at_motors else tau), case=case)
+    (found,) = (one for one in log.examined(tmp_path).findings if one.severity == "error")
+    assert (found.name, found.joint) == ("coupling", ", ".join(case.robot.joint_names[1:]))
+    assert found.numbers["entry 3, 2"] == pytest.approx(-0.8, abs=0.02)
+    assert ("torque: motor" in found.remedy) == at_motors
+
+
+def test_motors_of_a_differential_are_named(case: Case, tmp_path: Path) -> None:
+    matrix = np.eye(3)
+    matrix[1:, 1:] = [[1, 1], [-1, 1]]
+    coupled = virtual(replace(case, robot=case.robot.with_drives({}, matrix)), rate=RATE)
+    tau = coupled.columns["tau"] @ np.linalg.inv(matrix)
+    (found,) = replace(coupled.with_columns(tau=tau), case=case).examined(tmp_path).findings
+    assert found.name == "coupling" and "[0, 1, 1], [0, -1, 1]" in found.remedy
+
+
 @pytest.mark.parametrize("samples", [0.3, 1.2, 3.0, 20.0])
 def test_the_delay_is_right_to_a_tenth_of_a_sample(case: Case, samples: float, tmp_path: Path) -> None:
     found = virtual(case, rate=RATE, delay=samples / RATE).examined(tmp_path).findings
@@ -279,6 +302,17 @@ def test_a_torque_beyond_the_described_limit_is_not_at_it() -> None:
 
 def test_a_joint_that_turns_fast_does_not_wrap(trial: Trial, tmp_path: Path) -> None:
     assert wraps(read_recording(trial.case, str(trial.written(tmp_path))).log, trial.case.robot) == {}
+
+
+def test_a_step_of_friction_at_a_reversal_is_no_spike(trial: Trial, tmp_path: Path) -> None:
+    tau = trial.columns["tau"].copy()
+    row = int(np.argmin(np.abs(np.diff(tau[100:-100, 1])))) + 100
+    size = 0.5 * float(np.ptp(tau[:, 1]))
+    tau[row:, 1] += size * (0.3 + 0.7 * np.exp(-np.arange(len(tau) - row) / 2.0))
+    told = [one.name for one in trial.with_columns(tau=tau).examined(tmp_path).findings]
+    assert "spikes" not in told
+    tau[row + 20, 1] += size
+    assert "spikes" in [one.name for one in trial.with_columns(tau=tau).examined(tmp_path).findings]
 
 
 def test_flat_tops_and_levels() -> None:

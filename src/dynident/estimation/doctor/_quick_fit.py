@@ -34,6 +34,9 @@ CUTOFF_HZ, ROWS_PER_HZ = 5.0, 8.0
 #: Samples a second per Hz of the cut-off before the filter.
 SAMPLES_PER_HZ = 20.0
 
+#: Friction parts that the quick fit has.
+PLAIN = ("coulomb", "viscous", "offset", "rotor_inertia")
+
 #: Passes of weighting.
 PASSES = 6
 

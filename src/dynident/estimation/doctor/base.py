@@ -12,12 +12,14 @@ import numpy as np
 
 from dynident.errors import DynidentError
 from dynident.estimation.doctor._earlier_causes import Known, known_bodies
-from dynident.estimation.doctor._quick_fit import QuickFit, quick_fit
+from dynident.estimation.doctor._quick_fit import PLAIN, QuickFit, quick_fit
 from dynident.estimation.doctor._recording import Recording
 from dynident.estimation.doctor._trend_causes import Trends
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.friction.delay import Delay, find_delays
 from dynident.experiment.case_file.case import Case
+from dynident.model.base_parameters import base_parameters
+from dynident.model.friction import FRICTION
 
 #: A delay counts from this many of its standard deviations on.
 SURE_DELAY = 5.0
@@ -89,8 +91,11 @@ class Subject:
         """The delay of the torque; ``applied`` is 0 where it may well be none."""
         if self.fit is None:
             return None
+        more = [part for part in self.case.friction if FRICTION.name_of(part) not in PLAIN and not part.needs]
+        model = replace(self.fit.model, friction=(*self.fit.model.friction, *more))  # a bend passes for a lead
+        base = base_parameters(model) if more else self.fit.base
         try:
-            (found,), _ = find_delays(self.fit.model, self.fit.base, [self.fit.log], self.fit.how)
+            (found,), _ = find_delays(model, base, [self.fit.log], self.fit.how)
         except DynidentError:
             return None
         sure = abs(found.seconds) > SURE_DELAY * found.deviation

@@ -81,7 +81,8 @@ def _spikes(subject: Subject) -> list[Finding]:
         middle = np.median(np.stack([values[k : len(values) - 4 + k] for k in range(5)]), axis=0)
         away = np.abs(values[2:-2] - middle)
         floor = np.maximum(1.4826 * np.median(away, axis=0), 1e-3 * np.ptp(middle, axis=0))
-        spikes = away > SPIKE * np.maximum(np.maximum(floor, np.quantile(away, 0.99, axis=0) / 4), 1e-12)
+        alone = np.abs(values[4:] - values[:-4]) < 0.5 * away  # a step, as of friction at a reversal, does not return
+        spikes = alone & (away > SPIKE * np.maximum(np.maximum(floor, np.quantile(away, 0.99, axis=0) / 4), 1e-12))
         if spikes.any():
             joints = [name for name, any_ in zip(log.joints, spikes.any(axis=0), strict=True) if any_]
             row = subject.sound.place(int(np.argmax(spikes.any(axis=1))) + 2)

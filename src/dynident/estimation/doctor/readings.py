@@ -1,15 +1,16 @@
-"""Signs, orders and the mounting: the log read in another way, where that explains it far better."""
+"""Signs, orders, couplings and the mounting: the log read in another way, where that explains it far better."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import ClassVar
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
+from dynident.estimation.doctor._couplings import best_coupling
 from dynident.estimation.doctor._quick_fit import QuickFit, Rows, Solved
 from dynident.estimation.doctor._scales import best_scale
 from dynident.estimation.doctor.base import Check, Finding, Subject, listed
@@ -28,7 +29,7 @@ FEEDS, FEEDS_SHARE = -6.0, -0.05
 #: Factor on the torque of one joint from which its unit is in doubt, and signs of other joints with it.
 FAR_SCALE = 3.0
 
-#: What follows from a wrong sign, order or mounting.
+#: What follows from a wrong sign, order, coupling or mounting.
 EXPLAINS = (
     "torque scale",
     "torque unit",
@@ -54,6 +55,7 @@ class Reading:
         gain: By how much the score falls.
         evidence: In words.
         remedy: In words.
+        numbers: Further figures.
     """
 
     name: str
@@ -61,11 +63,12 @@ class Reading:
     gain: float
     evidence: str
     remedy: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Readings(Check):
-    """Sign of a torque or of a position, order of the joints, direction of gravity, degrees taken for radians."""
+    """Sign of a torque or of a position, order and coupling of joints, direction of gravity, degrees for radians."""
 
     stage: ClassVar[int] = 2
 
@@ -86,7 +89,7 @@ class Readings(Check):
             if gain > best.gain and max(factor, 1 / factor) > FAR_SCALE:
                 return []  # one torque of another unit upsets the others: that check tells it
         explains = EXPLAINS
-        numbers = {"gain": best.gain}
+        numbers = {"gain": best.gain, **best.numbers}
         return [Finding("error", best.name, listed(best.joints), best.evidence, best.remedy, numbers, explains)]
 
 
@@ -112,6 +115,8 @@ def _candidates(fit: QuickFit, feeds: BoolArray) -> Iterator[Reading]:
         yield Reading("torque sign", joints, fit.plain.score - solved.score, evidence, remedy)
     yield from _torque_orders(fit)
     yield from _mountings(fit)
+    if not signs.any():
+        yield from _couplings(fit)
     if (fit.relative > POOR).any() or feeds.any():
         yield from _position_readings(fit)
 
@@ -192,6 +197,25 @@ def _explained(fit: QuickFit, solved: Solved, mixing: Array, joints: Sequence[in
     masks = fit.rows.masks
     size = [float(np.std((fit.rows.torque @ mixing[i])[masks[:, i]])) for i in joints]
     return bool((np.sqrt(solved.variances[list(joints)]) < GOOD * np.array(size)).all())
+
+
+def _couplings(fit: QuickFit) -> Iterator[Reading]:
+    found = best_coupling(fit)
+    if found is None or found.gain < GAIN:
+        return
+    names = fit.model.robot.joint_names
+    told = [
+        f"the motor of {names[motor]} turns {value:.4g}{f' (+- {spread:.1g})' * bool(spread)} times {names[joint]}"
+        for motor, joint, value, spread in found.entries
+    ]
+    touched = sorted({place for motor, joint, *_ in found.entries for place in (motor, joint)})
+    left = ", ".join(f"{names[i]} {found.before[i]:.1%} to {found.after[i]:.1%}" for i in touched)
+    evidence = f"{', '.join(told)} as well: the residual falls by {found.gain:.1f} in log variance ({left})"
+    rows = ", ".join(f"[{', '.join(f'{value + 0.0:.4g}' for value in row)}]" for row in found.matrix)
+    side = "; log: side: {torque: motor}, as these are torques of the motors" if found.at_motors else ""
+    remedy = f"state how motors and joints hang together, motor speed = C joint speed (coupling: [{rows}]{side})"
+    numbers = {f"entry {motor + 1}, {joint + 1}": value for motor, joint, value, _ in found.entries}
+    yield Reading("coupling", tuple(names[i] for i in touched), found.gain, evidence, remedy, numbers)
 
 
 def _mountings(fit: QuickFit) -> Iterator[Reading]:

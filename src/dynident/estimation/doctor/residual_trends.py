@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+from dynident.estimation.doctor._quick_fit import PLAIN
 from dynident.estimation.doctor._trend_findings import believable, rival_findings, trend_finding
 from dynident.estimation.doctor.base import Check, Finding, Subject
 from dynident.model.friction import FRICTION
-
-#: Friction parts that the quick fit has; a case with others has chosen its friction already.
-PLAIN = ("coulomb", "viscous", "offset", "rotor_inertia")
 
 
 @dataclass(frozen=True)
@@ -24,6 +22,7 @@ class ResidualTrends(Check):
         trends = subject.trends
         if trends is None:
             return []
+        # a case with friction that the quick fit has not has chosen its friction already
         chosen = subject.case.choose_friction or any(
             FRICTION.name_of(part) not in PLAIN for part in subject.case.friction
         )
