@@ -23,6 +23,13 @@ def test_passes_or_not_by_the_tolerance(capsys: pytest.CaptureFixture[str], tmp_
     assert "not passed:" in capsys.readouterr().out
     assert main(["selftest", "generic-6r", "--plan", str(plan), "--quiet"]) == 1
     assert "design it for this case" in capsys.readouterr().err
+    data = json.loads(plan.read_text())
+    data["trajectory"]["offset"][0] += 10.0
+    plan.write_text(json.dumps(data))
+    assert main(command) == 1
+    assert "the position of shoulder is 1" in (said := capsys.readouterr().err) and "do not drive it" in said
+    assert main(["simulate", "generic-scara", str(plan), "-o", str(tmp_path / "run.csv")]) == 0
+    assert "do not drive this plan: the position of shoulder is 1" in capsys.readouterr().err
 
 
 def test_refuses_what_cannot_be(capsys: pytest.CaptureFixture[str]) -> None:

@@ -104,13 +104,11 @@ def check_kept(view: PlanView, path: str) -> None:
         FileError: A bound is passed.
     """
     from dynident.errors import FileError
-    from dynident.experiment.design.bounds import Label
+    from dynident.experiment.design.plan import breach_of
 
     if not view.check.kept:
-        worst = view.check.worst
-        what = Label(worst.joint, worst.quantity).text
-        evidence = f"the {what} is {worst.value:.5g} {worst.unit} at {worst.time:.4g} s, its bound is {worst.limit:.5g}"
-        raise FileError(path, evidence, "do not drive it; design the motion again with these limits")
+        step = "do not drive it; design the motion again with these limits"
+        raise FileError(path, breach_of(view.check.worst), step)
 
 
 def show_plan(view: PlanView) -> None:

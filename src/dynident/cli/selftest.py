@@ -171,9 +171,9 @@ def _truth(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[A
 
 def _plan(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Plan, dict[str, Any]]:
     """Return what is rehearsed, and its noise with where that comes from."""
-    from dynident.errors import BadOption
+    from dynident.errors import BadOption, FileError
     from dynident.estimation.selftest.rehearsal import Plan
-    from dynident.experiment.design.plan import read_plan
+    from dynident.experiment.design.plan import breach_of, read_plan, worst_breach
 
     given, source = _noise(options, case, setup)
     if options.plan:
@@ -181,6 +181,9 @@ def _plan(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Pl
         if planned.joints != case.robot.joint_names:
             step = f"design it for this case; the robot moves {', '.join(case.robot.joint_names)}"
             raise BadOption("--plan", options.plan, step)
+        if (worst := worst_breach(planned)) is not None:
+            step = "do not drive it; design the motion again with these limits"
+            raise FileError(options.plan, breach_of(worst), step)
     else:
         planned = _designed(options, case, given)
     levels = planned.settings["noise"] if given is None else given.tolist()

@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli.cells import believed_parameters, cell_setup, stated_parameters
     from dynident.errors import BadOption
     from dynident.experiment.case_file.case import read_case
-    from dynident.experiment.design.plan import read_plan
+    from dynident.experiment.design.plan import breach_of, read_plan, worst_breach
     from dynident.experiment.simulation.case_bag import BAGS, write_bag
     from dynident.experiment.simulation.case_log import case_columns, wants_current, write_columns
     from dynident.experiment.simulation.cell_simulation import simulate_cell
@@ -101,6 +101,8 @@ def run(options: argparse.Namespace) -> int:
         console.answer_json(facts)
         return 0
     _show(found, model, str(target), tuple(map(str, truth_files)), options.quiet)
+    if (worst := worst_breach(plan)) is not None:
+        console.remark(f"do not drive this plan: {breach_of(worst)}", options.quiet)
     return 0
 
 
@@ -176,7 +178,7 @@ def _show(found: CellRun, model: DynamicModel, target: str, truths: tuple[str, .
     )
     console.answer_table(Table(columns, tuple(rows)))
     if found.left_behind():
-        console.remark(left_behind(found.left_behind()), quiet)
+        console.remark(left_behind(found.left_behind(), found.saturated), quiet)
     nothing = without_friction(model, found.theta)
     if nothing:
         known = "give them with --set truth.friction.SYMBOL=VALUE"

@@ -117,13 +117,14 @@ def _chance_of(stage: Stage) -> float:
     return sum(math.comb(count, k) * LEVEL**k * (1 - LEVEL) ** (count - k) for k in range(hold + 1))
 
 
-def left_behind(shares: Mapping[str, float]) -> str:
-    """Return which joints of a virtual cell do not follow the motion, and what helps."""
+def left_behind(shares: Mapping[str, float], saturated: int) -> str:
+    """Return which joints of a virtual cell do not follow, and what helps; ``saturated`` torques were cut."""
     joints = ", ".join(f"{label(joint)} ({format_percent(share, sign=False)} %)" for joint, share in shares.items())
-    return (
-        f"not on the commanded motion (position error as a share of it): {joints}; the controller of the cell is too "
-        "soft for the friction there: --set controller.feedforward=model, or a higher controller.bandwidth_hz"
-    )
+    soft = "the controller of the cell is too soft for the friction there"
+    step = f"{soft}: --set controller.feedforward=model, or a higher controller.bandwidth_hz"
+    if saturated:
+        step = f"{saturated} torques were cut at the effort limits: a slower motion, or {step}"
+    return f"not on the commanded motion (position error as a share of it): {joints}; {step}"
 
 
 def verdict(rehearsal: Rehearsal) -> list[str]:
@@ -131,7 +132,8 @@ def verdict(rehearsal: Rehearsal) -> list[str]:
     complaints = rehearsal.complaints(rehearsal.planned)
     lines = []
     if rehearsal.facts.get("left_behind"):
-        lines.append(left_behind(rehearsal.facts["left_behind"]))
+        facts = rehearsal.facts
+        lines.append(left_behind(facts["left_behind"], facts["saturated_torques"]))
     if _chance_of(rehearsal.stages[-1]) < UNLIKELY:
         held, length = format_percent(rehearsal.stages[-1].inside), rehearsal.stages[-1].seconds
         lines.append(

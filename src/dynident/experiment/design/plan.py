@@ -74,16 +74,26 @@ class Plan:
         return RestToRest(self.trajectory, self.run_in, repeats)
 
 
+def worst_breach(plan: Plan) -> LimitRow | None:
+    """Return the bound that a plan passes by most, None where it keeps all; what needs no model is computed again."""
+    broken = [row for row in (*plan.rows, *check_limits(plan.motion(), plan.limits, plan.samples)) if not row.kept]
+    return max(broken, key=lambda row: row.used) if broken else None
+
+
+def breach_of(worst: LimitRow) -> str:
+    """Return a bound that is passed in words."""
+    what = Label(worst.joint, worst.quantity).text
+    return f"the {what} is {worst.value:.5g} {worst.unit} at {worst.time:.4g} s, its bound is {worst.limit:.5g}"
+
+
 def refuse_breach(plan: Plan, path: str | Path) -> None:
     """Refuse a plan that passes a bound; what needs no model is computed again.
 
     Raises:
         FileError: A bound is passed.
     """
-    motion = plan.motion()
-    broken = [row for row in (*plan.rows, *check_limits(motion, plan.limits, plan.samples)) if not row.kept]
-    if broken:
-        worst = max(broken, key=lambda row: row.used)
+    worst = worst_breach(plan)
+    if worst is not None:
         subject = Label(worst.joint, worst.quantity).text
         evidence = (
             f"not written, because the {subject} would be {worst.value:.5g} {worst.unit} at {worst.time:.4g} s, "
