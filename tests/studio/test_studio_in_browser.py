@@ -99,6 +99,7 @@ def test_the_first_view_moves_as_the_robot_does(page: Any, running: Any) -> None
 
 
 def test_hostile_names_are_text_at_every_width(page: Any, running: Any, client: Any, tmp_path: Path) -> None:
+    client.upload("empty.bin", b"")
     robot, log = tmp_path / "arm.urdf", tmp_path / "<img src=x onerror=window.hurt=1>.csv"
     robot.write_text(HOSTILE_URDF, encoding="utf-8")
     log.write_text(HOSTILE_LOG.replace("{long}", "y" * 300), encoding="utf-8")
@@ -120,6 +121,7 @@ def test_hostile_names_are_text_at_every_width(page: Any, running: Any, client: 
     for stage in ("robot", "log", "session"):  # on a phone rows are cards: nothing of them is out of sight
         _go(page, stage)
         assert page.js(cut) == 0, stage
+    assert "empty.binother0 B" in page.js(f"{_section('session')}.textContent")
     assert page.js("[...document.querySelectorAll('img, script:not([src])')].length") == 0
     unnamed = (
         "[...document.querySelectorAll('select, input, textarea')].filter(one => !one.getAttribute('aria-label')"

@@ -102,7 +102,8 @@ export function percent(value) {
 }
 
 export function bytes(size) {
-  return size >= 1e6 ? `${number(size / 1e6, 3)} MB` : `${number(Math.max(size / 1e3, 0.1), 3)} kB`;
+  if (size < 1000) return `${size} B`;
+  return size >= 1e6 ? `${number(size / 1e6, 3)} MB` : `${number(size / 1e3, 3)} kB`;
 }
 
 export function say(text, bad = false) {
