@@ -1,17 +1,23 @@
-"""Files that are whole or not there: write under another name, then swap; and the hash that names their content."""
+"""Files that are whole or not there: write under another name, then swap; the hash of their content; JSON in them."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import secrets
 import stat
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
-from dynident.errors import FileError
+from dynident.errors import DynidentError, FileError
 
 _CHUNK = 1 << 20
+
+#: What taking values out of a file raises where they are not as they were written.
+DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError, RecursionError)
 
 #: The bit that Windows asks for, so that line ends are written as they are; 0 elsewhere.
 _BINARY = getattr(os, "O_BINARY", 0)
@@ -70,6 +76,38 @@ def sha256_of(path: str | os.PathLike[str]) -> str:
     except OSError as error:
         raise unreadable(path, error) from error
     return digest.hexdigest()
+
+
+def read_json(path: str | os.PathLike[str], step: str, kind: Callable[[object, str, str], DynidentError]) -> Any:
+    """Return what a file of JSON holds.
+
+    Args:
+        path: The file.
+        step: What to do where it is none.
+        kind: The error to raise then, of path, evidence and step.
+
+    Raises:
+        FileError: The file cannot be read.
+        DynidentError: Of ``kind``: it is not UTF-8 or not JSON, or nested or written too long for any.
+    """
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except UnicodeDecodeError as error:
+        raise kind(path, "not UTF-8 text", step) from error
+    except json.JSONDecodeError as error:
+        raise kind(path, f"line {error.lineno} is not JSON ({error.msg})", step) from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, brackets without end
+        raise kind(path, f"no JSON that can be read ({error})", step) from error
+
+
+def expanded(name: str) -> Path:
+    """Return a path with ``~`` and ``~user`` replaced; as it is where nobody has such a home."""
+    try:
+        return Path(name).expanduser()
+    except RuntimeError:
+        return Path(name)
 
 
 def unreadable(path: str | os.PathLike[str], error: OSError) -> FileError:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynident.errors import DynidentError, LogFormatError
+from dynident.errors import DynidentError, FileError, LogFormatError
 from dynident.experiment.formats import ColumnMap, read_log, stream_log, write_log
 from dynident.experiment.formats import _mat_values as mat_values
 from dynident.experiment.log import Log
@@ -138,6 +138,58 @@ def test_a_parquet_file_with_too_many_cells_is_refused_before_it_is_unpacked(
     monkeypatch.setattr(parquet, "_batches", lambda *_: pytest.fail("it was unpacked"))
     with pytest.raises(LogFormatError, match="more than are read at once"):
         read_log(tmp_path / "run.parquet", ColumnMap(torque=()))
+
+
+@pytest.mark.parametrize("name", ["plan", "estimate", "robot_json", "document", "search"])
+@pytest.mark.parametrize("text", ["[" * 100_000, f'{{"a": {"9" * 5000}}}', "\xff", "{", "[1e999]"], ids=range(5))
+def test_json_that_is_none_is_refused_by_name(name: str, text: str, tmp_path: Path) -> None:
+    from dynident.estimation.estimate_file import read_estimate
+    from dynident.experiment.design.checkpoint import Checkpoint
+    from dynident.experiment.design.plan import read_plan
+    from dynident.model.descriptions import read_robot
+    from dynident.results.model_exporters.writing.document import read_document
+
+    def search(path: Path) -> object:
+        return Checkpoint(str(path), {}, 1).read()
+
+    read = {
+        "plan": read_plan,
+        "estimate": read_estimate,
+        "robot_json": read_robot,
+        "document": read_document,
+        "search": search,
+    }[name]
+    (tmp_path / "a.json").write_text(text, encoding="latin-1")
+    with pytest.raises(DynidentError, match=r"a\.json"):
+        read(tmp_path / "a.json")
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [('"samples": 201', '"samples": 1e999'), ('"format": 2', '"format": 1e999'), ('"run_in": ', '"run_in": 1e400')],
+)
+def test_a_plan_with_numbers_beyond_all(
+    before: str, after: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    from fuzz.seeds import plan
+
+    from dynident.experiment.design.plan import read_plan
+
+    for path in plan(tmp_path):
+        text = path.read_text()
+        assert before in text
+        path.write_text(text.replace(before, after))
+        with pytest.raises(FileError, match="plan"):
+            read_plan(path)
+
+
+def test_a_robot_in_the_home_of_nobody(tmp_path: Path) -> None:
+    from dynident.experiment.case_file.case import read_case
+
+    (tmp_path / "case.yaml").write_text("case: 1\nrobot: ~nobody-of-this-name/arm.urdf\n")
+    with pytest.raises(DynidentError, match=r"~nobody-of-this-name/arm\.urdf"):
+        read_case(tmp_path / "case.yaml")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the fuzzer limits memory as POSIX does")

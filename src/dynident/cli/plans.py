@@ -22,7 +22,7 @@ def is_plan(path: str) -> bool:
         return False
     try:
         data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False  # whoever reads it next says what is wrong with it
     return isinstance(data, dict) and data.get("kind") == KIND
 

@@ -26,7 +26,7 @@ from dynident.estimation.uncertainty.envelope import Envelope
 from dynident.estimation.uncertainty.propagation import mass_matrix
 from dynident.estimation.validation import Fit, Validation
 from dynident.estimation.warnings import warnings_of
-from dynident.files import unreadable, write_atomically
+from dynident.files import DAMAGE, read_json, write_atomically
 from dynident.model.base_parameters import base_parameters
 
 KIND, FORMAT = "dynident estimate", 1
@@ -134,28 +134,16 @@ def read_estimate(path: str | Path) -> Estimate:
         FileError: The file cannot be read.
         EstimateFormatError: It is no estimate, damaged, or of another format.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise EstimateFormatError(path, "not UTF-8 text", "give a file that identify has written") from error
-    except OSError as error:
-        raise unreadable(path, error) from error
-    try:
-        data = json.loads(text)
-    except json.JSONDecodeError as error:
-        step = "give a file that 'dynident identify -o' has written"
-        raise EstimateFormatError(path, f"line {error.lineno} is not JSON ({error.msg})", step) from error
-    except (ValueError, RecursionError) as error:  # a number of thousands of digits, brackets without end
-        step = "give a file that 'dynident identify -o' has written"
-        raise EstimateFormatError(path, f"no JSON that can be read ({error})", step) from error
+    step = "give a file that 'dynident identify -o' has written"
+    data = read_json(path, step, EstimateFormatError)
     if not isinstance(data, dict) or data.get("kind") != KIND:
-        raise EstimateFormatError(path, "no estimate", "give a file that 'dynident identify -o' has written")
+        raise EstimateFormatError(path, "no estimate", step)
     if data.get("format") != FORMAT:
         step = f"this version reads format {FORMAT}; identify again"
         raise EstimateFormatError(path, f"format {data.get('format')}", step)
     try:
         return _estimate(data, path)
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+    except DAMAGE as error:
         raise EstimateFormatError(path, f"damaged ({type(error).__name__}: {error})", "identify again") from error
     except DynidentError as error:
         raise EstimateFormatError(path, str(error), "identify again") from error

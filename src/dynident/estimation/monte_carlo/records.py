@@ -46,7 +46,7 @@ class Records:
         """Return the result of a task; None where there is none, or where its file is damaged."""
         try:
             data = json.loads(self._place(task).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+        except (OSError, ValueError, RecursionError):
             return None
         sound = isinstance(data, dict) and data.get("kind") == KIND and data.get("format") == FORMAT
         if not sound or data.get("facts") != json.loads(_text(task.facts)):

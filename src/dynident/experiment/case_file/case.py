@@ -33,7 +33,7 @@ from dynident.experiment.motor_side import joint_side, with_zero
 from dynident.experiment.preprocessing import FILTERS, ROWS_PER_PERIOD, Preprocessing
 from dynident.experiment.preprocessing.base import Filter
 from dynident.experiment.room.workspace import Workspace
-from dynident.files import unreadable
+from dynident.files import expanded, unreadable
 from dynident.model.body_constraints import Constraints
 from dynident.model.descriptions import read_robot
 from dynident.model.documents.numbers import Place
@@ -279,7 +279,7 @@ def read_case(path: str | Path, open_gains: bool = False) -> Case:
 
 def _find(name: str, case: str) -> Path:
     """Return where a file named in a case file is; the name itself where it is nowhere, for the reader to refuse."""
-    written = Path(name).expanduser()
+    written = expanded(name)
     if written.is_absolute():
         return written
     roots = [Path(case).parent] if case else []

@@ -17,6 +17,7 @@ from dynident.experiment.room.workspace import (
     body_of,
     frame_of,
 )
+from dynident.files import expanded
 from dynident.model.descriptions.base import rotation_from_rpy
 from dynident.model.documents.numbers import check_name, shown
 from dynident.model.documents.sections import Section
@@ -163,7 +164,7 @@ def _folders(section: Section, case: str, robot_path: str) -> tuple[str, ...]:
     for name in [value] if isinstance(value, str) else value if isinstance(value, list) else [None]:
         if not isinstance(name, str):
             raise section.place("mesh_folders").error("neither a text nor a list of texts", "write folders")
-        folder = Path(case).parent / Path(name).expanduser()
+        folder = Path(case).parent / expanded(name)
         if not folder.is_dir():
             raise section.place("mesh_folders").error(f"no folder {folder}", "write it beside the case file")
         found.append(str(folder))

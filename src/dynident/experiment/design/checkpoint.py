@@ -16,7 +16,7 @@ from dynident.experiment.criteria import CRITERIA
 from dynident.experiment.design.design_problem import DesignProblem
 from dynident.experiment.design.finishing import Candidate
 from dynident.experiment.design.start import StartResult
-from dynident.files import unreadable, write_atomically
+from dynident.files import DAMAGE, read_json, write_atomically
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.friction import FRICTION
 
@@ -49,12 +49,7 @@ class Checkpoint:
         step = "give another file, or remove this one to search anew"
         if not Path(self.path).exists():
             return {}
-        try:
-            data = json.loads(Path(self.path).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise unreadable(self.path, error) from error
-        except ValueError as error:
-            raise FileError(self.path, f"not JSON ({error})", step) from error
+        data = read_json(self.path, step, FileError)
         if not isinstance(data, dict) or data.get("kind") != KIND or data.get("format") != FORMAT:
             raise FileError(self.path, f"no search of format {FORMAT}", step)
         kept = data.get("problem")
@@ -64,7 +59,7 @@ class Checkpoint:
             raise FileError(self.path, evidence, f"give the options of that search, or {step}")
         try:
             return {int(number): self._result(int(number), own) for number, own in data["starts"].items()}
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except DAMAGE as error:
             raise FileError(self.path, f"damaged ({type(error).__name__}: {error})", step) from error
 
     def write(self, results: Mapping[int, StartResult]) -> None:

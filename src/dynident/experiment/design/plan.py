@@ -18,7 +18,7 @@ from dynident.experiment.design.limits import JOINTLESS, UNITS, LimitRow, Motion
 from dynident.experiment.design.parametrisation import designable, kind_of
 from dynident.experiment.design.rest_to_rest import RestToRest
 from dynident.experiment.trajectories.base import Designable
-from dynident.files import unreadable, write_atomically
+from dynident.files import DAMAGE, read_json, write_atomically
 
 KIND, FORMAT = "dynident plan", 2
 
@@ -146,14 +146,7 @@ def read_plan(path: str | Path) -> Plan:
         FileError: The file cannot be read, is no plan, is damaged or of another format.
     """
     step = "give a file that 'dynident excite -o' has written"
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except UnicodeDecodeError as error:
-        raise FileError(path, "not UTF-8 text", step) from error
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except json.JSONDecodeError as error:
-        raise FileError(path, f"line {error.lineno} is not JSON ({error.msg})", step) from error
+    data = read_json(path, step, FileError)
     if not isinstance(data, dict) or data.get("kind") != KIND:
         raise FileError(path, "no plan", step)
     if data.get("format") != FORMAT:
@@ -161,7 +154,7 @@ def read_plan(path: str | Path) -> Plan:
         raise FileError(path, evidence, "design the motion again with 'dynident excite'")
     try:
         return _plan(data)
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
+    except DAMAGE as error:
         raise FileError(path, f"a damaged plan ({type(error).__name__}: {error})", "design it again") from error
     except DynidentError as error:
         raise FileError(path, f"a damaged plan ({error})", "design it again") from error

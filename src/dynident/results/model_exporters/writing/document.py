@@ -14,7 +14,7 @@ from dynident.arrays import Array, frozen
 from dynident.errors import DynidentError, EstimateFormatError
 from dynident.estimation.consistency.labels import labels_of
 from dynident.estimation.estimate import Estimate
-from dynident.files import unreadable
+from dynident.files import DAMAGE, unreadable
 from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
@@ -117,7 +117,7 @@ def read_document(path: str | Path, data: bytes | None = None) -> tuple[DynamicM
         raise EstimateFormatError(path, f"format {found.get('format')}", f"this version reads format {FORMAT}")
     try:
         return _model(found, path)
-    except (KeyError, TypeError, ValueError, AttributeError, DynidentError) as error:
+    except (*DAMAGE, DynidentError) as error:
         raise EstimateFormatError(path, f"damaged ({type(error).__name__}: {error})", "export it again") from error
 
 
