@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import importlib
+import json
 import subprocess
 import sys
+from collections.abc import Callable
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 import dynident
-from dynident.cli.main import COMMANDS
+from dynident.cli.main import COMMANDS, one_blas_thread_unless_stated
+from dynident.experiment.formats import write_log
+from dynident.experiment.log import Log
+from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
+from dynident.model.robot import Robot
 
 HEAVY = ("numba", "llvmlite", "scipy", "matplotlib", "plotly", "rich", "clarabel", "jinja2", "yaml")
 
@@ -36,6 +46,41 @@ def test_help_of_every_command_is_light() -> None:
         ]
     )
     assert _heavy_after(code) == "[]"
+
+
+#: What takes as long to load as a small identification takes, each.
+SLOW = ("numba", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpolate", "scipy.ndimage", "scipy.spatial")
+
+
+def test_the_usual_commands_load_nothing_slow(tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log]) -> None:
+    """From the description of an arm and its log to a report, in one process."""
+    model = DynamicModel(planar_2r, (FRICTION.make("viscous"),))
+    assert planar_2r.nominal is not None
+    log = exact_log(model, np.append(planar_2r.nominal, [0.3, 0.2]), noise=0.05, samples=1600, rate=200.0)
+    write_log(Log(log.joints, log.time, log.q, torque=log.torque), tmp_path / "run.csv")
+    (tmp_path / "arm.json").write_text(json.dumps(robot_to_dict(planar_2r)))
+    code = "\n".join(
+        [
+            "from dynident.cli.main import main",
+            "for words in ('inspect arm.json', 'init arm.json run.csv -o case.yaml', 'check case.yaml',",
+            "              'identify case.yaml -o estimate.json', 'validate estimate.json run.csv',",
+            "              'report estimate.json -o report.html'):",
+            "    assert main(words.split()) == 0, words",
+            f"import sys; print([name for name in {SLOW!r} if name in sys.modules])",
+        ]
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_blas_works_on_one_thread_unless_stated_otherwise() -> None:
+    empty: dict[str, str] = {}
+    one_blas_thread_unless_stated(empty)
+    assert empty == {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+    stated = {"OMP_NUM_THREADS": "4"}
+    one_blas_thread_unless_stated(stated)
+    assert stated == {"OMP_NUM_THREADS": "4"}
 
 
 def test_the_entry_point_exits_with_the_code() -> None:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 Array: TypeAlias = npt.NDArray[np.floating[Any]]
 IntArray: TypeAlias = npt.NDArray[np.signedinteger[Any]]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
+ComplexArray: TypeAlias = npt.NDArray[np.complexfloating[Any, Any]]
 
 
 def frozen(values: npt.ArrayLike, shape: tuple[int | None, ...] | None = None, name: str = "array") -> Array:

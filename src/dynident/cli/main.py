@@ -9,7 +9,7 @@ import re
 import signal
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -19,6 +19,9 @@ COMMANDS = (
     "validate", "predict", "payload", "monitor", "track", "compare", "diff", "fleet",
     "report", "selftest", "benchmark", "list", "environment", "studio", "completion",
 )  # fmt: skip
+
+#: Variables that state the threads of BLAS; the first two are set where none is.
+BLAS_VARIABLES = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 
 _MODULES = {"list": "list_parts"}
 
@@ -38,8 +41,8 @@ physically consistent and says how well each parameter is known.
 """
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Return the parser of all commands; no command's own imports are made."""
+def build_parser(only: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser of all commands, or of one; no command's own imports are made."""
     parser = argparse.ArgumentParser(
         prog="dynident",
         description=_DESCRIPTION,
@@ -49,7 +52,7 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"dynident {version('dynident')}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    for name in COMMANDS:
+    for name in COMMANDS if only is None else (only,):
         module = _module(name)
         own = commands.add_parser(
             name,
@@ -68,8 +71,9 @@ def _module(name: str) -> Any:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
-    parser = build_parser()
-    options = parser.parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
+    words = _joined(sys.argv[1:] if arguments is None else arguments)
+    parser = build_parser(words[0] if words and words[0] in COMMANDS else None)
+    options = parser.parse_args(words)
     if options.command is None:
         parser.print_help()
         return 2
@@ -120,4 +124,15 @@ def _reported(error: BaseException) -> int:
 
 def entry_point() -> None:
     """Run the command line and exit."""
+    one_blas_thread_unless_stated(os.environ)
     sys.exit(main())
+
+
+def one_blas_thread_unless_stated(variables: MutableMapping[str, str]) -> None:
+    """Have BLAS work on one thread unless a variable states how many; NumPy reads them when it loads.
+
+    The matrices here are small: a second thread of OpenBLAS waits in a loop for most of the time, which costs more than
+    it spares, several times as much where other programs run.
+    """
+    if not any(name in variables for name in BLAS_VARIABLES):
+        variables.update(dict.fromkeys(BLAS_VARIABLES[:2], "1"))

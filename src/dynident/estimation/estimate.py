@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import scipy.stats
 
 from dynident.arrays import Array
 from dynident.estimation.uncertainty.envelope import Envelope
+from dynident.estimation.uncertainty.quantiles import student_quantile
 from dynident.estimation.validation import Validation
 from dynident.experiment.formats import ColumnMap
 from dynident.experiment.preprocessing import Preprocessing
@@ -108,7 +108,7 @@ class Estimate:
     def half_widths(self, level: float = 0.95) -> Array:
         """Return half the width of the interval that holds each base parameter at a level of confidence, shape (b,)."""
         degrees = np.full(len(self.beta), np.inf) if self.degrees is None else self.degrees
-        return self.deviations * scipy.stats.t.ppf(0.5 + 0.5 * level, degrees)
+        return self.deviations * student_quantile(0.5 + 0.5 * level, degrees)
 
     def parameters(self) -> list[dict[str, Any]]:
         """Return name, value, unit, std and relative_std of each base parameter as plain data."""

@@ -17,12 +17,9 @@ from dynident.estimation.consistency.scale import BodyPrior
 from dynident.estimation.consistency.verdicts import judge
 from dynident.estimation.cutoff.choice import with_cutoff
 from dynident.estimation.cutoff.sensitivity import cutoff_sensitivity
-from dynident.estimation.drive_gains.propagation import gain_facts
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators import ESTIMATORS, Estimator
 from dynident.estimation.friction.alike import same_for_all
-from dynident.estimation.friction.delay import common_delay, find_delays
-from dynident.estimation.friction.friction_choice import choose_friction
 from dynident.estimation.friction.load import PASSES, agrees, problem_of, with_load, without_load
 from dynident.estimation.friction.variable_projection import has_varying, vary_fields
 from dynident.estimation.problem import Observer, Problem, counting_rows
@@ -146,10 +143,21 @@ def _not_kept(problem: Problem, estimator: Estimator) -> dict[str, Any]:
     return {"constraints_not_kept": ESTIMATORS.name_of(estimator)}
 
 
+def _gain_facts(problem: Problem, weights: Array) -> dict[str, Any]:
+    """Return what stated deviations of drive gains do to the estimate; nothing where none are."""
+    if not any(joint.drive.gain_deviation for joint in problem.model.robot.active):
+        return {}
+    from dynident.estimation.drive_gains.propagation import gain_facts  # few need it
+
+    return gain_facts(problem, weights)
+
+
 def _chosen(
     model: DynamicModel, logs: Sequence[Prepared], progress: Callable[[str], None]
 ) -> tuple[DynamicModel, dict[str, Any]]:
     """Return the model with the friction that the logs ask for, and how it was found."""
+    from dynident.estimation.friction.friction_choice import choose_friction  # few need it
+
     choice = choose_friction(model, logs, progress)
     return replace(model, friction=choice.friction), {"friction_choice": choice.figures()}
 
@@ -161,6 +169,8 @@ def _prepared(
     progress("preprocessing")
     if how.delay_s is not None:
         return [preprocess(log, how) for log in logs], {}
+    from dynident.estimation.friction.delay import common_delay, find_delays  # few need it
+
     progress("delay of the torque")
     simple = without_load(model)
     delays, prepared = find_delays(simple, base_parameters(simple), logs, how)
@@ -201,7 +211,7 @@ def estimate_of(
     train = validate_prepared(model, base, problem.logs, solution.beta)
     factors = correlation_factors(np.split(train.residual, train.starts[1:]), problem.masks)
     covariance, degrees = solution.covariance, solution.degrees
-    facts = {**problem.facts, **gain_facts(problem, solution.weights), **_not_kept(problem, estimator)}
+    facts = {**problem.facts, **_gain_facts(problem, solution.weights), **_not_kept(problem, estimator)}
     if covariance is None:
         found = spectral_uncertainty(problem, solution.weights, solution.beta)
         covariance, degrees = found.covariance, found.degrees

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from dynident.arrays import Array, frozen
 from dynident.errors import BadOption, UnknownChoice
@@ -177,6 +176,8 @@ def halfspaces(points: Array) -> tuple[Array, Array, Array, Array]:
     elif rank == 1:
         normals, limits = np.vstack([inside, -inside]), np.array([flat.max(), -flat.min()])
     else:
+        from scipy.spatial import ConvexHull  # loads slowly
+
         facets = ConvexHull(flat).equations
         normals, limits = facets[:, :-1] @ inside, -facets[:, -1]
     return normals, limits + normals @ middle, equations, equations @ middle

@@ -131,13 +131,13 @@ class DynamicModel:
                 block[:, drives, own] = value
         return found
 
-    def regressor(self, motion: Motion) -> Array:
-        """Return Y, shape (N, n, p).
+    def regressor(self, motion: Motion, once: bool = False) -> Array:
+        """Return Y, shape (N, n, p); ``once`` for a few samples, see :func:`batched.torque_regressor`.
 
         Raises:
             BadOption: A part needs a torque or a temperature that the motion has not.
         """
-        inertial = batched.torque_regressor(self.robot.chain, motion.q, motion.dq, motion.ddq)
+        inertial = batched.torque_regressor(self.robot.chain, motion.q, motion.dq, motion.ddq, once=once)
         drive, column = self.terms
         # Row i of the friction block of drive j is C[j, i] times the column's value at the drive.
         block = self.friction_values(motion)[:, None, drive, column] * np.asarray(self.robot.coupling)[drive].T

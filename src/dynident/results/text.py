@@ -44,6 +44,8 @@ def label(name: object) -> str:
 
 def display_width(text: str) -> int:
     """Return how many columns of a terminal a text takes: wide characters take two, combining ones none."""
+    if text.isascii():
+        return len(text)
     return sum(0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1 for c in text)
 
 

@@ -247,6 +247,17 @@ def test_generic_and_generated_agree(arm: Arm, monkeypatch: pytest.MonkeyPatch) 
         assert error(one, other) < 1e-13
 
 
+def test_a_few_states_by_numpy_are_those_of_the_kernel(arm: Arm) -> None:
+    """What is asked for once is not compiled; robots of any size."""
+    motion = arm.states(7)
+    compiled = batched.torque_regressor(arm.chain, *motion)
+    assert error(batched.torque_regressor(arm.chain, *motion, once=True), compiled) < 1e-13
+    mass = batched.mass_matrix(arm.chain, arm.theta, motion[0])
+    assert error(batched.mass_matrix(arm.chain, arm.theta, motion[0], once=True), mass) < 1e-13
+    none = np.zeros((0, arm.chain.joints))
+    assert batched.torque_regressor(arm.chain, none, none, none, once=True).shape[0] == 0
+
+
 def test_the_choice_of_kernel(six: Arm, monkeypatch: pytest.MonkeyPatch) -> None:
     large = random_arm(12, False, 0.0).chain
     monkeypatch.setenv("DYNIDENT_KERNEL", "generic")

@@ -47,7 +47,7 @@ def judge(model: DynamicModel, base: BaseParameters, beta: Array, theta: Array |
 def smallest_inertia(model: DynamicModel, theta: Array, samples: int = 200, seed: int = 1) -> float:
     """Return the smallest eigenvalue of M(q), rotors included, over random states, in kg m^2 (or kg)."""
     motion = model.random_motion(samples, seed)
-    mass = batched.mass_matrix(model.robot.chain, theta[: model.inertial_count], motion.q)
+    mass = batched.mass_matrix(model.robot.chain, theta[: model.inertial_count], motion.q, once=True)
     rotor = np.diag(model.rotors(theta))
     coupling = np.asarray(model.robot.coupling)
     total = mass + model.robot.reflected_inertia + coupling.T @ rotor @ coupling

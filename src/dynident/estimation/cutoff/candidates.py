@@ -22,6 +22,7 @@ from dynident.estimation.cutoff.block_triangles import BlockTriangles, block_tri
 from dynident.estimation.problem import Observer
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import ROWS_PER_PERIOD, Preprocessing, preprocess
+from dynident.experiment.preprocessing._zero_phase import low_passed
 from dynident.experiment.preprocessing.butterworth import Butterworth
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
@@ -165,15 +166,12 @@ def butterworth_of(how: Preprocessing) -> Butterworth:
 
 def thinned_out(log: Log, rate: float) -> Log:
     """Return positions, torques and temperatures of a uniform log at ``rate`` or a little above, low-passed before."""
-    import scipy.signal
-
     every = max(1, int(log.rate / rate))
     names = [name for name in ("q", "torque", "temperature") if getattr(log, name) is not None]
     dropped = {name: None for name in log.signals() if name not in names}
     if every == 1:
         return replace(log, **dropped)  # type: ignore[arg-type]
-    sections = scipy.signal.butter(8, 0.4 * log.rate / every, fs=log.rate, output="sos")
-    smooth = {name: scipy.signal.sosfiltfilt(sections, getattr(log, name), axis=0)[::every] for name in names}
+    smooth = {name: low_passed(getattr(log, name), 8, 0.4 * log.rate / every, log.rate)[::every] for name in names}
     return replace(log, time=log.time[::every], **dropped, **smooth)  # type: ignore[arg-type]
 
 

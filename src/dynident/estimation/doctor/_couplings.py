@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
-import scipy.optimize
 
 from dynident.arrays import Array
 from dynident.estimation.doctor._quick_fit import EXACT, QuickFit, Solved, weighted_products
@@ -140,6 +139,8 @@ class _Scan:
         low, value, high = values.tolist()
         best = self.gain(_with(matrix, place, value)), value
         for _ in range(2):  # the peak of a good log is narrower than what one search of the whole stretch sees
+            import scipy.optimize  # loads slowly, and few logs come here
+
             solved: Any = scipy.optimize.minimize_scalar(
                 lambda value: -self.gain(_with(matrix, place, value)),
                 bounds=(low, high),

@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
-import scipy.signal
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import DynidentError
@@ -22,6 +21,7 @@ from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.experiment.case_file.case import Case
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import FILTERS, Prepared, Preprocessing, preprocess, resample
+from dynident.experiment.preprocessing._zero_phase import low_passed
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
@@ -291,6 +291,6 @@ def thinned_log(log: Log, rate: float) -> Log:
     every = max(1, int(even.rate / rate))
     if every == 1:
         return even
-    sections = scipy.signal.butter(4, 0.4 * even.rate / every, fs=even.rate, output="sos")
-    smooth = {name: scipy.signal.sosfiltfilt(sections, values, axis=0) for name, values in even.signals().items()}
+    cutoff = 0.4 * even.rate / every
+    smooth = {name: low_passed(values, 4, cutoff, even.rate) for name, values in even.signals().items()}
     return replace(even, **smooth).rows(slice(None, None, every), f"one sample in {every}")  # type: ignore[arg-type]

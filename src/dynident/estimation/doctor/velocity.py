@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import scipy.signal
 
 from dynident.arrays import Array, BoolArray
 from dynident.estimation.doctor.base import Check, Finding, Subject, listed
 from dynident.experiment.log import Log
+from dynident.experiment.preprocessing._zero_phase import low_passed
 
 #: Both are compared below this frequency, in Hz, where arms move.
 BAND_HZ = 5.0
@@ -62,8 +62,7 @@ def _compared(log: Log) -> tuple[Array, Array] | None:
         return None
     time = log.time[0] + np.arange(count) / rate
     columns = [np.interp(time, log.time, column) for column in np.concatenate([log.q, np.asarray(log.dq)], axis=1).T]
-    sections = scipy.signal.butter(3, band, fs=rate, output="sos")
-    smooth = scipy.signal.sosfiltfilt(sections, np.array(columns), axis=-1).T
+    smooth = low_passed(np.column_stack(columns), 3, band, rate)
     joints = log.q.shape[1]
     edge = int(rate / band)
     slope = np.gradient(smooth[:, :joints], 1.0 / rate, axis=0)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.stats
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.estimation.drive_gains.gain_data import NULL, GainData, stacked, with_prior
@@ -14,6 +13,7 @@ from dynident.estimation.drive_gains.methods import GainFit
 from dynident.estimation.residuals.stretches import stretches
 from dynident.estimation.uncertainty.bands import Band, bands_of
 from dynident.estimation.uncertainty.coloured import Influence, uncertainty_of
+from dynident.estimation.uncertainty.quantiles import normal_quantile, student_quantile
 
 #: Share of an unknown that may lie in what the rows do not determine before it counts as not determined.
 OPEN = 1e-6
@@ -58,8 +58,8 @@ def spread_of(data: GainData, fit: GainFit, scale_share: float = 0.0, level: flo
         covariance[np.ix_(sure, sure)], degrees[sure] = _covariance(data, fit, whole, sure)
     value = 1.0 / fit.gains if fit.rows.inverse else np.where(fit.gains == 0, 1e-100, fit.gains)
     covariance = covariance / value / value[:, None]  # relative errors of K and 1 / K differ by their sign alone
-    noise = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * scipy.stats.t.ppf(0.5 + 0.5 * level, degrees)
-    half = np.hypot(noise, scale_share * scipy.stats.norm.ppf(0.5 + 0.5 * level))
+    noise = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * student_quantile(0.5 + 0.5 * level, degrees)
+    half = np.hypot(noise, scale_share * normal_quantile(0.5 + 0.5 * level))
     if fit.rows.inverse:  # symmetric in 1 / K, and with an end in K only where it leaves out zero
         near, far = 1.0 / (1.0 + half), 1.0 / np.where(half < 1, 1.0 - half, 1.0)
     else:

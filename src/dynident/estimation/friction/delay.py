@@ -18,11 +18,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.stats
 
 from dynident.arrays import Array, BoolArray
 from dynident.estimation.problem import Observer, counting_rows, motion_of
 from dynident.estimation.uncertainty.covariance import correlation_factors
+from dynident.estimation.uncertainty.quantiles import chi_square_tail, normal_share, student_quantile
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import LONGEST_DELAY, Prepared, Preprocessing, preprocess, thinned
 from dynident.model.base_parameters import BaseParameters
@@ -113,7 +113,7 @@ def _away_from_reversals(search: _Search) -> tuple[Delay, ...]:
     if biased.any():
         step = search.settled(biased)
     degrees = np.where(step.agree, np.inf, max(search.observer.model.robot.dof - 1, 1))
-    return _significant(search.seconds, step.deviation, scipy.stats.t.ppf(scipy.stats.norm.cdf(SIGNIFICANT), degrees))
+    return _significant(search.seconds, step.deviation, student_quantile(normal_share(SIGNIFICANT), degrees))
 
 
 def _significant(seconds: Array, deviation: Array, bound: Array | float) -> tuple[Delay, ...]:
@@ -239,7 +239,7 @@ def _common(delays: Array, covariance: Array, pooled: bool) -> tuple[float, floa
         weights = np.linalg.pinv(covariance + excess / scale * np.eye(len(delays)), hermitian=True)
         total = float(ones @ weights @ ones)
         mean = float(ones @ weights @ delays) / total
-    agree = len(delays) < 2 or scipy.stats.chi2.sf(excess + len(delays) - 1, len(delays) - 1) > CHANCE
+    agree = len(delays) < 2 or chi_square_tail(excess + len(delays) - 1, len(delays) - 1) > CHANCE
     return mean, float(1.0 / np.sqrt(total)), bool(agree)
 
 

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.stats
 
 from dynident.arrays import Array, BoolArray
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.payload.carried_load import IDENTIFIED, NOT_DETERMINED, WEAK, CarriedLoad, LoadParameter
 from dynident.estimation.payload.gain_doubt import GainDoubt
 from dynident.estimation.payload.possible_body import possible_body
+from dynident.estimation.uncertainty.quantiles import chi_square_tail, student_quantile
 from dynident.model.inertia import TEN, Inertia
 
 #: By how much payloads of one mass differ: lever of the centre of mass and radius of gyration, in m.
@@ -63,7 +63,7 @@ def stated(found: Found, estimate: Estimate, flange: str, level: float, logs: tu
     closed = np.outer(~found.open, ~found.open)
     covariance = np.where(closed, sum(found.parts.values()), 0.0)
     degrees = _degrees(found, np.where(found.open, np.inf, np.maximum(np.diag(covariance), 1e-300)))
-    quantile = scipy.stats.t.ppf(0.5 + 0.5 * level, degrees)
+    quantile = student_quantile(0.5 + 0.5 * level, degrees)
     half = np.where(found.open, np.inf, np.sqrt(np.diag(covariance)) * quantile)
     mass = float(found.ten[9])
     sizes = abs(mass) * np.r_[np.full(6, LENGTH**2), np.full(3, LENGTH), 1.0]
@@ -172,7 +172,7 @@ def _remarks(
         remarks.append("the mass cannot be told from 0: the run shows no payload")
     remarks += _unexplained(found, estimate)
     count = int(np.sum(~found.open))
-    if count and scipy.stats.chi2.sf(distance**2, count) < UNLIKELY:
+    if count and chi_square_tail(distance**2, count) < UNLIKELY:
         text = f"no body is as found: the nearest is {distance:.3g} standard deviations away; friction or drive gains "
         remarks.append(text + "may have changed, or the payload may have moved")
     drives = [joint.drive for joint in estimate.model.robot.active]

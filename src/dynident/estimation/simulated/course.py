@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import scipy.interpolate
 import scipy.linalg
 
 from dynident.arrays import Array
@@ -192,6 +191,8 @@ def course_of(prepared: Prepared, options: LoopOptions, fed: str, known: bool) -
 def _derivatives(rows: Array, rate: float) -> Array:
     """Return a signal (N, n) and its first two derivatives by the quintic spline through it, shape (3, N, n)."""
     time = np.arange(len(rows)) / rate
+    import scipy.interpolate  # loads slowly
+
     spline: Any = scipy.interpolate.make_interp_spline(time, rows, k=5)
     return np.stack([rows, spline.derivative(1)(time), spline.derivative(2)(time)])
 

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.ndimage
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.estimation.residuals.row_passes import RowPasses
@@ -57,7 +56,17 @@ class Band:
 
     def averaged(self, values: Array) -> Array:
         """Return the mean over neighbouring frequencies, along the first axis; the spectrum goes on symmetrically."""
-        return scipy.ndimage.uniform_filter1d(values, self.width, axis=0, mode="mirror")
+        half = self.width // 2
+        run = np.pad(values, [(half, half)] + [(0, 0)] * (values.ndim - 1), mode="reflect")
+        total, done, size = np.zeros_like(values), 0, 1
+        while True:  # sums of 1, 2, 4, ... neighbours, of which those of the width are put together
+            if self.width & size:
+                total = total + run[done : done + len(values)]
+                done += size
+            if 2 * size > self.width:
+                return total / self.width
+            run = run[:-size] + run[size:]
+            size *= 2
 
 
 def bands(passes: RowPasses) -> Iterator[Band]:

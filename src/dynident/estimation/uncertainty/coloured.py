@@ -18,13 +18,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.stats
 
 from dynident.arrays import Array
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.estimation.uncertainty.bands import Band, bands
 from dynident.estimation.uncertainty.covariance import FEWEST_FREE
+from dynident.estimation.uncertainty.quantiles import student_quantile
 from dynident.model.reduction import least_squares, triangle_of
 from dynident.model.threads import one_blas_thread
 
@@ -51,7 +51,7 @@ class Uncertainty:
 
     def half_widths(self, level: float = 0.95) -> Array:
         """Return half the width of the interval that holds each parameter at a level of confidence, shape (b,)."""
-        return self.deviations * scipy.stats.t.ppf(0.5 + 0.5 * level, self.degrees)
+        return self.deviations * student_quantile(0.5 + 0.5 * level, self.degrees)
 
     def with_prior(self, spread: Array) -> Uncertainty:
         """Return the same with an error beside it that is known to have the covariance ``spread``, shape (b, b)."""

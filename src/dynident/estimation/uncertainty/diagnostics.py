@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.stats
 
 from dynident.arrays import Array
 from dynident.errors import DynidentError
 from dynident.estimation.estimators.base import Estimator
 from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.simulated.course import LoopOptions, course_of
-from dynident.estimation.simulated.instruments import instruments
 from dynident.estimation.uncertainty.bands import bands
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.estimation.uncertainty.cross_validation import CrossValidation, cross_validate
-from dynident.estimation.uncertainty.exogeneity import Exogeneity, durbin_wu_hausman
+from dynident.estimation.uncertainty.quantiles import chi_square_tail
 from dynident.model.reduction import least_squares
+
+if TYPE_CHECKING:
+    from dynident.estimation.uncertainty.exogeneity import Exogeneity
 
 #: Level of significance of the verdicts.
 LEVEL = 0.01
@@ -191,7 +191,7 @@ def _whiteness(passes: RowPasses, residual: Array, weights: Array) -> Array:
         waves = np.cos(np.pi * np.outer(np.arange(1, lags + 1), np.arange(len(inside)) + 0.5) / len(inside))
         total += 2 * len(inside) * np.sum((waves @ power / np.maximum(power.sum(axis=0), 1e-300)) ** 2, axis=0)
         degrees += lags
-    return scipy.stats.chi2.sf(total, degrees) if degrees else np.ones(joints)
+    return chi_square_tail(total, degrees) if degrees else np.ones(joints)
 
 
 def _constant_variance(problem: Problem, passes: RowPasses, residual: Array) -> Array:
@@ -218,7 +218,7 @@ def _constant_variance(problem: Problem, passes: RowPasses, residual: Array) -> 
             continue
         coefficients, _, rank, _ = np.linalg.lstsq(design, target)
         explained = 1.0 - float(np.sum((target - design @ coefficients) ** 2)) / whole
-        found[i] = scipy.stats.chi2.sf(len(target) / factors[i] * max(explained, 0.0), max(int(rank) - 1, 1))
+        found[i] = chi_square_tail(len(target) / factors[i] * max(explained, 0.0), max(int(rank) - 1, 1))
     return found
 
 
@@ -249,6 +249,10 @@ def _exogeneity(problem: Problem, weights: Array) -> tuple[Exogeneity | None, st
     """Return the test with the commanded motion for instruments where all logs have it, and what it was made of."""
     if any(log.log.q_ref is None for log in problem.logs):
         return None, "the logs have no commanded positions q_ref"
+    from dynident.estimation.simulated.course import LoopOptions, course_of  # few logs need it
+    from dynident.estimation.simulated.instruments import instruments
+    from dynident.estimation.uncertainty.exogeneity import durbin_wu_hausman
+
     options = LoopOptions(reference="commanded")
     try:
         paths = [course_of(log, options, "none", False).reference for log in problem.logs]

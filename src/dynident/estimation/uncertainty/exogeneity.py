@@ -13,11 +13,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.stats
 
 from dynident.arrays import Array
 from dynident.errors import SolverFailed
 from dynident.estimation.simulated.instruments import Instruments
+from dynident.estimation.uncertainty.quantiles import chi_square_tail, normal_share
 from dynident.model.reduction import least_squares
 
 #: Directions of the difference whose deviation is below this share of the largest, in units of the deviations of the
@@ -78,5 +78,5 @@ def durbin_wu_hausman(made: Instruments, weights: Array | None = None) -> Exogen
     degrees = int(kept.sum())
     deviations = np.linalg.norm(spread, axis=0)
     ratio = np.abs(difference) / np.where(deviations > level * own, deviations, np.inf)
-    p_value = float(scipy.stats.chi2.sf(statistic, degrees))
-    return Exogeneity(statistic, degrees, p_value, difference, deviations, 2.0 * scipy.stats.norm.sf(ratio))
+    p_value = float(chi_square_tail(statistic, degrees))
+    return Exogeneity(statistic, degrees, p_value, difference, deviations, 2.0 * normal_share(-ratio))

@@ -100,7 +100,7 @@ def mass_matrix(estimate: Estimate, q: Array) -> tuple[Array, Array]:
     ddq = np.concatenate([np.eye(joints), np.zeros((1, joints))])
     none = np.zeros_like(ddq)  # at rest no friction depends on load or temperature
     motion = Motion(np.tile(np.asarray(q, dtype=float), (joints + 1, 1)), none, ddq, torque=none, temperature=none)
-    columns = estimate.model.regressor(motion)[..., estimate.base.independent]
+    columns = estimate.model.regressor(motion, once=True)[..., estimate.base.independent]
     slopes = columns[:-1] - columns[-1]  # (j, i, b)
     known = estimate.model.known_torque(motion)
     value = (slopes @ estimate.beta + known[:-1] - known[-1]).T

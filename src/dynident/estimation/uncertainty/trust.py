@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,10 +16,12 @@ from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.friction.load import with_load
 from dynident.estimation.problem import Observer, Problem
-from dynident.estimation.uncertainty.bootstrap import Draws, block_bootstrap, refitted
 from dynident.estimation.uncertainty.diagnostics import diagnose
 from dynident.estimation.uncertainty.propagation import PULL, prediction_deviations, standard_covariance
 from dynident.model.reduction import Reduced, least_squares
+
+if TYPE_CHECKING:
+    from dynident.estimation.uncertainty.bootstrap import Draws
 
 #: Draws below which a quantile of 2.5 % is a guess.
 FEWEST_DRAWS = 40
@@ -66,6 +68,8 @@ def _bootstrap(estimate: Estimate, problem: Problem, estimator: Estimator, draws
     if isinstance(estimator, Consistent):
         kind, found = "refit", consistent_draws(problem, estimator, estimate.covariance, draws)
     else:
+        from dynident.estimation.uncertainty.bootstrap import block_bootstrap
+
         kind, found = "blocks", block_bootstrap(problem, WLS().solve(problem).weights, estimate.beta, draws)
     low, high = found.interval()
     theta = found.theta
@@ -92,6 +96,8 @@ def consistent_draws(problem: Problem, estimator: Consistent, covariance: Array,
     Raises:
         SolverFailed: No solver found a checked solution of a draw.
     """
+    from dynident.estimation.uncertainty.bootstrap import refitted
+
     reduced, scale = problem.reduced(WLS().solve(problem).weights), scale_of(problem)
 
     def fit(drawn: Reduced) -> Array:

@@ -12,27 +12,23 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dynident.errors import LogMismatch
 from dynident.experiment.case_file.case_values import guarded, part_of, texts
-from dynident.experiment.case_file.cell_section import KEYS as CELL_KEYS
-from dynident.experiment.case_file.cell_section import CellSetup, cell_of
 from dynident.experiment.case_file.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.experiment.case_file.constraints_file import constraints_of
 from dynident.experiment.case_file.limits_section import robot_with_limits
 from dynident.experiment.case_file.log_section import read_columns
 from dynident.experiment.case_file.questions import check_answered, without_open_gains
 from dynident.experiment.case_file.split import Split
-from dynident.experiment.case_file.workspace_section import read_workspace
 from dynident.experiment.formats import ColumnMap, read_log
 from dynident.experiment.log import Log, torque_from_current
 from dynident.experiment.motor_side import joint_side, with_zero
 from dynident.experiment.preprocessing import FILTERS, ROWS_PER_PERIOD, Preprocessing
 from dynident.experiment.preprocessing.base import Filter
-from dynident.experiment.room.workspace import Workspace
 from dynident.files import expanded, unreadable
 from dynident.model.body_constraints import Constraints
 from dynident.model.descriptions import read_robot
@@ -43,6 +39,10 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction
 from dynident.model.robot import Drive, Robot
 from dynident.plugins import Family
+
+if TYPE_CHECKING:
+    from dynident.experiment.case_file.cell_section import CellSetup
+    from dynident.experiment.room.workspace import Workspace
 
 FORMAT = 1
 
@@ -268,13 +268,29 @@ def read_case(path: str | Path, open_gains: bool = False) -> Case:
         test=texts(top, "test"),
         split=guarded(top.place("split"), lambda: Split.parse(top.text("split"))) if top.has("split") else None,
         locked=locked,
-        workspace=read_workspace(top, robot, robot_path),
+        workspace=_workspace_of(top, robot, robot_path),
         constraints=constraints_of(top.section("constraints", CONSTRAINT_KEYS), robot),
         prior=top.text("prior", ""),
-        cell=cell_of(top.section("cell", CELL_KEYS)) if top.has("cell") else None,
+        cell=_cell_of(top),
         path=str(path),
         robot_path=robot_path,
     )
+
+
+def _workspace_of(top: Section, robot: Robot, robot_path: str) -> Workspace | None:
+    if not top.has("workspace"):
+        return None
+    from dynident.experiment.case_file.workspace_section import read_workspace  # few cases need it
+
+    return read_workspace(top, robot, robot_path)
+
+
+def _cell_of(top: Section) -> CellSetup | None:
+    if not top.has("cell"):
+        return None
+    from dynident.experiment.case_file.cell_section import KEYS, cell_of  # few cases need it
+
+    return cell_of(top.section("cell", KEYS))
 
 
 def _find(name: str, case: str) -> Path:

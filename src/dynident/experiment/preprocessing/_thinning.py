@@ -9,16 +9,13 @@ and Parks 1979; Crochiere and Rabiner 1983, section 3.4).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.experiment.preprocessing._low_pass import LowPass, butterworth
 from dynident.experiment.preprocessing._zero_phase import zero_phase
-from dynident.model.kernels.jit import compiled
-
-#: Taps of a phase that one pass over the outputs takes in.
-_TAPS = 4
 
 
 @dataclass(frozen=True)
@@ -27,12 +24,12 @@ class Thinning:
 
     Attributes:
         window: Weights about a wanted sample, shape (2 h + 1,), of sum one.
-        sections: Second-order sections of the recursion over the wanted samples, shape (S, 6).
+        recursion: What is left of the filter, over the wanted samples.
         every: Samples from one wanted sample to the next.
     """
 
     window: Array
-    sections: Array
+    recursion: LowPass
     every: int
 
     @property
@@ -49,58 +46,36 @@ class Thinning:
             first: Column of the first.
             count: Number of them.
         """
-        _fold(signals, self.window, self.every, out, first, count)
+        early, late = self._products
+        blocks, (span, outputs) = -(-count // early.shape[1]), early.shape
+        padded = np.zeros((len(signals), (blocks + 1) * span))
+        padded[:, : signals.shape[1]] = signals[:, : padded.shape[1]]
+        parts = padded.reshape(len(signals), blocks + 1, span)
+        found = parts[:, :-1] @ early
+        found += parts[:, 1:] @ late
+        out[:, first : first + count] = found.reshape(len(signals), blocks * outputs)[:, :count]
+
+    @cached_property
+    def _products(self) -> tuple[Array, Array]:
+        """From the samples of a block, and those of the next, to its outputs: as many as two blocks hold the window."""
+        size, every = len(self.window), self.every
+        outputs = max(1, -(-(size - 1) // every))
+        found = np.zeros((2 * outputs * every, outputs))
+        for k in range(outputs):
+            found[k * every : k * every + size, k] = self.window
+        return np.ascontiguousarray(found[: outputs * every]), np.ascontiguousarray(found[outputs * every :])
 
     def settle(self, folded: Array) -> Array:
         """Return the filter of windowed samples, shape (k, m); wrong near both ends, where the past is not known."""
-        return zero_phase(folded, self.sections, 0)
+        return zero_phase(folded, self.recursion, 0)
 
 
 def thinning(cutoff: float, order: int, rate: float, every: int) -> Thinning:
     """Return the filter of a cut-off in Hz and an order at one sample in ``every`` of ``rate`` samples a second."""
-    import scipy.signal  # half a second, which designs and their worker processes spare
-
-    design: Any = scipy.signal.butter(order, cutoff, fs=rate, output="zpk")
-    zeros, poles = design[0], np.asarray(design[1])
-    window = np.poly(zeros)
-    for pole in poles:
+    filter = butterworth(order, cutoff, rate)
+    window = np.poly(-np.ones(order))
+    for pole in filter.poles:
         window = np.convolve(window, pole ** np.arange(every))
     window = np.real(window)
     window = np.convolve(window, window[::-1])
-    return Thinning(window / window.sum(), _sections(poles**every), every)
-
-
-def _sections(poles: Array) -> Array:
-    """Return sections without zeros, each of gain one at rest; poles come in pairs or are real."""
-    rounding = 1e-12
-    pairs = [pole for pole in poles if pole.imag > rounding]
-    single = [pole.real for pole in poles if abs(pole.imag) <= rounding]
-    lower = [(-2.0 * pole.real, abs(pole) ** 2) for pole in pairs] + [(-pole, 0.0) for pole in single]
-    return np.array([[1.0 + a1 + a2, 0.0, 0.0, 1.0, a1, a2] for a1, a2 in lower])
-
-
-@compiled
-def _fold(signals: Array, window: Array, every: int, out: Array, first: int, count: int) -> None:
-    size, length = len(window), signals.shape[1]
-    passes = (size // every + _TAPS) // _TAPS
-    weights = np.zeros((every, _TAPS * passes))
-    for k in range(size):
-        weights[k % every, k // every] = window[k]
-    # Samples whose number leaves the same remainder stand side by side, so that outputs fill vector registers.
-    phases = np.zeros((every, count + _TAPS * passes + length // every))
-    total = np.zeros(count)
-    for c in range(len(signals)):
-        row = signals[c]
-        for m in range(every):
-            for n in range((length - m + every - 1) // every):
-                phases[m, n] = row[n * every + m]
-        for n in range(count):
-            total[n] = 0.0
-        for m in range(every):
-            for s in range(0, _TAPS * passes, _TAPS):
-                w0, w1, w2, w3 = weights[m, s], weights[m, s + 1], weights[m, s + 2], weights[m, s + 3]
-                own = phases[m, s : s + count + _TAPS]
-                for n in range(count):
-                    total[n] += w0 * own[n] + w1 * own[n + 1] + w2 * own[n + 2] + w3 * own[n + 3]
-        for n in range(count):
-            out[c, first + n] = total[n]
+    return Thinning(window / window.sum(), LowPass(filter.poles**every, zeros=False), every)

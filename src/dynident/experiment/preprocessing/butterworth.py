@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing._differences import central_differences
+from dynident.experiment.preprocessing._low_pass import butterworth
 from dynident.experiment.preprocessing._thinning import Thinning, thinning
 from dynident.experiment.preprocessing._zero_phase import zero_phase
 from dynident.experiment.preprocessing.base import Filter
@@ -130,9 +130,7 @@ def _check_length(log: Log, cutoff: float) -> None:
 
 def _memory(cutoff: float, order: int, rate: float) -> int:
     """Return the samples after which the slowest pole has decayed to 1e-12, also near the Nyquist frequency."""
-    turns = np.exp(0.5j * np.pi * (1.0 + (2.0 * np.arange(order) + 1.0) / order))
-    poles = np.tan(np.pi * min(cutoff / rate, 0.49)) * turns
-    radius = float(np.max(np.abs((1.0 + poles) / (1.0 - poles))))  # by the bilinear transform
+    radius = float(np.max(np.abs(butterworth(order, min(cutoff / rate, 0.49), 1.0).poles)))
     return int(np.ceil(max(3.0 * order * rate / cutoff, -28.0 / np.log(radius))))
 
 
@@ -141,7 +139,4 @@ def _pad(cutoff: float, rate: float) -> int:
 
 
 def _zero_phase(signals: Array, cutoff: float, order: int, rate: float) -> Array:
-    import scipy.signal  # half a second, which designs and their worker processes spare
-
-    sections: Any = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
-    return zero_phase(signals, sections, min(_pad(cutoff, rate), signals.shape[-1] - 1))
+    return zero_phase(signals, butterworth(order, cutoff, rate), min(_pad(cutoff, rate), signals.shape[-1] - 1))

@@ -23,7 +23,7 @@ import numpy.typing as npt
 
 from dynident.arrays import Array
 from dynident.errors import SolverFailed
-from dynident.model.kernels.generated import chain_kernel
+from dynident.model.kernels.generated import chain_kernel, evaluated_once
 from dynident.model.kernels.inputs import parameters, samples
 from dynident.model.kernels.joint_columns import JointColumns
 from dynident.model.robot import Chain
@@ -41,7 +41,9 @@ __all__ = [
 SHARE = 512
 
 
-def torque_regressor(chain: Chain, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, threads: int = 1) -> Array:
+def torque_regressor(
+    chain: Chain, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, threads: int = 1, once: bool = False
+) -> Array:
     """Return Y with tau = Y theta.
 
     Args:
@@ -50,6 +52,7 @@ def torque_regressor(chain: Chain, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt
         dq: Velocities, shape (N, n).
         ddq: Accelerations, shape (N, n).
         threads: Number of threads.
+        once: For a few samples of a robot that will not be asked for again: NumPy, and nothing is compiled.
 
     Returns:
         Shape (N, n, 10 l), the columns of each link in the order of :data:`dynident.model.inertia.TEN`.
@@ -58,6 +61,9 @@ def torque_regressor(chain: Chain, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt
         ValueError: A shape is wrong.
     """
     q, dq, ddq = samples(chain, q=q, dq=dq, ddq=ddq)
+    found = evaluated_once(chain, "regressor", {"q": q, "dq": dq, "ddq": ddq}) if once else None
+    if found is not None:
+        return found.reshape(len(q), chain.joints, 10 * chain.links)
     kernel = chain_kernel(chain, "regressor")
     if kernel is None:
         return _generic_regressor(chain, q, dq, ddq, threads)
@@ -113,7 +119,7 @@ def inverse_dynamics(
     return out
 
 
-def mass_matrix(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, threads: int = 1) -> Array:
+def mass_matrix(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, threads: int = 1, once: bool = False) -> Array:
     """Return the joint-space mass matrices M(q), shape (N, n, n), symmetric.
 
     Args:
@@ -121,12 +127,16 @@ def mass_matrix(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, threads: i
         theta: Inertial parameters, shape (10 l,); physical or not.
         q: Positions, shape (N, n).
         threads: Number of threads.
+        once: For a few samples of a robot that will not be asked for again: NumPy, and nothing is compiled.
 
     Raises:
         ValueError: A shape is wrong.
     """
     (q,) = samples(chain, q=q)
     theta = parameters(chain, theta)
+    found = evaluated_once(chain, "mass", {"theta": theta, "q": q}) if once else None
+    if found is not None:
+        return found.reshape(len(q), chain.joints, chain.joints)
     out = np.empty((len(q), chain.joints, chain.joints))
     kernel = chain_kernel(chain, "mass")
     if kernel is not None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from typing import Literal, TypeAlias
 
-from dynident.model.kernels.compiled import Kernel, kernel
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.model.kernels.compiled import Kernel, kept, kernel
 from dynident.model.kernels.emit import Access, Buffer, Layout
 from dynident.model.kernels.inputs import kernel_choice
 from dynident.model.kernels.recursion import TracedChain
@@ -39,6 +42,28 @@ def chain_kernel(chain: Chain, quantity: Quantity) -> Kernel | None:
     return kernel((quantity, forced, chain_key(chain)), lambda: _quantity(chain, quantity, forced))
 
 
+def evaluated_once(chain: Chain, quantity: Quantity, inputs: Mapping[str, Array]) -> Array | None:
+    """Return a quantity at a few samples, (N, width), by NumPy: nothing is compiled, a program takes milliseconds.
+
+    Which way the numbers are made hangs on the caller alone, not on what was compiled before, so that they repeat.
+
+    Args:
+        chain: The robot.
+        quantity: What is wanted.
+        inputs: Those of theta (10 l,), q, dq and ddq (N, n) that it depends on.
+
+    Returns:
+        None where the environment asks for a kernel by name.
+    """
+    if kernel_choice() != "auto":
+        return None
+    program, width = kept(("once", quantity, chain_key(chain)), lambda: _program(chain, quantity))
+    found = np.zeros((len(inputs["q"]), width))
+    for slot, values in program.evaluate({name: values.T for name, values in inputs.items()}).items():
+        found[:, slot] = values
+    return found
+
+
 def chain_key(chain: Chain) -> Hashable:
     """Return what tells one chain from another."""
     arrays = (chain.parent, chain.kind, chain.joint, chain.rotation, chain.translation, chain.axis)
@@ -63,13 +88,18 @@ def _quantity(chain: Chain, quantity: Quantity, forced: bool) -> tuple[Program, 
     # The regressor alone has l^2 / 2 blocks of ten: no need to trace a large robot to see that it is too large.
     if not forced and chain.links > LARGEST // 100:
         return None
-    traced = TracedChain(chain)
-    values, width = _values(traced, quantity)
-    program = traced.trace.program(values)
+    program, width = _program(chain, quantity)
     if not (forced or is_small(program)):
         return None
     output = Buffer("out", Access.BY_SAMPLE, width)
     return program, Layout(by_sample(chain, _READS[quantity]), (output,), {slot: (0, slot) for slot in program.outputs})
+
+
+def _program(chain: Chain, quantity: Quantity) -> tuple[Program, int]:
+    """Return the program of a quantity, and how many slots it has."""
+    traced = TracedChain(chain)
+    values, width = _values(traced, quantity)
+    return traced.trace.program(values), width
 
 
 def _values(traced: TracedChain, quantity: Quantity) -> tuple[dict[int, Number], int]:
