@@ -11,7 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.arrays import Array
-from dynident.model.base_parameters import COMBINED, IDENTIFIABLE, NOT_IDENTIFIABLE, ZERO, base_parameters
+from dynident.model.base_parameters import (
+    COMBINED,
+    IDENTIFIABLE,
+    NOT_IDENTIFIABLE,
+    TOLERANCE,
+    WEAK,
+    ZERO,
+    base_parameters,
+)
 from dynident.model.descriptions import read_robot
 from dynident.model.descriptions.dh import read_dh
 from dynident.model.dynamic_model import DynamicModel
@@ -225,8 +233,8 @@ def test_a_rank_that_is_not_clear_is_decided_and_told(spatial_3r: Robot, monkeyp
     """A regressor known to five digits only: singular values without a gap between what counts and what does not."""
     exact = DynamicModel.regressor
 
-    def rough(self: DynamicModel, motion: Motion) -> Array:
-        found = exact(self, motion)
+    def rough(self: DynamicModel, motion: Motion, **options: bool) -> Array:
+        found = exact(self, motion, **options)
         return found + 2e-6 * np.abs(found).max() * np.random.default_rng(0).normal(size=found.shape)
 
     clear = base_parameters(model_of(spatial_3r))
@@ -254,9 +262,10 @@ def test_a_calibrated_robot_gets_an_answer(name: str, size: float) -> None:
     )
     model, ideal = model_of(replace(robot, joints=joints), "viscous"), base_parameters(model_of(robot, "viscous"))
     base = base_parameters(model)
-    assert base.count >= ideal.count and set(ideal.independent) <= set(base.independent)
-    assert len(base.weak) == base.count - ideal.count if size < 1e-3 else base.count > ideal.count
-    assert np.all(base.shares[base.weak] > 1e-6) and len(set(base.weak)) == len(base.weak)
+    assert set(ideal.independent) <= set(base.independent) or size > 1e-3
+    assert base.count >= ideal.count and bool(len(base.weak)) == (base.count > ideal.count)
+    assert np.all(base.shares > 0.1 * TOLERANCE) and np.all(base.shares[base.weak] < WEAK)
+    assert np.abs(base.matrix[:, : model.inertial_count]).max() < 1e3
     regressor, theta = model.regressor(model.random_motion(50, 9)), model.nominal()
     assert theta is not None
     torque, found = regressor @ theta, regressor[..., base.independent] @ base.from_standard(theta)

@@ -6,7 +6,7 @@ the grouping rules of Khalil and Dombre 2002, section 9.4: the second moment acr
 it and the mass go into the links before.
 
 Axes that are a little off, as a calibration finds them, leave singular values of every size. The rank is then the
-number above one line, and columns are exchanged until none of those left out is a large multiple of those kept (Gu and
+number above one line, strong columns come first, and columns are exchanged until none of those left out is a large multiple of those kept (Gu and
 Eisenstat 1996, strong rank-revealing QR); what lies near the line is told by ``shares`` and ``neglected``.
 """
 
@@ -23,8 +23,9 @@ from dynident.model.friction import Motion
 from dynident.model.parameters import Parameter
 from dynident.model.reduction import triangle_of
 
-#: A column is dependent when what remains of it is below this share of its norm. Descriptions with angles like 1.5708
-#: tilt axes by 4e-6 rad; what that lets through is no information, while true columns keep a tenth and more.
+#: A column is dependent when what remains of it is below this share of the largest of its kind, and a combination when
+#: its singular value is. Descriptions with angles like 1.5708 tilt axes by 4e-6 rad; what that lets through is no
+#: information, while true columns keep a hundredth and more.
 TOLERANCE = 1e-5
 
 #: A base parameter is weak where the others leave less than this share of it: a log tells it only where the torque is
@@ -34,7 +35,7 @@ WEAK = 1e-3
 #: Singular values below this share of the largest are rounding of double precision.
 _EXACT = 1e-12
 
-#: Columns are exchanged until none is more than this multiple of a kept one, norms being equal.
+#: Columns are exchanged until none is more than this multiple of a kept one, each in the unit of its kind.
 _MULTIPLE = 100.0
 
 #: A column this much smaller than the largest of its kind is zero but for such rounding. Kinds are second moments,
@@ -61,7 +62,7 @@ class BaseParameters:
         matters: Which entries of K are more than rounding, and stand in names and verdicts, shape (b, p).
         shares: Norm on random states of what no combination of the others gives of each kept column, as a share of the
             largest column of its kind (second moments, first moments, masses, one coefficient of the drives), (b,).
-        neglected: The largest singular value that was taken for rounding, as a share of the largest of all; 0 where
+        neglected: The largest singular value, or column alone, that was taken for rounding, in the same unit; 0 where
             nothing was left out but rounding of double precision.
     """
 
@@ -140,19 +141,20 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     norms = np.linalg.norm(triangle, axis=0)
     sizes = _sizes(model, norms)
     live = sizes > ZERO
-    scaled = np.where(live, triangle / np.where(live, norms, 1.0), 0.0)
+    unit = np.where(live, norms / np.where(live, sizes, 1.0), 1.0)  # norm of the largest column of the kind
+    scaled = np.where(live, triangle / unit, 0.0)
     rank, after = _rank(scaled[:, live])
     neglected = max(after, sizes[~live].max(initial=0.0))
     order = [k for k in _preference(model, size) if live[k]]
     chosen = _independent(scaled, order, rank)
     matrix = np.zeros((rank, size))
-    matrix[:, live] = _express(scaled[:, chosen], scaled[:, live]) / norms[chosen, None] * norms[live]
+    matrix[:, live] = _express(scaled[:, chosen], scaled[:, live]) / unit[chosen, None] * unit[live]
     largest = norms[chosen, None] * np.abs(matrix) / np.where(live, norms, np.inf)
     matrix[largest < 1e-13] = 0.0
     matrix[:, chosen] = np.eye(rank)
     matrix.setflags(write=False)
-    shares = sizes[chosen] * _remainders(scaled[:, chosen])
-    matters = (largest >= 1e-7) & (matrix != 0)
+    matters = largest >= TOLERANCE
+    shares = _remainders(scaled[:, chosen])
     return BaseParameters(model.parameters[:size], chosen, matrix, matters, shares, float(neglected))
 
 
@@ -194,12 +196,11 @@ def _sizes(model: DynamicModel, norms: Array) -> Array:
 
 
 def _rank(scaled: Array) -> tuple[int, float]:
-    """Return how many singular values count, and the largest of the others as a share of the largest."""
+    """Return how many singular values count, and the largest of the others."""
     values = np.linalg.svd(scaled, compute_uv=False)
-    shares = values / values[0]
-    rank = int(np.sum(shares > TOLERANCE))
-    after = float(shares[rank]) if rank < len(shares) else 0.0
-    return rank, after if after > _EXACT else 0.0
+    rank = int(np.sum(values > TOLERANCE))
+    after = float(values[rank]) if rank < len(values) else 0.0
+    return rank, after if after > _EXACT * values[0] else 0.0
 
 
 def _independent(scaled: Array, order: list[int], rank: int) -> IntArray:
@@ -223,12 +224,13 @@ def _independent(scaled: Array, order: list[int], rank: int) -> IntArray:
 
 
 def _first_independent(scaled: Array, order: list[int], rank: int) -> tuple[list[int], Array]:
-    """Return up to ``rank`` columns in ``order`` that do not depend on those before, and what they leave of all."""
+    """Return up to ``rank`` columns in ``order`` that depend on none before, strong ones first, and what all leave."""
     rest, chosen = scaled, list[int]()
-    for k in order:
-        if len(chosen) < rank and np.linalg.norm(rest[:, k]) > TOLERANCE:
-            chosen.append(k)
-            rest = _less(rest, rest[:, k])
+    for line in (WEAK, TOLERANCE):
+        for k in order:
+            if len(chosen) < rank and k not in chosen and np.linalg.norm(rest[:, k]) > line:
+                chosen.append(k)
+                rest = _less(rest, rest[:, k])
     return chosen, rest
 
 
@@ -241,7 +243,7 @@ def _less(columns: Array, direction: Array) -> Array:
 
 
 def _remainders(kept: Array) -> Array:
-    """Return the norm of what all other columns leave of each, shape (b,), from columns of norm 1."""
+    """Return the norm of what all other columns leave of each, shape (b,)."""
     inverse = np.linalg.inv(np.linalg.qr(kept, mode="r"))
     return 1.0 / np.linalg.norm(inverse, axis=1)
 
