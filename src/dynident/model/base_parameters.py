@@ -6,8 +6,9 @@ the grouping rules of Khalil and Dombre 2002, section 9.4: the second moment acr
 it and the mass go into the links before.
 
 Axes that are a little off, as a calibration finds them, leave singular values of every size. The rank is then the
-number above one line, strong columns come first, and columns are exchanged until none of those left out is a large multiple of those kept (Gu and
-Eisenstat 1996, strong rank-revealing QR); what lies near the line is told by ``shares`` and ``neglected``.
+number above one line, strong columns come first, and columns are exchanged until none of those left out is a large
+multiple of those kept (Gu and Eisenstat 1996, strong rank-revealing QR); what lies near the line is told by ``shares``
+and ``neglected``.
 """
 
 from __future__ import annotations
