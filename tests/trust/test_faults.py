@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import random
-import signal
 import subprocess
 import sys
 import time
@@ -16,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynident.cli import main as cli
 from dynident.cli.main import main
 from dynident.estimation.estimate_file import read_estimate
 
@@ -153,79 +153,10 @@ def test_two_processes_fill_one_cache(cell: Path, tmp_path: Path) -> None:
     assert [process.returncode for process in both] == [0, 0] and answers[0] == answers[1]
 
 
-def commands(cell: Path, out: Path) -> dict[str, tuple[list[str], list[Path]]]:
-    """Return the words of each long command and the files it writes; ``estimate.json`` and ``plan.json`` are there."""
-    arm, case = str(cell / "arm.urdf"), str(cell / "case.yaml")
-    search = ["excite", arm, "--starts", "2", "--time-limit", "20", "--quiet", "--period", "5"]
-    model, page = str(cell / "estimate.json"), str(out / "page.html")
-    return {
-        "identify": (identify(cell, "-o", str(out / "new.json")), [out / "new.json"]),
-        "excite": ([*search, "--resume", str(out / "search"), "-o", str(out / "new.json")], [out / "new.json"]),
-        "reduce": (["reduce", case, "-o", str(out / "new.tri"), "--quiet", "--checkpoint", "0.01"], [out / "new.tri"]),
-        "compare": (["compare", case, "--estimators", "ols,wls", "--quiet", "--report", page], [out / "page.html"]),
-        "export": (["export", model, "--to", "urdf", "-o", str(out / "new.urdf"), "--quiet"], [out / "new.urdf"]),
-        "report": (["report", model, "-o", page, "--quiet"], [out / "page.html"]),
-    }
+def test_ctrl_c_while_a_command_is_loaded(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    def interrupted(_: str) -> None:
+        raise KeyboardInterrupt
 
-
-@pytest.fixture(scope="module")
-def worked(cell: Path) -> Path:
-    """Return the folder with an estimate in it."""
-    assert main(identify(cell, "--estimator", "consistent", "-o", str(cell / "estimate.json"))) == 0
-    return cell
-
-
-@pytest.mark.battery
-@pytest.mark.parametrize("name", ["identify", "excite", "reduce", "compare", "export", "report"])
-def test_a_command_that_is_killed_leaves_the_old_or_the_new_file(name: str, worked: Path, tmp_path: Path) -> None:
-    """Ten kills at random moments of the time that the command takes; then it is run again to its end."""
-    words, places = commands(worked, tmp_path)[name]
-    begun = time.monotonic()
-    subprocess.run([*COMMAND, *words], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    longest = time.monotonic() - begun
-    done = {place: bare(place) for place in places}
-    draw, kills = random.Random(name), 0
-    for _ in range(10):
-        for place in places:
-            place.write_bytes(b"old")
-        process = subprocess.Popen([*COMMAND, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(draw.uniform(0.3, 1.0) * longest)
-        kills += process.poll() is None
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-        for place in places:
-            assert place.read_bytes() == b"old" or bare(place) == done[place]
-    assert kills > 2
-    subprocess.run([*COMMAND, *words], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    assert {place: bare(place) for place in places} == done
-
-
-def bare(place: Path) -> object:
-    """Return what a result says, without clock times; whole or an error."""
-    if place.suffix == ".json":
-        data = json.loads(place.read_text())
-        return data.get("beta") or data.get("trajectory")
-    if place.suffix == ".tri":
-        with np.load(place) as arrays:
-            return {name: arrays[name].tolist() for name in arrays.files if name != "about"}
-    text = place.read_text("utf-8").rstrip()
-    return text.endswith(("</html>", "</robot>"))
-
-
-@pytest.mark.battery
-def test_a_search_that_is_interrupted_says_so_and_goes_on(cell: Path, tmp_path: Path) -> None:
-    words, _ = commands(cell, tmp_path)["excite"]
-    process = subprocess.Popen([*COMMAND, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 60
-    while not (tmp_path / "search").exists() and process.poll() is None and time.monotonic() < deadline:
-        time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
-    assert process.stderr is not None
-    said = process.stderr.read()
-    process.stderr.close()
-    if process.wait() != 0:
-        assert process.returncode == 130 and said.splitlines()[-1] == "stopped" and "Traceback" not in said
-        assert not (tmp_path / "new.json").exists()
-    subprocess.run([*COMMAND, *words], check=True, stdout=subprocess.DEVNULL)
-    assert json.loads((tmp_path / "new.json").read_text())["trajectory"]
+    monkeypatch.setattr(cli, "_module", interrupted)
+    assert main(["list"]) == 130
+    assert capsys.readouterr().err == "stopped\n"

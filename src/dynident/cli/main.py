@@ -72,6 +72,15 @@ def _module(name: str) -> Any:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     words = _joined(sys.argv[1:] if arguments is None else arguments)
+    try:
+        return _done(words)
+    except KeyboardInterrupt as error:  # also while a command is loaded
+        if "--debug" in words:
+            traceback.print_exc()
+        return _reported(error)
+
+
+def _done(words: list[str]) -> int:
     parser = build_parser(words[0] if words and words[0] in COMMANDS else None)
     options = parser.parse_args(words)
     if options.command is None:
@@ -85,7 +94,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code = _module(options.command).run(options)
         sys.stdout.flush()
-    except (DynidentError, KeyboardInterrupt, OSError) as error:
+    except (DynidentError, OSError) as error:
         if options.debug:
             traceback.print_exc()
         code = _reported(error)
