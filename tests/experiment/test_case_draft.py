@@ -183,6 +183,35 @@ def test_two_groups_that_fit_equally_are_asked(arm: str, motion: dict[str, Array
     assert case.columns.torque == tuple(f"right_tau{k}" for k in range(1, 7))
 
 
+def test_an_effort_whose_name_is_not_understood_is_asked_about(
+    arm: str, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    """The description's masses confirm it, then a comment asks; else an answer is needed."""
+    for factor, needed in ((1.0, False), (0.05, True)):
+        log = write_log(
+            tmp_path / "run.csv", numbered({**motion, "torque": factor * motion["torque"]}, torque="tau_b{}")
+        )
+        draft = draft_case(arm, log)
+        (question,) = (one for one in draft.questions if "'b' is not known" in one.text)
+        assert question.needed == needed
+
+
+def test_two_groups_of_velocities_are_left_out(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    columns = numbered(motion)
+    for word in ("qd{}", "q_dot{}"):
+        columns |= {word.format(k + 1): motion["dq"][:, k] for k in range(motion["dq"].shape[1])}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", columns))
+    assert not draft.needed and "# dq: qd1 to qd6 or q_dot1 to q_dot6" in draft.text
+
+
+def test_a_log_without_a_time_takes_its_rate(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    timeless = {name: values for name, values in numbered(motion).items() if name != "t"}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", timeless), tmp_path)
+    answers = {"the unit of the time": "s", "the unit of the positions": "rad", "the unit of the torques": "SI"}
+    case = read(draft, tmp_path, {"the column of the time": "100 Hz", **answers})
+    np.testing.assert_allclose(case.read(case.train[0]).time, motion["time"], atol=1e-12)
+
+
 def test_velocities_in_another_unit_are_left_out(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
     for factor, there in ((1.0, True), (57.3, False)):
         columns = numbered(motion) | {f"dq{k}": factor * motion["dq"][:, k - 1] for k in range(1, 7)}

@@ -229,7 +229,8 @@ FAULTS = [
     (table(rows=9), "1: only 9 rows; an identification needs seconds of motion"),
     (
         table()[1:],
-        "1: numbers where the names of the columns should stand; add a header row such as t,q1,q2,tau1,tau2",
+        "1: numbers where the names of the columns should stand; add a header row such as t,q1,q2,tau1,tau2, "
+        "or name the columns (log: format: {csv: {names: [...]}})",
     ),
     (
         ["# t q1 tau1", *(f"{k} 1 2 3" for k in range(ROWS))],
@@ -462,4 +463,4 @@ def test_the_header_alone_is_read_too(tmp_path):
 def test_the_family_knows_its_part():
     assert "csv" in FORMATS.names()
     assert FORMATS.get("csv") is Csv
-    assert [option.name for option in FORMATS.options("csv")] == ["decimal"]
+    assert [option.name for option in FORMATS.options("csv")] == ["decimal", "names"]

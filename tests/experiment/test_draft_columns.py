@@ -52,6 +52,16 @@ def meaning(name: str) -> Meaning:
         ("tcp_pos_1", "", "", "", ""),
         ("ddq1", "ddq", "", "", ""),
         ("speed_scaling", "dq", "", "", ""),
+        ("theta3_dot", "dq", "", "", ""),
+        ("q_dot_1", "dq", "", "", ""),
+        ("q1_ddot", "ddq", "", "", ""),
+        ("joint_tor_0", "torque", "", "", ""),
+        ("τ0", "torque", "", "", ""),
+        ("qDes2", "q", "commanded", "", ""),
+        ("GRP[1]J2 Disturbance Torque(Nm)", "torque", "model", "", "N m"),
+        ("tau_slave_interaction_1", "torque", "model", "", ""),
+        ("tau2_mNm", "torque", "", "", "mN m"),
+        ("angle 2 in deg", "q", "", "", "deg"),
         ("blue3", "", "", "", ""),
     ],
 )
@@ -99,7 +109,13 @@ def test_the_number_that_runs_is_that_of_the_joint() -> None:
     assert patterns == ["robot2_q_{0}", "arm1.tau{}.f2"]
 
 
+def test_words_that_are_not_known_are_kept() -> None:
+    assert meaning("tau_b_3").strange == ("b",) and meaning("qIn_2").strange == ("in",)
+    assert meaning("field.position0").strange == () == meaning("actuators[2].torque").strange
+
+
 def test_times() -> None:
+    assert time_columns(["%time", "field.header.seq", "field.header.stamp"])[0] == "field.header.stamp"
     assert time_columns(["x", "receive_time", "Time [ms]", "t"]) == ["Time [ms]", "t"]
     assert unit_of_time("Time [ms]") == "ms" and unit_of_time("time_us") == "us" and unit_of_time("t") == ""
     assert time_unit(0.002, "").text == "s" and time_unit(0.002, "").certain

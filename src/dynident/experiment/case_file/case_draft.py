@@ -24,6 +24,9 @@ from dynident.experiment.formats import FORMATS, LARGE, LogFormat, Table, bytes_
 from dynident.experiment.profiles import PROFILES
 from dynident.model.descriptions import read_robot
 
+#: What to do where a file holds one signal.
+_ELSEWHERE = "; where each signal has a file of its own, put their columns side by side into one"
+
 
 @dataclass(frozen=True)
 class Draft:
@@ -209,7 +212,8 @@ def _remarks(found: Found) -> list[str]:
             remarks.append(f"{Path(reading.path).name} has gaps in time: split it there")
     if not found.time or "q" not in found.sources:
         what = "time" if not found.time else "positions"
-        remarks.append(f"the columns of the {what} cannot be told: fill them in, or draft again with --profile")
+        step = "fill them in, or draft again with --profile"
+        remarks.append(f"the columns of the {what} cannot be told: {step}{_ELSEWHERE if found.time else ''}")
         return remarks
     moving, told = found.moving, found.units["position"]
     if moving is not None and told.certain and found.joints.certain:
@@ -223,7 +227,7 @@ def _remarks(found: Found) -> list[str]:
             f"{name} never moves; it is locked where it stands; record a motion of all joints to identify it"
         )
     if not found.effort and not {"torque", "current"} & found.rivals.keys():
-        remarks.append("no torques and no currents: nothing can be identified without one of them")
+        remarks.append(f"no torques and no currents: nothing can be identified without one of them{_ELSEWHERE}")
     return remarks + _against(found)
 
 

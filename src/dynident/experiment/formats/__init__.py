@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynident.errors import LogFormatError
+from dynident.experiment.formats._clocked_table import clocked
 from dynident.experiment.formats._live_table import live_rows
 from dynident.experiment.formats._stream import LogStream
 from dynident.experiment.formats._table import LARGE, Table, bytes_of, log_of
@@ -50,7 +51,7 @@ def read_log(path: str | Path, columns: ColumnMap | None = None, *, form: str | 
         UnknownChoice: No such format.
     """
     chosen = columns or ColumnMap()
-    return log_of(_chosen(path, _form(chosen) if form is None else form).open(path), chosen)
+    return log_of(clocked(_chosen(path, _form(chosen) if form is None else form).open(path), chosen), chosen)
 
 
 def stream_log(path: str | Path, columns: ColumnMap | None = None, *, folder: Path | None = None) -> LogStream:
@@ -66,7 +67,7 @@ def stream_log(path: str | Path, columns: ColumnMap | None = None, *, folder: Pa
         LogFormatError: It has no sound header, lacks a column, or no format has its suffix.
     """
     chosen = columns or ColumnMap()
-    table = _chosen(path, _form(chosen)).open(path)
+    table = clocked(_chosen(path, _form(chosen)).open(path), chosen)
     return LogStream(table, chosen.resolved(table.header, table.path, table.line), folder)
 
 
@@ -81,7 +82,8 @@ def open_log(path: str | Path, columns: ColumnMap | None = None) -> Table:
         FileError: The file cannot be read at all.
         LogFormatError: It has no sound header, or no format has its suffix.
     """
-    return _chosen(path, None if columns is None else _form(columns)).open(path)
+    table = _chosen(path, None if columns is None else _form(columns)).open(path)
+    return table if columns is None else clocked(table, columns)
 
 
 def read_header(path: str | Path, *, form: str | LogFormat | None = None) -> tuple[str, ...]:

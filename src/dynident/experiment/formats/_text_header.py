@@ -85,6 +85,25 @@ def find_header(path: str | Path, decimal: str) -> Layout:
     return Layout(first.number, names, delimiter, first.number, shown)
 
 
+def headless(path: str | Path, decimal: str, names: Sequence[str]) -> Layout:
+    """Return the layout of a text file that begins with its first row of numbers.
+
+    Raises:
+        LogFormatError: The file is empty, or its first row is no row of as many numbers as there are names.
+    """
+    lines, _, stated = _first_lines(path)
+    first, delimiter = lines[0], delimiter_of([line.text for line in lines], decimal, stated)
+    cells = _names(first.text, delimiter)
+    if len(cells) != len(names):
+        step = "give one name for each column (log: format: {csv: {names: [...]}})"
+        raise LogFormatError(path, first.number, f"{len(cells)} cells and {len(names)} names", step)
+    words = [cell for cell in cells if not _is_number(cell, decimal)]
+    if words:
+        step = "the file has a header: leave the names out, or map its columns with columns:"
+        raise LogFormatError(path, first.number, f"'{words[0]}' in the first row is no number", step)
+    return Layout(first.number, tuple(names), delimiter, first.number - 1, note=", its columns named by the case")
+
+
 def cells_of(text: str, delimiter: str | None) -> list[str]:
     """Return the cells of one line, quotes taken off."""
     if '"' not in text:

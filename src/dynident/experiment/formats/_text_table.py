@@ -19,7 +19,15 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import FileError, LogFormatError
 from dynident.experiment.formats._table import TOO_LARGE, Blocks, Table
-from dynident.experiment.formats._text_header import DELIMITERS, ENCODING, NUMBER, Layout, cells_of, find_header
+from dynident.experiment.formats._text_header import (
+    DELIMITERS,
+    ENCODING,
+    NUMBER,
+    Layout,
+    cells_of,
+    find_header,
+    headless,
+)
 from dynident.experiment.formats.base import shown
 from dynident.files import unreadable
 
@@ -186,12 +194,13 @@ class TextTable(Table):
         return 'with decimal: "," points are refused' if "." in cell and self.decimal == "," else "mend the cell"
 
 
-def open_table(path: str | Path, decimal: str = ".") -> TextTable:
+def open_table(path: str | Path, decimal: str = ".", names: Sequence[str] = ()) -> TextTable:
     """Return the table in a text file once its bytes and its header are found sound.
 
     Args:
         path: The file.
         decimal: The decimal sign.
+        names: Names of the columns where the file has no header.
 
     Raises:
         FileError: The file cannot be read at all.
@@ -199,7 +208,7 @@ def open_table(path: str | Path, decimal: str = ".") -> TextTable:
     """
     digest = check_text(path, MOST_BYTES)
     try:
-        layout = find_header(path, decimal)
+        layout = headless(path, decimal, names) if names else find_header(path, decimal)
     except OSError as error:
         raise unreadable(path, error) from error
     _check_header(path, layout)
@@ -278,7 +287,7 @@ def _check_header(path: str | Path, layout: Layout) -> None:
     if len(header) > MAX_COLUMNS:
         raise LogFormatError(path, line, f"{len(header)} columns", f"at most {MAX_COLUMNS} are read")
     if all(NUMBER.fullmatch(name.replace(",", ".")) for name in header if name):
-        step = "add a header row such as t,q1,q2,tau1,tau2"
+        step = "add a header row such as t,q1,q2,tau1,tau2, or name the columns (log: format: {csv: {names: [...]}})"
         if layout.comment:
             step = f"if the comment '{shown(layout.comment)}' is the header, remove its '#'"
         raise LogFormatError(path, line, "numbers where the names of the columns should stand", step)

@@ -44,7 +44,7 @@ class ColumnMap:
 
     Attributes:
         joints: Names of the n joints in the order of the columns; empty: as many as there are, joint1, joint2, ...
-        time: Column of the time.
+        time: Column of the time, or the rows a second where a file has none, such as ``200 Hz``.
         q: Columns of the positions.
         dq: Columns of the velocities; None takes dq1, ... where they are there.
         ddq: Columns of the accelerations; not read unless named.

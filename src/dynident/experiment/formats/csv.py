@@ -1,4 +1,4 @@
-"""Logs as delimited text: comma, semicolon, tab or blanks, one header row."""
+"""Logs as delimited text: comma, semicolon, tab or blanks, one header row, or none where names are stated."""
 
 from __future__ import annotations
 
@@ -19,19 +19,24 @@ class Csv(LogFormat):
 
     Attributes:
         decimal: The decimal sign of the numbers, ``.`` or ``,``; it is never guessed.
+        names: Names of the columns of a file without a header row, in order.
     """
 
     decimal: str = "."
+    names: tuple[str, ...] = ()
 
     suffixes: ClassVar = (".csv", ".txt", ".tsv")
 
     def __post_init__(self) -> None:
         if self.decimal not in (".", ","):
             raise BadOption("decimal", self.decimal, "choose '.' or ','")
+        if isinstance(self.names, str):
+            raise BadOption("names", self.names, "give a list of names, one for each column")
+        object.__setattr__(self, "names", tuple(self.names))
 
     def open(self, path: str | Path) -> TextTable:
         """Return the table; see :meth:`LogFormat.open`."""
-        return open_table(path, self.decimal)
+        return open_table(path, self.decimal, self.names)
 
     def write(self, log: Log, path: str | Path) -> None:
         """Write the log; .tsv is separated by tabs, decimal commas by semicolons; see :meth:`LogFormat.write`."""

@@ -58,14 +58,14 @@ def groups_of(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
 
 
 def time_columns(header: Sequence[str]) -> list[str]:
-    """Return the columns that may be the time, the most telling names first."""
+    """Return the columns that may be the time, the most telling names first: a stamp of a header, then short ones."""
     found = []
     for name in header:
         base, unit = split_unit(name)
         words = [word for word in tokens_of(base) if not word.isdigit()]
         if words and len(words) == len(tokens_of(base)) and meaning_of(words, unit).signal == "time":
-            found.append((len(words), name))
-    return [name for _, name in sorted(found, key=lambda item: item[0])]
+            found.append((words[-2:] != ["header", "stamp"], len(words), name))
+    return [name for *_, name in sorted(found, key=lambda item: item[:2])]
 
 
 def unit_of_time(name: str) -> str:

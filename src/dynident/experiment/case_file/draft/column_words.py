@@ -9,13 +9,17 @@ from dataclasses import dataclass
 #: Words of the field for each signal.
 WORDS: Mapping[str, tuple[str, ...]] = {
     "time": ("t", "time", "timestamp", "timestamps", "stamp", "times", "timesec", "clock", "zeit"),
-    "q": ("q", "pos", "position", "positions", "theta", "angle", "angles", "qpos", "jpos", "winkel"),
-    "dq": ("dq", "qd", "vel", "velocity", "velocities", "qdot", "dqdt", "qvel", "jvel", "speed", "speeds", "omega"),
+    "q": ("q", "pos", "position", "positions", "theta", "angle", "angles", "ang", "qpos", "jpos", "winkel", "θ"),
+    "dq": (
+        "dq", "qd", "vel", "velocity", "velocities", "qdot", "dqdt", "qvel", "jvel", "speed", "speeds", "omega", "ω"
+    ),
     "ddq": ("ddq", "qdd", "acc", "acceleration", "accelerations", "accel", "qddot"),
-    "torque": ("tau", "torque", "torques", "effort", "efforts", "trq", "moment", "moments", "drehmoment"),
+    "torque": (
+        "tau", "torque", "torques", "tor", "torq", "trq", "effort", "efforts", "moment", "moments", "drehmoment", "τ"
+    ),
     "current": ("i", "current", "currents", "cur", "curr", "iq", "amps", "strom"),
     "temperature": ("temp", "temperature", "temperatures"),
-}
+}  # fmt: skip
 
 #: Words that join a signal and a side.
 _JOINED = {"qm": ("q", "motor"), "dqm": ("dq", "motor"), "taum": ("torque", "motor"), "im": ("current", "motor")}
@@ -24,7 +28,8 @@ _SIGNAL = {word: signal for signal, words in WORDS.items() for word in words}
 _KINDS = {
     "measured": "actual act meas measured msr sensor present real encoder enc fb feedback ist".split(),
     "commanded": "des desired cmd command commanded ref reference target set setpoint sp goal planned soll d".split(),
-    "model": "model est estimated ext external hat predicted pred sim residual friction gravity coriolis ff".split(),
+    "model": "model est estimated ext external hat predicted pred sim residual friction gravity coriolis ff "
+    "disturbance interaction collision contact compensate compensation comp".split(),
 }
 _KIND = {word: kind for kind, words in _KINDS.items() for word in words}
 _SIDES = {"motor": "motor", "mot": "motor", "rotor": "motor", "link": "link", "load": "link"}
@@ -36,7 +41,13 @@ _OTHER = frozenset(
 )
 
 #: Words that say nothing more about a column.
-_NEUTRAL = frozenset("joint joints j axis a achse arm robot state states value values observation data of in s".split())
+_NEUTRAL = frozenset(
+    "joint joints j axis a achse arm robot state states value values observation data of s field msg header raw grp "
+    "group actuator actuators".split()
+)
+
+#: What a dot over a signal makes of it.
+_DERIVED = {"q": "dq", "dq": "ddq"}
 
 #: Units at the end of names, as the words of the case file; by signal where a word has two meanings.
 UNIT_WORDS: Mapping[str, str] = {
@@ -76,12 +87,12 @@ class Meaning:
     kind: str = ""
     side: str = ""
     unit: str = ""
-    strange: int = 0
+    strange: tuple[str, ...] = ()
 
 
 def tokens_of(name: str) -> list[str]:
-    """Return the words and numbers of a name in small letters: ``jointPos_1`` is joint, pos, 1."""
-    spaced = re.sub(r"(?<=[a-z][a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
+    """Return the words and numbers of a name in small letters: ``jointPos_1`` is joint, pos, 1, ``qDes`` q, des."""
+    spaced = re.sub(r"(?<=[a-z][a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[qx])(?=[A-Z][a-z])", " ", name)
     return [word.lower() for word in re.findall(r"[^\W\d_]+|\d+", spaced)]
 
 
@@ -104,7 +115,8 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
         at_end: Whether the last word stood at the end of the name, where a unit may stand.
     """
     words = list(words)
-    signals, kind, side, strange = _signals(words), "", "", 0
+    words = _undotted(words)
+    signals, kind, side, strange = _signals(words), "", "", list[str]()
     signal = _one(signals)
     if not unit and len(words) > 1 and words[-1] in UNIT_WORDS and (at_end or words[-1] in _PLAIN_UNITS):
         unit = UNIT_WORDS[words[-1]]
@@ -122,11 +134,24 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
             kind = kind if kind in ("commanded", "model") else _KIND[word]
         elif word in _SIDES:
             side = _SIDES[word]
-        elif word not in _NEUTRAL:
-            strange += 1
+        elif word not in _NEUTRAL and not (word == "in" and words[k + 1 :] and words[k + 1] in UNIT_WORDS):
+            strange.append(word)
     if signal == "time" and (strange or kind):
         return Meaning("")
-    return Meaning(signal, kind, side, unit, strange)
+    return Meaning(signal, kind, side, unit, tuple(strange))
+
+
+def _undotted(words: list[str]) -> list[str]:
+    """Return words with ``theta dot`` as one that is known, such as dq."""
+    found: list[str] = []
+    for word in words:
+        before = _SIGNAL.get(found[-1], "") if found else ""
+        if word in ("dot", "ddot") and before in _DERIVED:
+            derived = _DERIVED[before] if word == "dot" else "ddq" if before == "q" else ""
+            found[-1:] = [derived] if derived else [found[-1], word]
+        else:
+            found.append(word)
+    return found
 
 
 def _signals(words: Sequence[str]) -> list[str]:

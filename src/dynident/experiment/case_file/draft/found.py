@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from dynident.experiment.case_file.draft.column_groups import Group
 from dynident.experiment.case_file.draft.joint_choice import JointChoice
 from dynident.experiment.case_file.draft.profile_fit import ProfileFit
@@ -23,12 +25,14 @@ class Source:
         pattern: How the case file writes them; empty for a list.
         side: motor or link.
         how: What told it.
+        unknown: Words in their names that are not known.
     """
 
     columns: tuple[str, ...]
     pattern: str
     side: str
     how: str
+    unknown: tuple[str, ...] = ()
 
     def shown(self) -> str:
         """Return the columns in words."""
@@ -85,6 +89,14 @@ class Found:
     def effort(self) -> str:
         """``torque`` or ``current``, whichever is read; empty where neither is."""
         return next((signal for signal in ("torque", "current") if signal in self.sources), "")
+
+    @property
+    def torques_agree(self) -> bool:
+        """Whether the torques, as they stand in the file, are about those of the description's masses."""
+        if self.effort != "torque" or self.evidence is None or not any(self.evidence.telling):
+            return False
+        seen = np.abs(self.evidence.ratios[np.array(self.evidence.telling)])
+        return bool(0.4 <= np.median(seen) <= 2.5)
 
     @property
     def moving(self) -> Robot | None:

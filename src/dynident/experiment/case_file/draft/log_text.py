@@ -75,12 +75,11 @@ def _columns(found: Found) -> list[str]:
     if found.time:
         lines.append(f"    time: {quoted(found.time)}")
     else:
-        lines.append(asked("    time", f"the column of the time; the log has {few(found.header)}"))
+        text = f"the column of the time; the log has {few(found.header)}; where none is, the rate, such as 200 Hz"
+        lines.append(asked("    time", text))
     for signal in ("q", "dq", "torque", "current", "q_ref", "dq_ref"):
         if signal in found.sources:
-            source = found.sources[signal]
-            value = quoted(source.pattern) if source.pattern else listed(source.columns)
-            lines.append(f"    {signal}: {value}   # {plain(source.how)}")
+            lines.append(_column(found, signal))
         elif signal in found.rivals:
             lines.append(_rivals(found, signal))
     if "q" not in found.sources and "q" not in found.rivals:
@@ -95,6 +94,17 @@ def _columns(found: Found) -> list[str]:
     lines += [f"    # {key}: {plain(why)}" for key, why in found.left_out.items()]
     lines += [f"    # not read: {plain(group.shown())}, {plain(why)}" for group, why in found.refused]
     return lines
+
+
+def _column(found: Found, signal: str) -> str:
+    """Return the line of a signal; what is not understood of the name of an effort is asked."""
+    source = found.sources[signal]
+    value = quoted(source.pattern) if source.pattern else listed(source.columns)
+    line = f"    {signal}: {value}"
+    if signal not in ("torque", "current") or not source.unknown:
+        return f"{line}   # {plain(source.how)}"
+    text = f"are {source.shown()} {_WORDS[signal]}? The word {' '.join(map(repr, source.unknown))} is not known"
+    return offered(line, text) if signal == "current" or found.torques_agree else asked(f"    {signal}", text, value)
 
 
 def _missing_effort(found: Found) -> str:

@@ -95,6 +95,10 @@ def _by_names(found: Found) -> Found:
         left_out["current"] = f"{sources.pop('current').shown()} are there as well; the torques are read"
     if "temperature" in sources:
         left_out["temperature"] = f"{sources.pop('temperature').shown()}: for the friction part temperature"
+    rivals = dict(choice.rivals)
+    if "dq" in rivals:
+        both = " or ".join(group.shown() for group in rivals.pop("dq"))
+        left_out["dq"] = f"{both}: only the filter as_given reads velocities"
     if "q" in choice.groups and "q" not in sources:
         sources = {}
     group = choice.groups.get("q")
@@ -104,7 +108,7 @@ def _by_names(found: Found) -> Found:
         found,
         time=times[0] if times else "",
         sources=sources,
-        rivals=choice.rivals,
+        rivals=rivals,
         refused=choice.refused,
         left_out=left_out,
     )
@@ -112,7 +116,7 @@ def _by_names(found: Found) -> Found:
 
 def _source(group: Group) -> Source:
     how = "by the names of the joints" if group.named else "by the numbers in their names"
-    return Source(group.names, group.pattern, group.meaning.side or "link", how)
+    return Source(group.names, group.pattern, group.meaning.side or "link", how, group.meaning.strange)
 
 
 def _by_values(found: Found) -> Found:

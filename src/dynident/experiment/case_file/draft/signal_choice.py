@@ -80,7 +80,7 @@ def _best(groups: Sequence[Group], joints: int) -> list[Group]:
         meaning = group.meaning
         covers = 0 if group.count == joints else 1 if group.count < joints else 2
         side = {"link": 0, "": 1, "motor": 2}[meaning.side]
-        return (covers, 0 if meaning.kind == "measured" else 1, side, meaning.strange)
+        return (covers, 0 if meaning.kind == "measured" else 1, side, len(meaning.strange))
 
     least = min(map(rank, groups))
     found = [group for group in groups if rank(group) == least]
