@@ -111,6 +111,11 @@ CASES: dict[str, tuple[str | None, str, str]] = {
         "".join(f'<link name="l{i}"/>' for i in range(1001)),
         "line 3: more than 1000 links; give the URDF of one robot",
     ),
+    "many elements": (
+        '<link name="base"/>',
+        '<link name="base">' + "<inertial/>" * 20_000 + "</link>",
+        "line 3: more than 20000 elements; give the URDF of one robot",
+    ),
     "no links": (
         None,
         '<robot name="a"><joint name="b" type="fixed"/></robot>',
