@@ -34,6 +34,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
+from dynident.model.friction.load import Load
 from dynident.model.friction.viscous import Viscous
 
 KP, KD = (500.0, 100.0), (40.0, 8.0)
@@ -166,10 +167,11 @@ def test_the_advice_follows_the_changes(changes, advice):
     assert re.search(advice, after_changes(changes, 0.01))
 
 
-def test_a_robot_that_is_not_integrated_may_have_any_friction(planar_2r):
+@pytest.mark.parametrize("part", [Degressive(), Load()], ids=["degressive", "load"])
+def test_a_robot_that_is_not_integrated_may_have_any_friction(planar_2r, part):
     """A virtual controller holds the simulated robot on the measured motion: least squares, whatever the friction."""
-    model = DynamicModel(planar_2r, (Coulomb(0.1), Degressive()))
-    theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
+    model = DynamicModel(planar_2r, (Coulomb(0.1), part))
+    theta = np.append(planar_2r.nominal, np.tile([1.0, 0.3], 2))
     time = np.arange(500) / 250.0
     sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
     motion = Motion(*FourierSeries(np.zeros(2), sine, cosine, 2.0).evaluate(time))
@@ -177,8 +179,9 @@ def test_a_robot_that_is_not_integrated_may_have_any_friction(planar_2r):
     log = Log(planar_2r.joint_names, time, motion.q, motion.dq, motion.ddq, torque)
     problem = pose(model, [log], Preprocessing(AsGiven(), rest="keep"))
     expected = WLS().solve(problem).beta
-    for part in (DIDIM(), CLIE()):
-        np.testing.assert_allclose(part.solve(problem).beta, expected, rtol=1e-4, atol=1e-4)
+    for method in (DIDIM(), CLIE()):
+        np.testing.assert_allclose(method.solve(problem).beta, expected, rtol=1e-4, atol=1e-4)
+    assert np.all(np.isfinite(IV().solve(problem).beta))
     with pytest.raises(BadOption, match="the virtual robot simulates"):
         CLOE().solve(problem)
 

@@ -104,8 +104,13 @@ class ClosedLoop:
 
     def along(self, course: Course, beta: Array) -> Array:
         """Return q, dq, ddq and torque of a course that is followed exactly, shape (N, 4, n), whatever the masses."""
-        torque = self._fed(self.still(beta), beta, Motion(*course.reference), None)
+        torque = self._fed(self.still(beta), beta, self.goal(course), None)
         return np.stack([*course.reference, torque], axis=1)
+
+    def goal(self, course: Course) -> Motion:
+        """Return the reference of a course, with the load of the problem where friction depends on it."""
+        motion, load = Motion(*course.reference), self.problem.load
+        return motion if load is None else self.problem.model.loaded(motion, self.problem.base.to_standard(load))
 
     def follow(self, course: Course, beta: Array, tangent: bool = True) -> Iterator[Segment]:
         """Simulate one log segment by segment; ``tangent`` keeps the stages of the integration.

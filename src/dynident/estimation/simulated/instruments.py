@@ -14,7 +14,7 @@ import scipy.linalg
 
 from dynident.arrays import Array
 from dynident.errors import SolverFailed
-from dynident.estimation.problem import Observer, Problem
+from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import RowPasses, Segment
 from dynident.estimation.residuals.stretches import stretches_of
 from dynident.estimation.uncertainty.bands import Band, bands_of
@@ -116,7 +116,7 @@ class Instruments:
 
     def _segments(self) -> Iterator[Segment]:
         """Yield the rows of instruments and regressor, beside each other, with the torque last."""
-        observer = Observer(self.problem.model, self.problem.base)
+        observer = self.problem.observer
         start = 0
         for simulated, measured in zip(self.logs, self.problem.logs, strict=True):
             pairs = zip(observer.segments(simulated), observer.segments(measured), strict=True)
@@ -133,7 +133,7 @@ def instruments(problem: Problem, logs: Sequence[Prepared]) -> Instruments:
         problem: The problem.
         logs: Its logs, in the same order, with the same rows, and states free of the noise of the measured ones.
     """
-    observer = Observer(problem.model, problem.base)
+    observer = problem.observer
     sizes = [2 * len(columns) + 1 for columns in observer.columns]
     factors: list[Array] = [np.zeros((size, size), order="F") for size in sizes]
     for simulated, measured, mask in zip(logs, problem.logs, problem.masks, strict=True):
@@ -150,7 +150,7 @@ def instruments(problem: Problem, logs: Sequence[Prepared]) -> Instruments:
 
 def with_states(problem: Problem, logs: Sequence[Prepared]) -> Problem:
     """Return the problem whose regressor is made of other states; torques and rows stay."""
-    observer = Observer(problem.model, problem.base)
+    observer = problem.observer
     parts = [observer.triangles(log, mask) for log, mask in zip(logs, problem.masks, strict=True)]
     triangles = tuple(first.merged(rest) for first, *rest in zip(*parts, strict=True))
     return replace(problem, logs=tuple(logs), triangles=triangles)

@@ -47,8 +47,7 @@ def sensitivities(
     joints, count = course.reference.shape[2], len(beta)
     if loop.is_exact(course):  # the states do not move with the parameters
         still = np.zeros((course.reference.shape[1], joints, count))
-        slope = still if of == "q" else _dense(observation, Motion(*course.reference))
-        return loop.along(course, beta), slope
+        return loop.along(course, beta), still if of == "q" else _dense(observation, loop.goal(course))
     state, torque = np.zeros((2, joints, count)), np.zeros((joints, count))
     rows, slopes = [], []
     for segment in loop.follow(course, beta):
