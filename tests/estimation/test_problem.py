@@ -11,7 +11,7 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import LogMismatch, PoorExcitation
-from dynident.estimation import thinned_rows
+from dynident.estimation import problem, thinned_rows
 from dynident.estimation.identify import pose
 from dynident.estimation.problem import Observer, Problem, counting_rows, make_problem, motion_of, target_torque
 from dynident.experiment.log import Log
@@ -112,6 +112,27 @@ def test_filtering_in_segments_is_filtering_at_once(
     np.testing.assert_allclose(parts.rows.matrix, whole.rows.matrix, atol=1e-8 * size)
     np.testing.assert_array_equal(parts.rows.torque, whole.rows.torque)
     np.testing.assert_array_equal(parts.counts, whole.counts)
+
+
+@pytest.mark.parametrize("filter", [AsGiven(), Butterworth(cutoff_hz=8.0)], ids=["plain", "filtered"])
+def test_the_number_of_threads_changes_no_bit(
+    planar_2r: Robot, exact_log: MakeLog, monkeypatch: pytest.MonkeyPatch, filter: Any
+) -> None:
+    model = DynamicModel(planar_2r, (FRICTION.make("viscous"),))
+    assert planar_2r.nominal is not None
+    log = exact_log(model, np.append(planar_2r.nominal, [0.5, 0.3]), noise=0.1, samples=5000)
+    prepared = preprocess(log, Preprocessing(filter))
+    monkeypatch.setattr(problem, "PART", 1500)
+    monkeypatch.setattr(thinned_rows, "SEGMENT", 1000)
+    observer, found = Observer(model, base_parameters(model)), []
+    mask = np.ones((len(prepared.keep), 2), bool)
+    for threads in (1, 3):
+        monkeypatch.setattr(problem, "threads_that_pay", lambda most, threads=threads: threads)
+        found.append(observer.triangles(prepared, mask))
+    rows = observer.rows(prepared)
+    for one, other, whole in zip(*found, rows, strict=True):
+        np.testing.assert_array_equal(one.factor, other.factor)
+        np.testing.assert_allclose(one.factor.T @ one.factor, whole @ whole.T, rtol=1e-11, atol=1e-9)
 
 
 def test_the_known_rotor_torque_is_filtered_like_the_measured_one(pendulum: Robot) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import threading
 
 import numpy as np
 import pytest
@@ -30,6 +31,51 @@ def test_a_triangle_has_the_gram_matrix_of_its_rows(seed: int, count: int, colum
     assert factor.shape == (min(count, columns), columns)
     np.testing.assert_array_equal(factor, np.triu(factor))
     np.testing.assert_allclose(factor.T @ factor, rows.T @ rows, atol=1e-12 * (1 + count))
+
+
+@pytest.mark.parametrize("condition", [1e2, 1e5, 1e8])
+def test_absorbed_rows_solve_as_well_as_all_rows_by_qr(condition: float) -> None:
+    """Least squares from panels of a thousand rows beside NumPy's QR of all rows at once."""
+    random = np.random.default_rng(3)
+    left = np.linalg.qr(random.normal(size=(5000, 20)))[0]
+    rows = left * np.geomspace(1.0, 1.0 / condition, 20) @ np.linalg.qr(random.normal(size=(20, 20)))[0]
+    truth = random.normal(size=20)
+    both = np.column_stack([rows, rows @ truth])
+    factor: Array = np.zeros((21, 21), order="F")
+    for start in range(0, 5000, 1000):
+        factor = absorb(factor, np.array(both[start : start + 1000], order="F"))
+    upper = np.triu(factor)
+    found = np.linalg.solve(upper[:-1, :-1], upper[:-1, -1])
+    q, r = np.linalg.qr(rows)
+    wanted = np.linalg.solve(r, q.T @ both[:, -1])
+    assert np.abs(found - truth).max() < 30 * max(np.abs(wanted - truth).max(), 1e-16 * condition)
+    values = np.linalg.svd(upper[:-1, :-1], compute_uv=False)
+    np.testing.assert_allclose(values, np.linalg.svd(rows, compute_uv=False), rtol=1e-14 * condition)
+
+
+def test_other_threads_go_on_while_rows_are_absorbed() -> None:
+    counted, stop = [0], threading.Event()
+
+    def count() -> None:
+        while not stop.is_set():
+            counted[0] += 1
+
+    rows, factor = np.asfortranarray(rows_of(0, 200_000, 40)), np.zeros((40, 40), order="F")
+    thread = threading.Thread(target=count)
+    thread.start()
+    before = counted[0]
+    absorb(factor, rows)
+    during = counted[0] - before
+    stop.set()
+    thread.join()
+    assert during > 100
+
+
+def test_arrays_that_lapack_cannot_take_are_refused() -> None:
+    with pytest.raises(ValueError, match="Fortran order"):
+        absorb(np.zeros((5, 5), order="F"), rows_of(0, 7))
+    with pytest.raises(ValueError, match="do not fit rows"):
+        absorb(np.zeros((4, 4), order="F"), np.asfortranarray(rows_of(0, 7)))
 
 
 def test_singular_values_are_those_of_the_rows_and_not_of_the_gram_matrix() -> None:

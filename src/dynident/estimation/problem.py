@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import LogMismatch, PoorExcitation
 from dynident.estimation.consistency.scale import BodyPrior
+from dynident.estimation.log_checks import check_motion, check_temperature, check_torque
 from dynident.estimation.thinned_rows import stretch_of, stretches, thinned_rows
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, at_rest
@@ -21,7 +22,13 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.kernels.batched import JointColumns
 from dynident.model.reduction import CHUNK, Reduced, Triangle, absorb, reduce
-from dynident.model.threads import one_blas_thread
+from dynident.model.threads import in_order, one_blas_thread, threads_that_pay
+
+#: Slices of the kept rows, and [W_i, tau_i]' of each joint there.
+Segments: TypeAlias = Iterator[tuple[slice, tuple[Array, ...]]]
+
+#: Rows of a part of a log that nothing filters, and threads at most that reduce parts: each holds one.
+PART, THREADS = 64 * CHUNK, 4
 
 
 @dataclass(frozen=True)
@@ -182,59 +189,84 @@ class Observer:
         return np.concatenate([np.stack(part, axis=1) for part in torques]) + self.model.known_torque(motion)
 
     def triangles(self, prepared: Prepared, mask: BoolArray) -> tuple[Triangle, ...]:
-        """Return the triangle of each joint over the kept rows in ``mask`` (N, n); no row is kept."""
-        sizes = [len(columns) + 1 for columns in self.columns]
-        factors: list[Array] = [np.zeros((size, size), order="F") for size in sizes]
+        """Return the triangle of each joint over the kept rows in ``mask`` (N, n); no row is kept.
+
+        Parts of the log are reduced side by side and merged in their order, so that the number of processors changes
+        no bit.
+        """
         everything = bool(mask.all())
-        with one_blas_thread():
-            for part, blocks in self.segments(prepared):
+
+        def reduced(part: Segments) -> list[Array]:
+            own: list[Array] = [np.zeros((len(columns) + 1, len(columns) + 1), order="F") for columns in self.columns]
+            for rows, blocks in part:
                 for i, block in enumerate(blocks):
-                    chosen = block if everything else block[:, mask[part, i]]
+                    chosen = block if everything else block[:, mask[rows, i]]
                     for start in range(0, chosen.shape[1], CHUNK):
                         panel = np.ascontiguousarray(chosen[:, start : start + CHUNK])
-                        factors[i] = absorb(factors[i], panel.T)
+                        own[i] = absorb(own[i], panel.T)
+            return own
+
+        factors: list[Array] = []
+        with one_blas_thread():
+            parts = self._parts(prepared)
+            for own in in_order(reduced, parts, min(len(parts), threads_that_pay(THREADS))):
+                later = (np.asfortranarray(np.triu(each)) for each in own)
+                factors = [absorb(*pair) for pair in zip(factors, later, strict=True)] if factors else own
         return tuple(
             Triangle(columns, np.triu(factor), int(mask[:, i].sum()))
             for i, (columns, factor) in enumerate(zip(self.columns, factors, strict=True))
         )
 
-    def segments(self, prepared: Prepared) -> Iterator[tuple[slice, tuple[Array, ...]]]:
-        """Yield slices of the kept rows and the filtered rows of each joint there, in constant memory.
+    def segments(self, prepared: Prepared) -> Segments:
+        """Yield slices of the kept rows and the filtered rows of each joint there, in constant memory."""
+        for part in self._parts(prepared):
+            yield from part
 
-        A filter looks ``reach`` samples to either side, so segments overlap by that much.
+    def _parts(self, prepared: Prepared) -> list[Segments]:
+        """Return the segments in parts that can be made side by side.
+
+        A filter looks ``reach`` samples to either side, so parts overlap by that much.
         """
         log, keep = prepared.log, prepared.keep
-        motion, reach = motion_of(log), prepared.how.filter.reach(log.rate)
-        if not reach:  # nothing to filter: only the kept rows are ever computed
-            measured, known = _measured_torque(log), _has_known_torque(self.model)
-            for start in range(0, len(keep), CHUNK):
-                part = slice(start, min(start + CHUNK, len(keep)))
-                rows = stretch_of(keep[part])
-                cut, own = motion.rows(rows), measured[rows]
-                own = own - self.model.known_torque(cut) if known else own
-                yield part, self._block(cut, slice(0, len(own)), own, self.load)
-            return
+        reach = prepared.how.filter.reach(log.rate)
+        if not reach:
+            starts = range(0, len(keep), PART)
+            return [self._plain(prepared, slice(k, min(k + PART, len(keep)))) for k in starts]
         torque = target_torque(self.model, prepared)
-        for inner in stretches(log.samples, reach):
-            outer = slice(max(0, inner.start - reach), min(log.samples, inner.stop + reach))
-            wanted = slice(*np.searchsorted(keep, [inner.start, inner.stop]))
-            if wanted.start == wanted.stop:
-                continue
-            whole = outer.start == inner.start - reach and outer.stop == inner.stop + reach
-            if prepared.thinning is not None and whole:
-                own, sizes = keep[wanted], [len(columns) for columns in self.columns]
+        inner = ((own, slice(*np.searchsorted(keep, [own.start, own.stop]))) for own in stretches(log.samples, reach))
+        return [self._filtered(prepared, own, wanted, torque) for own, wanted in inner if wanted.start < wanted.stop]
 
-                def make(part: slice, blocks: Sequence[Array]) -> None:
-                    self._block(motion, part, load=self.load, blocks=blocks)
+    def _plain(self, prepared: Prepared, part: slice) -> Segments:
+        """Yield kept rows where nothing is to be filtered: only they are ever computed."""
+        motion, measured = motion_of(prepared.log), _measured_torque(prepared.log)
+        known = _has_known_torque(self.model)
+        for start in range(part.start, part.stop, CHUNK):
+            own = slice(start, min(start + CHUNK, part.stop))
+            rows = stretch_of(prepared.keep[own])
+            cut, torque = motion.rows(rows), measured[rows]
+            torque = torque - self.model.known_torque(cut) if known else torque
+            yield own, self._block(cut, slice(0, len(torque)), torque, self.load)
 
-                found = thinned_rows(make, sizes, outer, own, prepared.thinning)
-                yield wanted, tuple(np.vstack([rows, torque[own, i]]) for i, rows in enumerate(found))
-                continue
-            blocks = self._block(motion, outer, torque, self.load)
-            for block in blocks:  # the torque is filtered already
-                block[:-1] = prepared.smooth(block[:-1])
-            inside = keep[wanted] - outer.start
-            yield wanted, tuple(block[:, inside] for block in blocks)
+    def _filtered(self, prepared: Prepared, inner: slice, wanted: slice, torque: Array) -> Segments:
+        """Yield the kept rows ``wanted`` of the samples ``inner``, filtered; the torque is that already."""
+        log, keep = prepared.log, prepared.keep
+        motion, reach = motion_of(log), prepared.how.filter.reach(log.rate)
+        outer = slice(max(0, inner.start - reach), min(log.samples, inner.stop + reach))
+        whole = outer.start == inner.start - reach and outer.stop == inner.stop + reach
+        if prepared.thinning is not None and whole:
+            own, sizes = keep[wanted], [len(columns) for columns in self.columns]
+
+            def make(part: slice, blocks: Sequence[Array]) -> None:
+                self._block(motion, part, load=self.load, blocks=blocks)
+
+            found = thinned_rows(make, sizes, outer, own, prepared.thinning)
+            yield wanted, tuple(np.vstack([rows, torque[own, i]]) for i, rows in enumerate(found))
+            return
+        blocks = self._block(motion, outer, torque, self.load)
+        for block in blocks:
+            block[:-1] = prepared.smooth(block[:-1])
+        inside = keep[wanted] - outer.start
+        yield wanted, tuple(block[:, inside] for block in blocks)
 
     def _block(
         self,
@@ -320,9 +352,9 @@ def make_problem(
             that never changed.
         PoorExcitation: The rows do not determine all base parameters.
     """
-    _check_temperature(model, logs)
-    _check_motion(model, logs)
-    _check_torque(model, logs)
+    check_temperature(model, logs)
+    check_motion(model, logs)
+    check_torque(model, logs)
     masks = tuple(counting_rows(model, log) for log in logs)
     observer = Observer(model, base, load)
     parts = [observer.triangles(log, mask) for log, mask in zip(logs, masks, strict=True)]
@@ -341,40 +373,6 @@ def counting_rows(model: DynamicModel, prepared: Prepared) -> BoolArray:
     speeds = motion_of(prepared.log).dq @ coupling.T
     resting = at_rest(speeds, how.standstill, prepared.log.rate)[prepared.keep]
     return ~((resting @ (coupling != 0)) > 0)
-
-
-def _check_temperature(model: DynamicModel, logs: Sequence[Prepared]) -> None:
-    for log in logs:
-        if "temperature" in model.needs and log.log.temperature is None:
-            step = "map them in the case file (log: columns: temperature), or leave the friction part out"
-            raise LogMismatch(log.log.name, "no temperatures of the drives", step)
-
-
-def _check_motion(model: DynamicModel, logs: Sequence[Prepared]) -> None:
-    """Name the joints that never move: their friction cannot be known, and the case must say that they are locked."""
-    span = np.max([np.ptp(log.log.q, axis=0) for log in logs], axis=0)
-    still = [name for name, moved in zip(model.robot.joint_names, span, strict=True) if moved < 1e-3]
-    if still:
-        names, ranges = ", ".join(still), ", ".join(f"{s:.2g}" for s in span[span < 1e-3])
-        raise LogMismatch(
-            ", ".join(log.log.name for log in logs),
-            f"{names} never moved (range {ranges} rad or m)",
-            "lock it in the case file (locked: {" + still[0] + ": 0}) or record a motion of all joints",
-        )
-
-
-def _check_torque(model: DynamicModel, logs: Sequence[Prepared]) -> None:
-    """Name the joints whose torque is one and the same number: no sensor says that of a joint that moves."""
-    torques = [log.log.torque if log.log.raw_torque is None else log.log.raw_torque for log in logs]
-    known = [torque for torque in torques if torque is not None]
-    if not known:
-        return
-    low, high = (pick([pick(torque, axis=0) for torque in known], axis=0) for pick in (np.min, np.max))
-    for name, unit, least, most in zip(model.robot.joint_names, model.robot.units, low, high, strict=True):
-        if most - least <= 1e-12 * abs(most):
-            evidence = f"{name} moves but its torque is {most:.4g} {unit} throughout"
-            step = "map the right column, or leave the joint out (locked:)"
-            raise LogMismatch(", ".join(log.log.name for log in logs), evidence, step)
 
 
 def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) -> None:

@@ -14,11 +14,11 @@ import numpy as np
 import scipy.linalg
 
 from dynident.arrays import Array, IntArray, frozen
+from dynident.model.lapack import tpqrt
 from dynident.model.threads import one_blas_thread
 
-# Householder QR of LAPACK, plain and of a triangle over new rows; they have no type stubs.
+# Householder QR of LAPACK; it has no type stub.
 _GEQRF: Any = scipy.linalg.get_lapack_funcs("geqrf", dtype=np.float64)
-_TPQRT: Any = scipy.linalg.get_lapack_funcs("tpqrt", dtype=np.float64)
 
 #: Columns factored at a time inside a panel; 8 is the fastest for panels of 20 to 60 columns.
 _BLOCK = 8
@@ -38,17 +38,14 @@ def triangle_of(rows: Array) -> Array:
 
 
 def absorb(factor: Array, rows: Array) -> Array:
-    """Return the triangle of ``factor`` and new rows; both are overwritten.
+    """Return the triangle of ``factor`` and new rows; both are overwritten. The interpreter's lock is not held.
 
     Args:
         factor: Upper triangle, shape (k, k), in Fortran order; what stands below its diagonal is left alone.
         rows: Shape (m, k), in Fortran order.
     """
-    if not len(rows):
-        return factor
-    factor, _, _, info = _TPQRT(0, min(_BLOCK, len(factor)), factor, rows, overwrite_a=True, overwrite_b=True)
-    if info:
-        raise ValueError("the rows contain a value that is not a number")
+    if len(rows):
+        tpqrt(factor, rows, min(_BLOCK, len(factor)))
     return factor
 
 

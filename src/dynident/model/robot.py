@@ -240,16 +240,16 @@ class Robot:
         """Whether a motor moves more than its own joint."""
         return not np.array_equal(np.asarray(self.coupling), np.eye(self.dof))
 
-    @property
+    @cached_property
     def reflected_inertia(self) -> Array:
         """Known rotor inertia reflected to the joints, C' diag(r^2 J) C, shape (n, n), in kg m^2."""
         coupling = np.asarray(self.coupling)
-        return coupling.T @ np.diag([joint.drive.reflected_inertia for joint in self.active]) @ coupling
+        return frozen(coupling.T @ np.diag([joint.drive.reflected_inertia for joint in self.active]) @ coupling)
 
-    @property
+    @cached_property
     def bias(self) -> Array:
         """Known constant torque of each joint beside its drive, shape (n,), in N m or N; see :class:`Drive`."""
-        return np.array([joint.drive.bias for joint in self.active])
+        return frozen([joint.drive.bias for joint in self.active])
 
     @cached_property
     def chain(self) -> Chain:

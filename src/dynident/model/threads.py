@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -34,6 +35,14 @@ def usable_processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def threads_that_pay(most: int) -> int:
+    """Return how many threads to use: one for each processor, or one where another process began this one.
+
+    The siblings of a worker have the other processors.
+    """
+    return 1 if multiprocessing.parent_process() is not None else min(usable_processors(), most)
 
 
 def in_order(work: Callable[[Item], Result], items: Iterable[Item], threads: int) -> Iterator[Result]:
