@@ -59,7 +59,7 @@ CASES: dict[str, tuple[str | None, str, str]] = {
         "alpha: -pi/2",
         "alfa: -pi/2",
         (
-            "line 4, joints.1: unknown key 'alfa'; known keys: name, kind, a, alpha, d, theta, offset, "
+            "line 6, joints.1: unknown key 'alfa'; known keys: name, kind, a, alpha, d, theta, offset, "
             "limits, drive, damping, friction, link; did you mean 'alpha'?"
         ),
     ),
@@ -67,14 +67,14 @@ CASES: dict[str, tuple[str | None, str, str]] = {
         "tool:",
         "tol:",
         (
-            "line 1: unknown key 'tol'; known keys: name, convention, gravity, joints, tool, coupling, note; "
+            "line 22: unknown key 'tol'; known keys: name, convention, gravity, joints, tool, coupling, note; "
             "did you mean 'tool'?"
         ),
     ),
     "degrees": (
         "name: arm",
         "name: arm\ndegrees: true",
-        "line 1: unknown key 'degrees'; known keys: name, convention, gravity, joints, tool, coupling, note",
+        "line 2: unknown key 'degrees'; known keys: name, convention, gravity, joints, tool, coupling, note",
     ),
     "no alpha": ("    alpha: -pi/2\n", "", "line 4, joints.1.alpha: is missing; add it"),
     "no d": ("    d: 0.3\n", "", "line 4, joints.1.d: is missing; add it"),
@@ -185,7 +185,7 @@ CASES: dict[str, tuple[str | None, str, str]] = {
         "mass: -1.5",
         "line 14, joints.1.link.inertia.mass: -1.5 is negative; write 0 or more",
     ),
-    "mass missing": ("        mass: 1.5\n", "", "line 14, joints.1.link.inertia.mass: is missing; add it"),
+    "mass missing": ("        mass: 1.5\n", "", "line 13, joints.1.link.inertia.mass: is missing; add it"),
     "centre count": (
         "[0.1, 0, 0]",
         "[0.1, 0]",
@@ -205,7 +205,7 @@ CASES: dict[str, tuple[str | None, str, str]] = {
     "tensor missing": (
         "        about_centre: [0.01, 0, 0, 0.02, 0, 0.03]\n",
         "",
-        "line 14, joints.1.link.inertia.about_centre: is missing; add it",
+        "line 13, joints.1.link.inertia.about_centre: is missing; add it",
     ),
     "both inertias": (
         "mass: 1.5",

@@ -53,7 +53,7 @@ CASES: dict[str, tuple[str | None, str | bytes, str]] = {
         "    damping: 0.5",
         "    <<: {damping: 0.5}",
         (
-            "line 4, joints.1: unknown key '<<'; known keys: name, kind, a, alpha, d, theta, offset, limits, "
+            "line 10, joints.1: unknown key '<<'; known keys: name, kind, a, alpha, d, theta, offset, limits, "
             "drive, damping, friction, link"
         ),
     ),

@@ -54,6 +54,11 @@ class Section:
         line = self.lines.get(full) or self.lines.get(self.key)
         return Place(self.path, ", ".join(part for part in (f"line {line}" if line else "", full) if part))
 
+    def _beside(self, key: str) -> Place:
+        """Return the section as a place, with the line of one of its keys."""
+        line = self.lines.get(self._full(key)) or self.lines.get(self.key)
+        return Place(self.path, ", ".join(part for part in (f"line {line}" if line else "", self.key) if part))
+
     def known(self, keys: Sequence[str]) -> Section:
         """Return the section itself after a check that it has no other keys.
 
@@ -63,7 +68,7 @@ class Section:
         for key in self.values:
             if key not in keys:
                 step = f"known keys: {', '.join(keys)}{nearest(key, keys)}"
-                raise self.place().error(f"unknown key {shown(key)}", step)
+                raise self._beside(key).error(f"unknown key {shown(key)}", step)
         return self
 
     def has(self, key: str) -> bool:

@@ -90,6 +90,7 @@ def _plain(path: object, node: yaml.Node, key: str, lines: dict[str, int]) -> ob
         if name.value in mapping:
             raise place.error(f"the key {shown(name.value)} is there twice", "keep one of the two")
         mapping[name.value] = _plain(path, item, _join(key, name.value), lines)
+        lines[_join(key, name.value)] = name.start_mark.line + 1  # where the key stands; its value may begin below
     return mapping
 
 
