@@ -95,8 +95,8 @@ def _child(words: list[str], kept: Path) -> subprocess.Popen[bytes]:
         return subprocess.Popen(command, stdout=output, stderr=output, env={**os.environ, **own})
 
 
-def _again(name: str, out: Path) -> bool:
-    """Execute the kept inputs of a target and say which still find a fault."""
+def _again(name: str, out: Path, record: Record) -> bool:
+    """Execute the kept inputs of a target, say which still find a fault, and note those that do not."""
     kept, still = (out / name).resolve(), False
     for path in sorted(path for kind in _KINDS for path in kept.glob(f"{kind}-*")):
         with tempfile.TemporaryDirectory() as folder:
@@ -104,6 +104,8 @@ def _again(name: str, out: Path) -> bool:
         said = (kept / "child.txt").read_text().strip().splitlines()
         sys.stdout.write(f"{name} {path.name}: {'none any more' if code == 0 else (said or [code])[-1]}\n")
         still |= code != 0
+        if code == 0:
+            record.mend(name, path.name)
     return still
 
 
@@ -117,7 +119,7 @@ def main() -> None:
         record.into(options.page)
         return
     if options.again:
-        sys.exit(int(any([_again(name, options.out) for name in names])))
+        sys.exit(int(any([_again(name, options.out, record) for name in names])))
     way = "guided" if not options.plain and importlib.util.find_spec("atheris") is not None else "plain"
     sys.stdout.write(f"{'guided by branches (atheris)' if way == 'guided' else 'own changes, not guided'}\n")
     ended, faulty = time.monotonic() + options.seconds, False

@@ -25,7 +25,9 @@ class Record:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._facts: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {"with": {}, "targets": {}}
+        self._facts: dict[str, Any] = {"with": {}, "targets": {}, "open": {}}
+        if path.exists():
+            self._facts |= json.loads(path.read_text())
 
     def executions(self, name: str) -> int:
         """Return how often a target was executed, in both ways together."""
@@ -45,6 +47,17 @@ class Record:
         if way == "guided":
             packages["atheris"] = importlib.metadata.version("atheris")
         self._facts["with"] |= packages
+        if score["faults"]:
+            self._facts["open"].setdefault(name, {}).update(score["faults"])
+        self._write()
+
+    def mend(self, name: str, file: str) -> None:
+        """Note that a kept input finds no fault any more."""
+        left = {fault: kept for fault, kept in self._facts["open"].pop(name, {}).items() if kept != file}
+        self._facts["open"] |= {name: left} if left else {}
+        self._write()
+
+    def _write(self) -> None:
         partial = self._path.with_name(f".{self._path.name}.part")
         partial.write_text(json.dumps(self._facts, indent=1, sort_keys=True) + "\n")
         partial.replace(self._path)
@@ -68,9 +81,9 @@ class Record:
             rows.append(f"| {' | '.join(cells)} |")
         return "\n".join((*_TABLE, *rows))
 
-    def into(self, page: Path) -> None:
-        """Write the table between its marks on a page."""
-        text = page.read_text(encoding="utf-8")
+    def into(self, page: Path, source: Path | None = None) -> None:
+        """Write a page, or that of a source, with the table between its marks."""
+        text = (source or page).read_text(encoding="utf-8")
         before, _, rest = text.partition(_BEGIN)
         _, _, after = rest.partition(_END)
         page.write_text(f"{before}{_BEGIN}\n\n{self.table()}\n\n{_END}{after}", encoding="utf-8")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import random
 import struct
 import sys
@@ -19,6 +20,7 @@ from dynident.experiment.formats import ColumnMap, read_log, stream_log, write_l
 from dynident.experiment.formats import _mat_values as mat_values
 from dynident.experiment.log import Log
 
+ROOT = Path(__file__).parents[2]
 SOUND = {"t": np.arange(6.0), "q": np.arange(12.0).reshape(6, 2), "tau": np.ones((6, 2), dtype=np.int16)}
 
 
@@ -74,6 +76,17 @@ def test_a_matlab_variable_that_claims_more_than_the_file_holds(tmp_path: Path) 
     head = struct.pack("<iiiii", 0, 1 << 30, 1 << 30, 0, 2) + b"q\0"
     (tmp_path / "run.mat").write_bytes(head + bytes(64))
     with pytest.raises(LogFormatError, match="'q' says that it is longer than the file"):
+        read_log(tmp_path / "run.mat", ColumnMap())
+
+
+def test_a_name_in_a_matlab_file_that_is_no_utf_8(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "run.mat", "w", userblock_size=512) as file:
+        file["name_of_eight"] = np.arange(6.0)
+    content = (tmp_path / "run.mat").read_bytes()
+    assert content.count(b"name_of_eight") == 1
+    (tmp_path / "run.mat").write_bytes(content.replace(b"name_of_eight", b"name\xff\xfe\xff_eight"))
+    with pytest.raises(LogFormatError, match=r"is not UTF-8"):
         read_log(tmp_path / "run.mat", ColumnMap())
 
 
@@ -171,7 +184,7 @@ def test_json_that_is_none_is_refused_by_name(name: str, text: str, tmp_path: Pa
 def test_a_plan_with_numbers_beyond_all(
     before: str, after: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    monkeypatch.syspath_prepend(str(ROOT))
     from fuzz.seeds import plan
 
     from dynident.experiment.design.plan import read_plan
@@ -197,7 +210,7 @@ def test_a_robot_in_the_home_of_nobody(tmp_path: Path) -> None:
 def test_the_fuzzer_finds_nothing_in_its_first_inputs(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    monkeypatch.syspath_prepend(str(ROOT))
     from fuzz.mutations import mutated
     from fuzz.targets import TARGETS
 
@@ -213,3 +226,30 @@ def test_the_fuzzer_finds_nothing_in_its_first_inputs(
         except DynidentError:
             outcomes.add("refused")
     assert outcomes == {"taken", "refused"}
+
+
+def test_the_page_has_the_counts_of_the_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT))
+    from fuzz.record import Record
+    from fuzz.targets import TARGETS
+
+    page, record = ROOT / "docs/robustness.md", ROOT / "docs/assets/fuzzing.json"
+    Record(record).into(page_again := tmp_path / "page.md", page)
+    assert page_again.read_text("utf-8") == page.read_text("utf-8")
+    assert set(json.loads(record.read_text())["targets"]) == set(TARGETS)
+    assert json.loads(record.read_text())["open"] == {}
+
+
+def test_counts_add_up_from_one_run_to_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT))
+    from fuzz.record import Record
+
+    place = tmp_path / "record.json"
+    score = {"executions": 10, "taken": 3, "crash": 1, "seconds": 2.0, "slowest_s": 0.1, "faults": {"crash: here": "a"}}
+    Record(place).add("csv", "plain", score)
+    Record(place).add("csv", "plain", {"executions": 5, "seconds": 0.5, "slowest_s": 0.3, "faults": {}})
+    again = Record(place)
+    assert again.executions("csv") == again.begin("csv", "plain") == 15 and again.begin("csv", "guided") == 0
+    assert "| `csv` | 15 | 0 | 3 | 1 | 0 | 0 | 6 |" in again.table()
+    again.mend("csv", "a")
+    assert json.loads(place.read_text())["open"] == {}

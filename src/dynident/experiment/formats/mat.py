@@ -102,7 +102,13 @@ def _opened(path: str | Path) -> Iterator[Any]:
     try:
         with h5py.File(path, "r") as file:
             yield file
-    except (OSError, RuntimeError, ValueError, KeyError) as error:
+    except (
+        OSError,
+        RuntimeError,
+        ValueError,
+        KeyError,
+        TypeError,
+    ) as error:  # h5py has TypeError for types unknown to it
         evidence = f"it does not read as a MATLAB 7.3 file, or is damaged: {error}"
         raise LogFormatError(path, None, evidence, _STEP) from error
 
@@ -129,6 +135,8 @@ def _parts(path: str | Path, name: str, count: int, rows: int) -> Iterator[Array
 def _walk_groups(h5py: Any, group: Any, above: str, depth: int) -> Iterator[tuple[str, Any]]:
     """Yield name and data set of every array of numbers."""
     for name in group:
+        if isinstance(name, bytes):
+            raise ValueError(f"the name {name[:60]!r} is not UTF-8")
         # References of MATLAB's own, and links that lead out of the file, are passed over.
         if name.startswith("#") or not isinstance(group.get(name, getlink=True), h5py.HardLink):
             continue
