@@ -239,7 +239,7 @@ def test_it_holds(law: str, arm: ExactArm, seed: int) -> None:
 
 @pytest.mark.battery
 @pytest.mark.parametrize("law", LAWS)
-@settings(max_examples=1000)
+@settings(max_examples=150)
 @given(arm=exact_arms(2, 12), seed=SEEDS)
 def test_it_holds_for_many(law: str, arm: ExactArm, seed: int) -> None:
     LAWS[law](arm, seed)

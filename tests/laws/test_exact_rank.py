@@ -54,14 +54,14 @@ def test_nearly_special_arms_get_an_answer(nearly: int, data: st.DataObject) -> 
 
 
 @pytest.mark.battery
-@settings(max_examples=1500)
+@settings(max_examples=400)
 @given(arm=exact_arms(2, 12), rotors=st.booleans())
 def test_the_count_is_the_exact_rank_of_many(arm: ExactArm, rotors: bool) -> None:
     check_rank(arm, rotors)
 
 
 @pytest.mark.battery
-@settings(max_examples=3000)
+@settings(max_examples=600)
 @given(nearly=NEARLY, data=st.data())
 def test_many_nearly_special_arms_get_an_answer(nearly: int, data: st.DataObject) -> None:
     check_answer(data.draw(exact_arms(2, 12, nearly)))

@@ -97,7 +97,7 @@ def _still(subject: Subject) -> list[Finding]:
         remedy = "record a motion of it, or lock it where it stands (locked: in the case file)"
         numbers = {"travel": float(travel.min())}
         return [Finding("error", "joint never moved", listed(still), evidence, remedy, numbers, ("standstill",))]
-    window = max(1, round(0.05 * log.rate))
+    window = max(1, min(round(0.05 * log.rate), len(log.q) - 1))  # logs of a few rows too
     speed = np.abs(log.q[window:] - log.q[:-window]) / (log.time[window:] - log.time[:-window])[:, None]
     rest = float(np.mean(np.all(speed < subject.case.preprocessing.standstill, axis=1)))
     if rest <= MOSTLY_AT_REST:
