@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.criteria.base import Criterion, largest_and_smallest, singular_values
+from dynident.experiment.criteria.base import Criterion, log_ends, singular_values
 
 
 @dataclass(frozen=True)
@@ -26,5 +26,4 @@ class AOptimal(Criterion):
         return float(np.sum(values**-2.0)) if values[-1] > 0 else np.inf
 
     def objective(self, information: Array, sharpness: float) -> tuple[float, Array]:
-        _, (smallest, slope) = largest_and_smallest(information, 1.0)  # log of the sum of 1 / l is -smallest at p = 1
-        return -smallest, -slope
+        return log_ends(information, 1.0, 0.0, -1.0)  # log of the sum of 1 / l is that of the smallest one at p = 1

@@ -50,24 +50,30 @@ class Criterion(ABC):
         """
 
 
-def largest_and_smallest(information: Array, sharpness: float) -> tuple[tuple[float, Array], tuple[float, Array]]:
-    """Return log of the largest and of the smallest eigenvalue, each smoothed, with its gradient by M.
+def log_ends(information: Array, sharpness: float, largest: float, smallest: float) -> tuple[float, Array]:
+    """Return a sum of the logs of the largest and the smallest eigenvalue, both smoothed, with its gradient by M.
 
     log largest = log(sum of l^p) / p and log smallest = -log(sum of l^-p) / p with p the sharpness: between the true
     ones and log(b) / p outside them, and smooth where eigenvalues meet.
+
+    Args:
+        information: M, symmetric, shape (b, b).
+        sharpness: p.
+        largest: Weight of the largest one.
+        smallest: Weight of the smallest one.
     """
     found, vectors = np.linalg.eigh(information)
     values = np.maximum(found, _FLOOR * max(found[-1], np.finfo(float).tiny))
     logs = np.log(values)
-    smoothed = []
-    for sign in (1.0, -1.0):
+    total, slopes = 0.0, np.zeros_like(values)
+    for sign, weight in ((1.0, largest), (-1.0, smallest)):
         powers = sign * sharpness * logs
         top = powers.max()
         shares = np.exp(powers - top)
-        total = shares.sum()
-        slopes = shares / total / values
-        smoothed.append((sign * (top + float(np.log(total))) / sharpness, (vectors * slopes) @ vectors.T))
-    return smoothed[0], smoothed[1]
+        norm = shares.sum()
+        total += weight * sign * (top + float(np.log(norm))) / sharpness
+        slopes += weight / norm * shares
+    return total, (vectors * (slopes / values)) @ vectors.T
 
 
 def singular_values(triangle: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.criteria.base import Criterion, largest_and_smallest, singular_values
+from dynident.experiment.criteria.base import Criterion, log_ends, singular_values
 
 
 @dataclass(frozen=True)
@@ -26,5 +26,4 @@ class Condition(Criterion):
         return float(values[0] / values[-1]) if values[-1] > 0 else np.inf
 
     def objective(self, information: Array, sharpness: float) -> tuple[float, Array]:
-        (largest, up), (smallest, down) = largest_and_smallest(information, sharpness)
-        return 0.5 * (largest - smallest), 0.5 * (up - down)
+        return log_ends(information, sharpness, 0.5, -0.5)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dynident.arrays import Array
-from dynident.experiment.criteria.base import Criterion, largest_and_smallest, singular_values
+from dynident.experiment.criteria.base import Criterion, log_ends, singular_values
 
 
 @dataclass(frozen=True)
@@ -24,5 +24,4 @@ class EOptimal(Criterion):
         return float(singular_values(triangle)[-1] ** 2)
 
     def objective(self, information: Array, sharpness: float) -> tuple[float, Array]:
-        _, (smallest, slope) = largest_and_smallest(information, sharpness)
-        return -smallest, -slope
+        return log_ends(information, sharpness, 0.0, -1.0)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.criteria.base import Criterion, column_squares, largest_and_smallest, singular_values
+from dynident.experiment.criteria.base import Criterion, column_squares, log_ends, singular_values
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,8 @@ class UnitCondition(Criterion):
         diagonal = column_squares(information)
         inverse = 1.0 / np.sqrt(diagonal)
         scaled = information * np.outer(inverse, inverse)
-        (largest, up), (smallest, down) = largest_and_smallest(scaled, sharpness)
-        slope = 0.5 * (up - down)
+        objective, slope = log_ends(scaled, sharpness, 0.5, -0.5)
         gradient = slope * np.outer(inverse, inverse)
         # Each diagonal entry of M also scales its row and its column.
         gradient[np.diag_indices_from(gradient)] -= np.sum(slope * scaled, axis=1) / diagonal
-        return 0.5 * (largest - smallest), gradient
+        return objective, gradient

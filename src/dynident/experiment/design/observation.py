@@ -38,6 +38,13 @@ class Observation:
             np.concatenate([found, len(inertial) + own]).astype(np.int64)
             for found, own in zip(self._kernel.columns, self._own, strict=True)
         )
+        # Of all friction columns, one after the other by joint: drive, coefficient, and what it counts at the joint.
+        tails = np.concatenate(self._own).astype(np.int64)
+        joints = np.repeat(np.arange(model.robot.dof), [len(own) for own in self._own])
+        self._tail_drive, self._tail_coefficient = self._drive[tails], self._coefficient[tails]
+        self._tail_share = self._coupling[self._tail_drive, joints]
+        self._is_shared = bool(np.any(self._tail_share != 1.0))
+        self._ends = np.cumsum([0, *(len(own) for own in self._own)])
         # Where the entries of each joint's block stand in a flat (b, b) matrix; faster than two indices.
         self._blocks = [(columns[:, None] * base.count + columns).ravel() for columns in self.columns]
 
@@ -46,10 +53,12 @@ class Observation:
         blocks = tuple(np.empty((len(columns), len(motion.q))) for columns in self.columns)
         heads = [block[: len(found)] for block, found in zip(blocks, self._kernel.columns, strict=True)]
         self._kernel.evaluate(motion.q, motion.dq, motion.ddq, out=heads)
-        values = self.model.friction_values(motion)
-        for i, (block, own) in enumerate(zip(blocks, self._own, strict=True)):
-            tail = values[:, self._drive[own], self._coefficient[own]] * self._coupling[self._drive[own], i]
-            block[len(self._kernel.columns[i]) :] = tail.T
+        if self._ends[-1]:
+            tails = self.model.friction_values(motion).T[self._tail_coefficient, self._tail_drive]
+            if self._is_shared:
+                tails *= self._tail_share[:, None]
+            for i, block in enumerate(blocks):
+                block[len(self._kernel.columns[i]) :] = tails[self._ends[i] : self._ends[i + 1]]
         return blocks
 
     def pullback(self, motion: Motion, weights: Sequence[Array]) -> tuple[Array, Array, Array]:
@@ -66,7 +75,7 @@ class Observation:
         inertial = self._kernel.pullback(motion.q, motion.dq, motion.ddq, heads)
         if not self.model.friction:
             return inertial
-        at_drives = self._at_drives(weights, len(motion.q))
+        at_drives = self._at_drives(weights)
         coupled = self.model.robot.is_coupled
         for own, slopes in zip(inertial, self.model.friction_slopes(motion), strict=True):
             found = (at_drives * slopes.T).sum(axis=0).T
@@ -104,11 +113,12 @@ class Observation:
                 factor = absorb(factor, panel)
         return np.triu(factor)
 
-    def _at_drives(self, weights: Sequence[Array], count: int) -> Array:
+    def _at_drives(self, weights: Sequence[Array]) -> Array:
         """Return the derivative by each friction value at its drive, shape (k, n, N)."""
-        found = np.zeros((self.model.coefficients_per_joint, self.model.robot.dof, count))
-        for i, (weight, own) in enumerate(zip(weights, self._own, strict=True)):
-            drives = self._drive[own]
-            tail = weight[len(self._kernel.columns[i]) :]
-            found[self._coefficient[own], drives] += tail * self._coupling[drives, i][:, None]
+        tails = np.concatenate([w[len(head) :] for w, head in zip(weights, self._kernel.columns, strict=True)])
+        found = np.zeros((self.model.coefficients_per_joint, self.model.robot.dof, tails.shape[1]))
+        if self._is_shared:  # a drive may stand in the rows of several joints
+            np.add.at(found, (self._tail_coefficient, self._tail_drive), tails * self._tail_share[:, None])
+        else:
+            found[self._tail_coefficient, self._tail_drive] = tails
         return found
