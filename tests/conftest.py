@@ -13,7 +13,9 @@ import pytest
 from hypothesis import settings
 
 from dynident.arrays import Array
+from dynident.estimation.estimate import Estimate
 from dynident.experiment.log import Log
+from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
@@ -197,5 +199,22 @@ def exact_log(exact_motion: Callable[..., Motion]) -> Callable[..., Log]:
         torque = model.torque(motion, theta)
         torque = torque + noise * np.random.default_rng(seed).normal(size=torque.shape)
         return Log(model.robot.joint_names, time, motion.q, motion.dq, motion.ddq, torque)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def bare_estimate() -> Callable[[DynamicModel, Array], Estimate]:
+    """Make an estimate of standard parameters (p,) with nothing but what exports read."""
+
+    def make(model: DynamicModel, theta: Array) -> Estimate:
+        base = base_parameters(model)
+        estimate = object.__new__(Estimate)
+        values = {"model": model, "base": base, "beta": base.from_standard(theta), "theta": theta, "extras": {}}
+        values |= {"covariance": np.eye(base.count), "estimator": "consistent", "provenance": {}, "samples": 1}
+        values |= {"degrees": None}
+        for key, value in values.items():
+            object.__setattr__(estimate, key, value)
+        return estimate
 
     return make

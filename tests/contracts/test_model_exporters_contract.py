@@ -187,34 +187,23 @@ def test_gravity_of_a_tilted_base_is_kept(estimates: dict[str, Estimate], name: 
 
 
 @pytest.mark.parametrize("name", ["numpy", "json", "ros2_friction", "c_header", "casadi", "fmu"])
-def test_every_friction_part_that_ships_is_held(spatial_3r: Robot, name: str, tmp_path: Path) -> None:
+def test_every_friction_part_that_ships_is_held(
+    spatial_3r: Robot, bare_estimate: Callable[[DynamicModel, Array], Estimate], name: str, tmp_path: Path
+) -> None:
     """These formats hold every part; the others say which they leave out."""
     rest = [part for part in FRICTION.names() if part not in ("coulomb", "asymmetric")]
     for parts in (("coulomb", *rest), ("asymmetric", "viscous")):
         model = DynamicModel(spatial_3r, tuple(parts))  # type: ignore[arg-type]
-        found = export_model(bare_estimate(model), name, tmp_path / "x.py")
+        found = export_model(bare_estimate(model, drawn(model)), name, tmp_path / "x.py")
         assert away(found) < 1e-9 and not found.left_out
 
 
-def bare_estimate(model: DynamicModel) -> Estimate:
-    """Return an estimate with drawn friction and nothing but what exports read."""
-    from dynident.model.base_parameters import base_parameters
-
-    theta = drawn(model)
-    base = base_parameters(model)
-    estimate = object.__new__(Estimate)
-    values = {"model": model, "base": base, "beta": base.from_standard(theta), "theta": theta, "extras": {}}
-    values |= {"covariance": np.eye(base.count), "estimator": "consistent", "provenance": {}, "samples": 1}
-    values |= {"degrees": None}
-    for key, value in values.items():
-        object.__setattr__(estimate, key, value)
-    return estimate
-
-
 @pytest.mark.parametrize("name", ["urdf", "mjcf", "sdf", "pinocchio", "drake"])
-def test_what_does_not_fit_is_told(spatial_3r: Robot, name: str, tmp_path: Path) -> None:
+def test_what_does_not_fit_is_told(
+    spatial_3r: Robot, bare_estimate: Callable[[DynamicModel, Array], Estimate], name: str, tmp_path: Path
+) -> None:
     model = DynamicModel(spatial_3r, ("asymmetric", "viscous", "polynomial", "periodic"))  # type: ignore[arg-type]
-    estimate = bare_estimate(model)
+    estimate = bare_estimate(model, drawn(model))
     found = export_model(estimate, name, tmp_path / f"x{SUFFIX[name]}")
     assert {"Fv2", "Fv3", "Ps1", "(Fc+ - Fc-)/2"} <= {term.symbol for term in found.left_out}
     assert min(found.neglected.values()) > 0.05 and set(found.neglected) == set(spatial_3r.joint_names)
