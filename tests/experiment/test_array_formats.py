@@ -11,7 +11,16 @@ import pytest
 from numpy.lib import format as npy
 
 from dynident.errors import DynidentError, FileError, LogFormatError
-from dynident.experiment.formats import ColumnMap, Units, read_header, read_log, write_log, written_columns
+from dynident.experiment.formats import (
+    ColumnMap,
+    Units,
+    _arrays,
+    npz,
+    read_header,
+    read_log,
+    write_log,
+    written_columns,
+)
 from dynident.experiment.log import Log
 
 N = 50
@@ -177,3 +186,30 @@ def test_arrays_without_a_log(tmp_path: Path) -> None:
     np.savez(path, gain=np.array(3.0), name=np.array("x"))
     with pytest.raises(LogFormatError, match="no arrays of numbers over time"):
         read_log(path)
+
+
+@pytest.mark.parametrize(("limit", "value"), [("_MAX_BYTES", 1 << 20), ("_MAX_MEMBERS", 1)])
+def test_an_archive_that_unpacks_to_more_than_it_should(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: int
+) -> None:
+    np.savez_compressed(tmp_path / "run.npz", t=np.zeros(100_000), q=np.zeros((100_000, 2)))
+    assert (tmp_path / "run.npz").stat().st_size < 10_000
+    monkeypatch.setattr(npz, limit, value)
+    monkeypatch.setattr(npz, "_shape", lambda *_: pytest.fail("it was opened"))
+    with pytest.raises(LogFormatError, match="it unpacks to more than a log can hold"):
+        read_log(tmp_path / "run.npz", ColumnMap(torque=()))
+
+
+def test_arrays_of_more_cells_than_are_read_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    np.savez(tmp_path / "run.npz", t=np.arange(6.0), q=np.ones((6, 2)))
+    monkeypatch.setattr(_arrays, "MAX_CELLS", 17)
+    with pytest.raises(LogFormatError, match="6 rows of 3 columns, more than are read at once"):
+        read_log(tmp_path / "run.npz", ColumnMap(torque=()))
+
+
+def test_arrays_too_wide_for_signals_are_passed_over(tmp_path: Path) -> None:
+    """An image beside the log does not become hundreds of columns."""
+    time = np.arange(1000.0)
+    np.savez(tmp_path / "run.npz", t=time, q=np.ones((1000, 256)), image=np.ones((1000, 257)))
+    header = read_header(tmp_path / "run.npz")
+    assert len(header) == 257 and not any("image" in name for name in header)

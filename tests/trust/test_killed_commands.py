@@ -1,4 +1,4 @@
-"""Every long command, killed or interrupted at random moments: old or new files, one line, and the same result after.
+"""Every long command, killed or interrupted at random moments, or refused disk and rights: old or new files, one line.
 
 Commands run in forks of a server that has the packages loaded, so that nearly every moment is one of their own work.
 """
@@ -6,12 +6,14 @@ Commands run in forks of a server that has the packages loaded, so that nearly e
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import json
 import math
 import multiprocessing
 import os
 import random
 import re
+import shutil
 import signal
 import sys
 import time
@@ -28,7 +30,7 @@ pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX"),
 ]
 
-KILLS, INTERRUPTS = 8, 4
+KILLS, INTERRUPTS = 6, 4
 URDF = """<robot name="arm"><link name="base"/>
   <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
     <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/></inertial></link>
@@ -82,14 +84,14 @@ JOBS = {
     "compare": Job("compare case.yaml --estimators ols,wls --report OUT/page.html", ("page.html",)),
     "benchmark": Job("benchmark mine.yaml --out OUT/kept --html OUT/page.html", ("page.html",), goes_on=True),
     "excite": Job(
-        "excite arm.urdf --starts 3 --time-limit 1 --period 5 --resume OUT/search -o OUT/new.json --csv OUT/new.csv",
+        "excite arm.urdf --starts 2 --time-limit 60 --period 5 --resume OUT/search -o OUT/new.json --csv OUT/new.csv",
         ("new.json", "new.csv"),
         goes_on=True,
     ),
     "simulate": Job("simulate cell.yaml plan.json -o OUT/a.csv", ("a.csv", "a.truth.json", "a.truth.npz")),
     "selftest": Job("selftest cell.yaml --plan plan.json --repeats 2", codes=(0, 1)),
     "report": Job("report r0.json -o OUT/page.html --test run1.csv", ("page.html",)),
-    "export": Job("export r0.json --to urdf -o OUT/new.urdf", ("new.urdf",)),
+    "export": Job("export r0.json --to urdf -o OUT/new.urdf", ("new.urdf", "new.urdf.dynident.json")),
     "reduce": Job("reduce case.yaml run0.csv run1.csv -o OUT/new.tri --checkpoint 0.01", ("new.tri",), goes_on=True),
     "merge": Job("merge r0.tri r1.tri -o OUT/new.tri", ("new.tri",)),
     "fleet": Job("fleet r0.json r1.json -o OUT", ("r0.json", "r1.json", "fleet.json")),
@@ -99,7 +101,7 @@ JOBS = {
 }
 
 
-def _started(words: list[str], folder: str, told: str) -> None:
+def _started(words: list[str], folder: str, told: str, world: str) -> None:
     """Run a command in its process and leave with its exit code."""
     from dynident.cli.main import main
 
@@ -108,9 +110,22 @@ def _started(words: list[str], folder: str, told: str) -> None:
         os.dup2(os.open(place, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644), number)
     sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
     Path(f"{told}.part").rename(told)  # from here on it is the command that is stopped
+    if world == "full disk":
+        import resource  # not on Windows
+
+        resource.setrlimit(resource.RLIMIT_FSIZE, (500, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+    elif world:
+        _without_rights()
     code = main([*words, "--quiet"])
     sys.stderr.flush()
     os._exit(code)
+
+
+def _without_rights() -> None:
+    """Give up what lets root pass over the rights of files: capabilities, by capset(2)."""
+    if os.geteuid() == 0:
+        header = (ctypes.c_uint32 * 2)(0x20080522, 0)
+        assert ctypes.CDLL(None, use_errno=True).capset(header, (ctypes.c_uint32 * 6)()) == 0
 
 
 @pytest.fixture(scope="module")
@@ -145,11 +160,11 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def begun(forks: Any, job: Job, cell: Path, out: Path) -> Any:
+def begun(forks: Any, job: Job, cell: Path, out: Path, world: str = "") -> Any:
     words = [word.replace("OUT", str(out)) for word in job.words.split()]
     told = out.parent / "told.txt"
     told.unlink(missing_ok=True)
-    process = forks.Process(target=_started, args=(words, str(cell), str(told)))
+    process = forks.Process(target=_started, args=(words, str(cell), str(told), world))
     process.start()
     while not told.exists():
         time.sleep(0.001)
@@ -185,6 +200,9 @@ def test_a_long_command_that_is_killed_or_interrupted(
     done = {name: content(out / name) for name in job.files}
     draw, stopped = random.Random(name_of), {signal.SIGKILL: 0, signal.SIGINT: 0}
     for sign in [signal.SIGKILL] * KILLS + [signal.SIGINT] * INTERRUPTS:
+        if job.goes_on and draw.random() < 0.5:  # else it goes on from where it was stopped before
+            shutil.rmtree(out)
+            out.mkdir()
         for name in job.files:
             (out / name).write_bytes(b"old")
         process = begun(forks, job, cell, out)
@@ -207,3 +225,30 @@ def test_a_long_command_that_is_killed_or_interrupted(
     last = begun(forks, job, cell, out)
     last.join()
     assert last.exitcode in job.codes and {name: content(out / name) for name in job.files} == done
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="capabilities of Linux")
+@pytest.mark.parametrize("world", ["full disk", "read-only folder", "input that may not be read"])
+@pytest.mark.parametrize("name", JOBS)
+def test_a_long_command_that_is_refused(name: str, world: str, forks: Any, cell: Path, tmp_path: Path) -> None:
+    job, out, told = JOBS[name], tmp_path / "out", tmp_path / "told.txt"
+    if not job.files and not world.startswith("input"):
+        pytest.skip("it writes no file")
+    out.mkdir()
+    for file in job.files:
+        (out / file).write_bytes(b"old")
+    read = next(cell / word for word in job.words.split()[1:] if (cell / word).is_file())
+    shut = {"full disk": None, "read-only folder": out}.get(world, read)
+    if shut is not None:
+        shut.chmod(0o555 if shut == out else 0)
+    try:
+        process = begun(forks, job, cell, out, world)
+        process.join()
+    finally:
+        read.chmod(0o644)
+        out.chmod(0o755)
+    said = told.read_text().splitlines()
+    assert process.exitcode == 1 and said[-1].startswith("error: ") and "Traceback" not in told.read_text()
+    assert str(out) in said[-1] or read.name in said[-1]
+    assert all((out / file).read_bytes() == b"old" for file in job.files)
+    assert not list(out.glob(".*.part"))
