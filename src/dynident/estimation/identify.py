@@ -38,8 +38,10 @@ from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.reduction import least_squares
+from dynident.model.threads import on_one_blas_thread
 
 
+@on_one_blas_thread
 def identify(
     model: DynamicModel,
     logs: Sequence[Log],
@@ -239,6 +241,7 @@ def estimate_of(
     )
 
 
+@on_one_blas_thread
 def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessing | None = None) -> Validation:
     """Compare an estimate with logs that it has not seen; they are prepared as those of the fit.
 

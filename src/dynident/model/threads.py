@@ -8,13 +8,14 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager
-from functools import cache
-from typing import Any, TypeVar
+from functools import cache, wraps
+from typing import Any, ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Given = ParamSpec("Given")
 
 
 @cache
@@ -28,6 +29,17 @@ def _libraries() -> ThreadpoolController:
 def one_blas_thread() -> AbstractContextManager[Any]:
     """Return a context in which NumPy and SciPy work on one thread."""
     return _libraries().limit(limits=1, user_api="blas")
+
+
+def on_one_blas_thread(work: Callable[Given, Result]) -> Callable[Given, Result]:
+    """Return a function that does its work with NumPy and SciPy on one thread: its matrices are small."""
+
+    @wraps(work)
+    def done(*given: Given.args, **named: Given.kwargs) -> Result:
+        with one_blas_thread():
+            return work(*given, **named)
+
+    return done
 
 
 def usable_processors() -> int:

@@ -25,7 +25,8 @@ _POWERS = {"^2": "²", "^3": "³"}
 
 def clean(text: object) -> str:
     """Return one line of printable text: line ends become blanks, control and direction characters their escapes."""
-    return "".join(_visible(character) for character in str(text))
+    line = str(text)
+    return line if line.isprintable() else "".join(_visible(character) for character in line)
 
 
 def _visible(character: str) -> str:

@@ -17,6 +17,7 @@ from dynident.estimation.doctor._recording import Recording, read_recording
 from dynident.estimation.doctor.base import SEVERITIES, Check, Finding, Subject
 from dynident.estimation.estimate import Estimate
 from dynident.experiment.case_file.case import Case
+from dynident.model.threads import on_one_blas_thread
 from dynident.plugins import Family
 
 CHECKS: Family[Check] = Family("dynident.estimation.doctor", Check, "check")  # type: ignore[type-abstract]
@@ -79,6 +80,7 @@ def examine(case: Case, name: str, earlier: Estimate | None = None) -> Examinati
     return examine_recording(case, recording, earlier)
 
 
+@on_one_blas_thread
 def examine_recording(case: Case, recording: Recording, earlier: Estimate | None = None) -> Examination:
     """Return what is wrong with a recording; see :func:`examine`."""
     mended = mend(recording, case.robot)

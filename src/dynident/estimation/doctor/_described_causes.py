@@ -87,7 +87,7 @@ class Against:
         prepared = self.fit.rows.prepared
         motion = motion_of(prepared.log)
         chain = self.fit.model.robot.chain
-        regressor = batched.torque_regressor(chain, motion.q, motion.dq, motion.ddq)
+        regressor = batched.torque_regressor(chain, motion.q, motion.dq, motion.ddq, once=True)
         flat = regressor.transpose(2, 1, 0).reshape(-1, len(regressor))
         smooth = prepared.smooth(flat)[:, prepared.keep]
         return smooth.reshape(regressor.shape[2], regressor.shape[1], -1).transpose(0, 2, 1)

@@ -171,7 +171,8 @@ class Since:
         """
         prepared = self.fit.rows.prepared
         motion = motion_of(prepared.log)
-        regressor = batched.torque_regressor(self.fit.model.robot.chain, motion.q, motion.dq, motion.ddq)
+        chain = self.fit.model.robot.chain
+        regressor = batched.torque_regressor(chain, motion.q, motion.dq, motion.ddq, once=True)
         last = regressor[:, :, -TEN:][:, :, TEN - 4 :]
         flat = np.ascontiguousarray(last.transpose(2, 1, 0)).reshape(-1, len(last))
         smooth = prepared.smooth(flat)[:, prepared.keep]

@@ -21,6 +21,9 @@ Quantity: TypeAlias = Literal["regressor", "torque", "mass", "frames"]
 #: of compiling, which grows faster than the program.
 LARGEST = 6000
 
+#: Samples up to which NumPy evaluates what is asked for once: every operation of a program keeps an array of them.
+FEW = 4000
+
 _READS: dict[Quantity, tuple[str, ...]] = {
     "regressor": ("q", "dq", "ddq"),
     "torque": ("theta", "q", "dq", "ddq"),
@@ -53,9 +56,9 @@ def evaluated_once(chain: Chain, quantity: Quantity, inputs: Mapping[str, Array]
         inputs: Those of theta (10 l,), q, dq and ddq (N, n) that it depends on.
 
     Returns:
-        None where the environment asks for a kernel by name.
+        None where the environment asks for a kernel by name, or the samples are too many.
     """
-    if kernel_choice() != "auto":
+    if kernel_choice() != "auto" or len(inputs["q"]) > FEW:
         return None
     program, width = kept(("once", quantity, chain_key(chain)), lambda: _program(chain, quantity))
     found = np.zeros((len(inputs["q"]), width))
