@@ -76,6 +76,11 @@ def beside_published(board: Mapping[str, Any]) -> str:
     return table(head, rows)
 
 
+def block(board: Mapping[str, Any]) -> str:
+    """Return what stands between the marks of the page."""
+    return f"{held_out(board)}\n\nBeside what others have published of the same sets:\n\n{beside_published(board)}"
+
+
 def main() -> None:
     """Print the tables, or write them into the page."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -83,7 +88,7 @@ def main() -> None:
     parser.add_argument("--write", metavar="FILE", help="the page whose tables are replaced")
     options = parser.parse_args()
     board = json.loads(Path(options.json).read_text(encoding="utf-8"))
-    text = f"{held_out(board)}\n\nBeside what others have published of the same sets:\n\n{beside_published(board)}"
+    text = block(board)
     if options.write is None:
         print(text)
         return
