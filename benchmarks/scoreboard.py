@@ -17,6 +17,9 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 
 BEGIN, END = "<!-- scoreboard: begin (written by python -m benchmarks.scoreboard) -->", "<!-- scoreboard: end -->"
 
+#: Sets beside each other in one table.
+ABREAST = 4
+
 Result = Mapping[str, Any]
 
 
@@ -47,12 +50,16 @@ def held_out(board: Mapping[str, Any]) -> str:
         star = "" if result["physically_consistent"] else "\\*"
         return f"**{error}**{star}" if result["held_out_error"] == best else error + star
 
-    best = [min(r["held_out_error"] for r in found.values() if not r.get("failure")) for found in by_set]
-    rows = [
-        [f"`{method}`", *(cell(found.get(method), least) for found, least in zip(by_set, best, strict=True))]
-        for method in methods
-    ]
-    text = table(["method", *(each["name"] for each in sets)], rows)
+    tables = []
+    for start in range(0, len(sets), ABREAST):
+        part = by_set[start : start + ABREAST]
+        best = [min(r["held_out_error"] for r in found.values() if not r.get("failure")) for found in part]
+        rows = [
+            [f"`{method}`", *(cell(found.get(method), least) for found, least in zip(part, best, strict=True))]
+            for method in methods
+        ]
+        tables.append(table(["method", *(each["name"] for each in sets[start : start + ABREAST])], rows))
+    text = "\n\n".join(tables)
     notes = "\n".join(f"- {mark} {why}" for why, mark in reasons.items())
     return f"{text}\n\n{notes}" if notes else text
 
