@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.arrays import Array, IntArray
-from dynident.model.reduction import Reduced, Triangle, absorb, least_squares, reduce, triangle_of
+from dynident.model.reduction import Reduced, Triangle, absorb, least_squares, merged_pairs, reduce, triangle_of
 
 COLUMNS = np.arange(4)
 
@@ -202,3 +202,14 @@ def test_no_rows_at_all() -> None:
     solution = least_squares(Reduced(np.zeros((2, 2)), np.zeros(2), 0.0, 0))
     np.testing.assert_array_equal(solution.beta, np.zeros(2))
     assert solution.condition_number == np.inf
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 6, 7])
+def test_each_two_triangles_that_follow_each_other_are_merged(count: int) -> None:
+    rows = np.stack([rows_of(seed, 8, 4) for seed in range(count)])
+    found = merged_pairs(np.stack([triangle_of(each) for each in rows]))
+    assert found.shape == ((count + 1) // 2, 4, 4)
+    for k, factor in enumerate(found):
+        pair = np.concatenate(list(rows[2 * k : 2 * k + 2]))
+        np.testing.assert_allclose(factor.T @ factor, pair.T @ pair, atol=1e-12)
+        np.testing.assert_array_equal(np.tril(factor, -1), 0.0)
