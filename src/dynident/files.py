@@ -7,8 +7,8 @@ import json
 import os
 import secrets
 import stat
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +60,30 @@ def check_place(path: str | os.PathLike[str]) -> tuple[Path, int | None]:
     if not target.parent.is_dir():
         raise FileError(path, f"there is no folder '{Path(path).parent}'", "create it or choose another place")
     return target, _mode_of(target, path)
+
+
+@contextmanager
+def written_for_a_while(folder: Path | None = None) -> Iterator[None]:
+    """Say that it is a temporary file that cannot be written: the system's own error names none where space runs out.
+
+    Args:
+        folder: Where it is; None for the system's own folder.
+
+    Raises:
+        FileError: It cannot be written.
+    """
+    try:
+        yield
+    except OSError as error:
+        evidence = f"a temporary file cannot be written ({_reason(error)})"
+        step = f"check its rights and the space left{'' if folder else '; TMPDIR names another folder'}"
+        raise FileError(folder or _temporary(), evidence, step) from error
+
+
+def _temporary() -> str:
+    import tempfile  # only needed here
+
+    return tempfile.gettempdir()
 
 
 def sha256_of(path: str | os.PathLike[str]) -> str:

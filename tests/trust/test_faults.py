@@ -8,6 +8,7 @@ import os
 import random
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +18,9 @@ import pytest
 
 from dynident.cli import main as cli
 from dynident.cli.main import main
+from dynident.errors import FileError
 from dynident.estimation.estimate_file import read_estimate
+from dynident.files import write_atomically, written_for_a_while
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
 
@@ -74,7 +77,22 @@ def test_a_file_is_whole_whenever_its_writer_is_killed(tmp_path: Path) -> None:
         process.stdout.close()
         content = place.read_bytes()
         assert content in (b"a" * 3_000_000, b"b" * 3_000_000)
-    assert place.name not in {path.name for path in tmp_path.glob("*.part")}
+    assert all(path.name.startswith(".file.") for path in tmp_path.iterdir() if path != place)
+
+
+def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place, swapped = tmp_path / "file", []
+
+    def replace(new: Path, old: Path) -> None:
+        assert old.read_text() == "old" and new.read_text() == "new"
+        swapped.append(new)
+        raise KeyboardInterrupt
+
+    place.write_text("old")
+    monkeypatch.setattr(os, "replace", replace)
+    with pytest.raises(KeyboardInterrupt):
+        write_atomically(place, "new")
+    assert len(swapped) == 1 and place.read_text() == "old" and list(tmp_path.iterdir()) == [place]
 
 
 @contextlib.contextmanager
@@ -151,6 +169,15 @@ def test_two_processes_fill_one_cache(cell: Path, tmp_path: Path) -> None:
     both = [subprocess.Popen(words, env=environment, stdout=subprocess.PIPE) for _ in range(2)]
     answers = [json.loads(process.communicate()[0])["parameters"] for process in both]
     assert [process.returncode for process in both] == [0, 0] and answers[0] == answers[1]
+
+
+def test_a_disk_that_is_full_meanwhile(tmp_path: Path) -> None:
+    """Rows of a log that are kept while it is read, and an export that is proved before it is written."""
+    for folder, name in ((tmp_path, str(tmp_path)), (None, tempfile.gettempdir())):
+        with pytest.raises(FileError) as caught, disk_of(1000), written_for_a_while(folder):
+            (tmp_path / "kept").write_bytes(bytes(2000))
+        assert str(caught.value).startswith(f"{name}: a temporary file cannot be written (file too large); check its")
+        assert ("TMPDIR" in str(caught.value)) == (folder is None)
 
 
 def test_ctrl_c_while_a_command_is_loaded(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:

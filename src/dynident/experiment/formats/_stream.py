@@ -15,6 +15,7 @@ from dynident.arrays import Array
 from dynident.experiment.formats._table import Blocks, Checked, Table, names_of
 from dynident.experiment.formats.base import ColumnMap
 from dynident.experiment.log import Log, Source
+from dynident.files import written_for_a_while
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -96,9 +97,12 @@ class LogStream:
             file = stack.enter_context(tempfile.TemporaryFile(dir=self.folder))
             batches = Reading(self.table.batches(names, rows))
             for values in batches:
-                file.write(np.ascontiguousarray(values, dtype=np.float64).tobytes())
+                with written_for_a_while(self.folder):
+                    file.write(np.ascontiguousarray(values, dtype=np.float64).tobytes())
                 yield checked.block(values)
             checked.end()
+            with written_for_a_while(self.folder):
+                file.flush()
             self._kept.append(_Kept(file, len(names), batches.result))
             stack.pop_all()  # it stays open until the stream is closed
             return checked.source(batches.result)

@@ -13,7 +13,7 @@ import numpy as np
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption, MissingDependency
 from dynident.experiment.formats.base import NUMBERED
-from dynident.files import write_atomically
+from dynident.files import write_atomically, written_for_a_while
 
 #: Suffixes of recordings: ROS 1 bags, and bare files of ROS 2 recordings.
 BAGS = (".bag", ".mcap", ".db3")
@@ -69,7 +69,9 @@ def write_bag(table: Mapping[str, Array], path: str | Path, time: Array, joints:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / "recording"
         write = _write_ros1 if Path(path).suffix.lower() == ".bag" else _write_ros2
-        write_atomically(path, write(place, Path(path).suffix.lower(), topics, stamps).read_bytes())
+        with written_for_a_while():
+            content = write(place, Path(path).suffix.lower(), topics, stamps).read_bytes()
+        write_atomically(path, content)
 
 
 def _topics(table: Mapping[str, Array], joints: Sequence[str]) -> dict[tuple[str, str], dict[str, dict[str, Array]]]:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.errors import BadOption, FileError, MissingDependency
+from dynident.files import written_for_a_while
 from dynident.results.exporters._messages import NANO, Points, approach_points, points_of
 from dynident.results.exporters._motion import DrivenMotion
 from dynident.results.exporters.base import Content, MotionExporter, Printed
@@ -60,7 +61,8 @@ class Ros2Bag(MotionExporter):
         messages = [(0, before)] if before is not None else []
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder) / path.name
-            printed = self._bag(place, names, [*messages, (start, motion)])
+            with written_for_a_while():
+                printed = self._bag(place, names, [*messages, (start, motion)])
             files = {path / file.name: file.read_bytes() for file in sorted(place.iterdir())}
         return Content(files, printed, facts={"motion_starts_s": start / NANO})
 

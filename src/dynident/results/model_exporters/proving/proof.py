@@ -12,6 +12,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import DynidentError, FileError
+from dynident.files import written_for_a_while
 from dynident.results.model_exporters.base import ModelContent, ModelExporter, Reloaded
 from dynident.results.model_exporters.subject.drives import Term, drives_of, rigid_torque
 from dynident.results.model_exporters.subject.identified import NONE, Identified
@@ -90,8 +91,9 @@ def proofs_of(part: ModelExporter, subject: Identified, content: ModelContent, t
     found: list[Proof] = []
     with tempfile.TemporaryDirectory(prefix="dynident-") as name:
         folder = Path(name)
-        for file, data in content.files.items():
-            (folder / file.name).write_bytes(data)
+        with written_for_a_while():
+            for file, data in content.files.items():
+                (folder / file.name).write_bytes(data)
         try:
             for one in part.reload(subject, content, folder, states_of(subject.model)):
                 found.append(_proof(one))
