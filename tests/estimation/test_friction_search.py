@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 from dynident.arrays import Array
-from dynident.errors import BadOption, LogMismatch
+from dynident.errors import BadOption, LogMismatch, SolverFailed
 from dynident.estimation.estimate_file import read_estimate, summary, write_estimate
+from dynident.estimation.friction import alike
 from dynident.estimation.friction.alike import same_for_all
 from dynident.estimation.friction.column_pool import fit, loss, make_pool
 from dynident.estimation.friction.friction_choice import choose_friction
 from dynident.estimation.friction.variable_projection import vary_fields
 from dynident.estimation.identify import identify, validate
+from dynident.estimation.problem import Problem
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven
@@ -106,7 +108,9 @@ def test_stribeck_friction_is_chosen_where_the_log_has_slow_motion(
     assert {f"stribeck (velocity {part.velocity:.3g})" for part in found} <= shown
 
 
-def test_one_friction_for_all_is_taken_where_it_is_as_good(mixed: DynamicModel, exact_log: MakeLog) -> None:
+def test_one_friction_for_all_is_taken_where_it_is_as_good(
+    mixed: DynamicModel, exact_log: MakeLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Drives that are alike get one list, whatever lists they were given; one that differs much keeps its own."""
     robot = mixed.robot
     plain_drives = DynamicModel(robot, (Coulomb(0.02), Viscous()))
@@ -124,6 +128,18 @@ def test_one_friction_for_all_is_taken_where_it_is_as_good(mixed: DynamicModel, 
     kept, compared = same_for_all(sticky, [preprocess(log, GIVEN)])
     assert kept.friction == sticky.friction and compared[0].chosen
     assert same_for_all(plain_drives, [preprocess(log, GIVEN)]) == (plain_drives, ())
+
+    held_out = alike._held_out
+
+    def unsolved(problem: Problem, scale: Array) -> Array | None:
+        if any(part.joints is not None for part in problem.model.friction):
+            raise SolverFailed("the consistent fit", "none", "none")
+        return held_out(problem, scale)
+
+    monkeypatch.setattr(alike, "_held_out", unsolved)
+    found, compared = same_for_all(sticky, [preprocess(log, GIVEN)])
+    assert all(part.joints is None for part in found.friction)
+    assert all(np.isfinite(each.held_out) for each in compared) and sum(each.chosen for each in compared) == 1
 
 
 def test_too_short_a_log_chooses_nothing(mixed: DynamicModel, exact_log: MakeLog) -> None:

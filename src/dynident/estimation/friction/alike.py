@@ -84,8 +84,12 @@ def same_for_all(
         return model, ()
     progress("friction: all drives alike")
     own = _problem(model, logs)
-    scale = own.joint_deviations(Consistent().solve(own).beta)
-    held = _held_out(own, scale)
+    try:
+        scale = own.joint_deviations(Consistent().solve(own).beta)
+        held = _held_out(own, scale)
+    except SolverFailed:  # parts of their own that hardly differ: what is alike and has a solution is taken
+        own = _problem(replace(model, friction=tuple(_like(name, model.friction) for name in ALIKE[0])), logs)
+        scale, held = own.joint_deviations(Consistent().solve(own).beta), np.array([np.inf])
     if held is None:
         return model, ()
     kept, scores = [model.friction], [held]
@@ -101,11 +105,14 @@ def same_for_all(
             kept.append(friction)
             names.append(parts)
     means = [float(np.mean(score)) for score in scores]
-    gaps = [float(np.std(score - held, ddof=1) / np.sqrt(len(held))) for score in scores]
+    solved = bool(np.isfinite(held).all())
+    gaps = [float(np.std(score - held, ddof=1) / np.sqrt(len(held))) if solved else 0.0 for score in scores]
     best = min(range(1, len(kept)), key=lambda k: means[k], default=0)
     pick = best if means[best] - means[0] <= gaps[best] else 0
     table = (
-        Common(parts, mean, gap, k == pick) for k, (parts, mean, gap) in enumerate(zip(names, means, gaps, strict=True))
+        Common(parts, mean, gap, k == pick)
+        for k, (parts, mean, gap) in enumerate(zip(names, means, gaps, strict=True))
+        if np.isfinite(mean)
     )
     return replace(model, friction=kept[pick]), tuple(table)
 
