@@ -2,9 +2,9 @@
 
 Times are of the processor, summed over threads; memory is the peak beyond the inputs. Samples: 6R arm, arrays to
 triangles; above a million the same arrays pass in pieces of a million, as a stream does, and the triangles are merged.
-Joints: serial arms with axes at right angles, 4000 samples: base parameters, the first thousand rows (trace and compilation
-included) and the time a sample afterwards. Logs: so many logs of a second at 1 kHz in one problem. Each part leaves its
-figures in benchmarks/results/scaling.json and its figure in docs/figures.
+Joints: serial arms with axes at right angles, 4000 samples: base parameters, the first thousand rows (trace and
+compilation included) and the time a sample afterwards. Logs: so many logs of a second at 1 kHz in one problem. Each
+part leaves its figures in benchmarks/results/scaling.json and its figure in docs/figures.
 """
 
 from __future__ import annotations
