@@ -18,7 +18,7 @@ from test_documentation import PAGES, ROOT, Block, blocks_of
 NOT_RUN = {
     "README.md": (3, "installation: .ci/run does it in a fresh environment"),
     "docs/adding-a-part.md": (1, "another project: tests/guest is one, which tests/trust/test_guest_parts.py runs"),
-    "docs/benchmark.md": (2, "hours: tests/cli/test_benchmark_command.py runs a short one"),
+    "docs/benchmark.md": (4, "hours: tests/cli/test_benchmark_command.py runs a short one"),
     "docs/drive-gains.md": (4, "logs of the reader's robot, real logs: tests/cli/test_gains_command.py"),
     "docs/exports.md": (1, "needs ROS"),
     "docs/fleet.md": (1, "logs of several robots: tests/cli/test_fleet_and_track.py"),
