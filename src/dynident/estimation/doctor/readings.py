@@ -84,7 +84,7 @@ class Readings(Check):
         if not found:
             return []
         best = max(found, key=lambda reading: reading.gain)
-        if best.name == "torque sign":
+        if best.name in ("torque sign", "coupling"):
             gain, factor, _ = best_scale(fit)
             if gain > best.gain and max(factor, 1 / factor) > FAR_SCALE:
                 return []  # one torque of another unit upsets the others: that check tells it
@@ -203,12 +203,14 @@ def _couplings(fit: QuickFit) -> Iterator[Reading]:
     found = best_coupling(fit)
     if found is None or found.gain < GAIN:
         return
+    touched = sorted({place for motor, joint, *_ in found.entries for place in (motor, joint)})
+    if np.any(found.after[touched] > GOOD):
+        return
     names = fit.model.robot.joint_names
     told = [
         f"the motor of {names[motor]} turns {value:.4g}{f' (+- {spread:.1g})' * bool(spread)} times {names[joint]}"
         for motor, joint, value, spread in found.entries
     ]
-    touched = sorted({place for motor, joint, *_ in found.entries for place in (motor, joint)})
     left = ", ".join(f"{names[i]} {found.before[i]:.1%} to {found.after[i]:.1%}" for i in touched)
     evidence = f"{', '.join(told)} as well: the residual falls by {found.gain:.1f} in log variance ({left})"
     rows = ", ".join(f"[{', '.join(f'{value + 0.0:.4g}' for value in row)}]" for row in found.matrix)
