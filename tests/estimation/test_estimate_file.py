@@ -146,7 +146,7 @@ def test_figures_that_do_not_exist_are_null_in_the_file_and_come_back(estimate: 
     ("content", "message"),
     [
         (b"", "line 1 is not JSON (Expecting value); give a file that 'dynident identify -o' has written"),
-        (b"\xff\xfe\x00", "not UTF-8 text; give a file that identify has written"),
+        (b"\xff\xfe\x00", "not UTF-8 text; give a file that 'dynident identify -o' has written"),
         (b"t,q1,tau1\n0,0,0\n", "line 1 is not JSON (Expecting value); give a file that 'dynident identify -o' has"),
         (b"[1, 2]", "no estimate; give a file that 'dynident identify -o' has written"),
         (b'{"kind": "something"}', "no estimate; give a file that 'dynident identify -o' has written"),
