@@ -19,6 +19,8 @@ from dynident import FourierSeries, read_robot
 from dynident.estimation.estimate_file import read_estimate
 from dynident.model.robot import joint_pose
 
+DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
+
 STAGES = ("robot", "log", "case", "check", "excite", "identify", "results", "compare", "session")
 
 HOSTILE_URDF = """<robot name="&lt;script&gt;window.hurt = 1&lt;/script&gt;">
@@ -217,6 +219,38 @@ def test_the_main_path_on_the_er16(page: Any, running: Any, client: Any, tmp_pat
     subprocess.run(["sh", "-e"], input=commands, text=True, cwd=again, env={**os.environ, "PATH": path}, check=True)
     first, second = (read_estimate(folder / "estimate_1.json") for folder in (client.folder, again))
     np.testing.assert_array_equal(first.beta, second.beta)
+
+
+@pytest.mark.battery
+def test_the_main_path_on_a_real_set(page: Any, running: Any, client: Any) -> None:
+    folder = DATA / "panda_gaz2019"
+    if not folder.is_dir():
+        pytest.skip(f"no folder {folder.name} under DYNIDENT_DATA or ../shared/data")
+    _go(page, "robot")
+    page.choose_files("section:not([hidden]) input[type=file]", folder / "robot.urdf")
+    _go(page, "log")
+    page.choose_files("section:not([hidden]) input[type=file]", folder / "exciting_traj_1.csv")
+    page.until(f"{_section('log')}.querySelector('svg')", 30)
+    _go(page, "case")
+    _choose(page, "case", "Robot", "robot.urdf")
+    _choose(page, "case", "Logs to learn from", "exciting_traj_1.csv")
+    _click(page, "case", "Draft the case file")
+    page.until(f"{_section('case')}.querySelector('textarea')", 60)
+    assert page.js(f"{_section('case')}.querySelector('.fault')?.textContent ?? ''") == ""  # this log answers all
+    _go(page, "check")
+    _click(page, "check", "Look at the logs")
+    page.until(f"{_section('check')}.querySelector('h3')", 120)
+    _go(page, "identify")
+    page.js("document.querySelector('#quick').click()")
+    _click(page, "identify", "Identify")
+    page.until(f"{_section('identify')}.querySelector('a.go')", 240)
+    _go(page, "results")
+    page.until(f"{_section('results')}.querySelector('.answers') && {_section('results')}.querySelector('iframe')", 120)
+    error = page.js(f"{_section('results')}.querySelector('.answer dt').textContent")
+    assert float(error.split()[0].rstrip("%")) < 1.0  # per cent, on the last third of the log
+    robot = read_estimate(client.folder / "estimate_1.json").model.robot
+    assert robot.dof == 7
+    _nothing_wrong(page, running)
 
 
 def _er16_log(path: Path, seed: int) -> Path:
