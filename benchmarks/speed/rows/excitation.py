@@ -2,7 +2,8 @@
 
 Beside it: SLSQP on the condition number itself with forward differences over a loop in Pinocchio, one constraint for
 each bound (the literature's route), from the same start. The time is that of the processor until an iterate is first as
-good and keeps its bounds, both judged on 2000 samples.
+good and keeps its bounds, both judged on 2000 samples. One start in four ends above the goal here, so that the next one
+is taken, as the tool does, and the time goes on; the peer is still at its first when its time is over.
 """
 
 from __future__ import annotations
@@ -40,9 +41,9 @@ def measure() -> Record:
     reached: dict[str, list[float]] = {HERE: [], DIFFERENCES: []}
     outcome = []
     for seed, start in starts.items():
-        moment, best, whole = design(problem, dense, start)
+        moment, best, taken = until_reached(problem, dense, seed)
         reached[HERE].append(moment)
-        line = {"seed": seed, "here_reached_s": moment, "here_best": best, "here_whole_s": whole}
+        line = {"seed": seed, "here_reached_s": moment, "here_best": best, "here_starts": taken}
         if pinocchio:
             moment, best, whole = _differences(Loop(pinocchio, problem), dense, start)
             reached[DIFFERENCES].append(moment)
@@ -65,6 +66,21 @@ def measure() -> Record:
 
 def _known(value: float) -> float | None:
     return value if np.isfinite(value) else None
+
+
+def until_reached(problem: DesignProblem, dense: DesignProblem, seed: int) -> tuple[float, float, int]:
+    """Return when the goal was reached, the best condition number of that start, and how many starts were taken.
+
+    The starts of a seed are drawn one after another, and the first is the one that the peer has.
+    """
+    generator, spent, taken = np.random.default_rng(seed), 0.0, 0
+    while spent < CAP:
+        taken += 1
+        moment, best, whole = design(problem, dense, feasible_start(problem, generator))
+        if np.isfinite(moment):
+            return spent + moment, best, taken
+        spent += whole
+    return np.inf, np.inf, taken
 
 
 def design(problem: DesignProblem, dense: DesignProblem, start: Array) -> tuple[float, float, float]:
