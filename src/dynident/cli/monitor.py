@@ -88,7 +88,7 @@ def _watch(monitor: Monitor, as_json: bool) -> int:
 
     from dynident.cli import console
     from dynident.estimation.monitor import watch
-    from dynident.results.text import label
+    from dynident.results.text import counted, label
 
     names = monitor.observer.joint_names
     samples = alarms = 0
@@ -109,7 +109,7 @@ def _watch(monitor: Monitor, as_json: bool) -> int:
     if as_json:
         console.answer_line({"samples": samples, "seconds": last - first, "alarms": alarms})
     else:
-        console.answer(f"{alarms} alarm{'' if alarms == 1 else 's'} in {samples} samples, {last - first:.4g} s")
+        console.answer(f"{counted(alarms, 'alarm')} in {samples} samples, {last - first:.4g} s")
     return 1 if alarms else 0
 
 
@@ -146,12 +146,12 @@ def logs_of_fit(estimate: Estimate) -> list[str]:
 
 def _show(monitor: Monitor, found: Sequence[Monitored], clean: Sequence[str]) -> None:
     from dynident.cli import console
-    from dynident.results.text import Column, Table, format_number, label, pretty_unit
+    from dynident.results.text import Column, Table, counted, format_number, label, pretty_unit
 
     robot = monitor.observer.model.robot
     seconds = monitor.tails[0].seconds
-    logs = f"{len(clean)} clean log{'' if len(clean) == 1 else 's'}"
-    console.answer(f"thresholds from {logs} of {seconds:.4g} s, observer {monitor.observer.gain:g} 1/s")
+    logs, gain = counted(len(clean), "clean log"), monitor.observer.gain
+    console.answer(f"thresholds from {logs} of {seconds:.4g} s, observer {gain:g} 1/s")
     columns = ("median threshold", "largest", "of threshold", "false alarms/h", "alarms")
     note = "Thresholds follow the state; 'of threshold' is the largest share of them that was reached at any moment."
     for one in found:

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dynident.errors import FileError
     from dynident.experiment.case_file.case import Case
-    from dynident.experiment.design.limits import ToolLimit
+    from dynident.experiment.design.limits import LimitRow, ToolLimit
     from dynident.model.robot import Robot
     from dynident.results.plan_view import PlanView
 
@@ -103,12 +104,16 @@ def check_kept(view: PlanView, path: str) -> None:
     Raises:
         FileError: A bound is passed.
     """
+    if not view.check.kept:
+        raise breached(view.check.worst, path)
+
+
+def breached(worst: LimitRow, path: str) -> FileError:
+    """Return the error to raise for a plan that passes a bound and must not be driven."""
     from dynident.errors import FileError
     from dynident.experiment.design.plan import breach_of
 
-    if not view.check.kept:
-        step = "do not drive it; design the motion again with these limits"
-        raise FileError(path, breach_of(view.check.worst), step)
+    return FileError(path, breach_of(worst), "do not drive it; design the motion again with these limits")
 
 
 def show_plan(view: PlanView) -> None:

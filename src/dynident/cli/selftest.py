@@ -171,9 +171,10 @@ def _truth(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[A
 
 def _plan(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Plan, dict[str, Any]]:
     """Return what is rehearsed, and its noise with where that comes from."""
-    from dynident.errors import BadOption, FileError
+    from dynident.cli.plans import breached
+    from dynident.errors import BadOption
     from dynident.estimation.selftest.rehearsal import Plan
-    from dynident.experiment.design.plan import breach_of, read_plan, worst_breach
+    from dynident.experiment.design.plan import read_plan, worst_breach
 
     given, source = _noise(options, case, setup)
     if options.plan:
@@ -182,8 +183,7 @@ def _plan(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Pl
             step = f"design it for this case; the robot moves {', '.join(case.robot.joint_names)}"
             raise BadOption("--plan", options.plan, step)
         if (worst := worst_breach(planned)) is not None:
-            step = "do not drive it; design the motion again with these limits"
-            raise FileError(options.plan, breach_of(worst), step)
+            raise breached(worst, options.plan)
     else:
         planned = _designed(options, case, given)
     levels = planned.settings["noise"] if given is None else given.tolist()

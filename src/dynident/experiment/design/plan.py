@@ -80,10 +80,10 @@ def worst_breach(plan: Plan) -> LimitRow | None:
     return max(broken, key=lambda row: row.used) if broken else None
 
 
-def breach_of(worst: LimitRow) -> str:
+def breach_of(worst: LimitRow, verb: str = "is") -> str:
     """Return a bound that is passed in words."""
     what = Label(worst.joint, worst.quantity).text
-    return f"the {what} is {worst.value:.5g} {worst.unit} at {worst.time:.4g} s, its bound is {worst.limit:.5g}"
+    return f"the {what} {verb} {worst.value:.5g} {worst.unit} at {worst.time:.4g} s, its bound is {worst.limit:.5g}"
 
 
 def refuse_breach(plan: Plan, path: str | Path) -> None:
@@ -94,11 +94,7 @@ def refuse_breach(plan: Plan, path: str | Path) -> None:
     """
     worst = worst_breach(plan)
     if worst is not None:
-        subject = Label(worst.joint, worst.quantity).text
-        evidence = (
-            f"not written, because the {subject} would be {worst.value:.5g} {worst.unit} at {worst.time:.4g} s, "
-            f"its bound is {worst.limit:.5g}"
-        )
+        evidence = f"not written, because {breach_of(worst, 'would be')}"
         raise FileError(path, evidence, "design the motion again with these limits")
 
 
