@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.trajectories import _series
-from dynident.experiment.trajectories.base import Designable
+from dynident.experiment.trajectories._series import Series
 
 #: How far the two sums may miss zero, as a share of the sum of their absolute terms.
 _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
-class RestFourier(Designable):
+class RestFourier(Series):
     """Finite Fourier series (14) with dq = ddq = 0 at the start and end of each period; it needs no run-in.
 
     The coefficients fulfil sum k a_ik = 0 (speed) and sum k^2 b_ik = 0 (acceleration). Every such series with H
@@ -36,17 +33,12 @@ class RestFourier(Designable):
         ValueError: Shapes that do not fit each other.
     """
 
-    offset: Array
-    sine: Array
-    cosine: Array
-    period: float
+    def check(self) -> None:
+        """Refuse a start that is not at rest.
 
-    basis = staticmethod(_series.series_basis)
-    extremes = staticmethod(_series.series_extremes)
-
-    def __post_init__(self) -> None:
-        for name, value in _series.series_fields(self.offset, self.sine, self.cosine, self.period).items():
-            object.__setattr__(self, name, value)
+        Raises:
+            BadOption: Its velocity or acceleration is not zero.
+        """
         order = np.arange(1, self.harmonics + 1, dtype=float)
         for name, values, power in (("sine", self.sine, order), ("cosine", self.cosine, order**2)):
             missed = np.abs(values @ power) > _TOLERANCE * (np.abs(values) @ power)
@@ -69,53 +61,15 @@ class RestFourier(Designable):
             raise BadOption("free", f"of shape {rows.shape}", "give 2 H - 1 numbers per joint, H >= 2 harmonics")
         return cls.from_table(list(rows @ rest_map(harmonics).T), period)
 
-    @classmethod
-    def from_table(cls, rows: Sequence[npt.ArrayLike], period: float) -> RestFourier:
-        """Build from one row per joint: offset, a_1..a_H, b_1..b_H, in rad or m, that is at rest at time 0.
-
-        Raises:
-            BadOption: Rows that do not start at rest, of different lengths or with an even number of numbers.
-        """
-        return cls(*_series.split_table(rows), period)
-
     @staticmethod
     def free_map(harmonics: int) -> Array:
         """Return :func:`rest_map`."""
         return rest_map(harmonics)
 
     @property
-    def table(self) -> Array:
-        """One row per joint: offset, a_1..a_H, b_1..b_H, shape (n, 2 H + 1)."""
-        return np.hstack([self.offset[:, None], self.sine, self.cosine])
-
-    @property
-    def harmonics(self) -> int:
-        """Number of sine and cosine pairs, H."""
-        return self.sine.shape[1]
-
-    @property
-    def periodic(self) -> bool:
-        """A Fourier series repeats itself."""
-        return True
-
-    @property
     def at_rest(self) -> bool:
         """It starts at rest."""
         return True
-
-    @property
-    def detail(self) -> str:
-        """Its number of harmonics."""
-        return f"{self.harmonics} harmonics"
-
-    def data(self) -> dict[str, Any]:
-        """Return period, offset, sine and cosine."""
-        return _series.series_data(self.offset, self.sine, self.cosine, self.period)
-
-    @classmethod
-    def from_data(cls, data: Mapping[str, Any]) -> RestFourier:
-        """Build from period, offset, sine and cosine."""
-        return cls(**_series.series_arguments(data))
 
 
 def rest_map(harmonics: int) -> Array:
