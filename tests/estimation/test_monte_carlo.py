@@ -7,8 +7,10 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,10 +18,11 @@ import pytest
 from dynident.errors import BadOption, DescriptionError, UnknownChoice
 from dynident.estimation.monte_carlo.experiment import Experiment, read_experiment, shipped_benchmarks
 from dynident.estimation.monte_carlo.records import Records
-from dynident.estimation.monte_carlo.runner import run_tasks
+from dynident.estimation.monte_carlo.runner import run_tasks, worth_another_try
 from dynident.estimation.monte_carlo.summary import summary_of
 from dynident.estimation.monte_carlo.virtual_tasks import Motions, VirtualWork, recorded
 from dynident.experiment.trajectories.rest_fourier import RestFourier
+from dynident.workers.pool import Here
 
 SMALL = """\
 benchmark: 1
@@ -63,6 +66,24 @@ def work_of(experiment: Experiment) -> VirtualWork:
             rows.append(free @ np.r_[middle, reach * generator.uniform(-0.4, 0.4, free.shape[1] - 1)])
         motions.append(RestFourier.from_table(rows, 4.0))
     return VirtualWork(experiment, {model.robot.name: Motions(*motions)})
+
+
+@dataclass(frozen=True)
+class NumberedTask:
+    number: int
+
+    @property
+    def label(self) -> str:
+        return str(self.number)
+
+    @property
+    def facts(self) -> Mapping[str, Any]:
+        return {"number": self.number}
+
+
+class Counted:
+    def result(self, task: NumberedTask) -> dict[str, Any]:
+        return {"failure": None, "number": task.number}
 
 
 def without_times(result: dict) -> dict:
@@ -191,6 +212,27 @@ def test_jobs_and_time_limits_that_cannot_be(small: Path, tmp_path: Path) -> Non
         list(run_tasks(work, work.tasks(), records, jobs=0))
     with pytest.raises(BadOption, match="time limit"):
         list(run_tasks(work, work.tasks(), records, time_limit=0.0))
+    with pytest.raises(BadOption, match="a cluster does not count it"):
+        list(run_tasks(work, work.tasks(), records, processor_limit=5.0, pool=Here()))
+
+
+def test_a_task_that_ended_at_a_limit_is_tried_again_with_a_longer_one(tmp_path: Path) -> None:
+    records, work, tasks = Records(tmp_path), Counted(), [NumberedTask(1), NumberedTask(2), NumberedTask(3)]
+    records.write(tasks[0], {"failure": "ended", "seconds": 5.0, "time_limit": 5.0})
+    records.write(tasks[1], {"failure": "ended", "seconds": 5.0, "processor_limit": 5.0})
+    records.write(tasks[2], {"failure": "it cannot be", "seconds": 0.1})
+    for limits, tried in (
+        ({"time_limit": 5.0, "processor_limit": 5.0}, []),
+        ({"time_limit": 6.0, "processor_limit": 5.0}, [1]),
+        ({"time_limit": 5.0, "processor_limit": 6.0}, [2]),
+        ({"time_limit": None, "processor_limit": 5.0}, [1]),
+        ({"time_limit": 5.0, "processor_limit": None}, [2]),
+    ):
+        for task in tasks:
+            kept = records.read(task)
+            assert kept is not None and worth_another_try(kept, limits) == (task.number in tried)
+    done = dict(run_tasks(work, tasks, records))
+    assert [done[task].get("number") for task in tasks] == [1, 2, None]
 
 
 @pytest.mark.battery

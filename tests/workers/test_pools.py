@@ -37,6 +37,11 @@ class Squares:
             raise LogMismatch("a.csv", "it is odd", "mend it")
         if task == "sleep":
             time.sleep(600)
+        if task == "work for ever":
+            while True:
+                pass
+        if task == "rest":
+            time.sleep(1.0)
         if task == "die":
             os.kill(os.getpid(), signal.SIGKILL)
         if task == "die once" and not (mark := Path(self.folder) / "died").exists():
@@ -104,11 +109,29 @@ def test_a_process_that_dies_or_is_late_fails_and_the_others_go_on() -> None:
     assert not multiprocessing.active_children()
 
 
+def test_a_limit_of_the_processor_time_counts_work_and_not_waiting() -> None:
+    tasks = ["rest", "work for ever", 3]
+    ended = {done.task: done for done in Processes(1, 0.5).run(Squares(), tasks)}
+    assert ended["rest"].result == "rest" and ended["rest"].seconds > 0.9 and not ended["rest"].late
+    assert ended["work for ever"].failure == "ended after 0.5 s of processor time" and ended["work for ever"].late
+    assert ended[3].result == 9
+    assert not multiprocessing.active_children()
+
+
+def test_a_system_without_such_a_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(signal, "setitimer")
+    with pytest.raises(BadOption, match="this system does not end processes by their processor time"):
+        local_pool(1, processor_limit=1.0)
+
+
 def test_options_that_cannot_be() -> None:
     for jobs, limit in ((0, None), (1, 0.0), (1, float("nan"))):
         with pytest.raises(BadOption):
             local_pool(jobs, limit)
+    with pytest.raises(BadOption, match="processor limit"):
+        local_pool(1, processor_limit=-1.0)
     assert isinstance(local_pool(1), Here) and local_pool(1, 5.0) == Processes(1)
+    assert local_pool(1, processor_limit=5.0) == Processes(1, 5.0)
     with pytest.raises(BadOption, match="take processes"):
         list(Here().run(Squares(), [1], time_limit=1.0))
     for scheduler in ("nowhere", "local:0", "local:x", "", "localhost:8786"):

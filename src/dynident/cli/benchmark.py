@@ -47,6 +47,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     how.add_argument(
         "--time-limit", type=float, metavar="S", help="wall-clock time of a task; it fails after it; default: none"
     )
+    how.add_argument(
+        "--processor-limit",
+        type=float,
+        metavar="S",
+        help="the same of its processor time, whatever else the machine does; in processes of this machine",
+    )
     output = parser.add_argument_group("output")
     output.add_argument("--html", metavar="FILE", help="write one self-contained page here")
     output.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
@@ -99,6 +105,7 @@ def _virtual(options: argparse.Namespace) -> int:
                 records,
                 jobs=options.jobs,
                 time_limit=options.time_limit,
+                processor_limit=options.processor_limit,
                 pool=pool,
                 progress=progress.step,
             ):
@@ -166,7 +173,13 @@ def _real(options: argparse.Namespace) -> int:
     with console.progress(len(tasks), quiet) as progress:
         try:
             for task, result in run_tasks(
-                work, tasks, records, jobs=options.jobs, time_limit=options.time_limit, progress=progress.step
+                work,
+                tasks,
+                records,
+                jobs=options.jobs,
+                time_limit=options.time_limit,
+                processor_limit=options.processor_limit,
+                progress=progress.step,
             ):
                 results.append((task.name, task.method.label, result))
         except KeyboardInterrupt:

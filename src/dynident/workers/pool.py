@@ -36,7 +36,7 @@ class Done:
         seconds: Wall-clock time in s that it took.
         result: What the work returned; None where there is no result.
         failure: Why there is no result, in words; empty where there is one.
-        late: Whether it was ended at the time limit.
+        late: Whether it was ended at a limit of its time.
     """
 
     task: Any
@@ -107,25 +107,26 @@ class Here(Pool):
             yield Done(task, time.monotonic() - begun, result)
 
 
-def local_pool(jobs: int, time_limit: float | None = None) -> Pool:
-    """Return this process where that can do it, one job without a time limit, and else processes of this machine.
+def local_pool(jobs: int, time_limit: float | None = None, processor_limit: float | None = None) -> Pool:
+    """Return this process where that can do it, one job without a limit, and else processes of this machine.
 
     Raises:
-        BadOption: A number of jobs or a time limit that cannot be.
+        BadOption: A number of jobs or a limit that cannot be.
     """
     from dynident.workers.processes import Processes
 
     check_time_limit(time_limit)
+    check_time_limit(processor_limit, "processor limit")
     if jobs < 1:
         raise BadOption("jobs", jobs, "give 1 or more")
-    return Here() if jobs == 1 and time_limit is None else Processes(jobs)
+    return Here() if jobs == 1 and time_limit is None and processor_limit is None else Processes(jobs, processor_limit)
 
 
-def check_time_limit(time_limit: float | None) -> None:
+def check_time_limit(time_limit: float | None, name: str = "time limit") -> None:
     """Refuse a time limit that cannot be.
 
     Raises:
         BadOption: It is not above 0, or not finite.
     """
     if time_limit is not None and not 0 < time_limit < math.inf:
-        raise BadOption("time limit", time_limit, "give a time above 0 in s")
+        raise BadOption(name, time_limit, "give a time above 0 in s")

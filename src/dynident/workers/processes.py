@@ -12,7 +12,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from dynident.errors import PoolFailed
+from dynident.errors import BadOption, PoolFailed
 from dynident.workers.lifetime import end_with_parent
 from dynident.workers.pool import Done, Pool, Tell, Work
 
@@ -31,9 +31,20 @@ class Processes(Pool):
 
     Attributes:
         jobs: Processes that run at a time.
+        processor_limit: Processor time of a task in s, which does not depend on what else the machine does; it fails
+            after that. None for any.
+
+    Raises:
+        BadOption: A limit of the processor time where the system has no clock for it.
     """
 
     jobs: int
+    processor_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.processor_limit is not None and not hasattr(signal, "setitimer"):
+            step = "this system does not end processes by their processor time; give a time limit"
+            raise BadOption("processor limit", self.processor_limit, step)
 
     def run(
         self,
@@ -50,7 +61,7 @@ class Processes(Pool):
         try:
             while True:
                 while len(workers) < self.jobs and (task := next(waiting, _NO_TASK)) is not _NO_TASK:
-                    workers.append(_Worker(work, task))
+                    workers.append(_Worker(work, task, self.processor_limit))
                 if not workers:
                     return
                 for worker in _with_news(workers, time_limit):
@@ -90,13 +101,14 @@ class _Worker:
         ended: Whether it is of no more use.
     """
 
-    def __init__(self, work: Work, task: Any) -> None:
+    def __init__(self, work: Work, task: Any, processor_limit: float | None) -> None:
         context: Any = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.task = task
         self.begun: float | None = None
         self.ended = False
-        self._process = context.Process(target=_serve, args=(theirs, work), daemon=True)
+        self._processor_limit = processor_limit
+        self._process = context.Process(target=_serve, args=(theirs, work, processor_limit), daemon=True)
         self._process.start()
         theirs.close()  # so that the end of the process is the end of the pipe
 
@@ -134,6 +146,9 @@ class _Worker:
             step = "do all in this process: one job, no time limit"
             raise PoolFailed("a worker process", f"it ended with code {code} before it began", step) from None
         self.ended, self.begun = True, None
+        if self._processor_limit is not None and code == -signal.SIGPROF:
+            failure = f"ended after {self._processor_limit:g} s of processor time"
+            return Done(self.task, seconds, failure=failure, late=True)
         return Done(self.task, seconds, failure=f"its process ended with code {code}: out of memory?")
 
     def end(self) -> None:
@@ -143,8 +158,11 @@ class _Worker:
         self.pipe.close()
 
 
-def _serve(pipe: Connection, work: Work) -> None:
-    """Do tasks in a worker process: one thread, and Ctrl-C left to the process that the user sees."""
+def _serve(pipe: Connection, work: Work, processor_limit: float | None) -> None:
+    """Do tasks in a worker process: one thread, and Ctrl-C left to the process that the user sees.
+
+    At the limit of the processor time the system ends the process, whatever it does: nobody handles SIGPROF.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(1)
     end_with_parent()
@@ -155,8 +173,12 @@ def _serve(pipe: Connection, work: Work) -> None:
             task = pipe.recv()
         except EOFError:
             return
+        if processor_limit is not None:
+            signal.setitimer(signal.ITIMER_PROF, processor_limit)
         try:
             answer = _RESULT, work.do(task, lambda said: pipe.send((_NEWS, said)))
         except Exception as error:  # told to the process that the user sees, which raises it
             answer = _RAISED, error
+        if processor_limit is not None:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
         pipe.send(answer)

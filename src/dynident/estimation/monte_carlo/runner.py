@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from threadpoolctl import threadpool_limits
 
+from dynident.errors import BadOption
 from dynident.estimation.monte_carlo.records import Records
 from dynident.workers.pool import Done, Here, Pool, Tell, local_pool
 
@@ -28,6 +29,7 @@ def run_tasks(
     *,
     jobs: int = 1,
     time_limit: float | None = None,
+    processor_limit: float | None = None,
     pool: Pool | None = None,
     progress: Callable[[str], None] = lambda step: None,
 ) -> Iterator[tuple[Any, dict[str, Any]]]:
@@ -37,21 +39,26 @@ def run_tasks(
         work: Does a task.
         tasks: What is to be done.
         records: Where results are kept.
-        jobs: Processes that run at a time; with one and no time limit all is done in this process.
+        jobs: Processes that run at a time; with one and no limit all is done in this process.
         time_limit: Wall-clock time of a task in s, its log included; it fails after that.
-        pool: Where tasks are done in place of ``jobs`` processes.
+        processor_limit: The same of its processor time, which does not depend on what else the machine does.
+        pool: Where tasks are done in place of ``jobs`` processes; they know no limit of the processor time.
         progress: Told each task that begins.
 
     Raises:
-        BadOption: A number of jobs or a time limit that cannot be.
+        BadOption: A number of jobs or a limit that cannot be.
         FileError: A result cannot be written.
         PoolFailed: Workers cannot be had.
     """
-    doing = pool or local_pool(jobs, time_limit)
+    if pool is not None and processor_limit is not None:
+        step = "a cluster does not count it; give a time limit, or processes of this machine"
+        raise BadOption("processor limit", processor_limit, step)
+    doing = pool or local_pool(jobs, time_limit, processor_limit)
+    limits = {"time_limit": time_limit, "processor_limit": processor_limit}
     missing = []
     for task in tasks:
         kept = records.read(task)
-        if kept is None or _worth_another_try(kept, time_limit):
+        if kept is None or worth_another_try(kept, limits):
             missing.append(task)
         else:
             yield task, kept
@@ -61,7 +68,7 @@ def run_tasks(
     # One thread here too, as workers have, so that times mean the same.
     with closing(ended), threadpool_limits(1) if isinstance(doing, Here) else nullcontext():
         for done in ended:
-            result = _failure(done, time_limit) if done.failure else done.result
+            result = _failure(done, limits) if done.failure else done.result
             if not result.get("process_died"):
                 records.write(done.task, result)
             yield done.task, result
@@ -81,16 +88,17 @@ class _Doing:
         return self.work.result(task)
 
 
-def _failure(done: Done, time_limit: float | None) -> dict[str, Any]:
+def _failure(done: Done, limits: Mapping[str, float | None]) -> dict[str, Any]:
     """Return the result of a task that has none; only one that was late is worth keeping."""
-    more = {"time_limit": time_limit} if done.late else {"process_died": True}
+    stated = {name: limit for name, limit in limits.items() if limit is not None}
+    more = stated if done.late else {"process_died": True}
     return {**failed(done.failure, done.seconds), **more}
 
 
-def _worth_another_try(kept: Mapping[str, Any], time_limit: float | None) -> bool:
-    """Return whether a kept result ended at a time limit that is shorter than that of now."""
-    ended_at = kept.get("time_limit")
-    return ended_at is not None and (time_limit is None or time_limit > ended_at)
+def worth_another_try(kept: Mapping[str, Any], limits: Mapping[str, float | None]) -> bool:
+    """Return whether a kept result ended at a limit that is shorter than that of now."""
+    ended_at = {name: kept[name] for name in limits if kept.get(name) is not None}
+    return any((now := limits[name]) is None or now > limit for name, limit in ended_at.items())
 
 
 def failed(why: str, seconds: float) -> dict[str, Any]:
