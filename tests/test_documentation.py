@@ -41,23 +41,11 @@ from dynident.experiment.preprocessing import FILTERS
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.inertia import Inertia
 from dynident.plugins import Family
+from two_joint_arm import URDF
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 GENERATED: dict[str, Family[Any]] = {"friction": FRICTION, "filters": FILTERS, "estimators": ESTIMATORS}
-
-URDF = """<robot name="arm2">
-  <link name="stand"/>
-  <link name="upper"><inertial><origin xyz="0.18 0 0.02"/><mass value="7"/>
-    <inertia ixx="0.03" ixy="0" ixz="0" iyy="0.12" iyz="0" izz="0.12"/></inertial></link>
-  <link name="fore"><inertial><origin xyz="0.12 0 0"/><mass value="3"/>
-    <inertia ixx="0.008" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="stand"/><child link="upper"/><origin xyz="0 0 0.3"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="3" effort="200"/></joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.4 0 0.05"/>
-    <axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="4" effort="100"/></joint>
-</robot>
-"""
 
 
 @dataclass(frozen=True)

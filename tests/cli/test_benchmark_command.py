@@ -10,23 +10,9 @@ import dynident
 from dynident.cli.main import main
 from dynident.estimation.monte_carlo.possible_robots import described_truth
 from dynident.model.friction import Motion
+from short_benchmark import benchmark_text
 
-MINE = """\
-benchmark: 1
-title: mine
-robots: [generic-scara]
-friction: [{coulomb: {width: 0.1}}, viscous]
-motion: {period_s: 4, starts: 1, time_limit_s: 1}
-cell: {controller: {pd: {rate: 250}}, recorder: {rate: 250}}
-rates_hz: [125]
-duration_s: 4
-noise:
-  - {name: low, position: 1.0e-5, torque: 0.1}
-  - {name: high, position: 1.0e-4, torque: 0.1}
-draws: 1
-preparations: {filtered: {filter: {butterworth: {cutoff_hz: 20}}}}
-methods: {filtered: [ols, wls]}
-"""
+MINE = benchmark_text("generic-scara", "[{coulomb: {width: 0.1}}, viscous]", draws=1)
 
 
 def test_a_benchmark_goes_on_and_writes_its_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,19 +15,7 @@ from dynident.experiment.design.plan import read_plan
 from dynident.experiment.formats import write_log
 from dynident.experiment.log import Log
 from dynident.experiment.simulation.virtual_robot import Noise, simulate
-
-URDF = """<robot name="arm2">
-  <link name="stand"/>
-  <link name="upper"><inertial><origin xyz="0.18 0 0.02"/><mass value="7"/>
-    <inertia ixx="0.03" ixy="0" ixz="0" iyy="0.12" iyz="0" izz="0.12"/></inertial></link>
-  <link name="fore"><inertial><origin xyz="0.12 0 0"/><mass value="3"/>
-    <inertia ixx="0.008" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.03"/></inertial></link>
-  <joint name="shoulder" type="revolute"><parent link="stand"/><child link="upper"/><origin xyz="0 0 0.3"/>
-    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="3" effort="{effort}"/></joint>
-  <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.4 0 0.05"/>
-    <axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="4" effort="100"/></joint>
-</robot>
-"""
+from two_joint_arm import URDF
 
 QUICK = ["--starts", "1", "--harmonics", "3", "--period", "6"]
 
@@ -35,7 +23,7 @@ QUICK = ["--starts", "1", "--harmonics", "3", "--period", "6"]
 @pytest.fixture
 def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     monkeypatch.chdir(tmp_path)
-    Path("arm.urdf").write_text(URDF.format(effort=200))
+    Path("arm.urdf").write_text(URDF)
     return "arm.urdf"
 
 
@@ -221,7 +209,7 @@ def test_errors_are_one_line(robot: str, words: list[str], message: str, capsys:
 
 
 def test_a_robot_without_speed_limits_is_refused(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
-    Path(robot).write_text(URDF.format(effort=200).replace('velocity="4" ', ""))
+    Path(robot).write_text(URDF.replace('velocity="4" ', ""))
     assert main(["excite", robot, "--quiet"]) == 1
     assert "elbow" in capsys.readouterr().err
 

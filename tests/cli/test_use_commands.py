@@ -13,10 +13,8 @@ import pytest
 from dynident import (
     ColumnMap,
     DynamicModel,
-    FourierSeries,
     Inertia,
     Log,
-    Robot,
     identify,
     read_log,
     read_robot,
@@ -26,23 +24,18 @@ from dynident import (
 from dynident.cli.main import main
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
-from dynident.model.friction import FRICTION, Motion
+from dynident.model.friction import FRICTION
+from scara_logs import recorded
 
 BODY = Inertia.from_centre_of_mass(2.0, [0.05, 0.02, -0.03], np.diag([0.01, 0.01, 0.008]))
 
 
-def recorded(robot: Robot, seed: int, contact: float = 0.0) -> Log:
-    model = DynamicModel(robot, (FRICTION.make("coulomb"), FRICTION.make("viscous")))
-    assert robot.nominal is not None
-    generator = np.random.default_rng(seed)
-    scale = np.array([0.6, 0.6, 0.05, 0.8])[:, None]
-    sine, cosine = scale * generator.normal(size=(2, 4, 4)) / 2
-    time = np.arange(3000) / 100.0
-    q, dq, ddq = FourierSeries(np.zeros(4), sine, cosine, 7.5).evaluate(time)
-    torque = model.torque(Motion(q, dq, ddq), np.concatenate([robot.nominal, np.tile([1.0, 2.0], 4)]))
-    torque += np.array([0.3, 0.3, 1.0, 0.05]) * generator.normal(size=torque.shape)
+def touched(log: Log, contact: float) -> Log:
+    """Return the log with a torque from outside on the first joint for a second."""
+    assert log.torque is not None
+    torque = log.torque.copy()
     torque[2000:2100, 0] -= contact
-    return Log(robot.joint_names, time, q, dq, ddq, torque)
+    return replace(log, torque=torque)
 
 
 @pytest.fixture
@@ -58,10 +51,10 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     links[at] = replace(
         links[at], inertia=own + (BODY if frame is None else BODY.moved(frame.rotation, frame.translation))
     )
-    write_log(recorded(robot, 1), "train.csv")
-    write_log(recorded(robot, 2), "clean.csv")
-    write_log(recorded(replace(robot, links=tuple(links)), 3), "loaded.csv")
-    write_log(recorded(robot, 4, contact=60.0), "contact.csv")
+    write_log(recorded(robot, 1, 3000), "train.csv")
+    write_log(recorded(robot, 2, 3000), "clean.csv")
+    write_log(recorded(replace(robot, links=tuple(links)), 3, 3000), "loaded.csv")
+    write_log(touched(recorded(robot, 4, 3000), 60.0), "contact.csv")
     model = DynamicModel(robot, (FRICTION.make("coulomb"), FRICTION.make("viscous")))
     how = Preprocessing(AsGiven(), rest="keep")
     columns = ColumnMap(joints=robot.joint_names, ddq=tuple(f"ddq{i}" for i in range(1, 5)))
@@ -142,13 +135,13 @@ def test_predict_writes_torques_and_bands(cell: Path, capsys: pytest.CaptureFixt
     assert len(rows) == told["samples"] == 3000
     assert np.all(rows["half_whole1"] > rows["half_parameters1"]) and np.all(rows["half_parameters1"] >= 0)
     assert np.std(rows["tau_model1"] - rows["tau_measured1"]) < 0.05 * np.std(rows["tau_measured1"])
-    write_log(replace(recorded(read_robot("generic-scara"), 2), torque=None), "planned.csv")
+    write_log(replace(recorded(read_robot("generic-scara"), 2, 3000), torque=None), "planned.csv")
     assert main(["predict", "estimate.json", "planned.csv", "-o", "tau2.csv", "--quiet"]) == 0
     assert main(["predict", "estimate.json", "clean.csv", "-o", "clean.csv"]) == 1
 
 
 def test_predict_says_where_its_bands_mean_nothing(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    log = recorded(read_robot("generic-scara"), 2)
+    log = recorded(read_robot("generic-scara"), 2, 3000)
     assert main(["predict", "estimate.json", "train.csv", "-o", "tau.csv", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["remarks"] == []
     write_log(replace(log, torque=100.0 + np.asarray(log.torque)), "other.csv")

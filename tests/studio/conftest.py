@@ -13,32 +13,17 @@ import sys
 import time
 import urllib.parse
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from dynident import DynamicModel, FourierSeries, Log, read_robot, write_log
-from dynident.model.friction import FRICTION, Motion
+from dynident import read_robot, write_log
 from dynident.studio.server import Studio, studio
+from scara_logs import recorded
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-
-
-def recorded(seed: int) -> Log:
-    """Return a log of the robot generic-scara with friction and noise."""
-    robot = read_robot("generic-scara")
-    model = DynamicModel(robot, (FRICTION.make("coulomb"), FRICTION.make("viscous")))
-    assert robot.nominal is not None
-    generator = np.random.default_rng(seed)
-    scale = np.array([0.6, 0.6, 0.05, 0.8])[:, None]
-    sine, cosine = scale * generator.normal(size=(2, 4, 4)) / 2
-    time = np.arange(1500) / 100.0
-    q, dq, ddq = FourierSeries(np.zeros(4), sine, cosine, 7.5).evaluate(time)
-    torque = model.torque(Motion(q, dq, ddq), np.concatenate([robot.nominal, np.tile([1.0, 2.0], 4)]))
-    torque += np.array([0.3, 0.3, 1.0, 0.05]) * generator.normal(size=torque.shape)
-    return Log(robot.joint_names, time, q, torque=torque)
 
 
 @pytest.fixture(scope="session")
@@ -46,7 +31,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Return a log to learn from and one to test on."""
     folder = tmp_path_factory.mktemp("logs")
     for seed, name in enumerate(("train.csv", "test.csv")):
-        write_log(recorded(seed), folder / name)
+        write_log(replace(recorded(read_robot("generic-scara"), seed, 1500), dq=None, ddq=None), folder / name)
     return folder / "train.csv", folder / "test.csv"
 
 

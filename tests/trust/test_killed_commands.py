@@ -26,6 +26,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from short_benchmark import benchmark_text
+
 pytestmark = [
     pytest.mark.battery,
     pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX"),
@@ -45,21 +47,7 @@ estimator: consistent
 train: [run0.csv]
 preprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 50}
 """
-BENCHMARK = """benchmark: 1
-title: mine
-robots: [arm.urdf]
-friction: [viscous]
-motion: {period_s: 4, starts: 1, time_limit_s: 1}
-cell: {controller: {pd: {rate: 250}}, recorder: {rate: 250}}
-rates_hz: [125]
-duration_s: 4
-noise:
-  - {name: low, position: 1.0e-5, torque: 0.1}
-  - {name: high, position: 1.0e-4, torque: 0.1}
-draws: 2
-preparations: {filtered: {filter: {butterworth: {cutoff_hz: 20}}}}
-methods: {filtered: [ols, wls]}
-"""
+BENCHMARK = benchmark_text("arm.urdf", "[viscous]", draws=2)
 
 
 @dataclass(frozen=True)

@@ -5,37 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from faulty_descriptions import GOOD_DH, Fault, assert_refused, assert_sound
 
-from dynident.errors import DescriptionError
-from dynident.model.descriptions import read_robot
-
-GOOD = """name: arm
-convention: modified
-joints:
-  - name: swivel
-    a: 0
-    alpha: -pi/2
-    d: 0.3
-    limits: {lower: -1, upper: 1, velocity: 2}
-    drive: {gear_ratio: 100, rotor_inertia: 1e-4, gain: 5}
-    damping: 0.5
-    link:
-      name: upper
-      inertia:
-        mass: 1.5
-        centre_of_mass: [0.1, 0, 0]
-        about_centre: [0.01, 0, 0, 0.02, 0, 0.03]
-  - name: slide
-    kind: prismatic
-    a: 0.2
-    alpha: 0
-    theta: 0
-tool: {translation: [0, 0, 0.1]}
-coupling: [[1, 0], [0.5, 1]]
-"""
-
-#: What to replace by what (None: the whole file), and the message after the file name.
-CASES: dict[str, tuple[str | None, str | bytes, str]] = {
+CASES: dict[str, Fault] = {
     "list": (None, "- a\n- b\n", "a mapping (key: value) is needed, not a list of 2; write 'key: value' lines"),
     "scalar": (None, "hello\n", "a mapping (key: value) is needed, not 'hello'; write 'key: value' lines"),
     "comment only": (None, "# nothing\n", "the file is empty; write a table, or give another file"),
@@ -106,17 +78,8 @@ CASES: dict[str, tuple[str | None, str | bytes, str]] = {
 @pytest.mark.parametrize("name", CASES)
 def test_message(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    old, new, message = CASES[name]
-    assert old is None or old in GOOD
-    text = new if isinstance(new, bytes) else new.encode()
-    Path("bad.yaml").write_bytes(text if old is None else GOOD.encode().replace(old.encode(), text, 1))
-    with pytest.raises(DescriptionError) as caught:
-        read_robot("bad.yaml")
-    assert str(caught.value) == f"bad.yaml: {message}"
-    assert "\n" not in str(caught.value)
+    assert_refused("bad.yaml", GOOD_DH, CASES[name])
 
 
 def test_the_good_one_reads(tmp_path: Path) -> None:
-    path = tmp_path / "good.yaml"
-    path.write_text(GOOD)
-    assert read_robot(path).name == "arm"
+    assert_sound(str(tmp_path / "good.yaml"), GOOD_DH)

@@ -5,39 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from faulty_descriptions import GOOD_URDF, Fault, assert_refused, assert_sound
 
-from dynident.errors import DescriptionError
-from dynident.model.descriptions import read_robot
-
-GOOD = """<?xml version="1.0"?>
-<robot name="arm">
-  <link name="base"/>
-  <link name="upper">
-    <inertial>
-      <origin xyz="0.1 0 0" rpy="0 0 0.5"/>
-      <mass value="1.5"/>
-      <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"/>
-    </inertial>
-  </link>
-  <link name="hand"/>
-  <joint name="shoulder" type="revolute">
-    <parent link="base"/>
-    <child link="upper"/>
-    <origin xyz="0 0 0.3" rpy="0 0 0"/>
-    <axis xyz="0 0 1"/>
-    <limit lower="-1" upper="1" effort="10" velocity="2"/>
-    <dynamics damping="0.5" friction="0.1"/>
-  </joint>
-  <joint name="wrist" type="continuous">
-    <parent link="upper"/>
-    <child link="hand"/>
-    <mimic joint="shoulder" multiplier="2" offset="0.1"/>
-  </joint>
-</robot>
-"""
-
-#: What to replace by what (None: the whole file), and the message after the file name.
-CASES: dict[str, tuple[str | None, str, str]] = {
+CASES: dict[str, Fault] = {
     "document type": (
         "<robot name",
         "<!DOCTYPE robot>\n<robot name",
@@ -73,8 +43,8 @@ CASES: dict[str, tuple[str | None, str, str]] = {
         "line 24: not XML (mismatched tag); mend the line, or write the file again with the tool that made it",
     ),
     "truncated": (
-        GOOD,
-        GOOD[:500],
+        GOOD_URDF,
+        GOOD_URDF[:500],
         "line 17: not XML (unclosed token); mend the line, or write the file again with the tool that made it",
     ),
     "text": (
@@ -247,17 +217,8 @@ CASES: dict[str, tuple[str | None, str, str]] = {
 @pytest.mark.parametrize("name", CASES)
 def test_message(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    old, new, message = CASES[name]
-    assert old is None or old in GOOD
-    text = new if old is None else GOOD.replace(old, new, 1)
-    Path("bad.urdf").write_text(text, encoding="utf-8")
-    with pytest.raises(DescriptionError) as caught:
-        read_robot("bad.urdf")
-    assert str(caught.value) == f"bad.urdf: {message}"
-    assert "\n" not in str(caught.value)
+    assert_refused("bad.urdf", GOOD_URDF, CASES[name])
 
 
 def test_the_good_one_reads(tmp_path: Path) -> None:
-    path = tmp_path / "good.urdf"
-    path.write_text(GOOD)
-    assert read_robot(path).name == "arm"
+    assert_sound(str(tmp_path / "good.urdf"), GOOD_URDF)
