@@ -175,7 +175,7 @@ def _zip(data: bytes, other: bytes, draw: random.Random, words: Sequence[str]) -
     else:
         members[name] = _bytes(members[name], members[name], draw, words)
     made = io.BytesIO()
-    with zipfile.ZipFile(made, "w", draw.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED))) as archive:
+    with zipfile.ZipFile(made, "w", draw.choice((zipfile.ZIP_STORED,) * 7 + (zipfile.ZIP_DEFLATED,))) as archive:
         for one, content in members.items():
             archive.writestr(one, content)
     return made.getvalue()

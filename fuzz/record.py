@@ -10,7 +10,7 @@ from typing import Any
 
 _SUMS = ("executions", "taken", "refused", "crash", "hang", "memory", "escape", "seconds")
 _TABLE = (
-    "| target | executions | of them guided | taken | crashes | hangs | memory, escapes | a second of the processor |",
+    "| target | executions | guided | taken | crashes | hangs | memory, escapes | rate |",
     "|---|---|---|---|---|---|---|---|",
 )
 _BEGIN, _END = "<!-- fuzzing table: begin -->", "<!-- fuzzing table: end -->"

@@ -68,6 +68,32 @@ preprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 50, delay_s: 0.0
 """
 
 
+_RULE = "=" * 80
+IDL = f"""{_RULE}
+IDL: sensor_msgs/msg/JointState
+module sensor_msgs {{ module msg {{
+  @verbatim (language="comment", text="state of joints")
+  struct JointState {{
+    std_msgs::msg::Header header;
+    sequence<string> name;
+    sequence<double> position;
+    sequence<double> velocity;
+    sequence<double> effort;
+  }};
+}}; }};
+{_RULE}
+IDL: std_msgs/msg/Header
+module std_msgs {{ module msg {{
+  struct Header {{ builtin_interfaces::msg::Time stamp; string frame_id; }};
+}}; }};
+{_RULE}
+IDL: builtin_interfaces/msg/Time
+module builtin_interfaces {{ module msg {{
+  struct Time {{ long sec; unsigned long nanosec; }};
+}}; }};
+"""
+
+
 def _log(samples: int = ROWS, rate: float = 100.0) -> Log:
     time = np.arange(samples) / rate
     phase = np.outer(time, [1.7, 2.3])
@@ -206,25 +232,28 @@ def bag1(folder: Path) -> list[Path]:
     return [folder / "a.bag"]
 
 
-def _bag2(folder: Path, plugin: str, packed: bool) -> Path:
+def _bag2(folder: Path, plugin: str, packed: bool, definition: str | None = None) -> Path:
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    place = folder / f"{plugin}-{packed}"
+    place = folder / f"{plugin}-{packed}-{definition is None}"
     writer = Writer(place, version=9, storage_plugin=StoragePlugin[plugin])
     if packed:
         writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
     with writer:
-        topic = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+        kind = "sensor_msgs/msg/JointState"
+        topic = writer.add_connection(
+            "/joint_states", kind, typestore=store, msgdef=definition, rihs01=store.hash_rihs01(kind)
+        )
         for stamp, message in _states(store):
             writer.write(topic, stamp, store.serialize_cdr(message, message.__msgtype__))
     return next(place.glob("*.mcap" if plugin == "MCAP" else "*.db3"))
 
 
 def mcap(folder: Path) -> list[Path]:
-    """Write bags of ROS 2 in MCAP, packed and not."""
-    return [_bag2(folder, "MCAP", False), _bag2(folder, "MCAP", True)]
+    """Write bags of ROS 2 in MCAP: packed and not, and with definitions in IDL."""
+    return [_bag2(folder, "MCAP", False), _bag2(folder, "MCAP", True), _bag2(folder, "MCAP", False, IDL)]
 
 
 def db3(folder: Path) -> list[Path]:
@@ -270,8 +299,8 @@ def _cell(folder: Path) -> tuple[Any, Path]:
     before, _, _ = URDF.partition('  <link name="lower">')
     after = URDF[URDF.index('  <joint name="shoulder"') : URDF.index('  <joint name="elbow"')]
     (folder / "one.urdf").write_text(f"{before}{after}</robot>")
-    log = _log(400, 100.0)
-    noise = np.random.default_rng(0).normal(0, 0.1, (400, 1))
+    log = _log(200, 100.0)
+    noise = np.random.default_rng(0).normal(0, 0.1, (200, 1))
     assert log.torque is not None
     write_log(Log(JOINTS[:1], log.time, log.q[:, :1], torque=log.torque[:, :1] + noise), folder / "run.npz")
     how = "friction: [viscous]\npreprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 25}"

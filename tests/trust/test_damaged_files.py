@@ -205,6 +205,24 @@ def test_a_robot_in_the_home_of_nobody(tmp_path: Path) -> None:
         read_case(tmp_path / "case.yaml")
 
 
+def test_a_cut_recording_with_definitions_in_idl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """ROS puts all of them into one text, each under a line with its name."""
+    pytest.importorskip("rosbags")
+    monkeypatch.syspath_prepend(str(ROOT))
+    from dynident.experiment.formats.rosbag import Rosbag
+    from fuzz.seeds import IDL, JOINTS, mcap
+
+    whole = mcap(tmp_path)[-1]
+    assert IDL.count("IDL: ") == 3 and b"ros2idl" in whole.read_bytes()
+    names = [tuple(f"{joint}.{word}" for joint in JOINTS) for word in ("position", "effort")]
+    columns = ColumnMap(JOINTS, q=names[0], torque=names[1])
+    log = read_log(whole, columns)
+    (tmp_path / "cut.mcap").write_bytes(whole.read_bytes()[:-400])
+    cut = read_log(tmp_path / "cut.mcap", columns, form=Rosbag(salvage=True))
+    np.testing.assert_array_equal(cut.q, log.q)
+    np.testing.assert_array_equal(cut.torque, log.torque)  # type: ignore[arg-type]
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="the fuzzer limits memory as POSIX does")
 @pytest.mark.parametrize("name", ["urdf", "robot_json", "csv", "npz"])
 def test_the_fuzzer_finds_nothing_in_its_first_inputs(

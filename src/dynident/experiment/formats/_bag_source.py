@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ from dynident.files import unreadable
 
 _MAX_BYTES = 1 << 40
 _STORAGE = (".mcap", ".db3")
+_IDL_HEAD = re.compile(r"^={80}\nIDL: .*$", re.MULTILINE)  # what ROS writes before each definition in IDL
 
 
 @dataclass(frozen=True)
@@ -187,7 +189,10 @@ def _types(channel: Channel) -> Any:
     typesys = _rosbags()
     if channel.encoding == "ros2msg":
         return typesys.get_types_from_msg(channel.definition, channel.msgtype)
-    return typesys.get_types_from_idl(channel.definition)
+    types: dict[str, Any] = {}
+    for text in _IDL_HEAD.split(channel.definition):
+        types |= typesys.get_types_from_idl(text) if text.strip() else {}
+    return types
 
 
 def _rosbags() -> Any:
