@@ -11,7 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.arrays import Array, IntArray
-from dynident.model.reduction import Reduced, Triangle, absorb, least_squares, merged_pairs, reduce, triangle_of
+from dynident.model import reduction
+from dynident.model.reduction import (
+    MANY,
+    Reduced,
+    Triangle,
+    absorb,
+    absorber,
+    least_squares,
+    merged_pairs,
+    reduce,
+    triangle_of,
+)
 
 COLUMNS = np.arange(4)
 
@@ -33,8 +44,9 @@ def test_a_triangle_has_the_gram_matrix_of_its_rows(seed: int, count: int, colum
     np.testing.assert_allclose(factor.T @ factor, rows.T @ rows, atol=1e-12 * (1 + count))
 
 
+@pytest.mark.parametrize("many", [0, MANY])
 @pytest.mark.parametrize("condition", [1e2, 1e5, 1e8])
-def test_absorbed_rows_solve_as_well_as_all_rows_by_qr(condition: float) -> None:
+def test_absorbed_rows_solve_as_well_as_all_rows_by_qr(condition: float, many: int) -> None:
     """Least squares from panels of a thousand rows beside NumPy's QR of all rows at once."""
     random = np.random.default_rng(3)
     left = np.linalg.qr(random.normal(size=(5000, 20)))[0]
@@ -43,7 +55,7 @@ def test_absorbed_rows_solve_as_well_as_all_rows_by_qr(condition: float) -> None
     both = np.column_stack([rows, rows @ truth])
     factor: Array = np.zeros((21, 21), order="F")
     for start in range(0, 5000, 1000):
-        factor = absorb(factor, np.array(both[start : start + 1000], order="F"))
+        factor = absorber(many)(factor, np.array(both[start : start + 1000], order="F"))
     upper = np.triu(factor)
     found = np.linalg.solve(upper[:-1, :-1], upper[:-1, -1])
     q, r = np.linalg.qr(rows)
@@ -51,6 +63,63 @@ def test_absorbed_rows_solve_as_well_as_all_rows_by_qr(condition: float) -> None
     assert np.abs(found - truth).max() < 30 * max(np.abs(wanted - truth).max(), 1e-16 * condition)
     values = np.linalg.svd(upper[:-1, :-1], compute_uv=False)
     np.testing.assert_allclose(values, np.linalg.svd(rows, compute_uv=False), rtol=1e-14 * condition)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    seed=st.integers(0, 10_000),
+    columns=st.integers(4, 12),
+    units=st.floats(0, 8),
+    condition=st.floats(0, 14),
+    growth=st.floats(-2, 2),
+    rank=st.integers(1, 12),
+    faint=st.floats(2, 16),
+)
+def test_every_column_of_many_absorbed_rows_is_exact_to_its_own_size(
+    seed: int, columns: int, units: float, condition: float, growth: float, rank: int, faint: float
+) -> None:
+    """Columns of any units, dependent ones, directions that are faint in the first panels, panels that grow or fade.
+
+    The triangle of rows by QR has the Gram matrix of rows that differ by a few roundings of each column's norm; so has
+    this one, however the condition.
+    """
+    random = np.random.default_rng(seed)
+    mixing = random.normal(size=(columns, columns)) * np.geomspace(1.0, 10.0**-condition, columns)[:, None]
+    mixing = (mixing @ np.linalg.qr(random.normal(size=(columns, columns)))[0]) * 10.0 ** random.uniform(
+        -units, units, columns
+    )
+    panels = []
+    for k in range(12):
+        inner = random.normal(size=(100 + k, columns)) * 10.0 ** (growth * k / 2)
+        inner[:, min(rank + k // 3, columns) :] *= 10.0**-faint
+        panels.append(inner @ mixing)
+    take, plain = absorber(MANY), np.zeros((columns, columns), order="F")
+    factor: Array = np.zeros((columns, columns), order="F")
+    for panel in panels:
+        factor = take(factor, np.array(panel, order="F"))
+        plain = absorb(plain, np.array(panel, order="F"))
+    np.testing.assert_array_equal(np.tril(factor, -1), 0.0)
+    rows = np.concatenate(panels)
+    norms = np.linalg.norm(rows, axis=0)
+    scaled, wanted = factor / norms, rows / norms
+    assert np.abs(scaled.T @ scaled - wanted.T @ wanted).max() < 1e-14
+    found, other = (np.linalg.svd(each / norms, compute_uv=False) for each in (factor, np.triu(plain)))
+    np.testing.assert_allclose(found, other, atol=3e-14)  # to the size of the largest, as QR has them
+
+
+def test_many_rows_are_absorbed_by_qr_where_they_are_large_beside_those_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken: list[int] = []
+
+    def noted(factor: Array, rows: Array) -> Array:
+        taken.append(len(rows))
+        return absorb(factor, rows)
+
+    monkeypatch.setattr(reduction, "absorb", noted)
+    take, factor = absorber(MANY), np.zeros((5, 5), order="F")
+    for scale, count in ((1.0, 100), (1.0, 101), (1e3, 102), (1.0, 103), (np.nan, 104)):
+        factor = take(factor, np.asfortranarray(rows_of(count, count, 5, scale)))
+    assert taken == [100, 102, 104]
+    assert np.isnan(factor).any()
 
 
 def test_other_threads_go_on_while_rows_are_absorbed() -> None:

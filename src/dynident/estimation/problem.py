@@ -21,14 +21,14 @@ from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.kernels.batched import JointColumns
-from dynident.model.reduction import CHUNK, Reduced, Triangle, absorb, reduce
+from dynident.model.reduction import CHUNK, Reduced, Triangle, absorb, absorber, reduce
 from dynident.model.threads import in_order, one_blas_thread, threads_that_pay
 
 #: Slices of the kept rows, and [W_i, tau_i]' of each joint there.
 Segments: TypeAlias = Iterator[tuple[slice, tuple[Array, ...]]]
 
 #: Rows of a part of a log that nothing filters, and threads at most that reduce parts: each holds one.
-PART, THREADS = 64 * CHUNK, 4
+PART, THREADS = 128 * CHUNK, 4
 
 
 @dataclass(frozen=True)
@@ -198,12 +198,13 @@ class Observer:
 
         def reduced(part: Segments) -> list[Array]:
             own: list[Array] = [np.zeros((len(columns) + 1, len(columns) + 1), order="F") for columns in self.columns]
+            take = absorber(len(mask))
             for rows, blocks in part:
                 for i, block in enumerate(blocks):
                     chosen = block if everything else block[:, mask[rows, i]]
                     for start in range(0, chosen.shape[1], CHUNK):
                         panel = np.ascontiguousarray(chosen[:, start : start + CHUNK])
-                        own[i] = absorb(own[i], panel.T)
+                        own[i] = take(own[i], panel.T)
             return own
 
         factors: list[Array] = []
@@ -284,10 +285,12 @@ class Observer:
         if load is not None and "torque" in self.model.needs:
             cut = replace(cut, torque=self._without_friction(cut, heads, load))
         values = self.model.friction_values(cut)
-        coupling = np.asarray(self.model.robot.coupling)
+        coupling, coupled = np.asarray(self.model.robot.coupling), self.model.robot.is_coupled
         for i, (block, own) in enumerate(zip(blocks, self._own, strict=True)):
-            for row, k in enumerate(own, start=len(heads[i])):
-                block[row] = coupling[self._drive[k], i] * values[:, self._drive[k], self._coefficient[k]]
+            drive, tail = self._drive[own], block[len(heads[i]) : -1]
+            tail[:] = values.T[self._coefficient[own], drive]
+            if coupled:
+                tail *= coupling[drive, i, None]
             block[-1] = 0.0 if torque is None else torque[part, i]
         return tuple(blocks)
 

@@ -124,11 +124,11 @@ class DynamicModel:
         for part in self.friction:
             own = slice(start, start + len(part.coefficients))
             start = own.stop
-            drives = self.drives_of(part)
-            for block, value in zip(
-                found, values(part, at if part.joints is None else at.of_drives(drives)), strict=True
-            ):
-                block[:, drives, own] = value
+            drives = list(self.drives_of(part))
+            given = values(part, at if part.joints is None else at.of_drives(drives))
+            places = slice(None) if part.joints is None else drives
+            for block, value in zip(found, given, strict=True):
+                block[:, places, own] = value
         return found
 
     def regressor(self, motion: Motion, once: bool = False) -> Array:

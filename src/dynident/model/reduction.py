@@ -6,7 +6,7 @@ the same answer on T. Ranks are decided on T, never on the Gram matrix, whose si
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,17 +14,23 @@ import numpy as np
 import scipy.linalg
 
 from dynident.arrays import Array, IntArray, frozen
+from dynident.model.kernels.preconditioned import Preconditioned
 from dynident.model.lapack import tpqrt
 from dynident.model.threads import one_blas_thread
 
-# Householder QR of LAPACK; it has no type stub.
+# Householder QR, Cholesky and a product with a triangle, of LAPACK and BLAS; they have no type stubs.
 _GEQRF: Any = scipy.linalg.get_lapack_funcs("geqrf", dtype=np.float64)
+_POTRF: Any = scipy.linalg.get_lapack_funcs("potrf", dtype=np.float64)
+_TRMM: Any = scipy.linalg.get_blas_funcs("trmm", dtype=np.float64)
 
 #: Columns factored at a time inside a panel; 8 is the fastest for panels of 20 to 60 columns.
 _BLOCK = 8
 
 #: Rows reduced at a time: the panel stays in the cache.
 CHUNK = 1000
+
+#: Rows from which making the code of the faster way pays; largest square of a column of W.
+MANY, _LARGE = 50_000, 100.0
 
 
 def triangle_of(rows: Array) -> Array:
@@ -47,6 +53,30 @@ def absorb(factor: Array, rows: Array) -> Array:
     if len(rows):
         tpqrt(factor, rows, min(_BLOCK, len(factor)))
     return factor
+
+
+def absorber(rows: int) -> Callable[[Array, Array], Array]:
+    """Return the faster way to :func:`absorb` panels of ``rows`` rows altogether; one for each thread.
+
+    Of many rows a panel A makes of the triangle R the triangle U R, where U'U = I + W'W and W = A R^-1: at more than
+    twice the speed, and as accurate as QR because [I; W] is well-conditioned (Cholesky QR with a triangle for
+    preconditioner: Fukaya and others 2020). A panel that is large beside all before it is absorbed by QR.
+    """
+    if rows < MANY:
+        return absorb
+    preconditioned = Preconditioned()
+
+    def absorb_many(factor: Array, panel: Array) -> Array:
+        if not preconditioned.takes(panel):
+            return absorb(factor, panel)
+        gram = preconditioned.gram(factor, panel)
+        if not gram.diagonal().max() < _LARGE:  # or not a number
+            return absorb(factor, panel)
+        upper, info = _POTRF(gram, overwrite_a=True, clean=False)
+        assert info == 0  # no eigenvalue is below 1
+        return _TRMM(1.0, upper, factor, overwrite_b=True)
+
+    return absorb_many
 
 
 @dataclass(frozen=True)

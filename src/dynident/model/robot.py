@@ -235,7 +235,7 @@ class Robot:
         """Unit of each joint's effort: N m or N."""
         return tuple(joint.unit for joint in self.active)
 
-    @property
+    @cached_property
     def is_coupled(self) -> bool:
         """Whether a motor moves more than its own joint."""
         return not np.array_equal(np.asarray(self.coupling), np.eye(self.dof))

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from dynident.arrays import Array, BoolArray
 from dynident.estimation.problem import Problem
-from dynident.model.reduction import CHUNK, Triangle, absorb
+from dynident.model.reduction import CHUNK, Triangle, absorber
 from dynident.model.threads import one_blas_thread
 
 #: Bytes of rows that are kept between passes.
@@ -122,6 +122,7 @@ class RowPasses:
         """
         counted = np.where(self.counting, weights, 0.0)
         factors: list[Array] = [np.zeros((len(own) + 1,) * 2, order="F") for own in self.columns]
+        take = absorber(len(counted))
         with self.one_thread():
             for segment in self:
                 for i, block in enumerate(segment.blocks):
@@ -129,7 +130,7 @@ class RowPasses:
                     used = np.flatnonzero(own)
                     for start in range(0, len(used), CHUNK):
                         rows = used[start : start + CHUNK]
-                        factors[i] = absorb(factors[i], np.ascontiguousarray(block[:, rows] * own[rows]).T)
+                        factors[i] = take(factors[i], np.ascontiguousarray(block[:, rows] * own[rows]).T)
         return tuple(
             Triangle(own, np.triu(factor), int(np.count_nonzero(counted[:, i])))
             for i, (own, factor) in enumerate(zip(self.columns, factors, strict=True))

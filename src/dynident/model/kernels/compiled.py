@@ -33,12 +33,7 @@ class Kernel:
 
     def __init__(self, program: Program, layout: Layout) -> None:
         self.program, self.layout, self.lanes = program, layout, lanes()
-        import llvmlite.binding as llvm  # the compiler loads with the first kernel, not with the package
-
-        module = llvm.parse_assembly(llvm_assembly(program, layout, self.lanes))
-        module.verify()
-        self._engine = llvm.create_mcjit_compiler(module, _machine())
-        self._engine.finalize_object()
+        self._engine = machine_code(llvm_assembly(program, layout, self.lanes))
         kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)
         self._call = kind(self._engine.get_function_address("kernel"))
         self._pointers = ctypes.c_void_p * (len(layout.inputs) + len(layout.outputs))
@@ -98,6 +93,17 @@ def kept(key: Hashable, make: Callable[[], Made]) -> Made:
                 _ready.popitem(last=False)
         _ready.move_to_end(key)
         return _ready[key]
+
+
+def machine_code(assembly: str) -> Any:
+    """Return the engine that holds the machine code of LLVM assembly for this processor."""
+    import llvmlite.binding as llvm  # the compiler loads with the first kernel, not with the package
+
+    module = llvm.parse_assembly(assembly)
+    module.verify()
+    engine = llvm.create_mcjit_compiler(module, _machine())
+    engine.finalize_object()
+    return engine
 
 
 @cache
