@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import pickle
+import re
 from dataclasses import MISSING, FrozenInstanceError, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 from families import FAMILIES
 
+import dynident
 from dynident.errors import BadOption, UnknownChoice
 from dynident.plugins import Family
 
@@ -30,6 +32,17 @@ def starts_bare(kind: type) -> bool:
     if not is_dataclass(kind):
         return True
     return all(f.default is not MISSING or f.default_factory is not MISSING for f in fields(kind) if f.init)
+
+
+def test_every_family_has_a_battery_of_its_own() -> None:
+    """Families are those that the source makes; the battery of each asks it for all its names."""
+    made = re.compile(r'= Family\(\s*"([\w.]+)"')
+    source = Path(dynident.__file__).parent
+    packages = {name for file in source.rglob("*.py") for name in made.findall(file.read_text("utf-8"))}
+    assert packages == {family.package for family in FAMILIES.values()} and len(packages) == len(FAMILIES)
+    batteries = [file.read_text("utf-8") for file in Path(__file__).parent.glob("test_*_contract.py")]
+    for name in FAMILIES:
+        assert any(re.search(rf"\b{name}\.names\(\)", text) for text in batteries), name
 
 
 @pytest.mark.parametrize(("family", "name"), PARTS)

@@ -1,4 +1,4 @@
-"""What every trajectory that can be designed must do, whatever its basis."""
+"""What every trajectory must do, and what those that can be designed must do beside it, whatever their basis."""
 
 from __future__ import annotations
 
@@ -20,9 +20,14 @@ from dynident.experiment.design.parametrisation import (
     of_table,
     parametrise,
 )
+from dynident.experiment.trajectories import TRAJECTORIES, Trajectory
 from dynident.experiment.trajectories.base import Designable
+from dynident.experiment.trajectories.quintic import Quintic
 
 KINDS = kinds()
+
+#: Trajectories of three joints that cannot be designed, each by its name.
+OTHERS: dict[str, Trajectory] = {"quintic": Quintic(*np.random.default_rng(3).normal(size=(2, 3, 3)), length=2.5)}
 
 
 def motion_of(shape: Parametrisation, seed: int, joints: int = 2) -> tuple[Array, Designable]:
@@ -30,13 +35,27 @@ def motion_of(shape: Parametrisation, seed: int, joints: int = 2) -> tuple[Array
     return free, shape.trajectory(free)
 
 
-def signals(motion: Designable, time: Array) -> Array:
+def signals(motion: Trajectory, time: Array) -> Array:
     return np.stack([*motion.evaluate(time), motion.jerk(time)])
 
 
 @pytest.fixture(params=KINDS)
 def kind(request: pytest.FixtureRequest) -> str:
     return request.param
+
+
+@pytest.mark.parametrize("name", TRAJECTORIES.names())
+def test_any_trajectory_is_a_smooth_function_of_time(name: str) -> None:
+    """Finite at every time, in any order of times, each derivative that of the one before."""
+    motion = OTHERS.get(name) or motion_of(parametrise(name, 2.5, 3), 3, joints=3)[1]
+    assert motion.joints == 3 and 0 < motion.duration < np.inf and isinstance(motion.periodic, bool)
+    time, step = np.linspace(0.011, motion.duration - 0.011, 60), 1e-5
+    found = signals(motion, time)
+    assert found.shape == (4, 60, 3) and np.all(np.isfinite(found)) and signals(motion, time[:0]).shape == (4, 0, 3)
+    np.testing.assert_array_equal(signals(motion, time[::-1]), found[:, ::-1])
+    slopes = (signals(motion, time + step) - signals(motion, time - step)) / (2 * step)
+    assert all(np.abs(time - seam).min() > step for seam in motion.seams)
+    np.testing.assert_allclose(slopes[:3], found[1:], rtol=1e-5, atol=1e-4 * np.abs(found).max())
 
 
 def test_the_basis_is_the_motion_and_its_first_function_is_constant(kind: str) -> None:

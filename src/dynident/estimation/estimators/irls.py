@@ -22,6 +22,10 @@ from dynident.model.reduction import least_squares, reduce
 #: Fits after which a row that is left out stays out: some at the threshold would come and go for ever.
 COMING_AND_GOING = 20
 
+#: Samples for each base parameter, at least: of fewer, the fit makes a combination of the joints' residuals all but
+#: nothing, the covariance has it so, and the fit then follows that combination alone.
+SAMPLES_A_PARAMETER = 2
+
 
 @dataclass(frozen=True)
 class IRLS(Estimator):
@@ -68,7 +72,7 @@ class IRLS(Estimator):
 
         Raises:
             PoorExcitation: The rows that count do not determine all base parameters.
-            SolverFailed: Not settled after so many fits.
+            SolverFailed: Not settled after so many fits, or fewer than two samples that count for each base parameter.
         """
         passes = RowPasses(problem)
         start = robust_fit(passes, huber_loss(1.345), least_squares(problem.reduced()).beta, None, 200, 1e-2)
@@ -104,9 +108,12 @@ class IRLS(Estimator):
         return keep, size
 
     def _whitening(self, passes: RowPasses, beta: Array, keep: BoolArray, size: Array) -> JointWhitening:
-        problem = passes.problem
+        problem, count, samples = passes.problem, passes.problem.base.count, int(np.count_nonzero(keep.any(axis=1)))
+        if samples < SAMPLES_A_PARAMETER * count:
+            evidence = f"{samples} samples are too few for the covariance of the joints beside {count} parameters"
+            raise SolverFailed("the reweighted fit", evidence, "record a longer log, or use huber")
         torque = np.array([np.sqrt(t.torque_square / max(t.rows, 1)) for t in problem.triangles])
-        free = max(1.0 - problem.base.count / max(int(keep.sum()), 1), 1e-3)
+        free = max(1.0 - count / max(int(keep.sum()), 1), 1e-3)
         floor = np.maximum(FINEST * torque, 1e-300)
         return JointWhitening(passes, joint_covariance(passes.residuals(beta), keep, size, floor, free), keep)
 

@@ -21,6 +21,9 @@ from dynident.estimation.uncertainty.coloured import Influence, uncertainty_of
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.model.reduction import CHUNK, Triangle, absorb, least_squares, reduce
 
+#: Rows of a joint for each order that is tried: of fewer, a long autoregression is fitted to the noise itself.
+ROWS_AN_ORDER = 20
+
 
 @dataclass(frozen=True)
 class ML(Estimator):
@@ -37,7 +40,7 @@ class ML(Estimator):
         floor: White part that is added to each colour, as a share of the residual's variance: no frequency is amplified
             by more than 1 / sqrt(floor).
         order: p; None: chosen for each joint by the Bayesian information criterion.
-        longest: Highest order that is tried.
+        longest: Highest order that is tried, one for every twenty rows of a joint at most.
         iterations: Fits at most.
         tolerance: Change of the fit, in its standard deviations, that ends the iteration.
     """
@@ -92,12 +95,12 @@ class ML(Estimator):
         problem = passes.problem
         residual = passes.residuals(beta)
         free = max(1.0 - problem.base.count / max(int(problem.counts.sum()), 1), 1e-3)
-        highest = self.longest if self.order is None else self.order
         colours: list[Colour] = []
         found: list[int] = []
         for i, triangle in enumerate(problem.triangles):
             runs = [residual[run, i] / np.sqrt(free) for run in joint_runs(passes, i)]
             finest = FINEST * np.sqrt(triangle.torque_square / max(triangle.rows, 1))
+            highest = min(self.longest, triangle.rows // ROWS_AN_ORDER) if self.order is None else self.order
             colour = colour_of(runs, highest if orders is None else orders[i], finest)
             if orders is None and self.order is None:
                 colour = colour.cut(best_order(colour, triangle.rows))

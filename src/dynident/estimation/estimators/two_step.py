@@ -19,6 +19,9 @@ from dynident.model.reduction import Triangle, least_squares, reduce
 #: Directions of the first step that are weaker than this share of the strongest are left open.
 WEAK = 1e-6
 
+#: Rows of the first step for each base parameter, at least: of fewer, its residual says nothing of its errors.
+ROWS_A_PARAMETER = 2
+
 
 @dataclass(frozen=True)
 class TwoStep(Estimator):
@@ -48,7 +51,7 @@ class TwoStep(Estimator):
 
         Raises:
             PoorExcitation: The rows of the first step do not determine friction.
-            SolverFailed: The model has no friction.
+            SolverFailed: The model has no friction, or the first step fewer than two rows for each base parameter.
         """
         held = friction_columns(problem)
         if not held.any():
@@ -80,7 +83,7 @@ class TwoStep(Estimator):
         return Solution(beta, weights, covariance=sure.covariance, degrees=sure.degrees, extras=extras)
 
     def _check(self, problem: Problem, weights: Array, held: BoolArray) -> None:
-        """Refuse a first step that leaves friction open."""
+        """Refuse a first step that leaves friction open, or has too few rows to tell its errors."""
         reduced = problem.reduced(weights)
         norms = reduced.column_norms
         _, values, directions = np.linalg.svd(reduced.r / np.where(norms > 0, norms, 1.0))
@@ -94,6 +97,10 @@ class TwoStep(Estimator):
                 f"friction in the rows with little acceleration, undetermined: {'; '.join(names[:3])}",
                 "give a larger share, or add stretches of constant velocity in both directions",
             )
+        rows, wanted = int(problem.counts.sum()), problem.base.count
+        if rows < ROWS_A_PARAMETER * wanted:
+            evidence = f"{rows} rows with little acceleration are too few for {wanted} parameters"
+            raise SolverFailed("the two-step fit", evidence, "record a longer log, or give a larger share")
 
     def _uncertainty(
         self,
