@@ -1,7 +1,9 @@
 """dynident benchmark: a file, the folder that it goes on from, its page; and the scoreboard on logs of a folder."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,6 +97,23 @@ def test_the_scoreboard_has_sets_splits_and_published_figures(cases: Path, capsy
         by_name = {method["method"]: method for method in each["methods"]}
         assert 0 < by_name["wls"]["held_out_error"] < 0.2
     assert halves["published"][0]["held_out_error"] == 0.5
+
+
+def test_a_run_that_is_stopped_says_so(
+    cases: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from dynident.estimation.monte_carlo import runner
+
+    def run_one(*given: Any, **options: Any) -> Iterator[Any]:
+        yield next(iter(whole(*given, **options)))
+        raise KeyboardInterrupt
+
+    whole = runner.run_tasks
+    monkeypatch.setattr(runner, "run_tasks", run_one)
+    command = ["benchmark", "--real", str(cases), "--methods", "ols,wls", "--out", str(cases / "out"), "--quiet"]
+    assert main(command) == 130
+    captured = capsys.readouterr()
+    assert captured.err.splitlines()[-1] == "stopped: 1 of 4 tasks done" and "second log" in captured.out
 
 
 def test_a_folder_without_cases_or_logs_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -182,11 +182,15 @@ def test_a_long_command_that_is_killed_or_interrupted(
     """Each stop leaves every file as it was or as a run to the end makes it; Ctrl-C is one line and code 130."""
     job, out, told = JOBS[name_of], tmp_path / "out", tmp_path / "told.txt"
     out.mkdir()
-    whole = begun(forks, job, cell, out)
-    clock = time.monotonic()
-    whole.join()
-    longest = time.monotonic() - clock
-    assert whole.exitcode in job.codes, told.read_text()
+    longest = 0.0
+    for _ in range(2):  # the first may compile for long what the next find in the cache
+        shutil.rmtree(out)
+        out.mkdir()
+        whole = begun(forks, job, cell, out)
+        clock = time.monotonic()
+        whole.join()
+        longest = time.monotonic() - clock
+        assert whole.exitcode in job.codes, told.read_text()
     done = {name: content(out / name) for name in job.files}
     draw, stopped = random.Random(name_of), {signal.SIGKILL: 0, signal.SIGINT: 0}
     for sign in [signal.SIGKILL] * KILLS + [signal.SIGINT] * INTERRUPTS:
@@ -203,7 +207,7 @@ def test_a_long_command_that_is_killed_or_interrupted(
             if process.exitcode in (130, -signal.SIGKILL):
                 stopped[sign] += 1
             if process.exitcode == 130:
-                assert told.read_text().splitlines()[-1] == "stopped" and "Traceback" not in told.read_text()
+                assert told.read_text().splitlines()[-1].startswith("stopped") and "Traceback" not in told.read_text()
         assert process.exitcode in (*job.codes, 130, -signal.SIGKILL), told.read_text()
         for name in job.files:
             assert (out / name).read_bytes() == b"old" or content(out / name) == done[name], name

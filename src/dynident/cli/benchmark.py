@@ -120,6 +120,15 @@ def _virtual(options: argparse.Namespace) -> int:
     else:
         _show(experiment, rows)
         console.remark(f"{len(results)} of {len(tasks)} tasks; kept in {records.folder}", options.quiet)
+    return _ended(stopped, len(results), len(tasks))
+
+
+def _ended(stopped: bool, done: int, total: int) -> int:
+    """Return the exit code, and say where Ctrl-C has ended the run."""
+    from dynident.cli import console
+
+    if stopped:
+        console.remark(f"stopped: {done} of {total} tasks done")
     return 130 if stopped else 0
 
 
@@ -192,7 +201,7 @@ def _real(options: argparse.Namespace) -> int:
         _show_real(board, results)
     for each in missing:
         console.remark(f"left out: {each.name}; there is no {each.missing[0]}", options.json)
-    return 130 if stopped else 0
+    return _ended(stopped, len(results), len(tasks))
 
 
 def _estimators(text: str) -> list[Method]:
