@@ -1,6 +1,7 @@
 """The rehearsal: possible truths, more time buys smaller deviations, and a verdict that follows the tolerance."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from dynident.errors import BadOption, NotConsistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.monte_carlo.possible_robots import described_truth, near, random_truth, told
-from dynident.estimation.selftest.rehearsal import Plan, Tolerance, rehearse
+from dynident.estimation.selftest.rehearsal import Plan, Rehearsal, Tolerance, rehearse
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.butterworth import Butterworth
 from dynident.experiment.simulation.cell import Cell
@@ -137,12 +138,17 @@ def test_a_joint_that_sticks_is_named_with_what_helps(model: DynamicModel, plan:
     theta, last = described_truth(model), model.robot.joint_names[-1]
     sticks = [p.symbol == "Fc" and p.owner == last for p in model.parameters]
     theta = np.where(sticks, 0.7 * model.robot.active[-1].limits.effort, theta)
-    found = rehearse(model, theta, plan, WLS(), Tolerance(), shares=(1.0,))
+
+    def rehearsed(**options: Any) -> Rehearsal:
+        cell = replace(plan.cell, controller=CONTROLLERS.make("pd", **options))
+        return rehearse(model, theta, replace(plan, cell=cell), WLS(), Tolerance(), shares=(1.0,))
+
+    found = rehearsed(bandwidth_hz=8.0)
     assert list(found.facts["left_behind"]) == [last]
     (said,) = [line for line in verdict(found) if "not on the commanded motion" in line]
     assert last in said and "controller.feedforward=model" in said
-    helped = replace(plan, cell=replace(plan.cell, controller=CONTROLLERS.make("pd", feedforward="model")))
-    assert not rehearse(model, theta, helped, WLS(), Tolerance(), shares=(1.0,)).facts["left_behind"]
+    assert not rehearsed(bandwidth_hz=8.0, feedforward="model").facts["left_behind"]
+    assert not rehearsed().facts["left_behind"]
 
 
 def test_payload_and_tilt_of_the_cell_are_part_of_the_truth(model: DynamicModel, plan: Plan) -> None:

@@ -121,7 +121,7 @@ def left_behind(shares: Mapping[str, float], saturated: int) -> str:
     """Return which joints of a virtual cell do not follow, and what helps; ``saturated`` torques were cut."""
     joints = ", ".join(f"{label(joint)} ({format_percent(share, sign=False)} %)" for joint, share in shares.items())
     soft = "the controller of the cell is too soft for the friction there"
-    step = f"{soft}: --set controller.feedforward=model, or a higher controller.bandwidth_hz"
+    step = f"{soft}: --set controller.feedforward=model, or a higher controller.bandwidth_hz or rate"
     if saturated:
         step = f"{saturated} torques were cut at the effort limits: a slower motion, or {step}"
     return f"not on the commanded motion (position error as a share of it): {joints}; {step}"

@@ -104,6 +104,10 @@ class CellPlant:
         own = (self.tables.smooth, self.tables.dry, self.waves, self.bristles)
         return bodies, tuple(map(_plain, (*own, np.array(self.stiction), self.springs, self.heat)))
 
+    def greatest_speed(self, dq: Array) -> Array:
+        """Return the speeds of the drives, shape (n,), up to which friction is looked at, for commanded dq (N, n)."""
+        return OVERSHOOT * np.max(np.abs(dq @ self.coupling.T), axis=0) + 0.1
+
     def fastest(self, masses: Array, dq: Array) -> float:
         """Return the fastest rate in 1/s at which friction, bristles or springs act, in steps as friction needs them.
 
@@ -111,7 +115,7 @@ class CellPlant:
             masses: Mass matrices with the rotors along the motion, shape (N, n, n).
             dq: Its commanded velocities, shape (N, n).
         """
-        speed = OVERSHOOT * np.max(np.abs(dq @ self.coupling.T), axis=0) + 0.1
+        speed = self.greatest_speed(dq)
         damping = self.tables.steepest(speed) + self.bristles[1]
         stiffness, slip = self.bristles[0], 0.0
         if np.any(stiffness > 0):

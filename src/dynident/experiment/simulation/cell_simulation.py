@@ -28,8 +28,14 @@ from dynident.model.friction import Motion
 from dynident.model.kernels import batched
 from dynident.model.kernels.generic import pack
 
-#: States along the motion at which the mass matrix is looked at.
+#: States along the motion at which masses and torques are looked at.
 LOOKS = 200
+
+#: Share of its motion by which a joint may be displaced where the controller chooses its gains.
+NEAR = 0.05
+
+#: Deviation of the positions in rad or m below which a joint stands still: there is no motion for it to follow.
+STILL = 1e-9
 
 
 def simulate_cell(
@@ -70,12 +76,14 @@ def simulate_cell(
     if told.shape != (len(model.parameters),):
         raise BadOption("believed", f"of shape {told.shape}", f"the model has {len(model.parameters)} parameters")
     motion = course(trajectory, cell.lead_in, duration, body.joints)
-    looked = motion.evaluate(np.linspace(-cell.lead_in, motion.length, LOOKS))
+    looked = np.asarray(motion.evaluate(np.linspace(-cell.lead_in, motion.length, LOOKS)))
     masses = body.masses(looked[0])
     control = cell.controller
     decay = body.fastest(masses, looked[1])
     ticks = clock(cell.recorder.rate, control.rate, cell.integration_rate, decay, cell.lead_in, motion.length)
-    settings = np.array(control.settings(_loop(control, body, masses)), dtype=np.float64)
+    fed, _ = _fed(model, told, looked, control.feedforward)
+    lacking = body.model.torque(_moved(body.model, looked), body.theta) - fed
+    settings = np.array(control.settings(_loop(control, body, masses, looked, lacking)), dtype=np.float64)
     noise = _noise(cell.encoder, ticks, body.joints, seed)
     goals = _goals(model, told, motion, ticks.control_times, control.feedforward)
     believed_model = (
@@ -93,19 +101,25 @@ def simulate_cell(
     return CellRun(*found.log(gains), body.theta, np.array(body.robot.gravity), cut, ticks.rate)
 
 
-def _loop(control: Controller, body: CellPlant, masses: Array) -> Loop:
-    """Return what a controller is told for its gains; dead time slows the loop as much as slow ticks do.
+def _loop(control: Controller, body: CellPlant, masses: Array, states: Array, lacking: Array) -> Loop:
+    """Return what a controller is told for its gains; behind springs a fast torque moves the rotor alone.
 
-    Behind springs a fast torque moves the rotor alone.
+    Args:
+        control: The controller.
+        body: What it moves.
+        masses: Mass matrices along the motion, shape (N, n, n).
+        states: q, dq and ddq there, shape (3, N, n).
+        lacking: Torque there that is not fed forward, shape (N, n).
     """
-    inertia = np.diagonal(masses[0]).copy()
-    moved = masses
-    if body.is_elastic:
-        moved = (body.coupling.T @ np.diag(body.springs[2]) @ body.coupling)[None]
-    decay = np.abs(np.linalg.eigvals(np.linalg.solve(moved, np.diag(2.0 * inertia))))
+    inertia, coupling = np.diagonal(masses[0]).copy(), body.coupling
+    moved = (coupling.T @ np.diag(body.springs[2]) @ coupling)[None] if body.is_elastic else masses
     dead = 1.0 / control.rate + control.delay_s
     dead += 1.0 / (2.0 * np.pi * control.current_hz) if control.current_hz else 0.0
-    return Loop(inertia, float(1.0 / (dead * np.max(decay))))
+    speed = body.greatest_speed(states[1])
+    friction = np.diagonal(coupling.T @ np.diag(body.tables.gentlest(speed)) @ coupling).copy()
+    size, span = np.sqrt(np.mean(lacking**2, axis=0)), np.std(states[0], axis=0)
+    wanted = np.sqrt(np.divide(size, NEAR * span * inertia, out=np.zeros_like(size), where=span > STILL))
+    return Loop(inertia, moved, dead, friction, wanted)
 
 
 def _noise(encoder: Encoder, ticks: Clock, joints: int, seed: int) -> Array:
@@ -118,19 +132,29 @@ def _noise(encoder: Encoder, ticks: Clock, joints: int, seed: int) -> Array:
 
 def _goals(model: DynamicModel, theta: Array, motion: Course, time: Array, feed: str) -> Array:
     """Return per tick of the controller what its law is told, shape (K, 5, n); see controllers/base.py."""
-    q, dq, ddq = motion.evaluate(time)
+    states = np.asarray(motion.evaluate(time))
+    return np.stack([*states, *_fed(model, theta, states, feed)], axis=1)
+
+
+def _moved(model: DynamicModel, states: Array) -> Motion:
+    """Return states (3, N, n) as friction takes them, of drives that are not warm yet."""
+    temperature = np.full_like(states[0], 25.0) if "temperature" in model.needs else None
+    return Motion(*states, temperature=temperature)
+
+
+def _fed(model: DynamicModel, theta: Array, states: Array, feed: str) -> tuple[Array, Array]:
+    """Return at states (3, N, n) the torque fed forward and what the drives give beside the bodies, each (N, n)."""
+    q, dq, ddq = states
     rest, robot = np.zeros_like(q), model.robot
     bodies = theta[: model.inertial_count]
     fed, beside = rest, rest - robot.bias
     if feed == "gravity":
         fed = batched.inverse_dynamics(robot.chain, bodies, q, rest, rest) - robot.bias
     if feed == "model":
-        temperature = np.full_like(q, 25.0) if "temperature" in model.needs else None
-        moved = Motion(q, dq, ddq, temperature=temperature)
-        fed = model.torque(moved, theta)
+        fed = model.torque(_moved(model, states), theta)
         rigid = batched.inverse_dynamics(robot.chain, bodies, q, dq, ddq)
         beside = fed - rigid - ddq @ armature(model, theta).T
-    return np.stack([q, dq, ddq, fed, beside], axis=1)
+    return fed, beside
 
 
 def _run(

@@ -51,6 +51,13 @@ class FrictionTables:
         within = np.min(np.abs(speed), axis=1) <= fastest[:, None]
         return np.max(np.where(within, rise, 0.0), axis=1)
 
+    def gentlest(self, fastest: Array) -> Array:
+        """Return the least rise of the smooth torque over speed up to the speeds (n,), 0 or more, shape (n,)."""
+        speed, cubics = node_speeds(), self.smooth[BASE]
+        rise = (_end(cubics) - cubics[..., 0]) / (speed[:, 3] - speed[:, 0])
+        within = np.min(np.abs(speed), axis=1) <= fastest[:, None]
+        return np.maximum(np.min(np.where(within, rise, np.inf), axis=1), 0.0)
+
     def least_dry(self, fastest: Array) -> Array:
         """Return the least dry friction at any speed up to the speeds (n,), shape (n,), in N m or N."""
         if not len(self.dry):

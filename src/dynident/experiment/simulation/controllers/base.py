@@ -28,6 +28,9 @@ from dynident.errors import BadOption
 
 FEEDS = ("none", "gravity", "model")
 
+#: Decay of a loop, per time until a measurement acts, up to which a controller chooses its gains.
+SAFE = 0.8
+
 
 @dataclass(frozen=True)
 class Loop:
@@ -35,23 +38,38 @@ class Loop:
 
     Attributes:
         inertia: Diagonal of the mass matrix with the rotors at the start, shape (n,), in kg m^2 or kg.
-        stiffest: Natural frequency, in rad/s, of joint loops of unit damping whose fastest decay along the motion is
-            one per tick, whatever the pose; half of it is safe.
+        masses: Mass matrices that a fast torque moves along the motion, shape (N, n, n).
+        dead: Time in s until a measurement acts: tick, delay and lag of the current loops.
+        friction: Least slope of friction over speed, shape (n,), in N m s/rad or N s/m.
+        wanted: Natural frequency of each joint's loop, in rad/s, at which what nobody feeds forward (friction, or the
+            bodies' own inertia) displaces the joint by a small share of its motion, shape (n,).
     """
 
     inertia: Array
-    stiffest: float
+    masses: Array
+    dead: float
+    friction: Array
+    wanted: Array
 
     @property
     def joints(self) -> int:
         """Number of joints, n."""
         return len(self.inertia)
 
+    def decay(self, damping: Array) -> float:
+        """Return the fastest decay along the motion, per time until a measurement acts, of damping (n,) by feedback."""
+        return self.dead * float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(self.masses, np.diag(damping))))))
+
+    @property
+    def stiffest(self) -> float:
+        """Natural frequency, in rad/s, of joint loops of unit damping whose :meth:`decay` is 1; half of it is safe."""
+        return 1.0 / self.decay(2.0 * self.inertia)
+
     def pulsation(self, bandwidth_hz: float | None, usual_hz: float) -> float:
         """Return a natural frequency in rad/s: the one given in Hz, or the usual one where the rate allows it."""
         if bandwidth_hz is not None:
             return 2.0 * np.pi * bandwidth_hz
-        return min(2.0 * np.pi * usual_hz, 0.8 * self.stiffest)
+        return min(2.0 * np.pi * usual_hz, SAFE * self.stiffest)
 
 
 @dataclass(frozen=True)

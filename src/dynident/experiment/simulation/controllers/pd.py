@@ -20,7 +20,9 @@ class Pd(Controller):
 
     Attributes:
         bandwidth_hz: Natural frequency w of the loops in Hz: stiffness M_ii w^2, damping 2 damping_ratio M_ii w, with
-            the mass matrix at the start; none for 8 Hz, or what the rate allows along the motion.
+            the mass matrix at the start; none for 8 Hz, or what the rate allows along the motion, or what a joint
+            needs to follow its motion to 5 % in spite of friction and inertia, as far as the rate allows it; damping is
+            then less by what friction gives.
         damping_ratio: Damping ratio of the loops.
         stiffness: In N m/rad or N/m, one number or one per joint; none for that of the bandwidth.
         damping: In N m s/rad or N s/m, one number or one per joint; none for that of the bandwidth.
