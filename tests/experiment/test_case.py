@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dynident.errors import BadOption, DescriptionError, DynidentError, FileError, LogMismatch
-from dynident.experiment.case_file import case as case_module
 from dynident.experiment.case_file.case import Split, case_of_robot, default_preprocessing, read_case, read_with
+from dynident.experiment.case_file.data_folder import DATA_VARIABLE
 from dynident.experiment.formats import ColumnMap, Units
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
@@ -277,7 +277,7 @@ def test_files_are_looked_for_beside_the_case_then_here_then_in_the_data_folder(
     here.mkdir()
     data.mkdir()
     monkeypatch.chdir(here)
-    monkeypatch.setenv(case_module.DATA_VARIABLE, str(data))
+    monkeypatch.setenv(DATA_VARIABLE, str(data))
     assert case.find("run.csv") == Path("run.csv")  # nowhere: the name as it stands, for the reader to refuse
     (data / "run.csv").touch()
     assert case.find("run.csv") == data / "run.csv"
@@ -286,7 +286,7 @@ def test_files_are_looked_for_beside_the_case_then_here_then_in_the_data_folder(
     (tmp_path / "run.csv").touch()
     assert case.find("run.csv") == tmp_path / "run.csv"
     assert case.find(str(data / "run.csv")) == data / "run.csv"
-    monkeypatch.delenv(case_module.DATA_VARIABLE)
+    monkeypatch.delenv(DATA_VARIABLE)
     (here / "run.csv").unlink()
     (tmp_path / "run.csv").unlink()
     assert case.find("run.csv") == Path("run.csv")
@@ -298,8 +298,16 @@ def test_the_robot_is_found_in_the_data_folder(write: Write, tmp_path: Path, mon
     (tmp_path / "arm.json").rename(tmp_path / "data" / "arm.json")
     with pytest.raises(FileError):
         read_case(path)
-    monkeypatch.setenv("DYNIDENT_DATA", str(tmp_path / "data"))
-    assert read_case(path).robot.dof == 3
+    named = ("case: 1", "robot: set/arm.json")
+    monkeypatch.delenv(DATA_VARIABLE, raising=False)
+    with pytest.raises(
+        FileError, match=r"set/arm\.json: .*beside the case file or here; .*DYNIDENT_DATA, which is not"
+    ):
+        read_case(write(head=named))
+    monkeypatch.setenv(DATA_VARIABLE, str(tmp_path / "data"))
+    with pytest.raises(FileError, match=r"set/arm\.json: .* here or under .*data; check the path"):
+        read_case(write(head=named))
+    assert read_case(write()).robot.dof == 3
 
 
 def write_csv(path: Path, names: list[str], scale: float = 1.0) -> np.ndarray:

@@ -8,7 +8,6 @@ each.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from dynident.errors import LogMismatch
 from dynident.experiment.case_file.case_values import guarded, part_of, texts
 from dynident.experiment.case_file.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.experiment.case_file.constraints_file import constraints_of
+from dynident.experiment.case_file.data_folder import find_file, find_robot
 from dynident.experiment.case_file.limits_section import robot_with_limits
 from dynident.experiment.case_file.log_section import read_columns
 from dynident.experiment.case_file.questions import check_answered, without_open_gains
@@ -29,7 +29,7 @@ from dynident.experiment.log import Log, torque_from_current
 from dynident.experiment.motor_side import joint_side, with_zero
 from dynident.experiment.preprocessing import FILTERS, ROWS_PER_PERIOD, Preprocessing
 from dynident.experiment.preprocessing.base import Filter
-from dynident.files import expanded, unreadable
+from dynident.files import unreadable
 from dynident.model.body_constraints import Constraints
 from dynident.model.descriptions import read_robot
 from dynident.model.documents.numbers import Place
@@ -45,9 +45,6 @@ if TYPE_CHECKING:
     from dynident.experiment.room.workspace import Workspace
 
 FORMAT = 1
-
-#: The folder under which logs and robots are looked for when they are neither beside the case file nor where it says.
-DATA_VARIABLE = "DYNIDENT_DATA"
 
 #: How far, in rad or m, a locked joint may stand from where the case says it does.
 LOCKED_TOLERANCE = 0.05
@@ -139,7 +136,7 @@ class Case:
 
     def find(self, name: str) -> Path:
         """Return a file named in the case: as it is, beside the case file, or under the folder DYNIDENT_DATA."""
-        return _find(name, self.path)
+        return find_file(name, self.path)
 
     def read(self, name: str | Path) -> Log:
         """Return a log with torques, from its currents where it has no torques.
@@ -253,7 +250,7 @@ def read_case(path: str | Path, open_gains: bool = False) -> Case:
     version = top.text("case")
     if version != str(FORMAT):
         raise top.place("case").error(f"format {version}", f"this version reads format {FORMAT}")
-    robot_path = str(_find(top.text("robot"), str(path)))
+    robot_path = str(find_robot(top.text("robot"), str(path)))
     full = read_robot(robot_path)
     choose = top.has("friction") and top.value("friction") == AUTO
     robot, locked = _robot(top, full)
@@ -291,16 +288,6 @@ def _cell_of(top: Section) -> CellSetup | None:
     from dynident.experiment.case_file.cell_section import KEYS, cell_of  # few cases need it
 
     return cell_of(top.section("cell", KEYS))
-
-
-def _find(name: str, case: str) -> Path:
-    """Return where a file named in a case file is; the name itself where it is nowhere, for the reader to refuse."""
-    written = expanded(name)
-    if written.is_absolute():
-        return written
-    roots = [Path(case).parent] if case else []
-    roots += [Path()] + ([Path(os.environ[DATA_VARIABLE])] if os.environ.get(DATA_VARIABLE) else [])
-    return next((root / written for root in roots if (root / written).exists()), written)
 
 
 def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
