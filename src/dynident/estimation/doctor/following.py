@@ -34,7 +34,7 @@ class Following(Check):
             remedy = "no harm to a fit of measured positions; for a comparison with the plan set speed scaling to 100 %"
             return [Finding("warning", "speed scaling", "", evidence, remedy, {"speed": speed})]
         joints = [name for name, wrong in zip(log.joints, astray, strict=True) if wrong]
-        evidence = f"positions are up to {away.max():.3g} rad (rms) away from the commanded ones"
+        evidence = f"positions are up to {away.max():.3g} rad or m (rms) away from the commanded ones"
         remedy = "check order, sign and unit of both (log: columns: q, q_ref)"
         return [Finding("warning", "not following", listed(joints), evidence, remedy, {"rms": float(away.max())})]
 

@@ -60,7 +60,7 @@ def _radians(subject: Subject) -> list[Finding]:
 
 def _limits(subject: Subject) -> list[Finding]:
     robot, q = subject.case.robot, subject.sound.log.q
-    degrees, beyond, far = [], [], 0.0
+    degrees, names, beyond, far = [], [], [], 0.0
     for joint, column in zip(robot.active, q.T, strict=True):
         low, high = float(column.min()), float(column.max())
         lower, upper = joint.limits.lower, joint.limits.upper
@@ -71,6 +71,7 @@ def _limits(subject: Subject) -> list[Finding]:
         if joint.kind == "revolute" and turned and largest > (3 * max(widest, 1.0) if np.isfinite(widest) else TURNS):
             degrees.append(joint.name)
         if away > BEYOND:
+            names.append(joint.name)
             beyond.append(f"{joint.name} {low:.4g} to {high:.4g} (limits {lower:.4g} to {upper:.4g})")
             far = max(far, away)
     if degrees:
@@ -84,7 +85,6 @@ def _limits(subject: Subject) -> list[Finding]:
     if not beyond:
         return []
     remedy = "check unit, zero, sign and order of the joints (log: units, columns)"
-    names = [text.split(" ", 1)[0] for text in beyond]
     return [Finding("warning", "joint limits", listed(names), "; ".join(beyond), remedy, {"beyond": far})]
 
 
