@@ -63,6 +63,21 @@ def test_a_drive_that_the_bodies_hardly_ask_for_is_named(spatial_3r: Robot) -> N
     assert gains.figures()["complete"] is False
 
 
+@pytest.mark.parametrize("signed", [False, True])
+def test_currents_that_lag_are_put_beside_their_motion(spatial_3r: Robot, signed: bool) -> None:
+    """The delay is found with the gains of a first fit, and is that of each log."""
+    arm = replace(LoadedArm(spatial_3r, GAINS, ("viscous",)), rate=200.0)
+    log = arm.log(False, 0.01)
+    assert log.current is not None
+    late = replace(log.rows(slice(4, None), "late"), current=log.current[:-4])
+    gains = gains_from_prior(arm.model, [log, late], preprocessing=replace(GIVEN, delay_s=None), signed=signed)
+    np.testing.assert_allclose(gains.delays, [0.0, 0.02], atol=1e-3)
+    found = [gain.value for gain in gains.gains]
+    np.testing.assert_allclose(found, np.repeat(GAINS, 1 + signed), rtol=0.01)
+    blind = gains_from_prior(arm.model, [late], preprocessing=replace(GIVEN, delay_s=0.0), signed=signed)
+    assert blind.delays == () and np.abs([g.value for g in blind.gains] / np.repeat(GAINS, 1 + signed) - 1).max() > 0.02
+
+
 def test_what_cannot_be_asked_for_is_refused(spatial_3r: Robot) -> None:
     arm = LoadedArm(spatial_3r, GAINS)
     log = arm.log(False)

@@ -25,6 +25,7 @@ from dynident.estimation.streaming.triangle_file import check_case
 from dynident.experiment.case_file.case import Case, read_case
 from dynident.experiment.case_file.split import Split
 from dynident.experiment.formats import write_log
+from dynident.experiment.formats._stream import LogStream
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import FILTERS, Preprocessing
 from dynident.model.base_parameters import base_parameters
@@ -218,13 +219,41 @@ def test_faults_of_a_log_are_those_of_the_whole(case: Case, make: Callable[..., 
     late = np.where(np.arange(4000) < 2500, log.time, log.time + 2.0)
     huge = np.array(log.torque)
     huge[3100, 1] = 1e9
-    for changes in ({"q": q}, {"torque": torque}, {"time": late}, {"torque": huge}):
+    bursts = np.arange(4000) // 20 * 0.1 + np.arange(4000) % 20 * 1e-5
+    for changes in ({"q": q}, {"torque": torque}, {"time": late}, {"torque": huge}, {"time": bursts}):
         write_log(replace(log, **changes), tmp_path / "bad.npz")  # type: ignore[arg-type]
-        with pytest.raises(LogMismatch) as whole:
-            in_memory(case, [tmp_path / "bad.npz"], "wls")
-        with pytest.raises(LogMismatch) as caught:
-            reduce_logs(case, [tmp_path / "bad.npz"])
-        assert str(caught.value) == str(whole.value)
+        same_refusal(case, tmp_path / "bad.npz")
+    write_log(log, tmp_path / "sound.npz")
+    bare = replace(case, columns=replace(case.columns, torque=(), current=()))
+    warm = replace(case, friction=("coulomb", "viscous", "temperature"))  # type: ignore[arg-type]
+    assert "no torques" in same_refusal(bare, tmp_path / "sound.npz")
+    assert "no temperatures of the drives" in same_refusal(warm, tmp_path / "sound.npz")
+
+
+def same_refusal(case: Case, path: Path) -> str:
+    """Return the refusal of a log in memory once its stream is refused in the same words."""
+    with pytest.raises(LogMismatch) as whole:
+        in_memory(case, [path], "wls")
+    with pytest.raises(LogMismatch) as caught:
+        reduce_logs(case, [path])
+    assert str(caught.value) == str(whole.value)
+    return str(whole.value)
+
+
+def test_a_rate_that_changes_on_the_way_is_refused(
+    case: Case, make: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The median step of such a log cannot be held in little memory, and is not guessed."""
+    monkeypatch.setattr("dynident.estimation.streaming.time_scan._DISTINCT", 64)
+    monkeypatch.setattr(LogStream.times, "__defaults__", (200,))
+    log = case.read(make("run.npz", samples=4000))
+    generator = np.random.default_rng(0)
+    steps = np.where(np.arange(4000) < 400, 0.001, 0.01) * generator.uniform(0.9, 1.1, 4000)
+    write_log(replace(log, time=np.cumsum(steps)), tmp_path / "bad.npz")
+    with pytest.raises(LogMismatch, match="its rate changes on the way, or it has many gaps; split it where"):
+        reduce_logs(case, [tmp_path / "bad.npz"])
+    with pytest.raises(LogMismatch, match="no log; give at least one log"):
+        reduce_logs(case, [])
 
 
 @pytest.mark.parametrize("count", [1, 2, 999, 30_000])
