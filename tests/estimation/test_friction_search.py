@@ -85,9 +85,10 @@ def test_the_friction_of_each_joint_is_chosen(
     np.testing.assert_array_equal(read.beta, estimate.beta)
     steps = summary(read)["extras"]["friction_choice"]["joints"]["joint2"]
     assert sum(step["chosen"] for step in steps) == 1 and steps[0]["parts"] == []
-    (title, table), (other, alike) = choice_tables(read.extras)
+    (title, table), (other, alike), (fields, widths) = choice_tables(read.extras)
     assert title == "Friction chosen joint by joint" and "+ load" in plain(table)
     assert other == "One friction for all joints, or each its own" and plain(alike).count("yes") == 1
+    assert fields.startswith("Stated fields") and {row[0] for row in widths.rows} == {"coulomb"}
 
 
 @pytest.mark.parametrize("velocity", [0.06, 0.1, 0.15])

@@ -20,6 +20,7 @@ from dynident.estimation.cutoff.sensitivity import cutoff_sensitivity
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators import ESTIMATORS, Estimator
 from dynident.estimation.friction.alike import same_for_all
+from dynident.estimation.friction.held_out_fields import choose_fields, has_choices, with_chosen_widths
 from dynident.estimation.friction.load import PASSES, agrees, problem_of, with_load, without_load
 from dynident.estimation.friction.variable_projection import has_varying, vary_fields
 from dynident.estimation.problem import Observer, Problem, counting_rows
@@ -124,7 +125,11 @@ def pose(
             model, choice = _chosen(model, prepared, progress)
         model, compared = same_for_all(model, prepared, progress)
         choice["friction_choice"]["alike"] = [each.figures() for each in compared]
+        model = with_chosen_widths(model)  # those of the candidates are few, and one list for all may be the default's
         facts = {**facts, **choice}
+    if has_choices(model):
+        model, held = choose_fields(model, prepared, progress)
+        facts = {**facts, "held_out_fields": [asdict(each) for each in held]}
     if has_varying(model):
         model, found = vary_fields(model, prepared, progress)
         facts = {**facts, "non_linear": [asdict(each) for each in found]}

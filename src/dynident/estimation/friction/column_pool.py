@@ -156,6 +156,19 @@ def loss(products: Array, keep: IntArray, beta: Array) -> float:
     return float(beta @ gram @ beta - 2.0 * beta @ right + products[-1, -1])
 
 
+def held_out(held: Array, rest: Array, rows: IntArray, keep: IntArray) -> Array:
+    """Return the mean squared residual of each block by the columns ``keep`` in a fit of the others, shape (B,).
+
+    Args:
+        held: Products of each block, shape (B, c + 1, c + 1).
+        rest: Those of all others together, of the same shape.
+        rows: Rows of each block, shape (B,).
+        keep: Columns of the fit.
+    """
+    squares = [loss(own, keep, fit(other, keep)) for own, other in zip(held, rest, strict=True)]
+    return np.array(squares) / np.maximum(rows, 1)
+
+
 def _blocks_of(log: Prepared, blocks: int) -> IntArray:
     """Return the block of each kept row, -1 for those near a cut, shape (N,)."""
     count = len(log.keep)

@@ -17,7 +17,7 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.errors import LogMismatch
-from dynident.estimation.friction.column_pool import Pool, fit, loss, make_pool
+from dynident.estimation.friction.column_pool import Pool, fit, held_out, make_pool
 from dynident.estimation.friction.load import default_load
 from dynident.estimation.friction.variable_projection import vary_fields
 from dynident.experiment.preprocessing import Prepared
@@ -281,6 +281,5 @@ class _Search:
         """Return the mean squared residual of each block, in a fit of the others, shape (B,)."""
         keep = np.sort(self._keep(joint, own))
         if keep.tobytes() not in self._known:
-            squares = [loss(held, keep, fit(rest, keep)) for held, rest in zip(self._held, self._rest, strict=True)]
-            self._known[keep.tobytes()] = np.array(squares) / np.maximum(self._rows, 1)
+            self._known[keep.tobytes()] = held_out(self._held, self._rest, self._rows, keep)
         return self._known[keep.tobytes()]

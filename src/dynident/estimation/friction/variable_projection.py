@@ -64,8 +64,12 @@ def vary_fields(
     Raises:
         BadOption: A name in ``vary`` that is no non-linear field of its part.
     """
-    fastest = max(float(np.max(np.abs(np.asarray(log.log.dq) @ np.asarray(model.robot.coupling).T))) for log in logs)
-    spans = {(p, name): span for p, part in enumerate(model.friction) for name, span in _spans(part, fastest).items()}
+    fastest = fastest_of(model, logs)
+    spans = {
+        (p, name): span
+        for p, part in enumerate(model.friction)
+        for name, span in spans_of(part, "vary", fastest).items()
+    }
     load = default_load(model, logs) if "torque" in model.needs else None
     parts = list(model.friction)
     found: dict[tuple[int, str], Found] = {}
@@ -84,13 +88,25 @@ def vary_fields(
     return replace(model, friction=tuple(parts)), tuple(found.values())
 
 
-def _spans(part: Friction, fastest: float) -> dict[str, tuple[float, float]]:
-    """Return where each varied field of a part is looked for."""
+def fastest_of(model: DynamicModel, logs: Sequence[Prepared]) -> float:
+    """Return the largest speed of a drive in the logs, in rad/s or m/s."""
+    coupling = np.asarray(model.robot.coupling)
+    return max(float(np.max(np.abs(np.asarray(log.log.dq) @ coupling.T))) for log in logs)
+
+
+def spans_of(part: Friction, asked: str, fastest: float) -> dict[str, tuple[float, float]]:
+    """Return where each field of a part that its option ``asked`` (vary or choose) names is looked for.
+
+    Raises:
+        BadOption: The part has no such field to look for, or both options name it.
+    """
     spans = {}
-    for name in part.vary or ():
+    for name in getattr(part, asked) or ():
         if name not in part.ranges:
-            step = f"the part '{FRICTION.name_of(part)}' can vary: {', '.join(part.ranges) or 'nothing'}"
-            raise BadOption("vary", name, step)
+            step = f"the part '{FRICTION.name_of(part)}' can {asked}: {', '.join(part.ranges) or 'nothing'}"
+            raise BadOption(asked, name, step)
+        if name in (part.vary or ()) and name in (part.choose or ()):
+            raise BadOption(asked, name, "name a field in vary or in choose, not in both")
         span = part.ranges[name]
         high = min(span.high, max(fastest, 2 * span.low)) if span.is_speed else span.high
         spans[name] = (span.low, high)
@@ -123,11 +139,11 @@ def _best(
             keeps = [pool.chosen(sets(k, value)) for value in range(len(grid))]
             losses = np.array([loss(total, keep, fit(total, keep)) for keep in keeps])
             places[k] = int(np.argmin(losses))
-            results[k] = _minimum(np.log(grid), losses, rows)
+            results[k] = minimum(np.log(grid), losses, rows)
     return results
 
 
-def _minimum(at: Array, losses: Array, rows: float) -> tuple[float, float, float]:
+def minimum(at: Array, losses: Array, rows: float) -> tuple[float, float, float]:
     """Return the value at the minimum of a parabola in the logarithm, and the interval of one standard deviation.
 
     At an end of the grid it is that end; where the loss hardly changes the interval is the grid.

@@ -13,6 +13,7 @@ import numpy as np
 from dynident.errors import DynidentError, LogMismatch
 from dynident.estimation.cutoff.choice import LONGEST_S, with_cutoff
 from dynident.estimation.friction.delay import find_delays
+from dynident.estimation.friction.held_out_fields import has_choices
 from dynident.estimation.friction.variable_projection import has_varying
 from dynident.estimation.problem import Observer
 from dynident.estimation.streaming.digest import Chunk, Digest
@@ -76,6 +77,11 @@ def check_streamable(case: Case) -> None:
         for asked, evidence, step in (
             (case.choose_friction, "friction: auto needs all rows at once, which a stream does not have", state),
             (has_varying(model), "a friction part that varies a field (vary) needs all rows at once", state),
+            (
+                has_choices(model),
+                "a friction part that leaves a field to the log (choose) needs all rows at once",
+                state,
+            ),
             (
                 loaded,
                 "friction that depends on the load takes several passes",

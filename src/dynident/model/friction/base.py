@@ -92,6 +92,7 @@ class Friction(ABC):
     Attributes:
         joints: Joints that the part acts on; None for all.
         vary: Names of its non-linear fields whose values are to be found from the log; the stated ones are the start.
+        choose: Names of such fields whose stated values stand unless held-out rows of the log ask for others.
     """
 
     coefficients: ClassVar[tuple[Coefficient, ...]]
@@ -104,6 +105,7 @@ class Friction(ABC):
 
     joints: tuple[str, ...] | None = field(default=None, kw_only=True)
     vary: tuple[str, ...] | None = field(default=None, kw_only=True)
+    choose: tuple[str, ...] | None = field(default=None, kw_only=True)
 
     @abstractmethod
     def columns(self, motion: Motion) -> Array:

@@ -92,7 +92,9 @@ def _parts(model: DynamicModel, theta: Any, drive: int) -> Iterator[tuple[str, d
         column += len(part.coefficients)
         if drive in model.drives_of(part):
             options = {
-                k: v for k, v in vars(part).items() if k not in ("joints", "vary") and isinstance(v, float | int)
+                k: v
+                for k, v in vars(part).items()
+                if k not in ("joints", "vary", "choose") and isinstance(v, float | int)
             }
             yield FRICTION.name_of(part), options, values
 

@@ -132,8 +132,12 @@ def _joints(found: Found) -> list[str]:
 
 
 def _friction(found: Found) -> list[str]:
-    lines = ["friction:", f"  - coulomb: {{width: {_WIDTH:g}}}   # rad/s over which the sign turns", "  - viscous"]
-    lines.append("  - offset")
+    width, say = f"width: {_WIDTH:g}", "rad/s over which the sign turns"
+    if found.is_large:
+        coulomb = f"  - coulomb: {{{width}}}   # {say}; choose: width needs all rows at once"
+    else:
+        coulomb = f"  - coulomb: {{{width}, choose: width}}   # {say}, unless held-out rows say another"
+    lines = ["friction:", coulomb, "  - viscous", "  - offset"]
     if not _behind_the_gear(found):
         rotor = "  - rotor_inertia"
         if found.effort == "torque" and "torque" not in found.on_motors:

@@ -1,0 +1,112 @@
+"""Stated values of friction fields that give way to those of held-out rows, and those that stand."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident.errors import BadOption
+from dynident.estimation.estimate_file import summary
+from dynident.estimation.friction.held_out_fields import choose_fields, with_chosen_widths
+from dynident.estimation.identify import identify
+from dynident.experiment.log import Log
+from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
+from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Friction
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.stribeck import Stribeck
+from dynident.model.friction.viscous import Viscous
+from dynident.model.robot import Robot
+from dynident.results.choices import choice_tables
+
+GIVEN = Preprocessing(AsGiven(), rest="keep")
+
+MakeLog = Callable[..., Log]
+
+
+def logged(robot: Robot, parts: tuple[Friction, ...], values: list[float], exact_log: MakeLog, **how: float) -> Log:
+    assert robot.nominal is not None
+    model = DynamicModel(robot, parts)
+    return exact_log(model, np.append(robot.nominal, values), **{"samples": 2000, "rate": 100.0, "size": 0.5} | how)
+
+
+def rows(*logs: Log) -> list[Prepared]:
+    return [preprocess(log, GIVEN) for log in logs]
+
+
+@pytest.mark.parametrize("width", [0.05, 0.2])
+def test_a_width_that_the_log_contradicts_gives_way(planar_2r: Robot, exact_log: MakeLog, width: float) -> None:
+    log = logged(planar_2r, (Coulomb(width), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.05)
+    asked = DynamicModel(planar_2r, (Coulomb(0.01, choose=("width",)), Viscous()))
+    model, (held,) = choose_fields(asked, rows(log))
+    assert held.value == held.best == pytest.approx(width, rel=0.06)
+    assert model.friction == (Coulomb(held.value, choose=("width",)), Viscous())
+    assert held.error is not None and held.gain > 2 * held.error
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_width_that_is_right_stands(planar_2r: Robot, exact_log: MakeLog, seed: int) -> None:
+    log = logged(planar_2r, (Coulomb(0.05), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.3, seed=seed)
+    asked = DynamicModel(planar_2r, (Coulomb(0.05, choose=("width",)), Viscous()))
+    model, (held,) = choose_fields(asked, rows(log))
+    assert model == asked and held.value == held.stated == 0.05
+
+
+def test_what_only_some_stretches_ask_for_is_not_taken(planar_2r: Robot, exact_log: MakeLog) -> None:
+    """One log of five has another width: the best of all rows is another one, held-out rows are not sure of it."""
+    usual, other = (
+        [
+            logged(
+                planar_2r, (Coulomb(width), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, samples=600, noise=0.05, seed=k
+            )
+            for k in seeds
+        ]
+        for width, seeds in ((0.02, range(4)), (0.3, (7,)))
+    )
+    asked = DynamicModel(planar_2r, (Coulomb(0.02, choose=("width",)), Viscous()))
+    _, (held,) = choose_fields(asked, rows(*usual, *other))
+    assert held.value == 0.02 and held.error is not None and 0 < held.gain < 2 * held.error
+
+
+def test_a_slide_has_a_width_of_its_own(sliding_arm: Robot, exact_log: MakeLog) -> None:
+    hinges, slides = ("joint1", "joint3"), ("joint2",)
+    truth = (Coulomb(0.1, joints=hinges), Coulomb(0.02, joints=slides), Viscous())
+    log = logged(sliding_arm, truth, [3.0, 1.0, 20.0, 4.0, 2.0, 0.5], exact_log, noise=0.05)
+    model, found = choose_fields(DynamicModel(sliding_arm, (Coulomb(0.02, choose=("width",)), Viscous())), rows(log))
+    values = {held.joints: held.value for held in found}
+    assert values[slides] == 0.02 and values[hinges] == pytest.approx(0.1, rel=0.06)
+    assert [part.joints for part in model.friction] == [hinges, slides, None]
+
+
+def test_too_few_rows_leave_what_is_stated(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = logged(planar_2r, (Coulomb(0.2), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, samples=30)
+    _, (held,) = choose_fields(DynamicModel(planar_2r, (Coulomb(0.01, choose=("width",)), Viscous())), rows(log))
+    assert (held.value, held.best, held.error) == (0.01, 0.01, None)
+    ((_, table),) = choice_tables({"held_out_fields": [vars(held)]})
+    assert table.rows[0][-1] == "stated"
+
+
+def test_identify_chooses_and_says_so(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = logged(planar_2r, (Coulomb(0.1), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.05)
+    estimate = identify(with_chosen_widths(DynamicModel(planar_2r, (Coulomb(0.01), Viscous()))), [log], "wls", GIVEN)
+    (held,) = json.loads(json.dumps(summary(estimate)))["extras"]["held_out_fields"]
+    part = estimate.model.friction[0]
+    assert isinstance(part, Coulomb) and part.width == held["value"] == pytest.approx(0.1, rel=0.06)
+    ((title, table),) = choice_tables(estimate.extras)
+    assert title.startswith("Stated fields") and table.rows[0][:4] == ("coulomb", "all", "width", "0.01")
+    assert table.rows[0][-1] == "best"
+
+
+def test_only_a_non_linear_field_can_be_chosen_and_by_one_way(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = logged(planar_2r, (Coulomb(), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, samples=300)
+    for part, message in (
+        (Viscous(choose=("speed",)), r"choose = 'speed' is not possible; the part 'viscous' can choose: nothing"),
+        (Stribeck(choose=("velocity",), vary=("velocity",)), "name a field in vary or in choose, not in both"),
+    ):
+        with pytest.raises(BadOption, match=message):
+            choose_fields(replace(DynamicModel(planar_2r), friction=(part,)), rows(log))
