@@ -193,6 +193,37 @@ def test_the_possible_body_is_the_ten_where_they_are_one_and_the_prior_where_not
     assert possible_body(broken, 1e8 * np.eye(10), ball).is_consistent()
 
 
+def test_logs_that_cannot_tell_a_payload(robot: Robot, estimate: Estimate) -> None:
+    with pytest.raises(LogMismatch, match="no log; give at least one log with the payload"):
+        identify_payload(estimate, [])
+    log = run_of(robot, 5)
+    own = replace(log, source=replace(log.source, path="run.csv", sha256="a" * 64))
+    known = replace(estimate, provenance={**estimate.provenance, "logs": [{"sha256": "a" * 64}]})
+    with pytest.raises(LogMismatch, match=r"run\.csv: the robot without the payload was identified from it"):
+        identify_payload(known, [own])
+    with pytest.raises(LogMismatch, match="no torques; map torque columns"):
+        identify_payload(estimate, [replace(log, torque=None)])
+
+
+@pytest.mark.parametrize("b", [np.pi / 2, -np.pi / 2])
+def test_angles_of_a_turn_about_one_axis_alone(b: float) -> None:
+    """At 90 degrees about y the other two turn about one axis: one of them is zero, and the rotation is the same."""
+    axes = rotation_about([0, 0, 1], 0.4) @ rotation_about([0, 1, 0], b) @ rotation_about([1, 0, 0], 1.1)
+    first, second, third = angles_zyx(axes)
+    again = rotation_about([0, 0, 1], first) @ rotation_about([0, 1, 0], second) @ rotation_about([1, 0, 0], third)
+    np.testing.assert_allclose(again, axes, atol=1e-14)
+    assert third == 0.0
+
+
+def test_principal_axes_are_a_rotation_for_any_body() -> None:
+    generator = np.random.default_rng(0)
+    for _ in range(50):
+        root = generator.normal(size=(3, 3))
+        moments, axes = principal_axes(root @ root.T)
+        np.testing.assert_allclose(axes @ np.diag(moments) @ axes.T, root @ root.T, atol=1e-12)
+        assert np.linalg.det(axes) == pytest.approx(1.0)
+
+
 def test_vendor_forms_say_the_same_body() -> None:
     turn = rotation_about([0.6, 0.0, 0.8], 0.7)
     inertia = turn @ np.diag([0.02, 0.03, 0.04]) @ turn.T
