@@ -14,7 +14,7 @@ from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import identify, pose, validate
 from dynident.estimation.problem import Observer
-from dynident.estimation.uncertainty.diagnostics import diagnose
+from dynident.estimation.uncertainty.diagnostics import DECIDES, diagnose
 from dynident.estimation.uncertainty.propagation import (
     mass_matrix,
     prediction_deviations,
@@ -86,6 +86,12 @@ def test_a_part_that_decides_is_named(bench: Bench) -> None:
     problem = bench.problem(noise)
     found = diagnose(problem, WLS(), WLS().solve(problem).beta, 0)
     assert int(np.argmax(found.cook)) == 4
+    noise[480:600] += 5.0 * bench.size * np.sign(np.asarray(bench.log.dq)[480:600])
+    problem = bench.problem(noise)
+    found = diagnose(problem, WLS(), WLS().solve(problem).beta, 0)
+    assert int(np.argmax(found.cook)) == 4 and found.cook[4] > DECIDES
+    told = f"part 5 of 10 of the rows decides it (Cook's distance {found.cook[4]:.2g})"
+    assert found.verdicts()[-1] == told
 
 
 def test_noisy_states_bias_least_squares_and_are_found(bench: Bench) -> None:

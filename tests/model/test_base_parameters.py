@@ -18,6 +18,7 @@ from dynident.model.base_parameters import (
     TOLERANCE,
     WEAK,
     ZERO,
+    _remainders,
     base_parameters,
 )
 from dynident.model.descriptions import read_robot
@@ -227,6 +228,19 @@ def test_inertial_parameters_alone_are_a_part_of_all(coupled_arm: Robot) -> None
     assert whole.count == part.count + 9
     np.testing.assert_array_equal(whole.independent[: part.count], part.independent)
     np.testing.assert_allclose(whole.matrix[: part.count, : model.inertial_count], part.matrix, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_shares_are_what_the_other_columns_leave(name: str, request: pytest.FixtureRequest) -> None:
+    """In another basis of the same columns, by least squares; the largest column of a kind is the unit of its kind."""
+    base = base_parameters(model_of(request.getfixturevalue(name), "viscous"))
+    assert np.all(base.shares > WEAK) and np.all(base.shares <= 1.0 + 1e-12)
+    generator = np.random.default_rng(0)
+    columns = generator.normal(size=(20, 6)) * 10.0 ** generator.uniform(-3, 0, 6)
+    for k, found in enumerate(_remainders(columns)):
+        others = np.delete(columns, k, axis=1)
+        left = columns[:, k] - others @ np.linalg.lstsq(others, columns[:, k])[0]
+        assert found == pytest.approx(np.linalg.norm(left), rel=1e-9)
 
 
 def test_a_rank_that_is_not_clear_is_decided_and_told(spatial_3r: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
