@@ -126,6 +126,17 @@ def read_json(path: str | os.PathLike[str], step: str, kind: Callable[[object, s
         raise kind(path, f"no JSON that can be read ({error})", step) from error
 
 
+def is_json_of(path: str | os.PathLike[str], kind: str) -> bool:
+    """Return whether a file is called as JSON and names its kind at the beginning, as files of ours do."""
+    if not str(path).lower().endswith(".json"):
+        return False
+    try:
+        with Path(path).open("rb") as stream:
+            return kind.encode() in stream.read(200)
+    except OSError:
+        return False
+
+
 def expanded(name: str) -> Path:
     """Return a path with ``~`` and ``~user`` replaced; as it is where nobody has such a home."""
     try:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dynident.cli.main import main
+from dynident.estimation.comparison.truth import read_truth
 from dynident.estimation.estimate_file import read_estimate
 from dynident.experiment.case_file.case import read_case
 from dynident.experiment.design.limits import MotionLimits
@@ -145,6 +146,27 @@ def test_the_intervals_of_identify_hold_the_truth(here: Path) -> None:
     truth = estimate.base.from_standard(np.array([one["value"] for one in stated]))
     assert np.mean(np.abs(estimate.beta - truth) <= estimate.half_widths(0.95)) >= 0.9
     assert np.sqrt(np.mean(((estimate.beta - truth) / estimate.deviations) ** 2)) < 1.5
+
+
+def test_the_truth_beside_a_log_is_what_methods_are_compared_with(here: Path, capsys: Capture) -> None:
+    settings = ["--set", "truth.friction.Fc=2,1", "--set", "truth.spread=0.3", "--set", "payload.mass=0.4"]
+    assert main(["simulate", "case.yaml", "plan.json", "-o", "run.csv", "--quiet", *settings]) == 0
+    truth = json.loads(Path("run.truth.json").read_text())
+    model = read_case("case.yaml").model
+    assert read_truth("run.truth.json", model).tolist() == [each["value"] for each in truth["parameters"]]
+    words = ["compare", "case.yaml", "run.csv", "--estimators", "wls", "--json", "--truth"]
+    capsys.readouterr()
+    assert main([*words, "run.truth.json"]) == 0
+    assert json.loads(capsys.readouterr().out)["methods"][0]["parameter_error"] < 0.02
+    for change, said in (
+        ({"format": 2}, "format: it is not 1; simulate again with this version"),
+        ({"robot": "other"}, "robot: of 'other', the case has 'arm2'; give the .truth.json"),
+        ({"parameters": [{"symbol": "m"}]}, "parameters: not all have symbol, owner and value"),
+        ({"parameters": truth["parameters"][1:]}, "bad.json: no parameter Ixx[upper]; give one made with the same"),
+    ):
+        Path("bad.json").write_text(json.dumps({**truth, **change}))
+        assert main([*words, "bad.json"]) == 1
+        assert said in capsys.readouterr().err
 
 
 def test_settings_change_the_cell(here: Path, capsys: Capture) -> None:

@@ -51,7 +51,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     known.add_argument("--prior", metavar="FILE", help="robot description or estimate whose inertias are the prior")
     known.add_argument("--constraints", metavar="FILE", help="masses, centres, hulls: YAML as in the case file")
     known.add_argument(
-        "--truth", metavar="FILE", help="description or estimate of the virtual robot: adds the parameter error"
+        "--truth",
+        metavar="FILE",
+        help="truth that simulate wrote, description or estimate of the virtual robot: adds the parameter error",
     )
     add_case_options(parser)
     output = parser.add_argument_group("output")

@@ -108,10 +108,12 @@ def run(options: argparse.Namespace) -> int:
 
 def _facts(options: argparse.Namespace, setup: CellSetup, model: DynamicModel, found: CellRun) -> dict[str, Any]:
     """Return what is true of the log, as plain data."""
+    from dynident.experiment.simulation.truth import FORMAT, KIND
+
     robot = model.robot
     return {
-        "kind": "dynident truth",
-        "format": 1,
+        "kind": KIND,
+        "format": FORMAT,
         "log": options.output,
         "robot": robot.name,
         "plan": options.plan,

@@ -11,6 +11,7 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError, UnknownChoice
 from dynident.estimation.consistency.scale import BodyPrior
 from dynident.estimation.estimate_file import read_estimate
+from dynident.files import is_json_of
 from dynident.model.descriptions import read_robot
 from dynident.model.parameters import inertial_parameters
 from dynident.model.robot import Robot
@@ -54,13 +55,7 @@ def read_prior(path: str | Path, robot: Robot, locked: Mapping[str, float] | Non
 
 def is_estimate(path: str | Path) -> bool:
     """Return whether a file is called and begins as an estimate file does."""
-    if not str(path).lower().endswith(".json"):
-        return False
-    try:
-        with Path(path).open("rb") as stream:
-            return b"dynident estimate" in stream.read(200)
-    except OSError:
-        return False
+    return is_json_of(path, "dynident estimate")
 
 
 def _check_frames(path: str | Path, given: Robot, robot: Robot) -> None:

@@ -13,6 +13,9 @@ from dynident.experiment.simulation.effects import Numbers, each
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
 
+#: What the file of the truth beside a simulated log says it is.
+KIND, FORMAT = "dynident truth", 1
+
 
 @dataclass(frozen=True)
 class Truth:
