@@ -101,6 +101,9 @@ def test_wls_does_not_care_about_the_unit_of_a_joint(sliding_arm: Robot, exact_l
     np.testing.assert_allclose(other.weights, plain.weights * [1, 1e-3, 1], rtol=1e-6)
     moved = OLS().solve(in_other_units).beta - OLS().solve(problem).beta
     assert np.abs(moved).max() > 1e-3
+    for unit in (1e-3, 1e3):
+        scaled = replace(problem, triangles=tuple(replace(t, factor=unit * t.factor) for t in problem.triangles))
+        assert WLS().solve(scaled).extras == WLS().solve(problem).extras  # it ends by the relative change
 
 
 @pytest.mark.parametrize("estimator", [OLS(), WLS()], ids=["ols", "wls"])

@@ -230,6 +230,24 @@ def test_inertial_parameters_alone_are_a_part_of_all(coupled_arm: Robot) -> None
     np.testing.assert_allclose(whole.matrix[: part.count, : model.inertial_count], part.matrix, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("axis", "grouped"), [(0, {"Iyy", "mx", "m"}), (1, {"Ixx", "my", "m"}), (2, {"Iyy", "mz", "m"})]
+)
+def test_what_goes_into_the_link_before_follows_the_axis(
+    axis: int, grouped: set[str], random_tree: Callable[..., Robot]
+) -> None:
+    """Turning joints in general position: each link after the first keeps the other seven (Khalil and Dombre 2002)."""
+    tree = random_tree(4, 3)
+    joints = tuple(
+        replace(joint, kind="revolute", parent=i - 1, axis=np.eye(3)[axis]) for i, joint in enumerate(tree.joints)
+    )
+    base = base_parameters(model_of(replace(tree, joints=joints, coupling=None)))
+    kept = [base.parameters[k].name for k in base.independent]
+    for link in ("link2", "link3"):
+        symbols = {"Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz", "mx", "my", "mz", "m"}
+        assert {name.partition("[")[0] for name in kept if name.endswith(f"[{link}]")} == symbols - grouped
+
+
 @pytest.mark.parametrize("name", ARMS)
 def test_shares_are_what_the_other_columns_leave(name: str, request: pytest.FixtureRequest) -> None:
     """In another basis of the same columns, by least squares; the largest column of a kind is the unit of its kind."""
