@@ -53,7 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--truth",
         metavar="WHAT",
         help="description (default, where the cell names no other): its masses, friction that it does not state is "
-        "invented; random: a random possible robot near it; or a file: estimate, description, truth that simulate wrote",
+        "invented; random: a random possible robot near it; or a file: estimate, description, truth of simulate",
     )
     robot.add_argument(
         "--noise",
