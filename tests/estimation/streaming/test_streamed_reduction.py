@@ -113,6 +113,19 @@ def test_time_that_is_not_even(jitter: float, cut: slice | None, case: Case, mak
     assert [step for step in reduced.chunks[0].steps if "resampled" in step] == [s for s in steps if "resampled" in s]
 
 
+@pytest.mark.parametrize(("jitter", "cut"), [(0.0, None), (0.4, slice(2090, 2120))], ids=["even", "jitter and a gap"])
+@pytest.mark.parametrize("rows", [40, 1999])
+def test_the_blocks_in_which_a_log_is_read_do_not_matter(
+    rows: int, jitter: float, cut: slice | None, case: Case, make: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Logs longer than one block: the grid goes on over their seams, and so does the look for gaps."""
+    logs = [make("run.npz", samples=4000, jitter=jitter, cut=cut)]
+    wanted = in_memory(case, logs, "wls")
+    for name in ("times", "blocks"):
+        monkeypatch.setattr(getattr(LogStream, name), "__defaults__", (rows,))
+    assert_same(identify_digest(reduce_logs(case, logs), "wls"), wanted)
+
+
 @pytest.mark.parametrize("estimator", ["ols", "consistent", "log_cholesky", "ridge"])
 def test_estimators_of_triangles_say_the_same_over_several_logs(
     estimator: str, case: Case, make: Callable[..., Path]
