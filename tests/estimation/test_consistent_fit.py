@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -283,6 +284,15 @@ def test_contradictions_are_named(name: str, metric: Metric) -> None:
         fit_of(noisy(11, 3), constraints=known, metric=metric)
     assert all(word in str(caught.value) for word in words)
     assert "link3: mass" not in str(caught.value) or name == "equations"
+
+
+def test_what_is_short_is_told_in_its_unit() -> None:
+    """5 kg and 4 kg do not fit into 8 kg: at best the three conditions are missed by one kilogram together."""
+    known, _ = CLASHES["masses"]
+    with pytest.raises(ContradictoryConstraints) as caught:
+        fit_of(noisy(11, 3), constraints=known)
+    amounts = [float(amount) for amount in re.findall(r"short by (\S+) kg at best", str(caught.value))]
+    assert len(amounts) == 3 and min(amounts) > 0 and sum(amounts) == pytest.approx(1.0, abs=0.02)
 
 
 def test_the_deepest_point_is_proven() -> None:
