@@ -25,6 +25,7 @@ from dynident.files import write_atomically
 _STEP = "write it with numpy.savez(path, t=t, q=q, tau=tau)"
 _MAX_BYTES = 1 << 44
 _MAX_MEMBERS = 4096
+_PIECE = 1 << 20
 
 #: What lets the reading of an archive end that is none, or is damaged.
 _DAMAGE = (
@@ -120,7 +121,7 @@ def _parts(path: str | Path, name: str, count: int, rows: int) -> Iterator[Array
             starts = [begin + k * count * kind.itemsize for k in range(width)] if apart else [begin]
             streams = [archive.open(f"{name}.npy") for _ in starts]
             for start, one in zip(starts, streams, strict=True):
-                one.seek(start)
+                _skip(one, start)
             for first in range(0, count, rows):
                 size = min(rows, count - first)
                 cells = size if apart else size * width
@@ -130,6 +131,12 @@ def _parts(path: str | Path, name: str, count: int, rows: int) -> Iterator[Array
                 one.close()
     except _DAMAGE as error:
         raise LogFormatError(path, None, f"a damaged NumPy archive ({error})", _STEP) from error
+
+
+def _skip(stream: IO[bytes], size: int) -> None:
+    """Read on by so many bytes: `seek` in members beside each other goes astray on Python 3.12.1 and 3.13.0."""
+    while size:
+        size -= len(_exactly(stream, min(size, _PIECE)))
 
 
 def _exactly(stream: IO[bytes], size: int) -> bytes:
