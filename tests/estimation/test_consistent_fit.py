@@ -250,6 +250,31 @@ def test_stated_constraints_hold() -> None:
         assert any("centre of mass" in each["condition"] or "mass" in each["condition"] for each in fit.active)
 
 
+def test_matter_stays_in_its_box_and_centres_in_their_plane() -> None:
+    """Second moments are those of points in the slab of each axis; flat hulls and equal bounds are equations."""
+    posed = noisy(3, 4)
+    low, high = np.array([-0.2, -0.1, -0.15]), np.array([0.2, 0.15, 0.1])
+    flat = np.array([[0.0, 0.0, 0.02], [0.3, 0.0, 0.02], [0.0, 0.3, 0.02]])
+    known = Constraints(
+        {
+            "link1": BodyConstraints(body_box=Box(low, high)),
+            "link2": BodyConstraints(centre_hull=flat),
+            "link3": BodyConstraints(centre_box=Box(np.array([0.01, -1, -1]), np.array([0.01, 1, 1]))),
+        }
+    )
+    fit = fit_of(posed, constraints=known)
+    assert fit.optimality.gap <= 1e-6
+    first, second, third, _ = (Inertia.from_vector(ten) for ten in fit.theta[:40].reshape(4, 10))
+    mean, square = first.centre_of_mass, np.diag(first.pseudo)[:3] / first.mass
+    assert np.all(square <= (low + high) * mean - low * high + 1e-6)  # (x - low)(high - x) >= 0 on average
+    moment = second.vector[6:9]  # equations hold to a share of the link's size, however small its mass
+    assert moment[2] == pytest.approx(0.02 * second.mass, abs=1e-6) and moment[:2].sum() <= 0.3 * second.mass + 1e-6
+    assert third.vector[6] == pytest.approx(0.01 * third.mass, abs=1e-6)
+    free = [Inertia.from_vector(ten) for ten in fit_of(posed).theta[:40].reshape(4, 10)]
+    beyond = np.diag(free[0].pseudo)[:3] / free[0].mass - (low + high) * free[0].centre_of_mass + low * high
+    assert beyond.max() > 0.01 and abs(free[1].centre_of_mass[2] - 0.02) > 0.01  # the data alone would break them
+
+
 BOX = Box(np.array([0.5, -0.1, -0.1]), np.array([0.6, 0.1, 0.1]))
 SMALL = Ellipsoid(np.zeros(3), np.full(3, 0.1))
 
