@@ -16,6 +16,7 @@ from dynident.experiment.formats import (
     Units,
     _arrays,
     npz,
+    open_log,
     read_header,
     read_log,
     write_log,
@@ -198,6 +199,18 @@ def test_an_archive_that_unpacks_to_more_than_it_should(
     monkeypatch.setattr(npz, "_shape", lambda *_: pytest.fail("it was opened"))
     with pytest.raises(LogFormatError, match="it unpacks to more than a log can hold"):
         read_log(tmp_path / "run.npz", ColumnMap(torque=()))
+
+
+@pytest.mark.parametrize("rows", [2, 12])
+def test_a_log_with_fewer_rows_than_joints_is_not_read_the_other_way(tmp_path: Path, rows: int) -> None:
+    q = np.arange(14.0 * rows).reshape(rows, 14)
+    np.savez(tmp_path / "run.npz", t=np.arange(float(rows)), q=q, tau=-q)
+    table = open_log(tmp_path / "run.npz")
+    assert table.header == ("t", *(f"{name}{k}" for name in ("q", "tau") for k in range(1, 15)))
+    np.testing.assert_array_equal(table.columns([f"q{k}" for k in range(1, 15)]), q)
+    if rows < 10:
+        with pytest.raises(LogFormatError, match="only 2 rows; an identification needs seconds of motion"):
+            read_log(tmp_path / "run.npz", ColumnMap())
 
 
 def test_arrays_of_more_cells_than_are_read_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -210,6 +210,29 @@ def test_a_log_without_a_time_takes_its_rate(arm: str, motion: dict[str, Array],
     answers = {"the unit of the time": "s", "the unit of the positions": "rad", "the unit of the torques": "SI"}
     case = read(draft, tmp_path, {"the column of the time": "100 Hz", **answers})
     np.testing.assert_allclose(case.read(case.train[0]).time, motion["time"], atol=1e-12)
+    assert any("draft again with --rate" in remark for remark in draft.remarks)
+
+
+def test_units_are_looked_at_where_a_rate_stands_for_the_time(
+    arm: str, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    columns = numbered({**motion, "q": np.rad2deg(motion["q"])}, q="q{} [deg]")
+    turning = np.array(np.gradient(motion["q"], motion["time"], axis=0))
+    columns |= {f"dq{k + 1}": column for k, column in enumerate(turning.T)}
+    timed = draft_case(arm, write_log(tmp_path / "timed.csv", columns), tmp_path)
+    timeless = write_log(tmp_path / "run.csv", {name: values for name, values in columns.items() if name != "t"})
+    draft = draft_case(arm, timeless, tmp_path, rate_hz=100.0)
+    told, wanted = ({q: unit for q, unit in each.found.units.items() if q != "time"} for each in (draft, timed))
+    assert not draft.needed and told == wanted
+    case, other_case = (read(each, tmp_path) for each in (draft, timed))
+    assert (case.columns.time, case.columns.units) == ("100 Hz", other_case.columns.units)
+    found, log = case.read(case.train[0]), other_case.read(other_case.train[0])
+    for one, other in ((found.time, log.time), (found.q, log.q), (found.torque, log.torque)):
+        np.testing.assert_allclose(np.asarray(one), np.asarray(other), atol=1e-9)
+    with pytest.raises(BadOption, match="rate = '0' is not possible; give the rows a second, above 0"):
+        draft_case(arm, timeless, tmp_path, rate_hz=0.0)
+    with pytest.raises(BadOption, match="leave the profile out, it names a column of the time"):
+        draft_case(arm, timeless, tmp_path, rate_hz=100.0, profile="franka")
 
 
 def test_velocities_in_another_unit_are_left_out(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     kind.add_argument(
         "--format-option", action="append", default=[], metavar="KEY=VALUE", help="such as topics=/joint_states"
     )
+    kind.add_argument("--rate", type=float, metavar="HZ", help="rows a second, where no column has the time")
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="FILE", default="case.yaml", help="default: case.yaml")
     output.add_argument("--force", action="store_true", help="write over a file that is there")
@@ -57,6 +58,7 @@ def run(options: argparse.Namespace) -> int:
         profile=options.profile,
         form=options.format,
         form_options=_format_options(options),
+        rate_hz=options.rate,
     )
     write_atomically(options.output, draft.text)
     lines = ", ".join(str(question.line) for question in draft.needed)

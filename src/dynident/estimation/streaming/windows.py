@@ -219,13 +219,13 @@ def _on_grid(stream: LogStream, scan: TimeScan, meaning: Callable[[Log], Log]) -
     for block in stream.blocks():
         log = meaning(block)
         check_finite(log, done)
-        check_turns(log)
+        whole = log if before is None else _joined(before, log)
+        check_turns(whole)
         done += log.samples
+        before = whole.rows(slice(-1, None), "last row")
         if scan.is_even:
             yield log
             continue
-        whole = log if before is None else _joined(before, log)
-        before = whole.rows(slice(-1, None), "last row")
         moved = _interpolated(whole, scan, done == scan.samples)
         if moved is not None:
             yield moved

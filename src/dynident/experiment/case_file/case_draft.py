@@ -21,6 +21,7 @@ from dynident.experiment.case_file.draft.readings import gaps, opened
 from dynident.experiment.case_file.draft.recognise import cutoff_of, recognised
 from dynident.experiment.case_file.questions import Question, questions_in
 from dynident.experiment.formats import FORMATS, LARGE, LogFormat, Table, bytes_of
+from dynident.experiment.formats._clocked_table import with_clock
 from dynident.experiment.profiles import PROFILES
 from dynident.model.descriptions import read_robot
 
@@ -59,6 +60,7 @@ def draft_case(
     profile: str = "",
     form: str = "",
     form_options: Mapping[str, str | None] | None = None,
+    rate_hz: float | None = None,
 ) -> Draft:
     """Draft the case file of a robot and its logs.
 
@@ -70,13 +72,14 @@ def draft_case(
         profile: Profile of the logs; empty for the one that their columns fit.
         form: Format of the logs; empty for the one by their suffix.
         form_options: Options of the format as text.
+        rate_hz: Rows a second of logs that have no column of the time; None where one is there.
 
     Raises:
         FileError: A file cannot be read.
         DescriptionError: A fault in the robot description.
         LogFormatError: No sound log.
         UnknownChoice: No such profile or format.
-        BadOption: A profile that does not fit the columns.
+        BadOption: A profile that does not fit the columns, or is named beside a rate; a rate that is none.
     """
     described = read_robot(robot)
     train = (logs,) if isinstance(logs, str) else tuple(logs)
@@ -85,6 +88,14 @@ def draft_case(
     if profile:
         PROFILES.get(profile)
     tables, written = _tables((*train, *test), form, dict(form_options or {}))
+    if rate_hz is not None:
+        if profile or not 0 < rate_hz < np.inf:
+            step = (
+                "leave the profile out, it names a column of the time" if profile else "give the rows a second, above 0"
+            )
+            raise BadOption("rate", f"{rate_hz:g}", step)
+        clock = f"{np.format_float_positional(rate_hz, trim='-')} Hz"
+        tables = [with_clock(table, clock, rate_hz) for table in tables]
     found = recognised(described, tables, profile)
     if profile and not found.profiles:
         reads = ", ".join(channel.pattern for channel in PROFILES.make(profile).read_channels().values())
@@ -212,7 +223,8 @@ def _remarks(found: Found) -> list[str]:
             remarks.append(f"{Path(reading.path).name} has gaps in time: split it there")
     if not found.time or "q" not in found.sources:
         what = "time" if not found.time else "positions"
-        step = "fill them in, or draft again with --profile"
+        rate = "; where the log has none, draft again with --rate, its rows a second, and units are looked at"
+        step = f"fill them in, or draft again with --profile{'' if found.time else rate}"
         remarks.append(f"the columns of the {what} cannot be told: {step}{_ELSEWHERE if found.time else ''}")
         return remarks
     moving, told = found.moving, found.units["position"]

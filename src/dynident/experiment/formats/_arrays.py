@@ -89,7 +89,8 @@ def columns_of(
     """Return the columns of a file of arrays, and the number of their rows.
 
     A vector of N numbers is a column of its own name; an array (N, k) or (k, N) is the columns name1, ..., namek. N is
-    the length that most arrays have; arrays of other shapes are passed over.
+    the length that most arrays have, which of a log with fewer rows than joints the vectors say; arrays of other shapes
+    are passed over.
 
     Args:
         path: The file, for messages.
@@ -104,7 +105,7 @@ def columns_of(
         step = "save time, positions and torques as arrays with a row per sample, such as t (N,), q (N, n), tau (N, n)"
         raise LogFormatError(path, None, "it holds no arrays of numbers over time", step)
     most = max(lengths.values())
-    count = max(length for length, times in lengths.items() if times == most)
+    count = _rows_by_vectors(shapes, max(length for length, times in lengths.items() if times == most))
     found: dict[str, Place] = {}
     for name, shape in shapes.items():
         if len(shape) == 1 and shape[0] == count:
@@ -117,6 +118,17 @@ def columns_of(
             single = width == 1 and not number_vectors
             found |= {name if single else f"{name}{k + 1}": Place(name, k, across) for k in range(width)}
     return found, count
+
+
+def _rows_by_vectors(shapes: Mapping[str, tuple[int, ...]], longest: int) -> int:
+    """Return the number of rows: the longest side of most arrays, or a shorter one that vectors have and all of these.
+
+    No vector has then the length ``longest``, as the time does where that is the number of rows.
+    """
+    sides = [shape for shape in shapes.values() if len(shape) == 2 and min(shape) > 1 and longest in shape]
+    vectors = {max(shape) for shape in shapes.values() if shape and max(shape) == np.prod(shape)}
+    shorter = {length for length in vectors if sides and all(length in shape for shape in sides)}
+    return longest if longest in vectors else max(shorter, default=longest)
 
 
 def checked_file(path: str | Path, most: int) -> str:

@@ -82,13 +82,18 @@ def clocked(table: Table, columns: ColumnMap) -> Table:
         raise BadOption("time", columns.time, "state the rows a second, such as 200 Hz")
     if columns.units.time != "s":
         raise BadOption("units.time", columns.units.time, f"leave it out: the time is made of the rate {columns.time}")
+    return with_clock(table, columns.time, rate)
+
+
+def with_clock(table: Table, clock: str, rate: float) -> ClockedTable:
+    """Return a table with a column of the time called ``clock``, at ``rate`` rows a second."""
     return ClockedTable(
         path=table.path,
         sha256=table.sha256,
-        header=(columns.time, *table.header),
-        how=f"{table.how}, {columns.time} for want of a column of the time",
+        header=(clock, *table.header),
+        how=f"{table.how}, {clock} for want of a column of the time",
         line=table.line,
         inner=table,
-        clock=columns.time,
+        clock=clock,
         rate=rate,
     )

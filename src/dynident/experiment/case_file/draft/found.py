@@ -46,7 +46,8 @@ class Found:
     Attributes:
         robot: The robot with all its joints.
         header: Columns of the first log.
-        time: Column of the time; empty where none is known.
+        time: Column of the time, or the stated rate in its place; empty where neither is known.
+        is_clocked: Whether it is a rate.
         sources: Columns of each signal.
         joints: The joints of the columns.
         readings: The logs.
@@ -68,6 +69,7 @@ class Found:
     robot: Robot
     header: tuple[str, ...]
     time: str = ""
+    is_clocked: bool = False
     sources: Mapping[str, Source] = field(default_factory=dict)
     joints: JointChoice = field(default_factory=lambda: JointChoice((), False, ""))
     readings: tuple[Reading, ...] = ()

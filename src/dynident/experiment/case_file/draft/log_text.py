@@ -75,7 +75,7 @@ def _columns(found: Found) -> list[str]:
     if found.time:
         lines.append(f"    time: {quoted(found.time)}")
     else:
-        text = f"the column of the time; the log has {few(found.header)}; where none is, the rate, such as 200 Hz"
+        text = f"the column of the time; the log has {few(found.header)}; where none is, draft again with --rate"
         lines.append(asked("    time", text))
     for signal in ("q", "dq", "torque", "current", "q_ref", "dq_ref"):
         if signal in found.sources:

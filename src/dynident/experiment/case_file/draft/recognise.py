@@ -18,6 +18,7 @@ from dynident.experiment.case_file.draft.told_units import Told, position_unit, 
 from dynident.experiment.case_file.draft.torque_evidence import torque_evidence
 from dynident.experiment.case_file.draft.yaml_words import listed, quoted
 from dynident.experiment.formats import Table
+from dynident.experiment.formats._clocked_table import ClockedTable
 from dynident.experiment.formats.base import UNITS
 from dynident.experiment.turns import jumps_of_a_turn, turns_counted
 from dynident.model.robot import Robot
@@ -46,10 +47,11 @@ def recognised(robot: Robot, tables: Sequence[Table], profile: str = "") -> Foun
     Raises:
         LogFormatError: A log lacks a column of the first, or a cell is no number.
     """
-    header = tables[0].header
-    fits = fitting_profiles(header, robot.joint_names)
+    clock = tables[0].clock if isinstance(tables[0], ClockedTable) else ""
+    header = tuple(name for name in tables[0].header if name != clock)
+    fits = [] if clock else fitting_profiles(header, robot.joint_names)  # a profile knows its column of the time
     fits = [fit for fit in fits if not profile or fit.name == profile]
-    found = Found(robot, header, profiles=tuple(fits))
+    found = Found(robot, header, time=clock, is_clocked=bool(clock), profiles=tuple(fits))
     found = _by_profile(found, fits) if fits else _by_names(found)
     if not found.time or "q" not in found.sources:
         return found
@@ -88,7 +90,7 @@ def _by_profile(found: Found, fits: Sequence[ProfileFit]) -> Found:
 
 def _by_names(found: Found) -> Found:
     choice = choose_signals(groups_of(found.header, found.robot.joint_names), found.robot.dof)
-    times = time_columns(found.header)
+    times = [found.time] if found.is_clocked else time_columns(found.header)
     sources = {signal: _source(group) for signal, group in choice.groups.items() if signal not in choice.rivals}
     left_out = {}
     if "torque" in sources and "current" in sources:
@@ -123,7 +125,9 @@ def _by_values(found: Found) -> Found:
     """Return what is recognised once the rows are read: joints, units, band, joints that stand still."""
     first = found.readings[0]
     units = _profile_units(found)
-    if "time" not in units:
+    if found.is_clocked:
+        units["time"] = Told(("s",), True, f"made of the rate, {found.time}")
+    elif "time" not in units:
         units["time"] = time_unit(first.step, unit_of_time(found.time))
     stated = {signal: _stated_unit(found, signal) for signal in found.sources}
     if not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
