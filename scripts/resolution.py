@@ -4,6 +4,7 @@ Core and extras are resolved from wheels alone, in the highest versions and in t
 Extras that a system has no wheels for are named in ``LEFT_OUT``. Run: python scripts/resolution.py FOLDER
 """
 
+import itertools
 import subprocess
 import sys
 import tomllib
@@ -21,22 +22,17 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     failed = False
-    for system in SYSTEMS:
-        wanted = [word for name in extras if name not in LEFT_OUT.get(system, ()) for word in ("--extra", name)]
-        for python in PYTHONS:
-            for mode in ("highest", "lowest-direct"):
-                out = folder / f"{system}-{python}-{mode}.txt"
-                command = ["uv", "pip", "compile", "--quiet", str(ROOT / "pyproject.toml"), *wanted]
-                command += ["--python-platform", system, "--python-version", python, "--only-binary", ":all:"]
-                done = subprocess.run(
-                    [*command, "--resolution", mode, "--output-file", str(out)],
-                    capture_output=True,
-                    text=True,
-                    check=False,
-                )
-                failed |= done.returncode != 0
-                said = "wheels" if done.returncode == 0 else " ".join(done.stderr.split())
-                print(f"{system} {python} {mode}: {said}", flush=True)
+    for system, python in itertools.product(SYSTEMS, PYTHONS):
+        some = [name for name in extras if name not in LEFT_OUT.get(system, ())]
+        for what, mode in itertools.product(("core", "extras"), ("highest", "lowest-direct")):
+            out = folder / f"{system}-{python}-{what}-{mode}.txt"
+            command = ["uv", "pip", "compile", "--quiet", str(ROOT / "pyproject.toml"), "--only-binary", ":all:"]
+            command += ["--python-platform", system, "--python-version", python, "--resolution", mode]
+            command += [word for name in some if what == "extras" for word in ("--extra", name)]
+            done = subprocess.run([*command, "--output-file", str(out)], capture_output=True, text=True, check=False)
+            failed |= done.returncode != 0
+            said = "wheels" if done.returncode == 0 else " ".join(done.stderr.split())
+            print(f"{system} {python} {what} {mode}: {said}", flush=True)
     sys.exit(int(failed))
 
 
