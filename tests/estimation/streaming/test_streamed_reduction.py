@@ -126,6 +126,18 @@ def test_the_blocks_in_which_a_log_is_read_do_not_matter(
     assert_same(identify_digest(reduce_logs(case, logs), "wls"), wanted)
 
 
+def test_a_turn_between_two_blocks_is_seen(
+    case: Case, make: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = case.read(make("run.npz", samples=4000))
+    q = np.array(log.q)
+    q[1400:, 0] -= 2 * np.pi
+    write_log(replace(log, q=q), tmp_path / "turned.npz")
+    monkeypatch.setattr(LogStream.blocks, "__defaults__", (700,))
+    with pytest.raises(LogMismatch, match="positions jump by a whole turn between two samples: joint1 once"):
+        reduce_logs(case, [tmp_path / "turned.npz"])
+
+
 @pytest.mark.parametrize("estimator", ["ols", "consistent", "log_cholesky", "ridge"])
 def test_estimators_of_triangles_say_the_same_over_several_logs(
     estimator: str, case: Case, make: Callable[..., Path]
