@@ -16,6 +16,7 @@ from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.results.figures.chart import Across, Band, Level, Line, Mark, Plot, chart
 from dynident.results.figures.files import figure_file
+from dynident.results.text import counted
 from dynident.robots import er16_article as article
 
 HEAD = """\
@@ -279,7 +280,9 @@ def convergence(results: Sequence[tuple]) -> bytes | None:
             x = np.geomspace(steps[0], steps[-1], 600)  # a band is drawn column by column
             low, high = (np.interp(np.log(x), np.log(steps), edge) for edge in (values.min(axis=0), values.max(axis=0)))
             marks.append(Band("", x, high, k, low=low))
-            marks.append(Line(f"{name}, {len(values)} seeds", steps, np.median(values, axis=0), k, width=1.8))
+            marks.append(
+                Line(f"{name}, {counted(len(values), 'seed')}", steps, np.median(values, axis=0), k, width=1.8)
+            )
         plots.append(Plot(f"({part}) (9) / optimum", tuple(marks), 150.0, log=True, levels=(Level(1.0, ""),)))
     said = "The objective falls over the iterations: median of the seeds, and the range from the lowest to the highest."
     drawing = chart("Convergence of the colony", said, Across("iteration", log=True), plots)
