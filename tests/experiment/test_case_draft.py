@@ -157,6 +157,38 @@ def test_currents_ask_for_gains_and_say_roughly(arm: str, six: Robot, motion: di
     np.testing.assert_allclose(np.asarray(case.read(case.train[0]).torque), motion["torque"])
 
 
+def test_gains_of_milliamperes_are_per_ampere(arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path) -> None:
+    milli = {**motion, "torque": motion["torque"] / 12.0 * 1000}
+    draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(milli, torque="i{} [mA]")), tmp_path)
+    assert all("N m at the joint per A of i" in question.text for question in draft.needed)
+    rough = [float(q.text.partition("roughly ")[2].split()[0]) for q in draft.needed if "roughly" in q.text]
+    assert rough == pytest.approx([12.0] * len(rough), rel=0.2) and rough
+    case = read(draft, tmp_path, {f"gain of {name},": "12" for name in six.joint_names})
+    np.testing.assert_allclose(np.asarray(case.read(case.train[0]).torque), motion["torque"])
+
+
+def test_units_that_the_header_states_column_by_column(tmp_path: Path) -> None:
+    robot = read_robot("generic-scara")
+    motion, linear = moved(robot), np.array([joint.kind == "prismatic" for joint in robot.active])
+    motion["q"][:, linear] = 0.2 * motion["q"][:, linear] + 0.1
+    q = motion["q"] * np.where(linear, 1e3, 180 / np.pi)
+    for words, agree in ((("deg", "mm"), True), (("rad", "mm"), False)):
+        units = [words[int(is_linear)] for is_linear in linear]
+        efforts = ["N" if is_linear else "Nm" for is_linear in linear]
+        columns = {"Zeit [s]": motion["time"]}
+        columns |= {f"Istposition A{k + 1} [{unit}]": q[:, k] for k, unit in enumerate(units)}
+        columns |= {f"Drehmoment A{k + 1} [{unit}]": motion["torque"][:, k] for k, unit in enumerate(efforts)}
+        draft = draft_case("generic-scara", write_log(tmp_path / "run.csv", columns), tmp_path)
+        asked = [question.text for question in draft.needed if "the unit of" in question.text]
+        assert agree == (not asked) and not any("leaves its limits" in remark for remark in draft.remarks)
+        if agree:
+            log = read(draft, tmp_path, {"the bias of": "0"} if draft.needed else {}).read(str(tmp_path / "run.csv"))
+            np.testing.assert_allclose(log.q, motion["q"], atol=1e-9)
+            np.testing.assert_allclose(np.asarray(log.torque), motion["torque"], atol=1e-9)
+        else:
+            assert f"the header says [{', '.join(units)}]" in asked[0]
+
+
 def test_torques_are_taken_before_currents_and_commands_never(
     arm: str, motion: dict[str, Array], tmp_path: Path
 ) -> None:

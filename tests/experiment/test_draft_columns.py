@@ -62,6 +62,10 @@ def meaning(name: str) -> Meaning:
         ("tau_slave_interaction_1", "torque", "model", "", ""),
         ("tau2_mNm", "torque", "", "", "mN m"),
         ("angle 2 in deg", "q", "", "", "deg"),
+        ("right_arm_joint_2_eff", "torque", "", "", ""),
+        ("Istposition A1 [deg]", "q", "measured", "", "deg"),
+        ("Sollwinkel 3", "q", "commanded", "", ""),
+        ("IstGeschwindigkeit_2", "dq", "measured", "", ""),
         ("blue3", "", "", "", ""),
     ],
 )
@@ -107,6 +111,15 @@ def test_the_number_that_runs_is_that_of_the_joint() -> None:
     header = ["t", *(f"robot2_q_{k}" for k in range(6)), *(f"arm1.tau{k}.f2" for k in range(1, 7)), "q9x"]
     patterns = [group.pattern for group in groups_of(header, UR)]
     assert patterns == ["robot2_q_{0}", "arm1.tau{}.f2"]
+
+
+def test_columns_whose_units_differ_belong_together() -> None:
+    header = ["Position A1 [deg]", "Position A2 [mm]", "Position A3 [deg]", "A1 [deg]", "A1 [Nm]", "A2 [mm]", "A2 [N]"]
+    (group, *others) = groups_of(header, ())
+    assert group.names == tuple(header[:3]) and group.units == ("deg", "mm", "deg") and not others
+    (one, two) = groups_of(["q1 [deg]", "q2 [deg]", "q1 [rad]", "q2 [rad]"], ())
+    assert (one.pattern, one.meaning.unit, one.units) == ("q{} [deg]", "deg", ())
+    assert (two.pattern, two.meaning.unit, two.units) == ("q{} [rad]", "rad", ())
 
 
 def test_words_that_are_not_known_are_kept() -> None:

@@ -19,6 +19,7 @@ from dynident.experiment.case_file.draft.found import Found
 from dynident.experiment.case_file.draft.joint_choice import outside_limits
 from dynident.experiment.case_file.draft.readings import gaps, opened
 from dynident.experiment.case_file.draft.recognise import cutoff_of, recognised
+from dynident.experiment.case_file.draft.told_units import position_factors
 from dynident.experiment.case_file.questions import Question, questions_in
 from dynident.experiment.formats import FORMATS, LARGE, LogFormat, Table, bytes_of
 from dynident.experiment.formats._clocked_table import with_clock
@@ -230,8 +231,8 @@ def _remarks(found: Found) -> list[str]:
     moving, told = found.moving, found.units["position"]
     if moving is not None and told.certain and found.joints.certain:
         order = [found.joints.names.index(joint.name) for joint in moving.active]
-        factor = np.pi / 180 if "deg" in told.words else 1.0
-        q = np.concatenate([reading.signals["q"] for reading in found.readings])[:, order] * factor
+        q = np.concatenate([reading.signals["q"] for reading in found.readings])
+        q = (q * position_factors(told, q.shape[1]))[:, order]
         outside = outside_limits(moving.active, q)
         remarks += [f"{text}: check units, sign and order of the columns" for text in outside]
     for name in found.still:

@@ -14,6 +14,7 @@ from dynident.experiment.case_file.draft.drive_text import drive_lines
 from dynident.experiment.case_file.draft.found import Found
 from dynident.experiment.case_file.draft.log_text import log_lines
 from dynident.experiment.case_file.draft.recognise import cutoff_of, facts_of
+from dynident.experiment.case_file.draft.told_units import position_factors
 from dynident.experiment.case_file.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.experiment.preprocessing import at_rest
 from dynident.model.descriptions.base import shipped_robots
@@ -185,9 +186,9 @@ def _rest_share(found: Found) -> float:
     reading = found.readings[0]
     time = reading.time * found.to_seconds
     even = np.linspace(time[0], time[-1], min(len(time), 20_000))
-    told = found.units["position"]
-    deg = np.pi / 180 if "deg" in told.words else 1.0
-    q = np.column_stack([np.interp(even, time, column) for column in reading.signals["q"].T]) * deg
+    positions = reading.signals["q"]
+    factors = position_factors(found.units["position"], positions.shape[1])
+    q = np.column_stack([np.interp(even, time, column) for column in positions.T]) * factors
     return float(at_rest(np.gradient(q, even[1] - even[0], axis=0), _STANDSTILL, 1 / (even[1] - even[0])).mean())
 
 

@@ -24,12 +24,14 @@ class Group:
         columns: Column by joint: its place in the robot, counted from 0, or its number in the names.
         named: Whether the joints are told by their names; else by numbers.
         pattern: How the case file writes the columns, such as ``q_{0}``; empty where only a list says them.
+        units: Unit in the name of each column, in the order of their joints, where they differ; else empty.
     """
 
     meaning: Meaning
     columns: Mapping[int, str]
     named: bool
     pattern: str = ""
+    units: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -131,27 +133,36 @@ def _joint_pattern(columns: Mapping[int, str], joints: Sequence[str]) -> str:
 
 
 def _numbered_groups(header: Sequence[str]) -> list[Group]:
-    """Return groups whose names differ in one number that runs from 0 or 1."""
+    """Return groups whose names differ in one number that runs from 0 or 1, and perhaps in their units."""
     holes: dict[tuple[str, str], dict[int, str]] = {}
+    twice: set[tuple[str, str]] = set()
     for name in header:
         numbers = list(re.finditer(r"\d+", name))
         if not 0 < len(numbers) <= _MOST_NUMBERS:
             continue
+        base = split_unit(name)[0]
         for number in numbers:
-            key = (name[: number.start()], name[number.end() :])
-            holes.setdefault(key, {}).setdefault(int(number[0]), name)
+            for text in dict.fromkeys((name, base)):
+                key = (text[: number.start()], text[number.end() :])
+                if text != name and int(number[0]) in holes.get(key, {}):
+                    twice.add(key)  # the unit alone tells these columns apart
+                holes.setdefault(key, {}).setdefault(int(number[0]), name)
+    holes = {key: columns for key, columns in holes.items() if key not in twice}
     found = []
     taken: set[str] = set()
     for (before, after), columns in sorted(holes.items(), key=lambda item: -len(item[1])):
         run = _run(columns)
         if not run or taken.intersection(run.values()):
             continue
+        units = tuple(split_unit(run[number])[1] for number in sorted(run))
         base, unit = split_unit(f"{before}\0{after}")
+        unit = units[0] if len(set(units)) == 1 else unit
         words = [word for word in tokens_of(base.replace("\0", " ")) if not word.isdigit()]
         meaning = meaning_of(words, unit, at_end=bool(tokens_of(base.partition("\0")[2])))
         if meaning.signal and meaning.signal != "time":
             taken.update(run.values())
-            found.append(Group(meaning, run, False, _number_pattern(before, after, run)))
+            several = units if len(set(units)) > 1 else ()
+            found.append(Group(meaning, run, False, _number_pattern(before, after, run), several))
     order = {name: k for k, name in enumerate(header)}
     return sorted(found, key=lambda group: order[group.names[0]])
 

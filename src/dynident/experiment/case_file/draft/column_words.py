@@ -11,11 +11,13 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "time": ("t", "time", "timestamp", "timestamps", "stamp", "times", "timesec", "clock", "zeit"),
     "q": ("q", "pos", "position", "positions", "theta", "angle", "angles", "ang", "qpos", "jpos", "winkel", "θ"),
     "dq": (
-        "dq", "qd", "vel", "velocity", "velocities", "qdot", "dqdt", "qvel", "jvel", "speed", "speeds", "omega", "ω"
+        "dq", "qd", "vel", "velocity", "velocities", "qdot", "dqdt", "qvel", "jvel", "speed", "speeds", "omega", "ω",
+        "geschwindigkeit",
     ),
     "ddq": ("ddq", "qdd", "acc", "acceleration", "accelerations", "accel", "qddot"),
     "torque": (
-        "tau", "torque", "torques", "tor", "torq", "trq", "effort", "efforts", "moment", "moments", "drehmoment", "τ"
+        "tau", "torque", "torques", "tor", "torq", "trq", "effort", "efforts", "eff", "moment", "moments", "drehmoment",
+        "τ",
     ),
     "current": ("i", "current", "currents", "cur", "curr", "iq", "amps", "strom"),
     "temperature": ("temp", "temperature", "temperatures"),
@@ -43,7 +45,7 @@ _OTHER = frozenset(
 #: Words that say nothing more about a column.
 _NEUTRAL = frozenset(
     "joint joints j axis a achse arm robot state states value values observation data of s field msg header raw grp "
-    "group actuator actuators".split()
+    "group actuator actuators wert".split()
 )
 
 #: What a dot over a signal makes of it.
@@ -90,8 +92,16 @@ class Meaning:
     strange: tuple[str, ...] = ()
 
 
+#: Words that German writes as one: a wanted or a measured value.
+_WRITTEN_TOGETHER = re.compile(
+    r"(?<![^\W\d_])(soll|ist)(?=(?:position|winkel|geschwindigkeit|drehmoment|moment|strom|wert)(?![^\W\d_]))",
+    re.IGNORECASE,
+)
+
+
 def tokens_of(name: str) -> list[str]:
     """Return the words and numbers of a name in small letters: ``jointPos_1`` is joint, pos, 1, ``qDes`` q, des."""
+    name = _WRITTEN_TOGETHER.sub(r"\1 ", name)
     spaced = re.sub(r"(?<=[a-z][a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[qx])(?=[A-Z][a-z])", " ", name)
     return [word.lower() for word in re.findall(r"[^\W\d_]+|\d+", spaced)]
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from dynident.experiment.case_file.draft.found import Found
 from dynident.experiment.case_file.draft.profile_fit import equally_good
+from dynident.experiment.case_file.draft.told_units import HEADER
 from dynident.experiment.case_file.draft.yaml_words import asked, offered, plain, quoted
 from dynident.model.robot import Joint, Robot
 
@@ -80,7 +81,8 @@ def _gain(found: Found, k: int, joint: Joint) -> list[str]:
         return []
     column = found.sources["current"].columns[k]
     unit = "N m" if joint.kind == "revolute" else "N"
-    text = f"the drive gain of {joint.name}, {unit} at the joint per unit of {column}"
+    per = "A" if _stated_current(found) else "unit"
+    text = f"the drive gain of {joint.name}, {unit} at the joint per {per} of {column}"
     return [asked("gain", f"{text}{_rough_gain(found, joint.name)}")]
 
 
@@ -91,7 +93,14 @@ def _rough_gain(found: Found, name: str) -> str:
     k = moving.joint_names.index(name)
     if evidence.shares[k] < _SURE or evidence.ratios[k] == 0:
         return ""
-    return f"; roughly {1.0 / evidence.ratios[k]:.2g} by the description's masses"
+    amperes = {"mA": 1e-3}.get(_stated_current(found), 1.0)
+    return f"; roughly {1.0 / (amperes * evidence.ratios[k]):.2g} by the description's masses"
+
+
+def _stated_current(found: Found) -> str:
+    """Return the unit of the currents that the header states, which the reader makes amperes of; empty for none."""
+    told = found.units.get("current")
+    return told.text if told is not None and told.why.startswith(HEADER) else ""
 
 
 def _vertical_slides(robot: Robot) -> dict[str, float]:

@@ -14,7 +14,14 @@ from dynident.experiment.case_file.draft.joint_choice import JointChoice, choose
 from dynident.experiment.case_file.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
 from dynident.experiment.case_file.draft.readings import STILL, Reading, band, read_rows, velocity_ratio
 from dynident.experiment.case_file.draft.signal_choice import choose_signals
-from dynident.experiment.case_file.draft.told_units import Told, position_unit, time_unit, torque_unit
+from dynident.experiment.case_file.draft.told_units import (
+    HEADER,
+    Told,
+    position_factors,
+    position_unit,
+    time_unit,
+    torque_unit,
+)
 from dynident.experiment.case_file.draft.torque_evidence import torque_evidence
 from dynident.experiment.case_file.draft.yaml_words import listed, quoted
 from dynident.experiment.formats import Table
@@ -146,7 +153,8 @@ def _by_values(found: Found) -> Found:
         units["position"] = _motor_unit(stated["q"])
     elif "position" not in units and moving is not None and len(found.joints.names) == q.shape[1]:
         own = {joint.name: joint for joint in moving.active}
-        units["position"] = position_unit(q, [own[name] for name in found.joints.names], stated["q"])
+        told = position_unit(q, [own[name] for name in found.joints.names], stated["q"])
+        units["position"] = _as_header(told, _units_of(found, "q"))
     elif "position" not in units and found.joints.in_si:
         units["position"] = Told(("SI",), True, found.joints.why)
     elif "position" not in units:
@@ -154,7 +162,7 @@ def _by_values(found: Found) -> Found:
     if found.profiles and "q" in found.sources and not found.profiles[0].states("q"):
         units["position"] = replace(units["position"], certain=False)
     found = replace(found, band_hz=max(band(r.time * found.to_seconds, r.signals["q"]) for r in found.readings))
-    factors = _factors(units["position"], q.shape[1])
+    factors = position_factors(units["position"], q.shape[1])
     found = _with_effort(replace(found, units=units), moving, factors, stated)
     return _with_motion(found, q, factors)
 
@@ -217,7 +225,9 @@ def _with_effort(found: Found, moving: Robot | None, factors: Array, stated: Map
             moving, reading.time * found.to_seconds, q, reading.signals[effort][:, order], cutoff
         )
     if effort == "current" and "current" not in units:
-        units["current"] = Told((stated["current"] or "A",), True, "gains are per unit of these columns")
+        unit = stated["current"]
+        why = f"{HEADER} {unit}, gains are per A" if unit else "gains are per unit of these columns"
+        units["current"] = Told((unit or "A",), True, why)
     if effort == "torque" and "torque" not in units:
         joints = () if moving is None or not fits_joints else moving.active
         count = len(joints)
@@ -297,8 +307,25 @@ def _groups(found: Found) -> list[Group]:
 
 def _stated_unit(found: Found, signal: str) -> str:
     """Return the unit in the names of the columns of a signal; empty where they state none."""
+    if set(_units_of(found, signal)) == {"N m", "N"}:
+        return "N m"
     columns = found.sources[signal].columns
     return next((g.meaning.unit for g in _groups(found) if g.names[: len(columns)] == columns), "")
+
+
+def _units_of(found: Found, signal: str) -> tuple[str, ...]:
+    """Return the units in the names of the columns of a signal where they differ; else nothing."""
+    columns = found.sources[signal].columns
+    return next((g.units for g in _groups(found) if g.names == columns), ())
+
+
+def _as_header(told: Told, units: tuple[str, ...]) -> Told:
+    """Return the units that the header states column by column; asked where the limits of the joints say others."""
+    if not units:
+        return told
+    if told.words == units:
+        return Told(units, True, f"the header says so; {told.why}")
+    return Told(told.words, False, f"the header says [{', '.join(units)}]; {told.why}")
 
 
 def _first_columns(found: Found) -> Found:
@@ -322,12 +349,6 @@ def _likely_si(q: Array, stated: str) -> Array:
     if stated in UNITS["position"]:
         return q * _factor(stated)
     return q
-
-
-def _factors(told: Told, count: int) -> Array:
-    """Return the factor of each column to SI by its unit, the likely one where it is asked."""
-    words = told.words if len(told.words) == count else told.words[:1] * count or ("SI",) * count
-    return np.array([_factor(word) for word in words])
 
 
 def _factor(word: str) -> float:

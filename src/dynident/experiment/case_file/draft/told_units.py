@@ -12,6 +12,9 @@ from dynident.experiment.case_file.draft.joint_choice import SLACK
 from dynident.experiment.formats.base import UNITS
 from dynident.model.robot import Joint
 
+#: How the evidence begins where the name of a column has its unit.
+HEADER = "the header says"
+
 #: Time between two rows of a log, in s: 8 kHz to 4 Hz.
 _STEPS = (1.2e-4, 0.25)
 
@@ -86,6 +89,12 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> Told:
     named = {k: word for mine, word in words for k in mine}
     likely = tuple(named[k] for k in range(len(joints))) if all(named.values()) else ()
     return Told(likely, certain, "; ".join(reasons))
+
+
+def position_factors(told: Told, count: int) -> Array:
+    """Return the factor of each of the columns of positions to SI by its unit, the likely one where it is asked."""
+    words = told.words if len(told.words) == count else told.words[:1] * count or ("SI",) * count
+    return np.array([_factor("position", word) for word in words])
 
 
 def torque_unit(joints: Sequence[Joint], stated: str, ratios: Array, telling: Sequence[bool], largest: Array) -> Told:
