@@ -12,13 +12,16 @@ import pytest
 from dynident.errors import BadOption, LogMismatch
 from dynident.estimation.consistency.scale import BodyPrior
 from dynident.estimation.estimate_file import read_estimate, write_estimate
+from dynident.estimation.estimators.base import Solution
 from dynident.estimation.estimators.consistent import Consistent
+from dynident.estimation.estimators.de import DifferentialEvolution
 from dynident.estimation.estimators.essential import restricted
 from dynident.estimation.estimators.rls import RLS
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.friction.load import agrees, with_load
 from dynident.estimation.identify import estimate_of, identify, pose, validate
-from dynident.estimation.problem import Observer, make_problem, motion_of
+from dynident.estimation.problem import Observer, Problem, make_problem, motion_of
+from dynident.estimation.search.box_search import BoxSearch
 from dynident.estimation.uncertainty.propagation import mass_matrix, torque_deviations
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess
@@ -63,6 +66,24 @@ def test_exact_data_give_the_truth(model: DynamicModel, exact_log: MakeLog, esti
     names = [p.name for p in model.parameters]
     loss = estimate.base.to_standard(estimate.beta)[names.index("Fl[joint2]")]
     assert loss == pytest.approx(0.12, abs=1e-3)
+
+
+def test_a_search_is_made_once_with_the_load_of_weighted_least_squares(
+    model: DynamicModel, exact_log: MakeLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its own answer, far off after a few iterations, would give a load that no pass agrees with."""
+    given = list[Problem]()
+    solve = BoxSearch.solve
+
+    def seen(self: BoxSearch, problem: Problem) -> Solution:
+        given.append(problem)
+        return solve(self, problem)
+
+    monkeypatch.setattr(BoxSearch, "solve", seen)
+    log = exact_log(model, truth(model))
+    found = identify(model, [log], DifferentialEvolution(iterations=3), GIVEN)
+    (problem,) = given
+    assert agrees(problem, identify(model, [log], "wls", GIVEN).beta) and not agrees(problem, found.beta)
 
 
 def test_base_and_standard_parameters_predict_the_same(model: DynamicModel, exact_log: MakeLog) -> None:

@@ -19,6 +19,8 @@ from dynident.estimation.cutoff.choice import with_cutoff
 from dynident.estimation.cutoff.sensitivity import cutoff_sensitivity
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators import ESTIMATORS, Estimator
+from dynident.estimation.estimators.base import Solution
+from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.friction.alike import same_for_all
 from dynident.estimation.friction.held_out_fields import choose_fields, has_choices, with_chosen_widths
 from dynident.estimation.friction.load import PASSES, agrees, problem_of, with_load, without_load
@@ -191,6 +193,18 @@ def preparation_of(problem: Problem) -> Preprocessing:
     return replace(how, delay_s=problem.facts["delay_s"]) if "delay_s" in problem.facts else how
 
 
+def _solved(problem: Problem, estimator: Estimator, progress: Callable[[str], None]) -> tuple[Problem, Solution]:
+    """Return the problem with the load of the drives that its own solution has, and that solution."""
+    solution = estimator.solve(problem)
+    for _ in range(PASSES):
+        if agrees(problem, solution.beta):
+            break
+        progress("load of the drives")
+        problem = with_load(problem, solution.beta)
+        solution = estimator.solve(problem)
+    return problem, solution
+
+
 def estimate_of(
     problem: Problem,
     estimator: Estimator,
@@ -206,13 +220,11 @@ def estimate_of(
     model, base = problem.model, problem.base
     progress(f"estimator {ESTIMATORS.name_of(estimator)}")
     started = time.perf_counter()
-    solution = estimator.solve(problem)
-    for _ in range(PASSES):
-        if agrees(problem, solution.beta):
-            break
-        progress("load of the drives")
-        problem = with_load(problem, solution.beta)
+    if estimator.wanders:
+        problem, _ = _solved(problem, WLS(), progress)
         solution = estimator.solve(problem)
+    else:
+        problem, solution = _solved(problem, estimator, progress)
     seconds = time.perf_counter() - started
     deviations = problem.joint_deviations(solution.beta)
     train = validate_prepared(model, base, problem.logs, solution.beta)

@@ -38,10 +38,13 @@ class Estimator(ABC):
     Attributes:
         keeps_constraints: Whether it keeps what the problem states about bodies; a warning is given where it does not.
         from_triangles: Whether triangles are all that it asks for, so that it solves logs reduced as a stream.
+        wanders: Whether it may end far from the optimum of its objective, so that the load of the drives is that of
+            weighted least squares and not of its own answer.
     """
 
     keeps_constraints: ClassVar[bool] = False
     from_triangles: ClassVar[bool] = False
+    wanders: ClassVar[bool] = False
 
     @abstractmethod
     def solve(self, problem: Problem) -> Solution:

@@ -41,6 +41,8 @@ class BoxSearch(Estimator):
         polish: Return the certified optimum in place of the search's best point.
     """
 
+    wanders = True
+
     iterations: int = 1000
     max_evaluations: int | None = None
     stall: int | None = None
