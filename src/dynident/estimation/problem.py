@@ -154,12 +154,15 @@ class Observer:
     """Streams a log into the rows of the base observation matrix, joint by joint, in chunks that stay in the cache.
 
     Where friction depends on the load, ``load`` (b,) are the base parameters whose torque without friction it is.
+    Robots that differ in their gravity alone share code where ``any_gravity`` is stated.
     """
 
-    def __init__(self, model: DynamicModel, base: BaseParameters, load: Array | None = None) -> None:
+    def __init__(
+        self, model: DynamicModel, base: BaseParameters, load: Array | None = None, any_gravity: bool = False
+    ) -> None:
         self.model, self.base, self.load = model, base, load
         inertial = base.independent[base.independent < model.inertial_count]
-        self._kernel = JointColumns(model.robot.chain, inertial)
+        self._kernel = JointColumns(model.robot.chain, inertial, any_gravity)
         friction = base.independent[base.independent >= model.inertial_count] - model.inertial_count
         self._drive, self._coefficient = (found[friction] for found in model.terms)
         self._inertial = len(inertial)

@@ -124,11 +124,13 @@ class DynamicModel:
         for part in self.friction:
             own = slice(start, start + len(part.coefficients))
             start = own.stop
-            drives = list(self.drives_of(part))
-            given = values(part, at if part.joints is None else at.of_drives(drives))
-            places = slice(None) if part.joints is None else drives
-            for block, value in zip(found, given, strict=True):
-                block[:, places, own] = value
+            if part.joints is None:  # all: no copy of the motion, and no list of names
+                drives, seen = slice(None), at
+            else:
+                drives = list(self.drives_of(part))
+                seen = at.of_drives(drives)
+            for block, value in zip(found, values(part, seen), strict=True):
+                block[:, drives, own] = value
         return found
 
     def regressor(self, motion: Motion, once: bool = False) -> Array:

@@ -50,6 +50,24 @@ def test_blocks_are_the_columns_of_the_regressor(arm: Arm, kernel: str) -> None:
     assert np.abs(found - expected).max() < 1e-13 * np.abs(expected).max()
 
 
+def test_robots_that_differ_in_gravity_alone_share_their_columns(arm: Arm, kernel: str) -> None:
+    wanted, motion = np.arange(10 * arm.chain.links), arm.states(11)
+    for gravity in ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.3, -5.0, 8.0)):
+        chain = replace(arm.chain, gravity=np.array(gravity))
+        chosen, own = JointColumns(chain, wanted, any_gravity=True), JointColumns(chain, wanted)
+        found, expected = dense(chosen, chosen.evaluate(*motion)), batched.torque_regressor(chain, *motion)
+        assert np.abs(found - expected).max() < 1e-13 * np.abs(expected).max()
+        copied = pickle.loads(pickle.dumps(chosen))
+        np.testing.assert_array_equal(dense(copied, copied.evaluate(*motion)), found)
+        weights = np.random.default_rng(0).normal(size=expected.shape)
+        slopes = [
+            each.pullback(*motion, [np.ascontiguousarray(weights[:, i, own].T) for i, own in enumerate(each.columns)])
+            for each in (chosen, own)
+        ]
+        for one, other in zip(*slopes, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-12 * max(1.0, np.abs(other).max()))
+
+
 def test_mimic_joints_sum_their_links(kernel: str) -> None:
     free = random_arm(4, True, 0.3)
     chain = replace(

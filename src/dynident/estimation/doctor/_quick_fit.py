@@ -118,14 +118,14 @@ class QuickFit:
     @cached_property
     def observer(self) -> Observer:
         """What makes the rows of the robot as the case has it."""
-        return Observer(self.model, self.base)
+        return Observer(self.model, self.base, any_gravity=True)
 
     @cached_property
     def gravity_observers(self) -> tuple[Observer, ...]:
         """What makes the rows without gravity, and with one of 1 m/s^2 along each axis: rows are linear in it."""
         fields = np.vstack([np.zeros(3), np.eye(3)])
         robots = [self.model.robot.with_gravity(gravity) for gravity in fields]
-        return tuple(Observer(replace(self.model, robot=robot), self.base) for robot in robots)
+        return tuple(Observer(replace(self.model, robot=robot), self.base, any_gravity=True) for robot in robots)
 
     def rows_of(self, log: Log, observer: Observer | None = None) -> Rows:
         """Return the rows of another reading of the log, or of a robot that differs in its gravity alone."""

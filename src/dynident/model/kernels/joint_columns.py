@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -31,21 +32,24 @@ class JointColumns:
         chain: The robot.
         wanted: Indices of the wanted columns among the 10 l standard ones, shape (b,).
         columns: Per joint, the positions in ``wanted`` that are not structurally zero on that joint's row.
+        any_gravity: Whether robots that differ in their gravity alone share these columns and their machine code.
     """
 
-    def __init__(self, chain: Chain, columns: npt.ArrayLike) -> None:
+    def __init__(self, chain: Chain, columns: npt.ArrayLike, any_gravity: bool = False) -> None:
         """Choose columns of the regressor of ``chain``.
 
         Args:
             chain: The robot.
             columns: Indices into the 10 l standard columns, each at most once; any order.
+            any_gravity: See above; a few operations more, worth it where several directions of gravity are tried.
 
         Raises:
             ValueError: An index is out of range or stands twice.
         """
         self.chain, self.wanted = chain, column_indices(columns, 10 * chain.links)
+        self.any_gravity = any_gravity
         width = 10 * chain.links
-        self._program = kept(("program", *self._key), lambda: _moving_entries(chain, self.wanted))
+        self._program = kept(("program", *self._key), lambda: _moving_entries(chain, self.wanted, any_gravity))
         used = self._program.outputs.keys()
         self._is_small = is_small(self._program)
         found = [[k for k, c in enumerate(self.wanted) if j * width + c in used] for j in range(chain.joints)]
@@ -54,8 +58,8 @@ class JointColumns:
             int(j * width + self.wanted[k]): (j, row) for j, kept in enumerate(found) for row, k in enumerate(kept)
         }
 
-    def __reduce__(self) -> tuple[type[JointColumns], tuple[Chain, IntArray]]:
-        return JointColumns, (self.chain, self.wanted)  # machine code stays in its process
+    def __reduce__(self) -> tuple[type[JointColumns], tuple[Chain, IntArray, bool]]:
+        return JointColumns, (self.chain, self.wanted, self.any_gravity)  # machine code stays in its process
 
     def buffers(self, count: int) -> tuple[Array, ...]:
         """Return empty buffers for ``out``: one array (K_i, count) per joint."""
@@ -82,7 +86,7 @@ class JointColumns:
         if kernel is None:
             self._evaluate_generic(motion, blocks)
         else:
-            kernel.run(motion, blocks, count)
+            kernel.run([*motion, self.chain.gravity] if self.any_gravity else motion, blocks, count)
         return blocks
 
     def pullback(
@@ -121,15 +125,17 @@ class JointColumns:
 
     @cached_property
     def _pullback(self) -> Kernel | None:
-        return kernel(("pullback", *self._key), self._gradient)
+        return kernel(("pullback", *self._key, chain_key(self.chain)), self._gradient)
 
     @cached_property
     def _key(self) -> tuple[object, ...]:
-        return self.wanted.tobytes(), chain_key(self.chain)
+        chain = replace(self.chain, gravity=np.zeros(3)) if self.any_gravity else self.chain
+        return self.wanted.tobytes(), self.any_gravity, chain_key(chain)
 
     def _layout(self) -> Layout:
         rows = tuple(Buffer(f"joint{j}", Access.BY_ROW) for j in range(self.chain.joints))
-        return Layout(by_sample(self.chain, _MOTION), rows, self._places)
+        gravity = (Buffer("gravity", Access.FIXED),) if self.any_gravity else ()
+        return Layout((*by_sample(self.chain, _MOTION), *gravity), rows, self._places)
 
     def _gradient(self) -> tuple[Program, Layout]:
         """Return the program of :meth:`pullback`."""
@@ -191,9 +197,9 @@ class JointColumns:
         return tuple(arrays)
 
 
-def _moving_entries(chain: Chain, wanted: IntArray) -> Program:
-    """Return the program of the entries of the regressor that are not zero at every motion."""
-    traced = TracedChain(chain)
+def _moving_entries(chain: Chain, wanted: IntArray, any_gravity: bool) -> Program:
+    """Return the program of the entries of the regressor that are not zero at every motion, nor in every gravity."""
+    traced = TracedChain(chain, reads={"gravity": "gravity"} if any_gravity else None)
     values = traced.regressor(wanted)
     draft = traced.trace.program(values)
     used = draft.outputs.keys() - draft.rounding_only(_random_motion(chain.joints))
@@ -203,4 +209,5 @@ def _moving_entries(chain: Chain, wanted: IntArray) -> Program:
 def _random_motion(joints: int) -> dict[str, Array]:
     """Return a few states at which an entry of the regressor that can move does; the same ones each time."""
     random = np.random.default_rng(20)
-    return {name: random.uniform(-3.0, 3.0, (joints, 12)) for name in _MOTION}
+    found: dict[str, Array] = {name: random.uniform(-3.0, 3.0, (joints, 12)) for name in _MOTION}
+    return found | {"gravity": random.uniform(-3.0, 3.0, (3, 12))}

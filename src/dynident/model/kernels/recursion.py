@@ -99,14 +99,16 @@ class Motion:
 class TracedChain:
     """A chain whose joint positions are traced; its methods write one quantity each.
 
-    The arrays of the caller are named ``q``, ``dq``, ``ddq`` (entry: joint) and ``theta`` (entry: parameter).
+    The arrays of the caller are named ``q``, ``dq``, ``ddq`` (entry: joint), ``theta`` (entry: parameter) and, where
+    it is read, ``gravity`` (entry: axis).
 
     Attributes:
         trace: Where the operations are kept.
         chain: The chain, its rounding removed by :func:`snapped`.
         theta: Inertial parameters that become constants of the program, shape (10 l,); None where they are an input.
-        reads: Array that takes the place of ``dq`` or ``ddq``; ``""`` for zeros. With none for dq, dq for ddq and no
-            gravity the torque is the generalised momentum, M dq.
+        reads: Array that takes the place of ``dq`` or ``ddq``; ``""`` for zeros; or array of gravity, which is
+            a constant of the program without one. With none for dq, dq for ddq and no gravity the torque is the
+            generalised momentum, M dq.
     """
 
     def __init__(self, chain: Chain, theta: Array | None = None, reads: Mapping[str, str] | None = None) -> None:
@@ -137,6 +139,13 @@ class TracedChain:
         array = self.reads.get(name, name)
         return float(self.chain.multiplier[i]) * self.trace.input(array, int(self.chain.joint[i])) if array else 0.0
 
+    def _lift(self) -> Vector:
+        """Return the acceleration of the base less gravity."""
+        if "gravity" not in self.reads:
+            return _vector(0.0 - self.chain.gravity)
+        x, y, z = (-self.trace.input(self.reads["gravity"], axis) for axis in range(3))
+        return x, y, z
+
     def ancestors(self, i: int) -> list[int]:
         """Return link i and the links that carry it, tip first."""
         found = [i]
@@ -146,8 +155,7 @@ class TracedChain:
 
     def motion(self) -> Motion:
         """Return velocities and accelerations of all links."""
-        gravity = self.chain.gravity
-        base = (NOTHING, NOTHING, _vector(0.0 - gravity))
+        base = (NOTHING, NOTHING, self._lift())
         found: list[tuple[Vector, Vector, Vector]] = []
         for i, (axis, (rotation, shift)) in enumerate(zip(self.axes, self.poses, strict=True)):
             parent = int(self.chain.parent[i])
