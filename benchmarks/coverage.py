@@ -23,7 +23,8 @@ import scipy.stats
 from dynident import DynamicModel, FourierSeries, Log, Preprocessing, base_parameters, preprocess, read_robot
 from dynident.estimation.estimators import ESTIMATORS
 from dynident.estimation.estimators.map import MAP
-from dynident.estimation.problem import Observer, make_problem
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import make_problem
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.estimation.residuals.stretches import stretches
 from dynident.estimation.uncertainty.bands import bands

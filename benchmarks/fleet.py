@@ -27,7 +27,7 @@ from dynident import DynamicModel, FourierSeries, Log, Preprocessing, base_param
 from dynident.estimation.fleet import fleet_of, robot_of_estimate
 from dynident.estimation.fleet.outliers import screened
 from dynident.estimation.fleet.population import Member, population_of
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.experiment.preprocessing import preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.model.friction import Motion

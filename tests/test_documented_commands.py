@@ -34,10 +34,8 @@ NOT_RUN = {
     "docs/studio.md": (2, "installation, a browser: tests/studio"),
     "docs/tutorial.md": (1, "the address of the repository"),
     "docs/virtual-cell.md": (1, "a search: tests/cli/test_simulate_command.py"),
-    "docs/your-robot/abb.md": (1, "a search of seconds: tests/cli/test_excite.py"),
     "docs/your-robot/franka.md": (1, "a search of seconds: tests/cli/test_excite.py"),
-    "docs/your-robot/kuka.md": (1, "a search of seconds: tests/cli/test_excite.py"),
-    "docs/your-robot/ros2.md": (2, "needs ROS; a search: tests/cli/test_excite.py"),
+    "docs/your-robot/ros2.md": (1, "needs ROS"),
     "docs/your-robot/universal-robots.md": (2, "needs the robot; a search: tests/cli/test_excite.py"),
 }  # fmt: skip
 

@@ -22,7 +22,8 @@ from benchmarks.speed.arms import motion
 from benchmarks.speed.machine import machine
 from benchmarks.speed.page import RESULTS, ROOT
 from benchmarks.speed.rows.identification import as_taken, noisy_log
-from dynident.estimation.problem import Observer, make_problem
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import make_problem
 from dynident.experiment.log import Log
 from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions import read_robot

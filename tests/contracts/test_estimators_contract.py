@@ -15,7 +15,8 @@ from dynident.errors import PoorExcitation
 from dynident.estimation.estimate_file import plain
 from dynident.estimation.estimators import ESTIMATORS, Estimator
 from dynident.estimation.identify import estimate_of, identify, pose
-from dynident.estimation.problem import Observer, Problem
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import Problem
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven

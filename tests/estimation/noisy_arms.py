@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.estimation.problem import Observer, Problem, make_problem
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import Problem, make_problem
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven

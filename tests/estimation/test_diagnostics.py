@@ -13,7 +13,7 @@ from dynident.arrays import Array
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import identify, pose, validate
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.estimation.uncertainty.diagnostics import DECIDES, diagnose
 from dynident.estimation.uncertainty.propagation import (
     mass_matrix,

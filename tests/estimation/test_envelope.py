@@ -36,7 +36,7 @@ def faster(bench: Bench, factor: float) -> Log:
     """Return the same path, run faster, with its torque."""
     log = bench.log
     motion = replace(log, time=log.time / factor, dq=factor * np.asarray(log.dq), ddq=factor**2 * np.asarray(log.ddq))
-    from dynident.estimation.problem import motion_of
+    from dynident.estimation.observer import motion_of
 
     return replace(motion, torque=bench.model.torque(motion_of(motion), bench.theta))
 

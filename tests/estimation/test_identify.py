@@ -16,7 +16,7 @@ from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.ols import OLS
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import correlation_factors, estimate_of, identify, pose, validate
-from dynident.estimation.problem import motion_of
+from dynident.estimation.observer import motion_of
 from dynident.experiment.formats import ColumnMap
 from dynident.experiment.log import Log, Source
 from dynident.experiment.preprocessing import Preprocessing

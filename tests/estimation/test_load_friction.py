@@ -20,7 +20,8 @@ from dynident.estimation.estimators.rls import RLS
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.friction.load import agrees, with_load
 from dynident.estimation.identify import estimate_of, identify, pose, validate
-from dynident.estimation.problem import Observer, Problem, make_problem, motion_of
+from dynident.estimation.observer import Observer, motion_of
+from dynident.estimation.problem import Problem, make_problem
 from dynident.estimation.search.box_search import BoxSearch
 from dynident.estimation.uncertainty.propagation import mass_matrix, torque_deviations
 from dynident.experiment.log import Log

@@ -11,9 +11,11 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import LogMismatch, PoorExcitation
-from dynident.estimation import problem, thinned_rows
+from dynident.estimation import observer as observing
+from dynident.estimation import thinned_rows
 from dynident.estimation.identify import pose
-from dynident.estimation.problem import Observer, Problem, counting_rows, make_problem, motion_of, target_torque
+from dynident.estimation.observer import Observer, motion_of, target_torque
+from dynident.estimation.problem import Problem, counting_rows, make_problem
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven
@@ -122,12 +124,12 @@ def test_the_number_of_threads_changes_no_bit(
     assert planar_2r.nominal is not None
     log = exact_log(model, np.append(planar_2r.nominal, [0.5, 0.3]), noise=0.1, samples=5000)
     prepared = preprocess(log, Preprocessing(filter))
-    monkeypatch.setattr(problem, "PART", 1500)
+    monkeypatch.setattr(observing, "PART", 1500)
     monkeypatch.setattr(thinned_rows, "SEGMENT", 1000)
     observer, found = Observer(model, base_parameters(model)), []
     mask = np.ones((len(prepared.keep), 2), bool)
     for threads in (1, 3):
-        monkeypatch.setattr(problem, "threads_that_pay", lambda most, threads=threads: threads)
+        monkeypatch.setattr(observing, "threads_that_pay", lambda most, threads=threads: threads)
         found.append(observer.triangles(prepared, mask))
     rows = observer.rows(prepared)
     for one, other, whole in zip(*found, rows, strict=True):

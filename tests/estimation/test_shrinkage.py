@@ -142,7 +142,7 @@ def test_a_good_prior_helps_and_its_deviations_are_right(short: Bench) -> None:
 
 
 def _regressor(bench: Bench) -> np.ndarray:
-    from dynident.estimation.problem import motion_of
+    from dynident.estimation.observer import motion_of
 
     return bench.model.regressor(motion_of(bench.log))[..., bench.base.independent]
 

@@ -17,7 +17,7 @@ from dynident.estimation.estimators.kalman import Kalman
 from dynident.estimation.estimators.ols import OLS
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import pose
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.estimation.simulated.closed_loop import closed_loop, simulated_logs
 from dynident.estimation.simulated.course import LoopOptions
 from dynident.estimation.simulated.instruments import instruments

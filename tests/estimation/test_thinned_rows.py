@@ -11,7 +11,7 @@ import scipy.signal
 
 from dynident.arrays import Array
 from dynident.estimation import thinned_rows
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import FILTERS, Preprocessing, preprocess
 from dynident.experiment.preprocessing._thinning import thinning

@@ -209,8 +209,9 @@ def test_a_cut_recording_with_definitions_in_idl(tmp_path: Path, monkeypatch: py
     """ROS puts all of them into one text, each under a line with its name."""
     pytest.importorskip("rosbags")
     monkeypatch.syspath_prepend(str(ROOT))
-    from dynident.experiment.formats.rosbag import Rosbag
     from fuzz.seeds import IDL, JOINTS, mcap
+
+    from dynident.experiment.formats.rosbag import Rosbag
 
     whole = mcap(tmp_path)[-1]
     assert IDL.count("IDL: ") == 3 and b"ros2idl" in whole.read_bytes()

@@ -16,7 +16,7 @@ import scipy.linalg
 from benchmarks.speed.arms import as_pinocchio, motion, pinocchio_columns
 from benchmarks.speed.harness import Line, Record
 from dynident.arrays import Array
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven

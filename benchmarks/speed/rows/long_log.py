@@ -18,7 +18,7 @@ CODE = """
 import json, sys, time
 import numpy as np
 from benchmarks.speed.rows.identification import as_taken, noisy_log, streamed
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel

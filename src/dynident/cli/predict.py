@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
 
     from dynident.cli import console, jobs
     from dynident.estimation.estimate_file import read_estimate
-    from dynident.estimation.problem import Observer
+    from dynident.estimation.observer import Observer
     from dynident.estimation.uncertainty.propagation import torque_deviations
     from dynident.estimation.validation import Z_95
     from dynident.experiment.preprocessing import preprocess
@@ -127,7 +127,7 @@ def _beyond(estimate: Estimate, prepared: Prepared) -> list[str]:
 
     import numpy as np
 
-    from dynident.estimation.problem import Observer
+    from dynident.estimation.observer import Observer
     from dynident.estimation.uncertainty.envelope import departure_of
 
     if estimate.envelope is None:

@@ -9,7 +9,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.estimation.estimate import Estimate
-from dynident.estimation.problem import Observer, counting_rows
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import counting_rows
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.experiment.design.prior import Prior, prior_of_covariance
 from dynident.experiment.log import Log

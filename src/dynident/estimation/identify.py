@@ -25,7 +25,8 @@ from dynident.estimation.friction.alike import same_for_all
 from dynident.estimation.friction.held_out_fields import choose_fields, has_choices, with_chosen_widths
 from dynident.estimation.friction.load import PASSES, agrees, problem_of, with_load, without_load
 from dynident.estimation.friction.variable_projection import has_varying, vary_fields
-from dynident.estimation.problem import Observer, Problem, counting_rows
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import Problem, counting_rows
 from dynident.estimation.uncertainty.coloured import spectral_uncertainty
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.estimation.uncertainty.envelope import departure_of, envelope_of

@@ -14,7 +14,7 @@ from dynident.estimation.cutoff.block_triangles import block_triangles
 from dynident.estimation.cutoff.candidates import Bench, stretch_of, thinned_out
 from dynident.estimation.cutoff.choice import choose_cutoff, with_cutoff
 from dynident.estimation.identify import identify, pose
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.estimation.uncertainty.coloured import spectral_uncertainty
 from dynident.experiment.case_file.case import default_preprocessing
 from dynident.experiment.log import Log

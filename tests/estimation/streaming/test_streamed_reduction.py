@@ -15,7 +15,7 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.identify import identify
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.estimation.streaming import digest, windows
 from dynident.estimation.streaming.estimate import identify_digest
 from dynident.estimation.streaming.one_log import reduce_log

@@ -11,7 +11,7 @@ import numpy as np
 from dynident.arrays import Array, finite
 from dynident.errors import BadOption, DynidentError
 from dynident.estimation.estimate import Estimate
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.experiment.log import Log
 
 #: Random states on which torques are compared.

@@ -16,7 +16,8 @@ import numpy as np
 import scipy.linalg
 
 from dynident.arrays import Array, IntArray
-from dynident.estimation.problem import Observer, check_rank, counting_rows
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import check_rank, counting_rows
 from dynident.experiment.preprocessing import Prepared
 from dynident.model.reduction import CHUNK, Reduced, Triangle, reduce, triangle_of
 from dynident.model.threads import one_blas_thread

@@ -19,7 +19,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import DynidentError
 from dynident.estimation.cutoff.block_triangles import BlockTriangles, block_triangles
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import ROWS_PER_PERIOD, Preprocessing, preprocess
 from dynident.experiment.preprocessing._zero_phase import low_passed

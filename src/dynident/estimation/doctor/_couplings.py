@@ -16,7 +16,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.estimation.doctor._quick_fit import EXACT, QuickFit, Solved, weighted_products
-from dynident.estimation.problem import motion_of
+from dynident.estimation.observer import motion_of
 
 #: Relative residual above which a joint is not explained, so that a coupling of its motor is looked for.
 UNEXPLAINED = 0.1

@@ -15,7 +15,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.estimation.doctor._causes import Blame, Cause, Rows, Search
 from dynident.estimation.doctor._trend_causes import OVERSAMPLING, Trends
-from dynident.estimation.problem import motion_of
+from dynident.estimation.observer import motion_of
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
 

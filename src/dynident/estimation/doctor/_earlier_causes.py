@@ -19,7 +19,7 @@ from dynident.estimation.doctor._described_causes import TEN
 from dynident.estimation.doctor._quick_fit import PASSES, RIDGE, Solved
 from dynident.estimation.doctor._trend_causes import OVERSAMPLING, Trends
 from dynident.estimation.estimate import Estimate
-from dynident.estimation.problem import motion_of
+from dynident.estimation.observer import motion_of
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.kernels import batched

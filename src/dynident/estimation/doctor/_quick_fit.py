@@ -16,7 +16,8 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import DynidentError
-from dynident.estimation.problem import Observer, counting_rows, motion_of, target_torque
+from dynident.estimation.observer import Observer, motion_of, target_torque
+from dynident.estimation.problem import counting_rows
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.experiment.case_file.case import Case
 from dynident.experiment.log import Log

@@ -11,7 +11,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.estimation.doctor._causes import Blame, Cause, Rows, Search
 from dynident.estimation.doctor._quick_fit import ROWS_PER_HZ, QuickFit
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 
 #: Step of the finite difference by the clock, a share.
 CLOCK_STEP = 1e-3

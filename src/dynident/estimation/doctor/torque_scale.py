@@ -12,7 +12,7 @@ from dynident.arrays import Array
 from dynident.estimation.doctor._quick_fit import QuickFit
 from dynident.estimation.doctor._scales import best_scale
 from dynident.estimation.doctor.base import Check, Finding, Subject
-from dynident.estimation.problem import motion_of
+from dynident.estimation.observer import motion_of
 
 #: Gain of the score from which one torque has another scale, and the least factor told.
 GAIN, FACTOR = 1.5, 1.25

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.estimation.problem import Problem, motion_of
+from dynident.estimation.observer import motion_of
+from dynident.estimation.problem import Problem
 from dynident.estimation.residuals.row_passes import KEPT, RowPasses, Segment
 from dynident.experiment.preprocessing import at_rest
 

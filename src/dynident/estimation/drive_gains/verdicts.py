@@ -9,7 +9,7 @@ from dynident.estimation.drive_gains.drive_gains import IDENTIFIED, NOT_DETERMIN
 from dynident.estimation.drive_gains.gain_data import GainData, group_squares
 from dynident.estimation.drive_gains.intervals import GainSpread
 from dynident.estimation.drive_gains.methods import GainFit
-from dynident.estimation.problem import motion_of
+from dynident.estimation.observer import motion_of
 from dynident.model.friction import Motion
 
 #: Half an interval over the gain above which a gain counts as not determined.

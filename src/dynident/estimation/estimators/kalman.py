@@ -12,7 +12,8 @@ from dynident.errors import BadOption
 from dynident.estimation.consistency.consistent_fit import scale_of
 from dynident.estimation.estimators.base import Estimator, Solution
 from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.problem import Observer, Problem
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import Problem
 from dynident.estimation.simulated.course import Course, LoopOptions, course_of
 from dynident.estimation.simulated.iteration import start_of
 from dynident.estimation.simulated.joint_filter import (

@@ -17,7 +17,8 @@ import numpy as np
 import scipy.linalg
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.estimation.problem import Observer, counting_rows
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import counting_rows
 from dynident.experiment.preprocessing import Prepared
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel

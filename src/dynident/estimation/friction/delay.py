@@ -20,7 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.estimation.problem import Observer, counting_rows, motion_of
+from dynident.estimation.observer import Observer, motion_of
+from dynident.estimation.problem import counting_rows
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.estimation.uncertainty.quantiles import chi_square_tail, normal_share, student_quantile
 from dynident.experiment.log import Log

@@ -11,6 +11,7 @@ from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption, LogMismatch
 from dynident.estimation.drive_gains.payload import HEAVIEST, Payload
 from dynident.estimation.estimate import Estimate
+from dynident.estimation.observer import Observer
 from dynident.estimation.payload.carried_load import CarriedLoad
 from dynident.estimation.payload.difference_fit import (
     Difference,
@@ -22,7 +23,7 @@ from dynident.estimation.payload.difference_fit import (
 from dynident.estimation.payload.gain_doubt import GainDoubt, gain_doubt, scaled_rows
 from dynident.estimation.payload.poses import holding_friction, mostly_standing, posture_log
 from dynident.estimation.payload.statement import Found, stated
-from dynident.estimation.problem import Observer, Problem, counting_rows
+from dynident.estimation.problem import Problem, counting_rows
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.estimation.uncertainty.covariance import correlation_factors
 from dynident.experiment.log import Log

@@ -10,7 +10,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.errors import LogMismatch
 from dynident.estimation.estimate import Estimate
-from dynident.estimation.problem import motion_of
+from dynident.estimation.observer import motion_of
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, at_rest
 from dynident.experiment.preprocessing.as_given import AsGiven

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.experiment.preprocessing import Prepared
 
 

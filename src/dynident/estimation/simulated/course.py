@@ -11,7 +11,7 @@ import scipy.linalg
 
 from dynident.arrays import Array
 from dynident.errors import BadOption, LogMismatch
-from dynident.estimation.problem import motion_of
+from dynident.estimation.observer import motion_of
 from dynident.experiment.preprocessing import Prepared
 from dynident.experiment.simulation.plant import Plant
 from dynident.model.friction import Motion

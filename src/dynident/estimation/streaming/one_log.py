@@ -15,7 +15,7 @@ from dynident.estimation.cutoff.choice import LONGEST_S, with_cutoff
 from dynident.estimation.friction.delay import find_delays
 from dynident.estimation.friction.held_out_fields import has_choices
 from dynident.estimation.friction.variable_projection import has_varying
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.estimation.streaming.digest import Chunk, Digest
 from dynident.estimation.streaming.tally import Segment, Tally
 from dynident.estimation.streaming.time_scan import scan_time

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dynident.errors import DynidentError, FileError, LogFormatError, LogMismatch, PoolFailed
-from dynident.estimation.problem import Observer
+from dynident.estimation.observer import Observer
 from dynident.estimation.streaming.digest import Digest
 from dynident.estimation.streaming.merge_tree import MergeTree
 from dynident.estimation.streaming.one_log import Checkpoint, check_streamable, reduce_log, settled

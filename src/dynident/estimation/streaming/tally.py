@@ -9,7 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.estimation.problem import Observer, counting_rows
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import counting_rows
 from dynident.estimation.streaming.digest import MOST, SAMPLED, Digest, JointRows, Sampled, States
 from dynident.estimation.streaming.windows import Window
 from dynident.model.reduction import CHUNK, absorb, merged_pairs

@@ -11,7 +11,8 @@ import numpy as np
 from dynident.arrays import Array, finite
 from dynident.errors import BadOption, LogMismatch
 from dynident.estimation.estimate import Estimate
-from dynident.estimation.problem import Observer, counting_rows
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import counting_rows
 from dynident.estimation.recursive.rows_in_time import rows_in_time
 from dynident.estimation.tracking.changes import Change, Evidence, changes_of, threshold
 from dynident.estimation.tracking.tracker import Pace, Tracker

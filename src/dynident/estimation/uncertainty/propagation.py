@@ -9,7 +9,8 @@ from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.estimation.consistency.consistent_fit import PULL, scale_of
 from dynident.estimation.estimate import Estimate
-from dynident.estimation.problem import Observer, Problem
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import Problem
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared
 from dynident.model.friction import Motion

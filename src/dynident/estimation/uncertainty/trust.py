@@ -15,7 +15,8 @@ from dynident.estimation.estimators import Estimator
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.friction.load import with_load
-from dynident.estimation.problem import Observer, Problem
+from dynident.estimation.observer import Observer
+from dynident.estimation.problem import Problem
 from dynident.estimation.uncertainty.diagnostics import diagnose
 from dynident.estimation.uncertainty.propagation import PULL, prediction_deviations, standard_covariance
 from dynident.model.reduction import Reduced, least_squares

@@ -81,8 +81,8 @@ def simulate_cell(
     control = cell.controller
     decay = body.fastest(masses, looked[1])
     ticks = clock(cell.recorder.rate, control.rate, cell.integration_rate, decay, cell.lead_in, motion.length)
-    fed, _ = _fed(model, told, looked, control.feedforward)
-    lacking = body.model.torque(_moved(body.model, looked), body.theta) - fed
+    needed = body.model.torque(_moved(body.model, looked), body.theta)
+    lacking = needed - _fed(model, told, looked, control.feedforward)[0]
     settings = np.array(control.settings(_loop(control, body, masses, looked, lacking)), dtype=np.float64)
     noise = _noise(cell.encoder, ticks, body.joints, seed)
     goals = _goals(model, told, motion, ticks.control_times, control.feedforward)
@@ -96,8 +96,7 @@ def simulate_cell(
     name = CONTROLLERS.name_of(control)
     text = f"{name} at {control.rate:g} Hz, {ticks.rate:g} Hz integration, seed {seed}"
     source = Source(rows=ticks.rows, steps=(f"virtual cell of '{model.robot.name}': {text}",))
-    samples = Samples(*np.moveaxis(out, 1, 0))
-    found = Recording(samples, body, cell, ticks, motion, noise[rows], source, seed)
+    found = Recording(Samples(*np.moveaxis(out, 1, 0)), body, cell, ticks, motion, noise[rows], source, seed)
     return CellRun(*found.log(gains), body.theta, np.array(body.robot.gravity), cut, ticks.rate)
 
 
