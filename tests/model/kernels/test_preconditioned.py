@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -25,21 +28,17 @@ def test_the_gram_matrix_is_that_of_the_quotient(width: int, monkeypatch: pytest
     if width > lanes():
         pytest.skip("this processor has narrower vectors")
     monkeypatch.setattr(preconditioned, "lanes", lambda: width)
-    preconditioned.machine.cache_clear()
-    try:
-        maker = Preconditioned()
-        for columns in (4, 5, 7, 8, 38):
-            for count in (1000, 33, 999, 32):  # the working memory of one is larger than the next one needs
-                factor, rows = triangle_and_rows(columns, count)
-                kept = rows.copy()
-                found = maker.gram(factor, rows)
-                quotient = np.linalg.solve(np.triu(np.nan_to_num(factor)).T, rows.T).T
-                wanted = np.eye(columns) + quotient.T @ quotient
-                sizes = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
-                assert np.abs(np.triu(found - wanted) / sizes).max() < 1e-14
-                np.testing.assert_array_equal(rows, kept)
-    finally:
-        preconditioned.machine.cache_clear()
+    maker = Preconditioned()
+    for columns in (4, 5, 7, 8, 38):
+        for count in (1000, 33, 999, 32):  # the working memory of one is larger than the next one needs
+            factor, rows = triangle_and_rows(columns, count)
+            kept = rows.copy()
+            found = maker.gram(factor, rows)
+            quotient = np.linalg.solve(np.triu(np.nan_to_num(factor)).T, rows.T).T
+            wanted = np.eye(columns) + quotient.T @ quotient
+            sizes = np.sqrt(np.outer(np.diag(wanted), np.diag(wanted)))
+            assert np.abs(np.triu(found - wanted) / sizes).max() < 1e-14
+            np.testing.assert_array_equal(rows, kept)
 
 
 def test_few_rows_and_narrow_ones_are_not_taken() -> None:
@@ -59,3 +58,34 @@ def test_a_triangle_that_cannot_be_divided_by_gives_no_finite_diagonal() -> None
     factor[2, 2] = 0.0
     found = Preconditioned().gram(factor, rows).diagonal()
     assert np.isfinite(found[:2]).all() and not np.isfinite(found[2:]).any()
+
+
+#: Four threads ask for the code at once, in a process where nobody did before; then all use it.
+AT_ONCE = """
+import gc, threading
+import numpy as np
+from dynident.model.kernels.preconditioned import Preconditioned
+
+start = threading.Barrier(4)
+makers, found = [], []
+
+def begin():
+    start.wait()
+    makers.append(Preconditioned())
+
+def use(maker):
+    for _ in range(50):
+        found.append(maker.gram(np.asfortranarray(np.eye(8)), np.ones((1000, 8), order="F"))[0, 0])
+
+threads = [threading.Thread(target=begin) for _ in range(4)]
+[one.start() for one in threads], [one.join() for one in threads]
+gc.collect()
+threads = [threading.Thread(target=use, args=(maker,)) for maker in makers]
+[one.start() for one in threads], [one.join() for one in threads]
+print(len(found), set(found))
+"""
+
+
+def test_threads_that_ask_at_once_share_code_that_stays() -> None:
+    done = subprocess.run([sys.executable, "-c", AT_ONCE], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "200 {np.float64(1001.0)}"), done.stderr

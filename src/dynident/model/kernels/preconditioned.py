@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Iterator
-from functools import cache
 from typing import Any
 
 import numpy as np
 
 from dynident.arrays import Array, address
-from dynident.model.kernels.compiled import lanes, machine_code
+from dynident.model.kernels.compiled import kept, lanes, machine_code
 
 #: Columns of a tile.
 _TILE = 4
@@ -26,7 +25,7 @@ class Preconditioned:
 
     def __init__(self) -> None:
         self._lanes, self._fewest = lanes(), lanes() * _steps(lanes())
-        self._call = machine()[1]
+        self._engine, self._call = kept(("preconditioned", self._lanes), _machine)  # the function lives in the engine
         self._room = np.empty(0)
 
     def takes(self, rows: Array) -> bool:
@@ -67,9 +66,8 @@ def _steps(width: int) -> int:
     return 4 if width == 8 else 2
 
 
-@cache
-def machine() -> tuple[Any, Any]:
-    """Return the machine code, made once in a process, and the function in it."""
+def _machine() -> tuple[Any, Any]:
+    """Return an engine with the machine code, and the function in it."""
     engine = machine_code("\n".join(_Assembly(lanes()).module()) + "\n")
     kind = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 3, *[ctypes.c_void_p] * 4)
     return engine, kind(engine.get_function_address("preconditioned"))
