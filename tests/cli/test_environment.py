@@ -101,7 +101,7 @@ def test_old_and_missing_packages_are_faults_with_the_line_that_mends_them(monke
     monkeypatch.setattr(environment, "_MODULES", {**environment._MODULES, "rich": "no_such_module"})
     found = environment.environment()["findings"]
     steps = {one["step"] for one in found if one["severity"] == "error"}
-    assert {"pip install 'scipy>=1.13'", "pip install 'rich>=13.9'"} <= steps
+    assert {"pip install 'scipy>=1.15'", "pip install 'rich>=13.9'"} <= steps
 
 
 def test_a_shadow_in_the_working_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
