@@ -141,6 +141,11 @@ def _change(before: list[str], after: list[str]) -> str:
     return " ".join(words) or "none"
 
 
+def _field(found: Mapping[str, Any]) -> tuple[str, str, str]:
+    """Return part, joints and name of a field."""
+    return label(found["part"]), ", ".join(map(label, found["joints"] or ())) or "all", label(found["field"])
+
+
 def _held_out(found: list[Mapping[str, Any]]) -> Table:
     columns = (
         Column("part"),
@@ -154,9 +159,7 @@ def _held_out(found: list[Mapping[str, Any]]) -> Table:
     )
     rows = tuple(
         (
-            label(each["part"]),
-            ", ".join(map(label, each["joints"] or ())) or "all",
-            label(each["field"]),
+            *_field(each),
             format_given(each["stated"]),
             format_number(each["best"], 3),
             *(
@@ -186,9 +189,7 @@ def _fields(found: list[Mapping[str, Any]]) -> Table:
     )
     rows = tuple(
         (
-            label(each["part"]),
-            ", ".join(map(label, each["joints"] or ())) or "all",
-            label(each["field"]),
+            *_field(each),
             *(format_number(each[key], 3) for key in ("value", "low", "high")),
         )
         for each in found

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -106,6 +106,12 @@ class Friction(ABC):
     joints: tuple[str, ...] | None = field(default=None, kw_only=True)
     vary: tuple[str, ...] | None = field(default=None, kw_only=True)
     choose: tuple[str, ...] | None = field(default=None, kw_only=True)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Its own options by name: what its columns depend on, not for which joints it is or what the logs decide."""
+        shared = {each.name for each in fields(Friction)}
+        return {each.name: getattr(self, each.name) for each in fields(self) if each.name not in shared}
 
     @abstractmethod
     def columns(self, motion: Motion) -> Array:

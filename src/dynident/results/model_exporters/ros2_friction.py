@@ -91,11 +91,7 @@ def _parts(model: DynamicModel, theta: Any, drive: int) -> Iterator[tuple[str, d
         values = {key(c.symbol): float(table[drive, column + k]) for k, c in enumerate(part.coefficients)}
         column += len(part.coefficients)
         if drive in model.drives_of(part):
-            options = {
-                k: v
-                for k, v in vars(part).items()
-                if k not in ("joints", "vary", "choose") and isinstance(v, float | int)
-            }
+            options = {name: value for name, value in part.options.items() if isinstance(value, float | int)}
             yield FRICTION.name_of(part), options, values
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.simulation.controllers._gains import gains
+from dynident.experiment.simulation.controllers._gains import USUAL_HZ, gains
 from dynident.experiment.simulation.controllers.base import Controller, Loop
 from dynident.model.kernels.jit import compiled
 
@@ -41,7 +41,7 @@ class Pid(Controller):
 
     def settings(self, loop: Loop) -> Array:
         stiffness, damping = gains(self, loop)
-        corner = 0.1 * loop.pulsation(self.bandwidth_hz, 8.0)
+        corner = 0.1 * loop.pulsation(self.bandwidth_hz, USUAL_HZ)
         if self.integral_hz is not None:
             corner = 2.0 * np.pi * self.integral_hz
         return np.array([stiffness, damping, corner * stiffness])

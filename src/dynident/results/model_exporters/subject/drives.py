@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -141,7 +141,7 @@ def drives_of(subject: Identified) -> Drives:
 def _left(part: Friction, name: str, values: Array, joint: Any) -> list[Term]:
     """Return the terms of one part at one drive that a simulator cannot hold."""
     revolute = joint.kind == "revolute"
-    options = {key: value for key, value in asdict(part).items() if key not in ("joints", "vary", "choose")}
+    options = part.options
     if name == TWO_LEVELS[0]:
         half = 0.5 * float(values[0] - values[1])
         return [Term(joint.name, name, "(Fc+ - Fc-)/2", half, joint.unit, options)] if half else []
