@@ -54,6 +54,19 @@ def model_of(robot: Robot, *friction: str) -> DynamicModel:
     return DynamicModel(robot, tuple(FRICTION.make(name) for name in friction))
 
 
+@pytest.mark.parametrize("velocity", [1e-3, 0.01, 0.05])
+def test_friction_of_slow_motion_counts_on_every_drive(er16: Robot, velocity: float) -> None:
+    """It has faded by many powers of ten at the speeds of a random motion; the others keep their names."""
+    usual, fading = model_of(er16, "coulomb", "viscous"), FRICTION.make("stribeck", velocity=velocity, exponent=2.0)
+    plain, found = base_parameters(usual), base_parameters(replace(usual, friction=(*usual.friction, fading)))
+    slow = [name for name in found.names if name.startswith("Fs")]
+    assert slow == [f"Fs[{name}]" for name in er16.joint_names]
+    assert sorted(found.names) == sorted([*plain.names, *slow])
+    np.testing.assert_allclose(
+        found.matrix[:, : usual.inertial_count].sum(0), plain.matrix[:, : usual.inertial_count].sum(0), atol=1e-9
+    )
+
+
 def test_counts_of_the_er16(er16: Robot) -> None:
     assert base_parameters(model_of(er16)).count == 36
     assert base_parameters(model_of(er16.locked(dict.fromkeys(FIRST_THREE, 0.0)))).count == 15

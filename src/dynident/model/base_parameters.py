@@ -13,7 +13,7 @@ and ``neglected``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -45,6 +45,9 @@ ZERO = 5e-6
 
 #: Random motions have speeds of 3 rad/s and accelerations of 10 rad/s^2; gravity is made to count like them.
 _ACCELERATION = 10.0
+
+#: Slow motion goes down to this share of the random speeds.
+_SLOWEST = 1e-3
 
 #: Distances in m below this are rounding of a description.
 _POINT = 1e-6
@@ -136,7 +139,7 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
         seed: Seed of the random states.
     """
     samples = max(40, 4 * len(model.parameters) // max(model.robot.dof, 1))
-    regressor = _balanced(model, model.random_motion(samples, seed))
+    regressor = _balanced(model, _states(model, samples, seed))
     size = model.inertial_count if inertial_only else regressor.shape[-1]
     triangle = triangle_of(regressor[..., :size].reshape(-1, size))
     norms = np.linalg.norm(triangle, axis=0)
@@ -157,6 +160,21 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     matters = largest >= TOLERANCE
     shares = _remainders(scaled[:, chosen])
     return BaseParameters(model.parameters[:size], chosen, matrix, matters, shares, float(neglected))
+
+
+def _states(model: DynamicModel, samples: int, seed: int) -> Motion:
+    """Return random states; as many again at slow motion where friction shows there what it does not show at speed.
+
+    What fades over hundredths of a radian a second would else count where one of the random speeds is slow by luck.
+    """
+    usual = model.random_motion(samples, seed)
+    share = _SLOWEST ** np.random.default_rng([seed, 1]).uniform(0.0, 1.0, usual.dq.shape)
+    slow = replace(model.random_motion(samples, seed + 1), dq=usual.dq * share)
+    sizes = [np.linalg.norm(model.friction_values(motion), axis=0) for motion in (usual, slow)]
+    if not np.any(sizes[1] > 2.0 * sizes[0]):
+        return usual
+    pairs = ((getattr(usual, each.name), getattr(slow, each.name)) for each in fields(Motion))
+    return Motion(*(None if one is None else np.concatenate([one, other]) for one, other in pairs))  # type: ignore[arg-type]
 
 
 def _balanced(model: DynamicModel, motion: Motion) -> Array:
