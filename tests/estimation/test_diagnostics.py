@@ -14,7 +14,8 @@ from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import identify, pose, validate
 from dynident.estimation.observer import Observer
-from dynident.estimation.uncertainty.diagnostics import DECIDES, diagnose
+from dynident.estimation.residuals.row_passes import RowPasses
+from dynident.estimation.uncertainty.diagnostics import DECIDES, _whiteness, diagnose
 from dynident.estimation.uncertainty.propagation import (
     mass_matrix,
     prediction_deviations,
@@ -60,6 +61,26 @@ def test_coloured_noise_is_not_white(bench: Bench) -> None:
     found = diagnose(problem, WLS(), WLS().solve(problem).beta, 0)
     assert np.all(found.whiteness < 1e-4) and found.effective_rows < 0.5 * found.rows
     assert any("coloured: all joints" in sentence for sentence in found.verdicts())
+
+
+def test_what_the_fit_takes_is_no_colour(planar_2r: Robot, exact_log: MakeLog) -> None:
+    """Residuals with the power that the fit leaves of white noise, by the hat matrix in time, have nothing to find."""
+    short = Bench(planar_2r, exact_log, samples=200)
+    problem = short.problem(short.white(0))
+    solution, samples = WLS().solve(problem), short.log.samples
+    rows = short.model.regressor(Motion(short.log.q, short.log.dq, short.log.ddq))[..., short.base.independent]
+    inverse = np.linalg.inv(sum(w**2 * rows[:, i].T @ rows[:, i] for i, w in enumerate(solution.weights)))
+    residual = np.empty((samples, 2))
+    for i, weight in enumerate(solution.weights):
+        left = np.eye(samples) - weight**2 * rows[:, i] @ inverse @ rows[:, i].T
+        power = np.real(np.diag(np.fft.fft(np.fft.fft(left, axis=0).conj().T, axis=0)))[: samples // 2 + 1] / samples
+        assert 0.0 <= power.min() < 0.9
+        turned = np.exp(2j * np.pi * np.random.default_rng(i).random(len(power)))
+        residual[:, i] = np.fft.irfft(np.sqrt(np.maximum(power, 0.1)) * turned, samples) / weight
+    passes = RowPasses(problem)
+    np.testing.assert_allclose(_whiteness(passes, residual, solution.weights), 1.0, atol=1e-12)
+    flat = np.fft.irfft(np.abs(np.fft.rfft(residual[:, :1], axis=0)) ** 0 * turned[:, None], samples, axis=0)
+    assert np.all(_whiteness(passes, np.repeat(flat, 2, axis=1), solution.weights) < 1.0 - 1e-9)
 
 
 def test_noise_before_a_filter_counts_as_white(bench: Bench) -> None:

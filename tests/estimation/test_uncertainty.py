@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -132,6 +133,33 @@ def test_thinned_stretches_keep_the_sums(bench: Bench) -> None:
 def test_half_widths_are_those_of_student() -> None:
     found = Uncertainty(np.diag([4.0, 1.0]), np.array([10.0, np.inf]))
     np.testing.assert_allclose(found.half_widths(), [2 * 2.2281, 1.95996], rtol=1e-4)
+
+
+def test_an_average_is_as_wide_as_the_root_of_what_passes() -> None:
+    """Odd, a half of the root of the frequencies that pass to either side, at most all, whatever the filter's gain."""
+    (plain,) = bands_of_rows([np.zeros((400, 1, 1))])
+    passed = np.arange(201) < 100
+    shapes = {15: np.ones(201), 11: 1.0 * passed, 13: 0.3 + 0.7 * passed}
+    for width, shape in shapes.items():
+        for gain in (1.0, 0.1):
+            assert replace(plain, shape=gain * shape).width == width
+    (few,) = bands_of_rows([np.zeros((3, 1, 1))])
+    assert few.width == 1
+
+
+def test_degrees_of_freedom_are_those_of_the_averages_that_count() -> None:
+    """An impulse has the same power everywhere; an average of 15 frequencies has 30 degrees, and two of them add."""
+    time = 2 * np.pi * np.arange(400) / 400
+    first, second = np.sin(22 * time), np.sin(52 * time)  # in the middle of the second and the fourth average
+    rows = np.stack([first, first + second, first + 3.0 * second], axis=1)[:, None]
+    impulse = np.zeros((400, 1))
+    impulse[0] = 1.0
+    made = Influence(np.eye(3)[None], np.zeros((3, 3)), np.zeros((1, 1)))
+    found = uncertainty_of(bands_of_rows([rows]), impulse, made)
+    np.testing.assert_allclose(found.degrees, [30.0, 60.0, 30.0 * (1 + 9) ** 2 / (1 + 81)], rtol=1e-9)
+    np.testing.assert_allclose(np.diag(found.covariance), np.array([1.0, 2.0, 10.0]) * 200 / 400, rtol=1e-9)
+    none = uncertainty_of(bands_of_rows([rows]), np.zeros((400, 1)), made)
+    assert np.all(none.covariance == 0) and np.all(np.isinf(none.degrees))
 
 
 def first_order(white: Array, memory: float) -> Array:

@@ -6,6 +6,7 @@ import io
 import itertools
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -27,6 +28,8 @@ from dynident.estimation.streaming.triangle_file import check_case, merged_file,
 from dynident.experiment.case_file.case import Case, read_case
 from dynident.experiment.formats import write_log
 from dynident.experiment.log import Log
+from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.experiment.preprocessing.butterworth import Butterworth
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.robot import Robot
 
@@ -110,16 +113,27 @@ def test_other_models_and_preparations_do_not_merge(
     folder: Path, case: Case, parts: list[Path], tmp_path: Path
 ) -> None:
     others = {
-        "another preprocessing": replace(case, preprocessing=replace(case.preprocessing, rate_hz=50.0)),
+        "another preprocessing (rate_hz 50.0, there 200.0)": replace(
+            case, preprocessing=replace(case.preprocessing, rate_hz=50.0)
+        ),
         "another friction": replace(case, friction=case.friction[:2]),
         "another robot": replace(case, robot=case.robot.with_gravity([0.0, 0.0, -9.81])),
     }
     for words, other in others.items():
         write_digest(reduce_logs(other, [folder / "b.npz"]), tmp_path / "other.tri")
-        with pytest.raises(TriangleFileError, match=words):
+        with pytest.raises(TriangleFileError, match=re.escape(words)):
             merged_file([parts[0], tmp_path / "other.tri"])
-        with pytest.raises(TriangleFileError, match=f"other than the case: {words}"):
+        with pytest.raises(TriangleFileError, match=re.escape(f"other than the case: {words}")):
             check_case(read_digest(tmp_path / "other.tri"), "other.tri", case.model, case.preprocessing)
+
+
+def test_what_a_case_leaves_open_is_that_of_the_triangles(case: Case, parts: list[Path]) -> None:
+    how, digest = case.preprocessing, read_digest(parts[0])
+    check_case(digest, "a.tri", case.model, replace(how, filter=Butterworth(), delay_s=None))
+    with pytest.raises(TriangleFileError, match=r"another preprocessing \(cutoff_hz 5\.0, there 6\.0, "):
+        check_case(digest, "a.tri", case.model, replace(how, filter=Butterworth(cutoff_hz=6.0), delay_s=None))
+    with pytest.raises(TriangleFileError, match=r"another preprocessing \(kind butterworth, there as_given"):
+        check_case(digest, "a.tri", case.model, replace(how, filter=AsGiven()))
 
 
 class Stopped(Exception):
@@ -210,6 +224,10 @@ DAMAGE: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "no number": (lambda a: a["factors_0"].__setitem__((0, 0, 0), np.nan), "factors_0 is no array of finite"),
     "another shape": (lambda a: a.update(sums_1=a["sums_1"][:, 1:]), "sums_1 is no array"),
     "columns that are not there": (lambda a: a["columns_1"].__setitem__(0, 99), "columns_1 are no positions"),
+    "a column more than there are": (
+        lambda a: a["columns_1"].__setitem__(-1, len(a["about"]["base"])),
+        "columns_1 are no positions",
+    ),
     "fewer rows than none": (lambda a: a["counts_0"].__setitem__(0, -5), "counts_0 are no numbers of rows"),
     "objects": (lambda a: a.update(factors_0=np.array([{}], dtype=object)), "damaged"),
     "no joints": (lambda a: a["about"].pop("chunks"), "damaged"),
