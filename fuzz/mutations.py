@@ -8,7 +8,8 @@ import random
 import re
 import struct
 import zipfile
-from collections.abc import Callable, Sequence
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 _MOST = 1 << 20
@@ -116,18 +117,19 @@ def _lines(data: bytes, other: bytes, draw: random.Random, words: Sequence[str])
 def _json(data: bytes, other: bytes, draw: random.Random, words: Sequence[str]) -> bytes:
     try:
         value = json.loads(data)
-        places = list(_places(value))
     except (ValueError, RecursionError):
         return _bytes(data, other, draw, words)
-    if not places:
+    holders = _holders(value)
+    if not holders:
         return json.dumps(draw.choice(_VALUES)).encode()
-    holder, key = draw.choice(places)
+    holder = draw.choice(holders)
+    key = _key(holder, draw)
     way = draw.randrange(6)
     if way == 0:
         del holder[key]
     elif way == 1:
-        some, name = draw.choice(places)
-        holder[key] = json.loads(json.dumps(some[name])) if name in some or isinstance(some, list) else None
+        some = draw.choice(holders)
+        holder[key] = json.loads(json.dumps(some[_key(some, draw)]))
     elif way == 2 and isinstance(holder, list):
         holder.insert(key, holder[key])
     elif way == 3:
@@ -143,21 +145,26 @@ def _json(data: bytes, other: bytes, draw: random.Random, words: Sequence[str]) 
         return _bytes(data, other, draw, words)
 
 
-def _places(value: Any) -> Any:
-    stack = [value]
+def _holders(value: Any) -> list[Any]:
+    """Return the mappings and lists in a value that are not empty."""
+    found, stack = [], [value]
     while stack:
         one = stack.pop()
-        keys = one.keys() if isinstance(one, dict) else range(len(one)) if isinstance(one, list) else ()
-        for key in keys:
-            yield one, key
-            stack.append(one[key])
+        items = one.values() if isinstance(one, dict) else one if isinstance(one, list) else ()
+        if items:
+            found.append(one)
+            stack += [item for item in items if isinstance(item, dict | list)]
+    return found
+
+
+def _key(holder: Any, draw: random.Random) -> Any:
+    return draw.choice(list(holder)) if isinstance(holder, dict) else draw.randrange(len(holder))
 
 
 def _zip(data: bytes, other: bytes, draw: random.Random, words: Sequence[str]) -> bytes:
     """Change a member and pack the archive again, so that its sums are right."""
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = {one.filename: archive.read(one) for one in archive.infolist() if one.file_size < _MOST}
+        members = dict(_unpacked.get(data) or _members(data))
     except Exception:  # any damage of an earlier change
         return _bytes(data, other, draw, words)
     if not members:
@@ -174,11 +181,36 @@ def _zip(data: bytes, other: bytes, draw: random.Random, words: Sequence[str]) -
         members[draw.choice((f"../{name}", "q.npy", "t.npy", "x.npy"))] = members.pop(name)
     else:
         members[name] = _bytes(members[name], members[name], draw, words)
-    made = io.BytesIO()
-    with zipfile.ZipFile(made, "w", draw.choice((zipfile.ZIP_STORED,) * 7 + (zipfile.ZIP_DEFLATED,))) as archive:
-        for one, content in members.items():
-            archive.writestr(one, content)
-    return made.getvalue()
+    packed = _packed(members, deflate=draw.randrange(8) == 0)
+    _unpacked[packed] = members
+    if len(_unpacked) > 100:
+        _unpacked.pop(next(iter(_unpacked)))
+    return packed
+
+
+#: Members of the last archives: most changes are of one that was changed or read just before.
+_unpacked: dict[bytes, Mapping[str, bytes]] = {}
+
+
+def _members(data: bytes) -> Mapping[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        members = {one.filename: archive.read(one) for one in archive.infolist() if one.file_size < _MOST}
+    _unpacked[data] = members
+    return members
+
+
+def _packed(members: Mapping[str, bytes], deflate: bool) -> bytes:
+    """Return an archive; the package zipfile takes as long for it as a reader for reading it."""
+    content, directory = bytearray(), bytearray()
+    for name, member in members.items():
+        label = name.encode("utf-8", "surrogateescape")
+        packed = zlib.compress(member, wbits=-15) if deflate else member
+        facts = (20, 0x800, 8 if deflate else 0, 0, 0x21, zlib.crc32(member), len(packed), len(member), len(label), 0)
+        directory += struct.pack("<4s6H3L5H2L", b"PK\1\2", 20, *facts, 0, 0, 0, 0, len(content)) + label
+        content += struct.pack("<4s5H3L2H", b"PK\3\4", *facts) + label + packed
+    count = len(members)
+    end = struct.pack("<4s4H2LH", b"PK\5\6", 0, 0, count, count, len(directory), len(content), 0)
+    return bytes(content + directory + end)
 
 
 _Way = Callable[[bytes, bytes, random.Random, Sequence[str]], bytes]

@@ -26,8 +26,7 @@ class Record:
     def __init__(self, path: Path) -> None:
         self._path = path
         self._facts: dict[str, Any] = {"with": {}, "targets": {}, "open": {}}
-        if path.exists():
-            self._facts |= json.loads(path.read_text())
+        self._read()
 
     def executions(self, name: str) -> int:
         """Return how often a target was executed, in both ways together."""
@@ -38,7 +37,8 @@ class Record:
         return self._of(name).get(way, {}).get("executions", 0)
 
     def add(self, name: str, way: str, score: dict[str, Any]) -> None:
-        """Add the score of one process and write the file."""
+        """Add the score of one process to what the file holds by now, and write it."""
+        self._read()
         counts = self._of(name).setdefault(way, {})
         for key in _SUMS:
             counts[key] = round(counts.get(key, 0) + score.get(key, 0), 1)
@@ -53,9 +53,14 @@ class Record:
 
     def mend(self, name: str, file: str) -> None:
         """Note that a kept input finds no fault any more."""
+        self._read()
         left = {fault: kept for fault, kept in self._facts["open"].pop(name, {}).items() if kept != file}
         self._facts["open"] |= {name: left} if left else {}
         self._write()
+
+    def _read(self) -> None:
+        if self._path.exists():
+            self._facts |= json.loads(self._path.read_text())
 
     def _write(self) -> None:
         partial = self._path.with_name(f".{self._path.name}.part")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -33,19 +34,35 @@ URDF = """<?xml version="1.0"?>
 </robot>
 """
 
-DH = """name: two-link
+_OTHERS = r" *<coll.*</collision>|  <link name=.lower.*?</link>\n|  <joint name=.elbow.*?</joint>\n"
+#: The first joint of it alone: what is read in a moment is read often.
+ONE = re.sub(_OTHERS, "", URDF, flags=re.DOTALL)
+
+DH = """name: one
 convention: modified
 gravity: [0, -9.81, 0]
 joints:
-  - {name: j1, alpha: 0, a: 0, d: 0, theta: 0, limits: {lower: -3, upper: 3, velocity: 2, effort: 50}}
-  - name: j2
-    alpha: pi/2
-    a: 0.5
+  - {alpha: 0, a: 0, d: 0, theta: 0, limits: {lower: -3, upper: 3, velocity: 2, effort: 50}}
+"""
+DRIVEN = """name: one
+convention: standard
+joints:
+- alpha: pi/2
+  a: 0.5
+  d: 0
+  theta: 0
+  drive: {gear_ratio: 100, rotor_inertia: 2.0e-5}
+  friction: 0.3
+  damping: 0.1
+"""
+HEAVY = """name: one
+convention: modified
+joints:
+  - name: j1
+    alpha: 0
+    a: 0
     d: 0
     theta: 0
-    drive: {gear_ratio: 100, rotor_inertia: 2.0e-5}
-    friction: 0.3
-    damping: 0.1
     link:
       name: lower
       inertia:
@@ -56,14 +73,17 @@ joints:
 
 CASE = """case: 1
 robot: arm.urdf
-gravity: [0, 0, -9.81]
 friction: [{coulomb: {width: 0.02}}, viscous, offset]
-log:
-  columns: {time: t, q: [q1, q2], torque: [tau1, tau2]}
-  units: {position: deg}
 train: [run.csv]
 test: run.csv
 estimator: wls
+"""
+PREPARED = """case: 1
+robot: arm.urdf
+gravity: [0, 0, -9.81]
+log:
+  columns: {time: t, q: [q1], torque: [tau1]}
+  units: {position: deg}
 preprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 50, delay_s: 0.004}
 """
 
@@ -116,9 +136,14 @@ def urdf(folder: Path) -> list[Path]:
 
 def dh(folder: Path) -> list[Path]:
     """Write DH tables."""
-    (folder / "a.yaml").write_text(DH)
-    (folder / "b.yaml").write_text(DH.replace("modified", "standard"))
-    return [folder / "a.yaml", folder / "b.yaml"]
+    return _texts(folder, DH, DRIVEN, HEAVY)
+
+
+def _texts(folder: Path, *texts: str) -> list[Path]:
+    found = [folder / f"{k}.yaml" for k in range(len(texts))]
+    for path, text in zip(found, texts, strict=True):
+        path.write_text(text)
+    return found
 
 
 def robot_json(folder: Path) -> list[Path]:
@@ -131,9 +156,8 @@ def robot_json(folder: Path) -> list[Path]:
 
 def case(folder: Path) -> list[Path]:
     """Write case files beside their robot."""
-    _robot(folder)
-    (folder / "a.yaml").write_text(CASE)
-    return [folder / "a.yaml"]
+    (folder / "arm.urdf").write_text(ONE)
+    return _texts(folder, CASE, PREPARED)
 
 
 def csv(folder: Path) -> list[Path]:
@@ -296,11 +320,9 @@ def _cell(folder: Path) -> tuple[Any, Path]:
     from dynident.experiment.case_file.case import read_case
     from dynident.experiment.formats import write_log
 
-    before, _, _ = URDF.partition('  <link name="lower">')
-    after = URDF[URDF.index('  <joint name="shoulder"') : URDF.index('  <joint name="elbow"')]
-    (folder / "one.urdf").write_text(f"{before}{after}</robot>")
-    log = _log(200, 100.0)
-    noise = np.random.default_rng(0).normal(0, 0.1, (200, 1))
+    (folder / "one.urdf").write_text(ONE)
+    log = _log(130, 100.0)
+    noise = np.random.default_rng(0).normal(0, 0.1, (130, 1))
     assert log.torque is not None
     write_log(Log(JOINTS[:1], log.time, log.q[:, :1], torque=log.torque[:, :1] + noise), folder / "run.npz")
     how = "friction: [viscous]\npreprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 25}"

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from fuzz.seeds import CASE, DH, JOINTS, MAKERS, URDF
+from fuzz.seeds import CASE, DH, JOINTS, MAKERS, ONE
 
 Read = Callable[[Path], object]
 
@@ -72,19 +74,26 @@ def _case(path: Path) -> object:
     return read_case(path).model
 
 
-def _log(path: Path) -> object:
-    from dynident.experiment.formats import ColumnMap, read_log
+@cache
+def _columns(**options: Any) -> Any:
+    from dynident.experiment.formats import ColumnMap
 
-    return read_log(path, ColumnMap(optional=("dq", "torque")))
+    return ColumnMap(**options)
+
+
+def _log(path: Path) -> object:
+    from dynident.experiment.formats import read_log
+
+    return read_log(path, _columns(optional=("dq", "torque")))
 
 
 def _blocks(path: Path) -> object:
     """Read whole and in blocks: both ways of reading have to refuse the same damage by name."""
     from dynident.errors import DynidentError
-    from dynident.experiment.formats import ColumnMap, stream_log
+    from dynident.experiment.formats import stream_log
 
     try:
-        stream = stream_log(path, ColumnMap())
+        stream = stream_log(path, _columns())
         for _ in stream.blocks(7):
             pass
     except DynidentError:
@@ -93,17 +102,16 @@ def _blocks(path: Path) -> object:
 
 
 def _bag(path: Path) -> object:
-    from dynident.experiment.formats import ColumnMap, read_header, read_log
+    from dynident.experiment.formats import read_header, read_log
 
     read_header(path)
-    names = {word: tuple(f"{joint}.{word}" for joint in JOINTS) for word in ("position", "effort")}
-    return read_log(path, ColumnMap(JOINTS, q=names["position"], torque=names["effort"]))
+    q, torque = (tuple(f"{joint}.{word}" for joint in JOINTS) for word in ("position", "effort"))
+    return read_log(path, _columns(joints=JOINTS, q=q, torque=torque))
 
 
-def _compile_once() -> None:
+def _define_once() -> None:
     """Let rosbags parse and compile message definitions once per text: that is most of its time else."""
     import importlib
-    from functools import lru_cache
 
     @lru_cache(1000)
     def made(text: str, name: str) -> dict[str, Any]:
@@ -116,16 +124,31 @@ def _compile_once() -> None:
 
     anyreader: Any = importlib.import_module("rosbags.highlevel.anyreader")
     anyreader.get_types_from_msg = lru_cache(1000)(anyreader.get_types_from_msg)
+    anyreader.get_types_from_idl = lru_cache(1000)(anyreader.get_types_from_idl)
+    storage: Any = importlib.import_module("rosbags.rosbag2.storage_sqlite3")
+    quality, once_parsed = storage.parse_qos, lru_cache(1000)(storage.parse_qos)
+    storage.parse_qos = lambda found: (once_parsed if isinstance(found, str) else quality)(found)
     for name in ("rosbags.serde.utils", "rosbags.typesys.store"):
         compiling: Any = importlib.import_module(name)
         compiling.exec = once
+    store: Any = importlib.import_module("rosbags.typesys.store").Typestore
+    register = store.register
+    parsers: OrderedDict[str, dict[str, Any]] = OrderedDict()  # what a store has compiled, by its definitions
+
+    def registered(self: Any, types: Any) -> None:
+        register(self, types)
+        self.cache = parsers.setdefault(repr(self.fielddefs), {})
+        if len(parsers) > 200:
+            parsers.popitem(last=False)
+
+    store.register = registered
 
 
 def _scope(path: Path) -> object:
-    from dynident.experiment.formats import ColumnMap, read_log
+    from dynident.experiment.formats import read_log
     from dynident.experiment.formats.twincat_scope import TwincatScope
 
-    return read_log(path, ColumnMap(("a",), q=("q1",), torque=("tau1",)), form=TwincatScope())
+    return read_log(path, _columns(joints=("a",), q=("q1",), torque=("tau1",)), form=TwincatScope())
 
 
 def _plan(path: Path) -> object:
@@ -157,7 +180,7 @@ TARGETS: Mapping[str, Target] = {
         "text",
         _case,
         (*_YAML, "robot: dh.yaml", "prior: arm.urdf", "workspace: {}", "cell: {}", "friction: auto", "split: 0.5"),
-        {"arm.urdf": URDF, "dh.yaml": DH, "other.yaml": CASE},
+        {"arm.urdf": ONE, "dh.yaml": DH, "other.yaml": CASE},
         (*_MODEL, "dynident.experiment.case_file"),
     ),
     "csv": Target(".csv", "text", _blocks, _TEXT),
@@ -165,9 +188,9 @@ TARGETS: Mapping[str, Target] = {
     "npz": Target(".npz", "zip", _blocks),
     "parquet": Target(".parquet", "bytes", _blocks),
     "mat": Target(".mat", "bytes", _blocks),
-    "bag1": Target(".bag", "bytes", _bag, warm=_compile_once),
-    "db3": Target(".db3", "bytes", _bag, warm=_compile_once),
-    "mcap": Target(".mcap", "bytes", _bag, warm=_compile_once),
+    "bag1": Target(".bag", "bytes", _bag, warm=_define_once),
+    "db3": Target(".db3", "bytes", _bag, warm=_define_once),
+    "mcap": Target(".mcap", "bytes", _bag, warm=_define_once),
     "plan": Target(".json", "json", _plan, instrument=("dynident.experiment.design.plan",)),
     "estimate": Target(".json", "json", _estimate, instrument=("dynident.estimation.estimate_file", *_MODEL)),
     "triangles": Target(".tri", "zip", _triangles, instrument=("dynident.estimation.streaming.triangle_file", *_MODEL)),

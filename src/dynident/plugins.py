@@ -11,7 +11,7 @@ import importlib.util
 import inspect
 import pkgutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache
 from types import ModuleType
@@ -44,7 +44,12 @@ def part_names(package: str) -> tuple[str, ...]:
     Raises:
         ModuleNotFoundError: There is no such folder.
     """
-    return tuple(sorted({*_in_folder(package), *added(package)}))
+    return _sorted(_in_folder(package), tuple(added(package)))
+
+
+@cache
+def _sorted(*names: Collection[str]) -> tuple[str, ...]:
+    return tuple(sorted(set().union(*names)))
 
 
 @cache
@@ -64,10 +69,8 @@ def added(package: str) -> Mapping[str, tuple[EntryPoint, ...]]:
 
 def _in_folder(package: str) -> frozenset[str]:
     folder = sys.modules.get(package)
-    spec = importlib.util.find_spec(package)
-    places = (
-        spec.submodule_search_locations if folder is None and spec is not None else getattr(folder, "__path__", None)
-    )
+    spec = importlib.util.find_spec(package) if folder is None else None
+    places = getattr(folder, "__path__", None) if spec is None else spec.submodule_search_locations
     if places is None:
         raise ModuleNotFoundError(f"there is no folder of parts '{package}'", name=package)
     return _modules(tuple(places))
@@ -102,8 +105,9 @@ class Family(Generic[Part]):
             UnknownChoice: The family has no such part.
             BrokenPart: An installed package adds a part that cannot be loaded, or whose name is taken.
         """
-        if name not in self.names():
-            raise UnknownChoice(self.noun, name, self.names())
+        names = self.names()
+        if name not in names:
+            raise UnknownChoice(self.noun, name, names)
         points = added(self.package).get(name, ())
         if points:
             return self._added(points)

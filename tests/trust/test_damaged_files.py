@@ -139,6 +139,17 @@ def test_damaged_pages_are_named_in_both_ways_of_reading(tmp_path: Path, suffix:
     assert refused > 20
 
 
+def test_a_parquet_file_of_less_than_no_rows_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    path = tmp_path / "run.parquet"
+    write_log(Log(("a",), np.arange(10.0), np.ones((10, 1))), path)
+    rows, negative = b"\x16\x14\x19\x1c", b"\x16\x13\x19\x1c"  # 10 in the footer, between the names and the groups
+    assert path.read_bytes().count(rows) == 1
+    path.write_bytes(path.read_bytes().replace(rows, negative))
+    with pytest.raises(LogFormatError, match=r"damaged Parquet file \(-10 rows"):
+        read_log(path, ColumnMap(torque=()))
+
+
 def test_a_parquet_file_with_too_many_cells_is_refused_before_it_is_unpacked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

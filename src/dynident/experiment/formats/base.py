@@ -33,6 +33,7 @@ NUMBERED = {
     "q_ref": "q_ref",
     "dq_ref": "dq_ref",
 }
+_NUMBER = re.compile(r"[1-9][0-9]{0,3}")
 
 
 @dataclass(frozen=True)
@@ -336,5 +337,5 @@ def shown(text: str) -> str:
 
 
 def _numbers(word: str, header: Sequence[str]) -> list[int]:
-    pattern = re.compile(re.escape(word) + r"([1-9][0-9]{0,3})")
-    return [int(match[1]) for name in header if (match := pattern.fullmatch(name))]
+    numbers = (_NUMBER.fullmatch(name, len(word)) for name in header if name.startswith(word))
+    return [int(match[0]) for match in numbers if match]

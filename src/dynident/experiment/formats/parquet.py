@@ -96,6 +96,9 @@ class Parquet(LogFormat):
         """Return the table; see :meth:`LogFormat.open`."""
         digest = checked_file(path, _MAX_BYTES)
         file = _opened(path)
+        if file.metadata.num_rows < 0:
+            evidence = f"a damaged Parquet file ({file.metadata.num_rows} rows)"
+            raise LogFormatError(path, None, evidence, "record or convert it again")
         places = _places(path, file)
         if not places:
             raise LogFormatError(path, None, "it holds no columns of numbers", "write time, positions and torques")

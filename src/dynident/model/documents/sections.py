@@ -11,7 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import nearest
-from dynident.model.documents.numbers import Place, check_name, check_order, expression, in_range, shown
+from dynident.model.documents.numbers import LARGEST, Place, check_name, check_order, expression, in_range, shown
 from dynident.model.robot import Drive, JointLimits
 
 LIMITS: Final = ("lower", "upper", "velocity", "acceleration", "jerk", "effort", "effort_rate")
@@ -124,7 +124,7 @@ class Section:
         """
         if default is not None and not self.has(key):
             return default
-        return self._number(self.place(key), self.value(key), unbounded=unbounded)
+        return self._number(key, self.value(key), unbounded=unbounded)
 
     def at_least_zero(self, key: str, default: float | None = None, *, unbounded: bool = False) -> float:
         """Return a number that is not negative; see :meth:`number`."""
@@ -141,9 +141,10 @@ class Section:
 
     def matrix(self, key: str, rows: int, columns: int) -> Array:
         """Return a list of rows, shape (rows, columns)."""
-        place, value = self.place(key), self.value(key)
+        value = self.value(key)
         if not isinstance(value, list) or len(value) != rows:
-            raise place.error(f"{rows} rows are needed, not {_kind(value)}", f"write {rows} lists of {columns} numbers")
+            evidence = f"{rows} rows are needed, not {_kind(value)}"
+            raise self.place(key).error(evidence, f"write {rows} lists of {columns} numbers")
         table = [self._numbers(f"{key}.{i}", row, columns) for i, row in enumerate(value, start=1)]
         return np.array(table, dtype=float).reshape(rows, columns)
 
@@ -168,13 +169,16 @@ class Section:
         return f"{self.key}.{key}" if self.key else key
 
     def _numbers(self, key: str, value: object, count: int) -> Array:
-        place = self.place(key)
         if not isinstance(value, list) or len(value) != count:
-            raise place.error(f"{count} numbers are needed, not {_kind(value)}", f"write a list of {count} numbers")
-        found = [self._number(self.place(f"{key}.{i}"), item) for i, item in enumerate(value, start=1)]
+            evidence = f"{count} numbers are needed, not {_kind(value)}"
+            raise self.place(key).error(evidence, f"write a list of {count} numbers")
+        found = [self._number(f"{key}.{i}", item) for i, item in enumerate(value, start=1)]
         return np.array(found, dtype=float)
 
-    def _number(self, place: Place, value: object, *, unbounded: bool = False) -> float:
+    def _number(self, key: str, value: object, *, unbounded: bool = False) -> float:
+        if type(value) is float and abs(value) <= LARGEST:  # the most there are: no words for what is not wrong
+            return value
+        place = self.place(key)
         if self.written and isinstance(value, str):
             return expression(place, value, unbounded=unbounded)
         if isinstance(value, bool) or not isinstance(value, int | float):
