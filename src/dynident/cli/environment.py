@@ -42,6 +42,9 @@ EXTRAS = {
 #: Modules that packages are imported as, where the name is another one.
 _MODULES = {"pyyaml": "yaml", "pin": "pinocchio"}
 
+#: Endings of compiled code: numba's index and code, and the machine code of robots.
+_CODE = (".nbi", ".nbc", ".dynident-code")
+
 #: Variables that change what dynident or the libraries below it do.
 _VARIABLES = (
     "DYNIDENT_DATA", "DYNIDENT_KERNEL", "NUMBA_CACHE_DIR", "NUMBA_DISABLE_JIT", "NUMBA_NUM_THREADS", "OMP_NUM_THREADS",
@@ -180,7 +183,7 @@ def _caches() -> list[dict[str, Any]]:
         place = _cache_place(members[0])
         entry = places.setdefault(place, {"place": place, "for": [], "bytes": 0, "files": 0, "writable": False})
         entry["for"].append(str(folder.relative_to(package)))
-        kept = [one for one in Path(place).glob("*.nb[ic]")] if place else []
+        kept = [one for one in Path(place).iterdir() if one.suffix in _CODE] if place and Path(place).is_dir() else []
         sizes = [one.stat().st_size for one in kept if one.exists()]
         entry.update(bytes=sum(sizes), files=len(sizes), writable=bool(place) and os.access(place or "", os.W_OK))
     return list(places.values())

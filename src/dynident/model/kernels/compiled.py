@@ -1,8 +1,4 @@
-"""Programs made into machine code, in memory, when they are first wanted.
-
-A robot with six joints takes about a tenth of a second, less than to load compiled code from a disk: nothing is stored,
-so there is no cache to age, to protect or to share between processes.
-"""
+"""Programs made into machine code when they are first wanted, and kept on disk for the next process."""
 
 from __future__ import annotations
 
@@ -16,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from dynident.arrays import Array, address
+from dynident.model.kernels.code_files import kept_code
 from dynident.model.kernels.emit import Access, Layout, llvm_assembly
 from dynident.model.kernels.trace import Program
 
@@ -23,6 +20,8 @@ from dynident.model.kernels.trace import Program
 KEPT = 64
 
 Made = TypeVar("Made")
+
+_SETTINGS: dict[str, Any] = {"opt": 2}
 
 _ready: OrderedDict[Hashable, Any] = OrderedDict()
 _lock = threading.Lock()
@@ -99,9 +98,14 @@ def machine_code(assembly: str) -> Any:
     """Return the engine that holds the machine code of LLVM assembly for this processor."""
     import llvmlite.binding as llvm  # the compiler loads with the first kernel, not with the package
 
-    module = llvm.parse_assembly(assembly)
-    module.verify()
-    engine = llvm.create_mcjit_compiler(module, _machine())
+    def make() -> bytes:
+        module = llvm.parse_assembly(assembly)
+        module.verify()
+        return _machine().emit_object(module)
+
+    code = kept_code(repr((_SETTINGS, *_processor(), llvm.llvm_version_info)), assembly, make)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return engine
 
@@ -125,6 +129,14 @@ def _machine() -> Any:
     """Return a target machine for this processor, with its widest vectors."""
     import llvmlite.binding as llvm
 
-    flags = llvm.get_host_cpu_features().flatten() + (",-prefer-256-bit" if _has_wide_vectors() else "")
-    target = llvm.Target.from_default_triple()
-    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=flags, opt=2)
+    name, features = _processor()
+    return llvm.Target.from_default_triple().create_target_machine(cpu=name, features=features, **_SETTINGS)
+
+
+@cache
+def _processor() -> tuple[str, str]:
+    """Return the name and the features of this processor as LLVM knows them."""
+    import llvmlite.binding as llvm
+
+    features = llvm.get_host_cpu_features().flatten() + (",-prefer-256-bit" if _has_wide_vectors() else "")
+    return llvm.get_host_cpu_name(), features
