@@ -15,7 +15,7 @@ from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import identify, pose, validate
 from dynident.estimation.observer import Observer
 from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.diagnostics import DECIDES, _whiteness, diagnose
+from dynident.estimation.uncertainty.diagnostics import DECIDES, _constant_variance, _whiteness, diagnose
 from dynident.estimation.uncertainty.propagation import (
     mass_matrix,
     prediction_deviations,
@@ -70,7 +70,7 @@ def test_what_the_fit_takes_is_no_colour(planar_2r: Robot, exact_log: MakeLog) -
     solution, samples = WLS().solve(problem), short.log.samples
     rows = short.model.regressor(Motion(short.log.q, short.log.dq, short.log.ddq))[..., short.base.independent]
     inverse = np.linalg.inv(sum(w**2 * rows[:, i].T @ rows[:, i] for i, w in enumerate(solution.weights)))
-    residual = np.empty((samples, 2))
+    residual, turned = np.empty((samples, 2)), np.empty(0)
     for i, weight in enumerate(solution.weights):
         left = np.eye(samples) - weight**2 * rows[:, i] @ inverse @ rows[:, i].T
         power = np.real(np.diag(np.fft.fft(np.fft.fft(left, axis=0).conj().T, axis=0)))[: samples // 2 + 1] / samples
@@ -126,8 +126,29 @@ def test_noisy_states_bias_least_squares_and_are_found(bench: Bench) -> None:
     found = diagnose(pose(bench.model, [log], how), WLS(), WLS().solve(pose(bench.model, [log], how)).beta, 0)
     assert found.exogeneity is not None and found.exogeneity.is_biased()
     assert any("bias by noisy states: found" in sentence for sentence in found.verdicts())
+    near = {name: getattr(clean, name) + 1e-7 * generator.normal(size=q.shape) for name in ("q", "dq", "ddq")}
+    quiet = replace(noisy(bench, bench.white(1)), **near, q_ref=clean.q)
+    fine = diagnose(pose(bench.model, [quiet], how), WLS(), bench.truth, 0)
+    assert fine.exogeneity is not None and not fine.exogeneity.is_biased()
+    assert any("bias by noisy states: none found (p " in sentence for sentence in fine.verdicts())
     none = diagnose(bench.problem(bench.white(1)), WLS(), bench.truth, 0)
     assert none.exogeneity is None and "q_ref" in none.reference
+
+
+def test_several_logs_are_left_out_one_by_one_too(bench: Bench) -> None:
+    problem = bench.problem(bench.white(0), cuts=(400, 800))
+    parts, logs = diagnose(problem, WLS(), WLS().solve(problem).beta, 4).cross_validation
+    assert (parts.over, len(parts.folds)) == ("blocks", 4) and (logs.over, len(logs.folds)) == ("logs", 3)
+    assert logs.in_sample == pytest.approx(parts.in_sample) and logs.relative_error > logs.in_sample
+
+
+def test_a_joint_without_any_residual_changes_with_nothing(bench: Bench) -> None:
+    noise = bench.white(0)
+    noise[:, 1] = 0.0
+    problem = bench.problem(noise)
+    passes = RowPasses(problem)
+    residual = np.stack([np.asarray(noise[:, 0]), np.zeros(len(noise))], axis=1)
+    assert _constant_variance(problem, passes, residual)[1] == 1.0
 
 
 def test_an_estimate_carries_its_diagnostics(bench: Bench) -> None:

@@ -194,6 +194,24 @@ def test_what_a_fleet_refuses(estimates, planar_2r, spatial_3r, exact_log):
     odd = identify(other, [log], "wls", Preprocessing(AsGiven(), rest="keep"))
     with pytest.raises(BadOption, match="other joints than r0"):
         fleet_of([*robots, robot_of_estimate("odd", odd)])
+    first, second = planar_2r.joints
+    slide = replace(second, kind="prismatic")
+    longer = replace(second, translation=1.2 * second.translation)
+    others = {
+        "torques in other units than r0: N m, N, there N m, N m": replace(planar_2r, joints=(first, slide)),
+        "other base parameters than r0, such as .*: another geometry, gravity or mounting": planar_2r.with_gravity(
+            [0.0, 0.0, -9.81]
+        ),
+        r"other base parameters than r0, such as Izz\[link1\] \+ 0.36 m\[link2\]": replace(
+            planar_2r, joints=(first, longer)
+        ),
+    }
+    for words, robot in others.items():
+        model = DynamicModel(robot, (Coulomb(), Viscous()))
+        log = exact_log(model, np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2)), noise=0.3, seed=9)
+        odd = identify(model, [log], "wls", Preprocessing(AsGiven(), rest="keep"))
+        with pytest.raises(BadOption, match=f"odd, which has {words}"):
+            fleet_of([*robots, robot_of_estimate("odd", odd)])
     log = {"path": "monday.csv", "sha256": "abc"}
     twice = [replace(one, provenance={"logs": [log]}) for one in estimates[:2]]
     with pytest.raises(BadOption, match="b, which stands on a log that a stands on too"):

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynident.errors import BadOption, DescriptionError, UnknownChoice
+from dynident.errors import BadOption, DescriptionError, FileError, UnknownChoice
 from dynident.estimation.monte_carlo.experiment import Experiment, read_experiment, shipped_benchmarks
 from dynident.estimation.monte_carlo.records import Records
 from dynident.estimation.monte_carlo.runner import run_tasks, worth_another_try
@@ -123,6 +123,18 @@ def test_the_shipped_benchmark_states_the_conditions_of_its_source(
         ("torque: 0.3}", "torque: 0.3, set: [ripple.high=1]}", r"line 10, noise\.2\.set: ripple: unknown key 'high'"),
         ("torque: 0.3}", "torque: 0.3, set: ripple}", r"line 10, noise\.2\.set: --set = 'ripple' is not possible"),
         ("truth: {friction", "truth: {believed: nominal, friction", "parameters or believed"),
+        ("  raw: [ols]", "  raw: ols", r"methods.*raw.*not a list; write a list of estimators, such as \[ols, wls\]"),
+        ("  raw: [ols]", "  raw: [{iv: {controller: guessed}}]", "controller: guessed; write controller: known"),
+        ("  raw: [ols]", "  raw: [ols, ols]", r"methods = \[.*\] is not possible; give at least one, each once"),
+        ("robots: [generic-scara]\n", "", "robots: no robot; name at least one robot or case file"),
+        ("[generic-scara]", "[]", "robots: neither a text nor a list of texts; write one"),
+        (
+            "[generic-scara]",
+            "[generic-scara, generic-scara]",
+            "two robots called 'generic-scara'; benchmark them apart",
+        ),
+        ("benchmark: 1", "benchmark: 7", "format 7; this version reads format 1"),
+        ("quick: {draws: 1, noise: some", "other: {draws: 1, noise: some", "unknown key 'other'"),
     ],
 )
 def test_faults_of_a_file_are_named(small: Path, old: str, new: str, words: str) -> None:
@@ -132,6 +144,20 @@ def test_faults_of_a_file_are_named(small: Path, old: str, new: str, words: str)
         read_experiment(str(small), quick="other" in new)
     with pytest.raises(UnknownChoice, match="tx40"):
         read_experiment("tx4")
+
+
+def test_a_file_may_lack_its_short_form_or_a_method(small: Path) -> None:
+    small.write_text(SMALL.partition("quick:")[0])
+    with pytest.raises(DescriptionError, match="it states no short form; run it without --quick, or with --draws 1"):
+        read_experiment(str(small), quick=True)
+    with pytest.raises(UnknownChoice, match="no method of this benchmark called 'wls'"):
+        read_experiment(str(small), methods=["wls"])
+    kept = read_experiment(str(small), methods=["ols"], draws=5)
+    assert [entrant.label for entrant in kept.entrants] == ["ols (filtered)", "ols (raw)"] and kept.draws == 5
+    small.write_text(SMALL[: SMALL.index("methods:")] + "methods: {raw: [ols]}\n")
+    assert [entrant.label for entrant in read_experiment(str(small)).entrants] == ["ols (raw)"]
+    with pytest.raises(FileError, match=r"nowhere\.yaml: there is no such file"):
+        read_experiment(str(small.parent / "nowhere.yaml"))
 
 
 def test_a_run_that_is_broken_off_goes_on_with_the_same_results_in_any_order(small: Path, tmp_path: Path) -> None:

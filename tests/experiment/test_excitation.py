@@ -19,6 +19,7 @@ from dynident.experiment.design.multistart import SearchState
 from dynident.experiment.design.observation import Observation
 from dynident.experiment.design.parametrisation import parametrise
 from dynident.experiment.design.plan import Plan
+from dynident.experiment.design.prior import Prior
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions import read_robot
@@ -295,6 +296,12 @@ def test_the_torque_of_a_heavier_estimate_is_kept(planar_2r: Robot) -> None:
         ({"noise": 0.0}, "noise = 0.0"),
         ({"noise": [1.0, 2.0, 3.0]}, "one for each of the 2 joints"),
         ({"theta": [1.0]}, r"theta = 'of shape \(1,\)'"),
+        ({"rows": 0.0}, "rows = 0.0 is not possible; give the number of rows of a joint that the run gives, above 0"),
+        (
+            {"criterion": "condition", "earlier": Prior(np.eye(3), None, "one")},
+            "so earlier runs cannot be added; choose one of",
+        ),
+        ({"criterion": "d_optimal", "earlier": Prior(np.eye(3), None, "one")}, "earlier = 'of 3 base parameters'"),
     ],
 )
 def test_options_that_cannot_be(planar_2r: Robot, given: dict[str, object], message: str) -> None:

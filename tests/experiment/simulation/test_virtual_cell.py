@@ -23,6 +23,7 @@ from dynident.experiment.simulation.effects import (
     Tilt,
     Warming,
 )
+from dynident.experiment.simulation.truth import Truth
 from dynident.experiment.simulation.virtual_robot import simulate
 from dynident.experiment.trajectories.fourier import FourierSeries
 from dynident.model.descriptions import read_robot
@@ -450,6 +451,12 @@ def test_a_seed_repeats_and_streams_are_their_own(recorded):
         (lambda: Cell(effort=Effort(noise=(-1.0,))), "effort.noise = .* give finite numbers, 0 or more"),
         (lambda: Cell(recorder=Recorder(rate=0.0)), "recorder.rate = 0.0 is not possible; give a number above 0"),
         (lambda: Cell(effort=Effort(side="hand")), "effort.side = 'hand' .* choose one of: motor, link"),
+        (lambda: Cell(payload=Payload(1.0, (0.1, 0.0))), r"payload.centre = .* give three numbers"),
+        (
+            lambda: Cell(recorder=Recorder(dropped=0.95)),
+            "recorder.dropped = 0.95 .* give a share of the rows, 0 to 0.9",
+        ),
+        (lambda: Truth(spread=1.5), "truth.spread = 1.5 .* give a share from 0 to 1, such as 0.2"),
         (lambda: Cell(plant="bullet"), "plant = 'bullet' is not possible; choose one of: own, mujoco"),
     ],
 )
