@@ -23,7 +23,7 @@ def main(name: str, runs: int, first: int, seconds: float, way: str, kept: Path,
     if way == "guided":
         import atheris  # type: ignore[no-redef,import-not-found]
 
-        with atheris.instrument_imports(include=list(target.instrument)):
+        with atheris.instrument_imports(include=["dynident"], exclude=_others(target.instrument)):
             _load(target.instrument)
     seeds = target.prepare(folder, name)
     for content in seeds:
@@ -38,6 +38,16 @@ def main(name: str, runs: int, first: int, seconds: float, way: str, kept: Path,
         _plain(trials, name, seeds, runs, first, seconds, folder)
     else:
         sys.exit(trials.judge((kept / way).read_bytes())[1] or 0)
+
+
+def _others(packages: tuple[str, ...]) -> list[str]:
+    """Return the modules of dynident outside some packages: their branches would cost time and guide nowhere."""
+    import dynident
+
+    root = Path(dynident.__path__[0])
+    names = (".".join(("dynident", *path.relative_to(root).with_suffix("").parts)) for path in root.rglob("*.py"))
+    modules = {name.removesuffix(".__init__") for name in names}
+    return [name for name in modules if not any(f"{name}.".startswith(f"{package}.") for package in packages)]
 
 
 def _load(packages: tuple[str, ...]) -> None:

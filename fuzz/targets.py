@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import zlib
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -88,23 +89,17 @@ def _log(path: Path) -> object:
 
 
 def _blocks(path: Path) -> object:
-    """Read whole and in blocks: both ways of reading have to refuse the same damage by name."""
-    from dynident.errors import DynidentError
+    """Read whole or in blocks, as the content decides: both ways have to refuse damage by name."""
     from dynident.experiment.formats import stream_log
 
-    try:
-        stream = stream_log(path, _columns())
-        for _ in stream.blocks(7):
-            pass
-    except DynidentError:
-        pass
-    return _log(path)
+    if zlib.crc32(path.read_bytes()) % 2:
+        return _log(path)
+    return list(stream_log(path, _columns()).blocks(7))
 
 
 def _bag(path: Path) -> object:
-    from dynident.experiment.formats import read_header, read_log
+    from dynident.experiment.formats import read_log
 
-    read_header(path)
     q, torque = (tuple(f"{joint}.{word}" for joint in JOINTS) for word in ("position", "effort"))
     return read_log(path, _columns(joints=JOINTS, q=q, torque=torque))
 
@@ -169,7 +164,8 @@ def _triangles(path: Path) -> object:
     return read_digest(path)
 
 
-_MODEL = ("dynident.model.descriptions", "dynident.model.documents")
+_MODEL = ("dynident.model.descriptions", "dynident.model.documents", "dynident.model.friction")
+_SAVED = ("dynident.estimation.saved_values", "dynident.experiment.preprocessing", *_MODEL)
 
 TARGETS: Mapping[str, Target] = {
     "urdf": Target(".urdf", "text", _robot, _XML, instrument=_MODEL),
@@ -181,7 +177,7 @@ TARGETS: Mapping[str, Target] = {
         _case,
         (*_YAML, "robot: dh.yaml", "prior: arm.urdf", "workspace: {}", "cell: {}", "friction: auto", "split: 0.5"),
         {"arm.urdf": ONE, "dh.yaml": DH, "other.yaml": CASE},
-        (*_MODEL, "dynident.experiment.case_file"),
+        ("dynident.experiment.case_file", "dynident.experiment.preprocessing", *_MODEL),
     ),
     "csv": Target(".csv", "text", _blocks, _TEXT),
     "twincat": Target(".csv", "text", _scope, _TEXT),
@@ -192,6 +188,6 @@ TARGETS: Mapping[str, Target] = {
     "db3": Target(".db3", "bytes", _bag, warm=_define_once),
     "mcap": Target(".mcap", "bytes", _bag, warm=_define_once),
     "plan": Target(".json", "json", _plan, instrument=("dynident.experiment.design.plan",)),
-    "estimate": Target(".json", "json", _estimate, instrument=("dynident.estimation.estimate_file", *_MODEL)),
-    "triangles": Target(".tri", "zip", _triangles, instrument=("dynident.estimation.streaming.triangle_file", *_MODEL)),
+    "estimate": Target(".json", "json", _estimate, instrument=("dynident.estimation.estimate_file", *_SAVED)),
+    "triangles": Target(".tri", "zip", _triangles, instrument=("dynident.estimation.streaming.triangle_file", *_SAVED)),
 }
