@@ -101,6 +101,38 @@ def test_joints_in_another_order_are_matched_by_name(
     np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
 
 
+def test_effort_that_the_masses_do_not_bear_out_is_asked_for(
+    arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    """A driver that writes amperes where others write N m: the profile alone is no answer."""
+    columns = {
+        "q": [f"{name}.position" for name in six.joint_names],
+        "torque": [f"{n}.effort" for n in six.joint_names],
+    }
+    run = write_log(tmp_path / "run.csv", named({**motion, "torque": motion["torque"] / 8}, "t", columns))
+    draft = draft_case(arm, run, tmp_path)
+    (question,) = draft.needed
+    assert "drivers differ: 0.12 to 0.13 times the torque of the description's masses" in question.text
+    assert "columns: {torque: none, current: '{joint}.effort'}" in question.text
+    kept = draft.text.replace("    torque: ask", "    torque: N m")
+    np.testing.assert_allclose(
+        np.asarray(read(replace(draft, text=kept), tmp_path).read("run.csv").torque) * 8, motion["torque"]
+    )
+
+
+def test_gaps_are_bridged_as_long_as_they_are(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+    time = motion["time"].copy()
+    time[300:] += 1.5
+    run = write_log(tmp_path / "run.csv", numbered({**motion, "time": time}))
+    draft = draft_case(arm, run, tmp_path)
+    (remark,) = draft.remarks
+    assert re.fullmatch(r"run.csv has gaps in time, the longest of 1.5\d? s: rows near them are left out", remark)
+    assert read(draft, tmp_path).preprocessing.longest_gap_s == pytest.approx(1.7, abs=0.05)
+    time[300:] += 60.0
+    far = draft_case(arm, write_log(tmp_path / "far.csv", numbered({**motion, "time": time})), tmp_path)
+    assert far.remarks[0].endswith("split the log there") and "longest_gap_s" not in far.text
+
+
 def test_degrees_are_asked_for_with_the_likely_answer(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
     turned = {**motion, "q": np.rad2deg(motion["q"])}
     log = write_log(tmp_path / "run.csv", numbered(turned))

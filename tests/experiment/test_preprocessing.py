@@ -395,6 +395,39 @@ def test_time_that_cannot_be_made_uniform(time, message):
     assert str(caught.value) == message
 
 
+@pytest.mark.parametrize("lost_s", [0.3, 2.0])
+def test_rows_near_a_bridged_gap_are_left_out_and_the_others_stand(lost_s):
+    """The filter of the whole motion, at the rows that are kept of one whose middle was lost, also when thinned out."""
+    whole = log_of(np.stack([tone(0.7), tone(1.1)], axis=1), torque=np.stack([tone(0.9), tone(1.7)], axis=1))
+    lost = np.flatnonzero((whole.time < 9.0) | (whole.time >= 9.0 + lost_s))
+    how = Preprocessing(Butterworth(5.0), trim_s=0.5, longest_gap_s=2.1)
+    broken = whole.rows(lost, "the middle lost")
+    made, full = preprocess(broken, how), preprocess(whole, how)
+    near = (made.log.time[made.keep] > 8.85) & (made.log.time[made.keep] < 9.15 + lost_s)
+    assert not near.any() and len(full.keep) - len(made.keep) == pytest.approx(200 * (lost_s + 0.4), abs=4)
+    kept = np.searchsorted(full.log.time, made.log.time[made.keep] - 1e-9)
+    for name in ("q", "dq", "torque"):
+        np.testing.assert_allclose(getattr(made.kept, name), getattr(full.log, name)[kept], atol=0.02)
+    even = resample(broken, 2.1)
+    assert even.gaps == ((pytest.approx(8.995), pytest.approx(9.0 + lost_s)),)
+    again = preprocess(even.rows(slice(None, None, 2), "every other"), how)
+    assert not np.any((again.kept.time > 8.85) & (again.kept.time < 9.15 + lost_s))
+
+
+def test_a_longer_gap_is_refused_with_what_bridges_it():
+    whole = log_of(tone(0.7), torque=tone(0.9))
+    broken = whole.rows((whole.time < 5.0) | (whole.time >= 7.0), "the middle lost")
+    with pytest.raises(LogMismatch) as caught:
+        preprocess(broken, Preprocessing(Butterworth(5.0)))
+    assert str(caught.value) == (
+        "simulated log: a gap of 2.005 s after sample 1000; "
+        "leave the rows near it out (preprocessing: {longest_gap_s: 2.2}), or split the log there"
+    )
+    assert len(preprocess(broken, Preprocessing(Butterworth(5.0), longest_gap_s=2.2)).keep) > 3000
+    with pytest.raises(BadOption, match="longest_gap_s = 0 is not possible; give seconds, above 0"):
+        Preprocessing(Butterworth(5.0), longest_gap_s=0)
+
+
 def test_a_trim_that_leaves_nothing():
     with pytest.raises(LogMismatch) as caught:
         preprocess(log_of(np.zeros(100)), Preprocessing(FivePoint(), trim_s=3.0))

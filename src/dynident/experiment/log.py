@@ -48,6 +48,7 @@ class Log:
         q_ref: Positions that the controller was told to reach, shape (N, n), in rad or m.
         dq_ref: Commanded velocities, shape (N, n), in rad/s or m/s.
         source: Where it comes from.
+        gaps: Start and end in s of the gaps in time that were bridged when it was made uniform.
     """
 
     joints: tuple[str, ...]
@@ -62,6 +63,7 @@ class Log:
     q_ref: Array | None = None
     dq_ref: Array | None = None
     source: Source = field(default_factory=Source)
+    gaps: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if len(set(self.joints)) != len(self.joints):

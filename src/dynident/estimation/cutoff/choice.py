@@ -175,7 +175,7 @@ def choose_cutoff(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) 
     Raises:
         LogMismatch: Time of a log does not run forward, or it is too short.
     """
-    even = [resample(log) for log in logs]
+    even = [resample(log, how.longest_gap_s) for log in logs]
     seen, share = stretch_of(even, LONGEST_S)
     spectra = [spectra_of(log) for log in seen]
     longest = spectra[int(np.argmax([log.duration for log in seen]))]

@@ -102,7 +102,7 @@ def _blocks(estimate: Estimate, problem: Problem, logs: Sequence[Log], hertz: fl
         assert isinstance(used.how.filter, Butterworth)
         filter = replace(used.how.filter, cutoff_hz=hertz)
         how = replace(used.how, filter=filter, delay_s=used.delay_s, rate_hz=None, rows_per_period=ROWS_PER_PERIOD)
-        prepared.append(preprocess(thinned_out(resample(log), 2 * SAMPLES_PER_HZ * hertz), how))
+        prepared.append(preprocess(thinned_out(resample(log, how.longest_gap_s), 2 * SAMPLES_PER_HZ * hertz), how))
     observer = replace(problem, load=None if problem.load is None else estimate.beta).observer
     return block_triangles(observer, prepared, 0.0, FOLDS)
 

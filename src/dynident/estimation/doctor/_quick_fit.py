@@ -271,7 +271,7 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
         standstill=max(case.preprocessing.standstill, 0.01),
     )
     try:
-        thin = thinned_log(log, SAMPLES_PER_HZ * cutoff)
+        thin = thinned_log(log, SAMPLES_PER_HZ * cutoff, case.preprocessing.longest_gap_s)
         found = QuickFit(model, base_parameters(model), thin, how)
         enough = found.rows.masks.sum() > 2 * found.base.count
     except DynidentError:
@@ -285,10 +285,10 @@ def _without_rotors(robot: Robot) -> Robot:
     return robot.with_drives(drives, robot.coupling)
 
 
-def thinned_log(log: Log, rate: float) -> Log:
-    """Return positions and torques on equal steps at about ``rate`` a second, low-passed before."""
+def thinned_log(log: Log, rate: float, longest_gap: float | None = None) -> Log:
+    """Return positions and torques on equal steps at about ``rate`` a second, low-passed; see :func:`resample`."""
     plain = Log(log.joints, log.time, log.q, torque=log.torque, source=log.source)
-    even = resample(plain)
+    even = resample(plain, longest_gap)
     every = max(1, int(even.rate / rate))
     if every == 1:
         return even

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.estimation.doctor.base import Check, Finding, Subject
 from dynident.experiment.formats._units import UNITS
-from dynident.experiment.preprocessing import LONGEST_GAP
+from dynident.experiment.preprocessing import gap_remedy
 
 #: Median steps in s between which robots are recorded: 50 kHz to 2 Hz.
 SHORTEST, LONGEST = 2e-5, 0.5
@@ -62,8 +62,8 @@ def _gaps(subject: Subject, middle: float) -> list[Finding]:
     many = f"{len(long)} gaps, the longest" if len(long) > 1 else "a gap"
     evidence = f"{many} of {steps[worst]:.4g} s after {where}; the median step is {middle:.4g} s"
     numbers = {"gaps": len(long), "longest_s": float(steps[worst])}
-    if steps[worst] > max(LONGEST_GAP, 10 * middle):
-        return [Finding("error", "gap in time", "", evidence, "split the log there", numbers)]
+    if steps[worst] > max(subject.case.preprocessing.longest_gap_s, 10 * middle):
+        return [Finding("error", "gap in time", "", evidence, gap_remedy(float(steps[worst])), numbers)]
     remedy = "rows near them are left out of the fit; look for what stopped the recorder"
     return [Finding("warning", "gap in time", "", evidence, remedy, numbers)]
 

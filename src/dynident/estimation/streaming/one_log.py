@@ -181,7 +181,7 @@ def _by_windows(
     """Return the digest of an opened log, from where ``found`` stands on."""
     path = stream.table.path
     progress(f"{path}: time", 0.0)
-    scan = scan_time(stream, case.preprocessing.filter)
+    scan = scan_time(stream, case.preprocessing.filter, case.preprocessing.longest_gap_s)
     windows = Windows.of(scan, case.preprocessing, stream.table.path)
     tally, first = Tally(observer, windows.rate / windows.every, scan.count // windows.every), 0
     if found is not None and found[1] is not None:

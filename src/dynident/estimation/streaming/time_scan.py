@@ -11,7 +11,7 @@ from dynident.arrays import Array
 from dynident.errors import LogMismatch
 from dynident.experiment.formats import LogStream
 from dynident.experiment.log import Source
-from dynident.experiment.preprocessing import LONGEST_GAP, UNIFORM
+from dynident.experiment.preprocessing import LONGEST_GAP, UNIFORM, gap_remedy
 from dynident.experiment.preprocessing.base import Filter
 
 #: Distinct steps that are kept at most while the median is looked for.
@@ -143,8 +143,8 @@ def _period(filter: Filter) -> float:
     return 0.0 if filter.bandwidth() is None else 1.0 / float(filter.bandwidth() or 1.0)
 
 
-def scan_time(stream: LogStream, filter: Filter) -> TimeScan:
-    """Return the facts of the time of a log.
+def scan_time(stream: LogStream, filter: Filter, longest_gap: float = LONGEST_GAP) -> TimeScan:
+    """Return the facts of the time of a log; a gap longer than ``longest_gap`` s is refused.
 
     Raises:
         LogFormatError: An unsound row.
@@ -153,7 +153,7 @@ def scan_time(stream: LogStream, filter: Filter) -> TimeScan:
     reading = stream.times()
     found = _facts(reading, 0.2 * _period(filter))
     scan = TimeScan(*found, source=reading.result)
-    _check(scan, stream.table.path)
+    _check(scan, stream.table.path, longest_gap)
     return scan
 
 
@@ -190,13 +190,13 @@ def _steps(blocks: Iterable[Array]) -> Iterator[tuple[Array, Array]]:
             before = float(time[-1])
 
 
-def _check(scan: TimeScan, path: str) -> None:
+def _check(scan: TimeScan, path: str, longest_gap: float) -> None:
     """Refuse what no uniform grid can be laid over, as :func:`resample` does."""
     if not np.isfinite(scan.step):
         evidence = "its rate changes on the way, or it has many gaps"
         raise LogMismatch(path, evidence, "split it where the rate changes")
-    if scan.longest > max(LONGEST_GAP, 10 * scan.step):
-        raise LogMismatch(path, f"a gap of {scan.longest:.4g} s after sample {scan.after}", "split the log there")
+    if scan.longest > max(longest_gap, 10 * scan.step):
+        raise LogMismatch(path, f"a gap of {scan.longest:.4g} s after sample {scan.after}", gap_remedy(scan.longest))
     if scan.count > 10 * scan.samples:
         evidence = (
             f"a median step of {scan.step:.3g} s where {scan.samples} samples last {scan.last - scan.first:.4g} s"

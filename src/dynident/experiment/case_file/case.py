@@ -72,7 +72,7 @@ _KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "worksp
 #: Keys of a joint under ``drives``.
 DRIVE_KEYS = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_deviation")
 
-_PREPROCESSING_KEYS = ("filter", "rate_hz", "trim_s", "standstill", "rest", "delay_s")
+_PREPROCESSING_KEYS = ("filter", "rate_hz", "trim_s", "standstill", "rest", "delay_s", "longest_gap_s")
 
 
 @dataclass(frozen=True)
@@ -348,6 +348,7 @@ def _preprocessing(top: Section) -> Preprocessing:
             standstill=section.number("standstill", stated.standstill),
             rest=section.choice("rest", ("mask", "keep"), stated.rest),
             delay_s=None if delay == AUTO else section.number("delay_s", 0.0),
+            longest_gap_s=section.number("longest_gap_s", stated.longest_gap_s),
         ),
     )
 

@@ -17,12 +17,13 @@ from dynident.errors import BadOption, DynidentError, LogFormatError
 from dynident.experiment.case_file.draft.case_text import Files, case_text
 from dynident.experiment.case_file.draft.found import Found
 from dynident.experiment.case_file.draft.joint_choice import outside_limits
-from dynident.experiment.case_file.draft.readings import gaps, opened
+from dynident.experiment.case_file.draft.readings import long_gap, opened
 from dynident.experiment.case_file.draft.recognise import cutoff_of, recognised
 from dynident.experiment.case_file.draft.told_units import position_factors
 from dynident.experiment.case_file.questions import Question, questions_in
 from dynident.experiment.formats import FORMATS, LARGE, LogFormat, Table, bytes_of
 from dynident.experiment.formats._clocked_table import with_clock
+from dynident.experiment.preprocessing import BRIDGED, SPLIT
 from dynident.experiment.profiles import PROFILES
 from dynident.model.descriptions import read_robot
 
@@ -220,8 +221,10 @@ def _remarks(found: Found) -> list[str]:
     remarks = [note for reading in found.readings for note in reading.notes]
     remarks = [f"{note}: dynident check says where, and --fix mends what is safe" for note in dict.fromkeys(remarks)]
     for reading in found.readings:
-        if gaps(reading.time * found.to_seconds):
-            remarks.append(f"{Path(reading.path).name} has gaps in time: split it there")
+        gap = long_gap(reading.time * found.to_seconds)
+        if gap:
+            told = f"{Path(reading.path).name} has gaps in time, the longest of {gap:.3g} s"
+            remarks.append(f"{told}: {SPLIT if gap > BRIDGED else 'rows near them are left out'}")
     if not found.time or "q" not in found.sources:
         what = "time" if not found.time else "positions"
         rate = "; where the log has none, draft again with --rate, its rows a second, and units are looked at"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,8 +22,14 @@ FILTERS: Family[Filter] = Family("dynident.experiment.preprocessing", Filter, "f
 #: Steps that differ by less than this share of the median step count as uniform.
 UNIFORM = 1e-3
 
-#: A longer gap in time, in s, is not bridged (nor one shorter than ten steps refused).
+#: A longer gap in time, in s, is not bridged where nothing else is stated (nor one shorter than ten steps refused).
 LONGEST_GAP = 0.5
+
+#: A longer gap, in s, is not proposed to be bridged: its straight line takes the place of whole motions.
+BRIDGED = 30.0
+
+#: What to do about a gap that is not bridged.
+SPLIT = "split the log there"
 
 #: Beyond these a value is no measurement: rad or m, N m or N, A.
 LARGEST = {"q": 1e4, "torque": 1e7, "current": 1e6}
@@ -56,6 +63,8 @@ class Preprocessing:
             identification estimates it for each log.
         rows_per_period: Rows a period of the filter's cut-off that are kept where no rate is stated, 200 a second where
             a filter states no cut-off for both sides; None keeps all.
+        longest_gap_s: Longest gap in time, in s, that a straight line bridges; rows so near it that the line shows are
+            left out. A longer one is refused, unless it is shorter than ten steps.
     """
 
     filter: Filter
@@ -65,6 +74,7 @@ class Preprocessing:
     rest: str = "mask"
     delay_s: float | None = 0.0
     rows_per_period: float | None = None
+    longest_gap_s: float = LONGEST_GAP
 
     def __post_init__(self) -> None:
         if self.rows_per_period is not None and not self.rows_per_period > 2:
@@ -77,6 +87,8 @@ class Preprocessing:
             raise BadOption("standstill", self.standstill, "give a speed, 0 or more")
         if self.rest not in ("mask", "keep"):
             raise BadOption("rest", self.rest, "choose 'mask' or 'keep'")
+        if not 0 < self.longest_gap_s < np.inf:
+            raise BadOption("longest_gap_s", self.longest_gap_s, "give seconds, above 0")
         if self.delay_s is not None and not abs(self.delay_s) <= LONGEST_DELAY:
             step = f"give seconds between -{LONGEST_DELAY:g} and {LONGEST_DELAY:g}, or 'auto'"
             raise BadOption("delay_s", self.delay_s, step)
@@ -92,7 +104,8 @@ class Preprocessing:
         """Return what must stand beside every figure: the filter, the rows kept, and the rows at rest."""
         rows = {"rate_hz": self.rate_hz, "trim_s": self.trim_s, "standstill": self.standstill, "rest": self.rest}
         delay = {"delay_s": "auto" if self.delay_s is None else self.delay_s} if self.delay_s != 0 else {}
-        return {**self.filter.statement(), **rows, **delay}
+        gaps = {"longest_gap_s": self.longest_gap_s} if self.longest_gap_s != LONGEST_GAP else {}
+        return {**self.filter.statement(), **rows, **delay, **gaps}
 
 
 @dataclass(frozen=True)
@@ -144,7 +157,7 @@ def preprocess(log: Log, how: Preprocessing) -> Prepared:
     """
     check_finite(log)
     check_turns(log)
-    return thinned(log, how.filter.apply(resample(log)), how, how.delay_s or 0.0)
+    return thinned(log, how.filter.apply(resample(log, how.longest_gap_s)), how, how.delay_s or 0.0)
 
 
 def thinned(log: Log, filtered: Log, how: Preprocessing, delay_s: float = 0.0) -> Prepared:
@@ -170,7 +183,7 @@ def thinned(log: Log, filtered: Log, how: Preprocessing, delay_s: float = 0.0) -
         # A tie, such as 500 Hz to 200, goes the same way whatever the rounding of the time stamps.
         keep = keep[:: max(1, int(np.ceil(filtered.rate / rows - 0.51)))]
     every = int(keep[1] - keep[0]) if len(keep) > 1 else 1
-    near = _near_gaps(log, filtered.time[keep], how.filter)
+    near = _near_gaps(filtered.gaps, filtered.time[keep], how.filter)
     if near.any():
         keep = keep[~near]
         filtered = filtered.with_step(f"{np.count_nonzero(near)} rows near gaps in time left out")
@@ -179,18 +192,17 @@ def thinned(log: Log, filtered: Log, how: Preprocessing, delay_s: float = 0.0) -
     return Prepared(filtered, keep, how, every, delay_s)
 
 
-def _near_gaps(log: Log, time: Array, filter: Filter) -> BoolArray:
+def _near_gaps(gaps: Sequence[tuple[float, float]], time: Array, filter: Filter) -> BoolArray:
     """Return which of the times are so near a gap of the recording that the straight line over it shows.
 
-    A gap is more than five steps and more than a fifth of the shortest period that passes the filter; the filter
-    carries it a period to either side.
+    It shows where the gap is more than a fifth of the shortest period that passes the filter, which carries it a period
+    to either side.
     """
-    steps = np.diff(log.time)
     period = 0.0 if filter.bandwidth() is None else 1.0 / float(filter.bandwidth() or 1.0)
-    gaps = np.flatnonzero(steps > max(5 * float(np.median(steps)), 0.2 * period))
     near = np.zeros(len(time), bool)
-    for start, end in zip(log.time[gaps], log.time[gaps + 1], strict=True):
-        near |= (time > start - period) & (time < end + period)
+    for start, end in gaps:
+        if end - start > 0.2 * period:
+            near |= (time > start - period) & (time < end + period)
     return near
 
 
@@ -249,8 +261,12 @@ def at_rest(dq: Array, velocity: float, rate: float, shortest: float = SHORTEST_
     return resting
 
 
-def resample(log: Log) -> Log:
+def resample(log: Log, longest_gap: float | None = None) -> Log:
     """Return the log on a uniform grid at its median rate, by linear interpolation; as it is where it is uniform.
+
+    Args:
+        log: As it came.
+        longest_gap: A longer gap in time, in s, is refused; None for half a second.
 
     Raises:
         LogMismatch: Fewer than ten samples, time that does not run forward, or a long gap in it.
@@ -263,9 +279,10 @@ def resample(log: Log) -> Log:
         evidence = f"time does not run forward at sample {row + 1} ({log.time[row - 1]:.6g} to {log.time[row]:.6g} s)"
         raise LogMismatch(log.name, evidence, "sort the rows or remove the repeated ones")
     middle = float(np.median(steps))
-    if np.max(steps) > max(LONGEST_GAP, 10 * middle):
+    if np.max(steps) > max(LONGEST_GAP if longest_gap is None else longest_gap, 10 * middle):
         row = int(np.argmax(steps))
-        raise LogMismatch(log.name, f"a gap of {steps[row]:.4g} s after sample {row + 1}", "split the log there")
+        remedy = SPLIT if longest_gap is None else gap_remedy(float(steps[row]))
+        raise LogMismatch(log.name, f"a gap of {steps[row]:.4g} s after sample {row + 1}", remedy)
     if np.max(np.abs(steps - middle)) <= UNIFORM * middle:
         return log
     count = round(log.duration / middle) + 1
@@ -277,5 +294,19 @@ def resample(log: Log) -> Log:
         name: np.column_stack([np.interp(time, log.time, column) for column in values.T])
         for name, values in log.signals().items()
     }
+    wide = np.flatnonzero(steps > 5 * middle)
+    gaps = tuple(zip(log.time[wide].tolist(), log.time[wide + 1].tolist(), strict=True))
     jitter = f"steps of {steps.min() * 1e3:.3g} to {steps.max() * 1e3:.3g} ms"
-    return log.with_step(f"resampled to {(count - 1) / log.duration:.5g} Hz ({jitter})", time=time, **moved)
+    return log.with_step(f"resampled to {(count - 1) / log.duration:.5g} Hz ({jitter})", time=time, gaps=gaps, **moved)
+
+
+def gap_remedy(seconds: float) -> str:
+    """Return what to do about a gap in time that is not bridged."""
+    if seconds > BRIDGED:
+        return SPLIT
+    return f"leave the rows near it out (preprocessing: {{longest_gap_s: {bridge_over(seconds):g}}}), or {SPLIT}"
+
+
+def bridge_over(seconds: float) -> float:
+    """Return the ``longest_gap_s`` that bridges a gap, of two digits."""
+    return float(f"{1.1 * seconds:.2g}")

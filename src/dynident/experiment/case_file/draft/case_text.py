@@ -13,10 +13,11 @@ from dynident.experiment.case_file.case import FORMAT
 from dynident.experiment.case_file.draft.drive_text import drive_lines
 from dynident.experiment.case_file.draft.found import Found
 from dynident.experiment.case_file.draft.log_text import log_lines
+from dynident.experiment.case_file.draft.readings import long_gap
 from dynident.experiment.case_file.draft.recognise import cutoff_of, facts_of
 from dynident.experiment.case_file.draft.told_units import position_factors
 from dynident.experiment.case_file.draft.yaml_words import asked, few, listed, offered, plain, quoted
-from dynident.experiment.preprocessing import at_rest
+from dynident.experiment.preprocessing import BRIDGED, at_rest, bridge_over
 from dynident.model.descriptions.base import shipped_robots
 
 #: Logs that are described one by one at the head of the file.
@@ -178,7 +179,16 @@ def _preprocessing(found: Found) -> list[str]:
         f"  trim_s: {trim:.2g}",
         f"  standstill: {_STANDSTILL:g}            # rad/s; rows at rest are left out: {rest:.0%} of the first log",
         "  delay_s: auto               # found from the log; applied where it is significant",
+        *_bridged(found),
     ]
+
+
+def _bridged(found: Found) -> list[str]:
+    """Return how long a gap in time may be, where the logs have longer ones than are bridged without a word."""
+    gap = max(long_gap(reading.time * found.to_seconds) for reading in found.readings)
+    if not 0 < gap <= BRIDGED:
+        return []
+    return [f"  longest_gap_s: {bridge_over(gap):g}         # rows so near a gap that the line over it shows are left out"]
 
 
 def _rest_share(found: Found) -> float:

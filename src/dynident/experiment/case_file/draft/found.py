@@ -93,6 +93,12 @@ class Found:
         return next((signal for signal in ("torque", "current") if signal in self.sources), "")
 
     @property
+    def drivers_differ(self) -> bool:
+        """Whether the profile names columns of torques in which drivers write other quantities as well."""
+        effort = self.profiles[0].effort if self.profiles else None
+        return effort is not None and effort.signal == "torque" and "differ" in effort.note
+
+    @property
     def torques_agree(self) -> bool:
         """Whether the torques, as they stand in the file, are about those of the description's masses."""
         if self.effort != "torque" or self.evidence is None or not any(self.evidence.telling):

@@ -43,10 +43,10 @@ def _profile(found: Found) -> list[str]:
         return [asked("  profile", f"the kind of log: {kinds}; both have these columns", best.name)]
     also = f"; less well: {', '.join(fit.name for fit in others)}" if others else ""
     line = f"  profile: {best.name}   # {plain(best.why())}{also}"
-    if best.effort is None or "differ" not in best.effort.note:
+    if not found.drivers_differ or not found.units["torque"].certain:
         return [line]
-    told = found.units["torque"].why if "torque" in found.units else "no evidence"
-    return [line, f"  {MARK} is the effort a torque in N m? Drivers differ, see the manual; it is {plain(told)}"]
+    told = found.units["torque"].why
+    return [line, f"  {MARK} is the effort a torque in N m? Drivers differ, see the manual; seen: {plain(told)}"]
 
 
 def _effort(found: Found, name: str) -> str:
@@ -67,6 +67,16 @@ def _profile_gaps(found: Found) -> list[str]:
     if told is not None and not channel.unit:
         note = f"the unit of {found.sources['q'].shown()} (deg, rad, m, mm; {channel.note}): {told.why}"
         lines += ["  units:", asked("    position", note, told.text)]
+    torque = found.units.get("torque")
+    if found.drivers_differ and torque is not None and not torque.certain:
+        effort = found.sources["torque"]
+        names = quoted(effort.pattern) if effort.pattern else listed(effort.columns)
+        note = (
+            f"the unit of {effort.shown()} (N m, mN m, N, percent, permille), drivers differ: {torque.why}; where they "
+            f"are motor currents, write columns: {{torque: none, current: {names}}} in place of units, and gains "
+            "(drives: {JOINT: {gain: ...}})"
+        )
+        lines += [*(["  units:"] if "  units:" not in lines else []), asked("    torque", note)]
     return lines
 
 

@@ -110,10 +110,11 @@ def _head(table: Table, names: Sequence[str]) -> tuple[Array, bool]:
     return np.concatenate(parts)[:MOST_ROWS], rows > MOST_ROWS
 
 
-def gaps(time: Array) -> int:
-    """Return how many gaps a time in s has that are too long for an identification."""
+def long_gap(time: Array) -> float:
+    """Return the longest gap in s of a time in s that is not bridged where nothing else is stated; 0 for none."""
     steps = np.diff(time)
-    return int(np.count_nonzero(steps > max(LONGEST_GAP, 10 * float(np.median(steps)))))
+    longest = float(steps.max())
+    return longest if longest > max(LONGEST_GAP, 10 * float(np.median(steps))) else 0.0
 
 
 def band(time: Array, q: Array) -> float:

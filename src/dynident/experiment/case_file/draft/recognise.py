@@ -228,17 +228,20 @@ def _with_effort(found: Found, moving: Robot | None, factors: Array, stated: Map
         unit = stated["current"]
         why = f"{HEADER} {unit}, gains are per A" if unit else "gains are per unit of these columns"
         units["current"] = Told((unit or "A",), True, why)
-    if effort == "torque" and "torque" not in units:
+    if effort == "torque" and ("torque" not in units or found.drivers_differ):
         joints = () if moving is None or not fits_joints else moving.active
         count = len(joints)
         ratios = np.full(count, np.nan) if evidence is None else evidence.ratios
         telling = (False,) * count if evidence is None else evidence.telling
         largest = np.abs(np.concatenate([r.signals["torque"] for r in found.readings])).max(axis=0)
         if count and not found.on_motors:
-            units["torque"] = torque_unit(joints, stated["torque"], ratios, telling, largest)
-        else:
-            told = stated["torque"] in ("N m", "N")
-            units["torque"] = Told(("SI",), told, "the header says so" if told else "nothing in the log tells it")
+            told = torque_unit(joints, stated["torque"], ratios, telling, largest)
+            if found.drivers_differ:  # what the profile says stands, unless the description's masses are against it
+                told = Told(units["torque"].words, told.certain or not any(telling), told.why)
+            units["torque"] = told
+        elif "torque" not in units:
+            certain = stated["torque"] in ("N m", "N")
+            units["torque"] = Told(("SI",), certain, "the header says so" if certain else "nothing in the log tells it")
     return replace(found, units=units, evidence=evidence)
 
 

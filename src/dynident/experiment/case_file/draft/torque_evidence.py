@@ -13,7 +13,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import DynidentError
 from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import FILTERS, Preprocessing, preprocess
+from dynident.experiment.preprocessing import BRIDGED, FILTERS, Preprocessing, preprocess
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.robot import Robot
@@ -61,7 +61,7 @@ def torque_evidence(robot: Robot, time: Array, q: Array, effort: Array, cutoff_h
         return None
     try:
         log = Log(robot.joint_names, time, q, torque=effort)
-        how = Preprocessing(FILTERS.make("butterworth", cutoff_hz=cutoff_hz), rate_hz=_RATE)
+        how = Preprocessing(FILTERS.make("butterworth", cutoff_hz=cutoff_hz), rate_hz=_RATE, longest_gap_s=BRIDGED)
         rows = preprocess(log, how).kept
     except (DynidentError, ValueError):  # the reader of the case says what is wrong with the log
         return None
