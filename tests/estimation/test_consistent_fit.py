@@ -185,6 +185,22 @@ def test_the_proven_gap_is_never_too_small() -> None:
         assert found.gap * (found.objective + 0.5) >= program.objective(phi) - value - 1e-7 * (value + 0.5)
 
 
+def test_multipliers_times_slacks_are_written_out() -> None:
+    """Units as multipliers: the slacks of the signs and the traces of the pseudo-inertias add up."""
+    program = pose_program(*noisy(11))
+    rules, phi = program.conditions, program.start
+    units = Multipliers(np.zeros(len(rules.zero)), np.ones(len(rules.sign)), np.tile(np.eye(4), (program.links, 1, 1)))
+    found = optimality(program, phi, units)
+    traces = [np.trace(Inertia.from_vector(own).pseudo) for own in phi[: 10 * program.links].reshape(-1, 10)]
+    signs = rules.sign @ phi + rules.sign_offset
+    assert len(signs) and np.all(signs >= 0.0)
+    expected = np.sum(signs) + np.sum(traces) - 4.0 * program.links * rules.margin
+    assert found.complementarity * (found.objective + 0.5) == pytest.approx(expected, rel=1e-9)
+    assert found.gap == pytest.approx(found.complementarity + found.stationarity)
+    less = optimality(program, phi, Multipliers(units.zero, -units.sign, -units.cones))  # none of these is possible
+    assert less.complementarity == 0.0
+
+
 def nothing(program: Program) -> Candidate:
     """A solver that says it has solved the problem and hands back nonsense."""
     zero = Multipliers(

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.signal
+import scipy.stats
 from noisy_arms import Bench
 
 from dynident.arrays import Array
@@ -27,6 +28,7 @@ from dynident.estimation.uncertainty.coloured import (
     spectral_uncertainty,
     uncertainty_of,
 )
+from dynident.estimation.uncertainty.quantiles import chi_square_tail, normal_quantile, normal_share, student_quantile
 from dynident.estimation.uncertainty.trust import consistent_draws, with_diagnostics
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing, preprocess
@@ -164,6 +166,15 @@ def test_degrees_of_freedom_are_those_of_the_averages_that_count() -> None:
 
 def first_order(white: Array, memory: float) -> Array:
     return np.asarray(scipy.signal.lfilter([1.0], [1.0, -memory], white, axis=0))
+
+
+def test_tails_and_quantiles_are_those_of_scipy_stats() -> None:
+    values, degrees = np.array([-1.0, 0.0, 0.3, 0.99, 5.0, 80.0]), np.array([1.0, 2.0, 7.0])
+    expected = scipy.stats.chi2.sf(values[:, None], degrees)
+    np.testing.assert_allclose(chi_square_tail(values[:, None], degrees), expected, rtol=1e-12)
+    assert np.isnan(chi_square_tail(1.0, 0.0)) and normal_share(0.0) == 0.5
+    np.testing.assert_allclose(student_quantile(0.975, [3.0, np.inf]), [3.182446305, 1.959963985], rtol=1e-9)
+    assert normal_quantile(0.975) == pytest.approx(1.959963985) and normal_share(1.959963985) == pytest.approx(0.975)
 
 
 def test_errors_of_coloured_and_dependent_residuals() -> None:
