@@ -274,7 +274,9 @@ def test_shares_are_what_the_other_columns_leave(name: str, request: pytest.Fixt
         assert found == pytest.approx(np.linalg.norm(left), rel=1e-9)
 
 
-def test_a_rank_that_is_not_clear_is_decided_and_told(spatial_3r: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_rank_that_is_not_clear_is_decided_and_told(
+    spatial_3r: Robot, pendulum: Robot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A regressor known to five digits only: singular values without a gap between what counts and what does not."""
     exact = DynamicModel.regressor
 
@@ -284,6 +286,7 @@ def test_a_rank_that_is_not_clear_is_decided_and_told(spatial_3r: Robot, monkeyp
 
     clear = base_parameters(model_of(spatial_3r))
     assert not len(clear.weak) and clear.neglected == 0
+    assert base_parameters(model_of(pendulum)).neglected == 0  # where all columns that matter are independent
     monkeypatch.setattr(DynamicModel, "regressor", rough)
     base = base_parameters(model_of(spatial_3r))
     assert base.count > clear.count and 1e-6 < base.neglected < 1e-5
