@@ -17,7 +17,7 @@ from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import Friction
+from dynident.model.friction import Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
@@ -110,3 +110,74 @@ def test_only_a_non_linear_field_can_be_chosen_and_by_one_way(planar_2r: Robot, 
     ):
         with pytest.raises(BadOption, match=message):
             choose_fields(replace(DynamicModel(planar_2r), friction=(part,)), rows(log))
+
+
+DRY = Coulomb(0.01, choose=("width",))
+FADING = Stribeck(0.1, width=0.01, choose=("part", "width", "velocity"))
+
+
+def test_a_part_that_the_log_asks_for_is_taken_and_its_sign_turns_with_the_others(
+    planar_2r: Robot, exact_log: MakeLog
+) -> None:
+    truth = (Coulomb(0.03), Viscous(), Stribeck(0.2, width=0.03))
+    log = logged(planar_2r, truth, [3.0, 1.0, 2.0, 2.0, 0.5, 0.7], exact_log, noise=0.05)
+    model, found = choose_fields(DynamicModel(planar_2r, (DRY, Viscous(), FADING)), rows(log))
+    dry, _, fading = model.friction
+    assert isinstance(dry, Coulomb) and isinstance(fading, Stribeck)
+    assert dry.width == fading.width == pytest.approx(0.03, rel=0.06) and fading.velocity == pytest.approx(0.2, rel=0.1)
+    taken = {(held.part, held.field): held for held in found}
+    assert taken["stribeck", "part"].value == 1.0 and ("coulomb, stribeck", "width") in taken
+    ((_, table),) = choice_tables({"held_out_fields": [vars(held) for held in found]})
+    assert ("left out", "there", "best") in [(row[3], row[4], row[7]) for row in table.rows]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_part_that_is_not_there_is_left_out(planar_2r: Robot, exact_log: MakeLog, seed: int) -> None:
+    """Nor is one whose coefficients would have the sign that physics forbids: dry friction that grows with speed."""
+    plain = logged(planar_2r, (Coulomb(0.01), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.3, seed=seed)
+    grown = logged(
+        planar_2r, (Coulomb(0.01), Viscous(), Stribeck(0.2, width=0.01)), [3.0, 1.0, -1.0, 2.0, 0.5, -0.4], exact_log,
+        noise=0.05, seed=seed,
+    )  # fmt: skip
+    for log in (plain, grown):
+        model, (held,) = choose_fields(DynamicModel(planar_2r, (Coulomb(0.01), Viscous(), FADING)), rows(log))
+        assert model.friction == (Coulomb(0.01), Viscous()) and (held.field, held.value) == ("part", 0.0)
+
+
+def test_too_few_rows_leave_a_part_out(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = logged(planar_2r, (Coulomb(0.2), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, samples=30)
+    model, (held,) = choose_fields(DynamicModel(planar_2r, (Coulomb(0.01), Viscous(), FADING)), rows(log))
+    assert len(model.friction) == 2 and held.error is None
+
+
+def test_a_late_torque_is_no_wider_sign(planar_2r: Robot, exact_motion: Callable[..., Motion]) -> None:
+    """A delay that nobody took out asks for another width, unless it is free where widths are compared."""
+    assert planar_2r.nominal is not None
+    model = DynamicModel(planar_2r, (Coulomb(0.02), Viscous()))
+    theta, time = np.append(planar_2r.nominal, [3.0, 1.0, 2.0, 0.5]), np.arange(2000) / 100.0
+    measured, behind = (exact_motion(2, time - lag, 0.5, seed=3) for lag in (0.0, 0.008))
+    torque = model.torque(behind, theta) + 0.02 * np.random.default_rng(0).normal(size=(2000, 2))
+    log = Log(planar_2r.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque)
+    asked = replace(model, friction=(Coulomb(0.02, choose=("width",)), Viscous(), FADING))
+    apart = {}
+    for late in (False, True):
+        _, found = choose_fields(asked, rows(log), late=late)
+        apart[late] = max(held.gain for held in found)
+    assert apart[True] < 0.5 * apart[False]
+
+
+def test_the_delay_is_found_again_with_the_friction_that_was_chosen(
+    planar_2r: Robot, exact_motion: Callable[..., Motion]
+) -> None:
+    assert planar_2r.nominal is not None
+    truth = DynamicModel(planar_2r, (Coulomb(0.05), Viscous(), Stribeck(0.2, width=0.05)))
+    theta, time = np.append(planar_2r.nominal, [3.0, 1.0, 2.0, 2.0, 0.5, 0.7]), np.arange(3000) / 100.0
+    measured, behind = (exact_motion(2, time - lag, 0.5, seed=3) for lag in (0.0, 0.02))
+    torque = truth.torque(behind, theta) + 0.02 * np.random.default_rng(0).normal(size=(3000, 2))
+    log = Log(planar_2r.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque)
+    model = DynamicModel(planar_2r, (DRY, Viscous(), FADING))
+    estimate = identify(model, [log], "wls", replace(GIVEN, delay_s=None))
+    (delay,) = estimate.extras["delays"]
+    assert delay["applied"] == pytest.approx(0.02, abs=2e-4)
+    assert [type(part) for part in estimate.model.friction] == [Coulomb, Viscous, Stribeck]
+    assert estimate.model.friction[0].options["width"] == pytest.approx(0.05, rel=0.1)

@@ -126,15 +126,15 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _known_before(friction: tuple[Friction, ...], quiet: bool) -> tuple[Friction, ...]:
-    """Return the parts whose columns follow from the motion alone; those of torque and temperature are named."""
+    """Return the parts whose columns follow from the motion alone; those that hang on a log are named."""
     from dynident.cli import console
     from dynident.model.friction import FRICTION
 
-    kept = tuple(part for part in friction if not part.needs)
+    kept = tuple(part for part in friction if not part.needs and not part.is_optional)
     for part in friction:
-        if part.needs:
-            needed = " and ".join(sorted(part.needs))
-            console.remark(f"designed without {FRICTION.name_of(part)}: its {needed} is known from a log only", quiet)
+        if part not in kept:
+            unknown = f"its {' and '.join(sorted(part.needs))}" if part.needs else "whether it is there"
+            console.remark(f"designed without {FRICTION.name_of(part)}: {unknown} is known from a log only", quiet)
     return kept
 
 

@@ -22,7 +22,12 @@ from dynident.estimation.estimators import ESTIMATORS, Estimator
 from dynident.estimation.estimators.base import Solution
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.friction.alike import same_for_all
-from dynident.estimation.friction.held_out_fields import choose_fields, has_choices, with_chosen_widths
+from dynident.estimation.friction.held_out_fields import (
+    choose_fields,
+    has_choices,
+    with_chosen_widths,
+    without_optional,
+)
 from dynident.estimation.friction.load import PASSES, agrees, problem_of, with_load, without_load
 from dynident.estimation.friction.variable_projection import has_varying, vary_fields
 from dynident.estimation.observer import Observer
@@ -119,8 +124,9 @@ def pose(
     if choose:
         model = replace(model, friction=tuple(FRICTION.make(name) for name in DEFAULT_FRICTION))
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
-    how, cutoff = with_cutoff(model, ordered, how, progress)
-    prepared, facts = _prepared(model, ordered, how, progress)
+    usual = without_optional(model)
+    how, cutoff = with_cutoff(usual, ordered, how, progress)
+    prepared, facts = _prepared(usual, ordered, how, progress)
     if choose:
         model, choice = _chosen(model, prepared, progress)
         if how.delay_s is None:  # a delay passes for a rotor's inertia where the model has none, so both once more
@@ -131,7 +137,10 @@ def pose(
         model = with_chosen_widths(model)  # those of the candidates are few, and one list for all may be the default's
         facts = {**facts, **choice}
     if has_choices(model):
-        model, held = choose_fields(model, prepared, progress)
+        model, held = choose_fields(model, prepared, progress, how.delay_s is None)
+        if how.delay_s is None and any(each.value != each.stated for each in held):
+            prepared, late = _prepared(model, ordered, how, progress)
+            facts = {**facts, **late}
         facts = {**facts, "held_out_fields": [asdict(each) for each in held]}
     if has_varying(model):
         model, found = vary_fields(model, prepared, progress)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from dynident.model.friction import WHOLE
 from dynident.results.text import (
     MISSING,
     Column,
@@ -160,8 +161,7 @@ def _held_out(found: list[Mapping[str, Any]]) -> Table:
     rows = tuple(
         (
             *_field(each),
-            format_given(each["stated"]),
-            format_number(each["best"], 3),
+            *_values(each),
             *(
                 (MISSING, MISSING)
                 if each["error"] is None
@@ -176,6 +176,13 @@ def _held_out(found: list[Mapping[str, Any]]) -> Table:
         "that is half a per cent and more than chance makes it in one of twenty logs."
     )
     return Table(columns, rows, note)
+
+
+def _values(held: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the stated and the best value of a field; of a whole part, whether it is there."""
+    if held["field"] == WHOLE:
+        return "left out", "there" if held["best"] else "left out"
+    return format_given(held["stated"]), format_number(held["best"], 3)
 
 
 def _fields(found: list[Mapping[str, Any]]) -> Table:

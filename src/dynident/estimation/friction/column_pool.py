@@ -60,7 +60,7 @@ class Pool:
 
     Attributes:
         parts: The candidate parts.
-        inertial: Number of inertial columns, which every fit has.
+        shared: Number of columns that every fit has: those of the bodies, and of the delay where it is free.
         columns: Positions of the columns of part p at drive j: ``columns[p][j]``.
         products: [W, tau]' [W, tau] of each joint in each block, shape (B, n, c + 1, c + 1).
         rows: Rows of each joint in each block, shape (B, n).
@@ -68,7 +68,7 @@ class Pool:
     """
 
     parts: tuple[Friction, ...]
-    inertial: int
+    shared: int
     columns: tuple[tuple[IntArray, ...], ...]
     products: Array
     rows: IntArray
@@ -81,7 +81,7 @@ class Pool:
     def chosen(self, sets: Sequence[Sequence[int]]) -> IntArray:
         """Return the columns of a model whose drive j has the parts ``sets[j]``."""
         friction = [self.columns[p][j] for j, own in enumerate(sets) for p in own]
-        return np.concatenate([np.arange(self.inertial), *friction]).astype(np.int64)
+        return np.concatenate([np.arange(self.shared), *friction]).astype(np.int64)
 
     def weights(self, sets: Sequence[Sequence[int]], passes: int = 4) -> Array:
         """Return the weight of each joint's rows by its own residual in a fit of all blocks, shape (n,)."""
@@ -101,8 +101,12 @@ def make_pool(
     logs: Sequence[Prepared],
     blocks: int = 1,
     load: Array | None = None,
+    late: bool = False,
 ) -> Pool:
     """Read logs once with the columns of all candidate parts on all drives.
+
+    A list of parts is not to earn by what a late torque does, nor another one lose by it: with ``late`` every fit has a
+    column more, the derivative of the torque by a delay of all logs.
 
     Args:
         model: The robot; its friction is left aside.
@@ -111,6 +115,7 @@ def make_pool(
         blocks: Into how many stretches all rows are cut, at least one a log. Rows within a period of the filter of a
             cut belong to none.
         load: Standard inertial parameters (10 l,) whose torque loads the drives; None where no part asks.
+        late: Whether the delay of the torque is free.
     """
     labelled = tuple(Candidate(part, str(k), joints=part.joints) for k, part in enumerate(parts))
     whole = DynamicModel(model.robot, labelled)
@@ -124,20 +129,21 @@ def make_pool(
     products, rows = [], []
     for log in logs:
         own = _blocks_of(log, max(1, round(blocks * len(log.keep) / sum(len(each.keep) for each in logs))))
-        found, counted = _products(observer, log, own)
+        found, counted = _products(observer, log, own, rigid.count if late else None)
         products.append(found)
         rows.append(counted)
     drive, column = whole.terms
     starts = np.cumsum([0, *(len(part.coefficients) for part in parts)])
+    shared = rigid.count + late
     columns = tuple(
         tuple(
-            rigid.count + np.flatnonzero((drive == j) & (column >= first) & (column < last))
-            for j in range(model.robot.dof)
+            shared + np.flatnonzero((drive == j) & (column >= first) & (column < last)) for j in range(model.robot.dof)
         )
         for first, last in itertools.pairwise(starts)
     )
     signs = np.array([base.parameters[k].nonnegative for k in independent])
-    return Pool(tuple(parts), rigid.count, columns, np.concatenate(products), np.concatenate(rows), signs)
+    signs = np.insert(signs, rigid.count, [False] * late)
+    return Pool(tuple(parts), shared, columns, np.concatenate(products), np.concatenate(rows), signs)
 
 
 def fit(products: Array, keep: IntArray) -> Array:
@@ -183,17 +189,27 @@ def _blocks_of(log: Prepared, blocks: int) -> IntArray:
     return np.where(away < min(near, 0.1 * count / blocks), -1, place)
 
 
-def _products(observer: Observer, log: Prepared, block: IntArray) -> tuple[Array, IntArray]:
-    """Return products (B, n, c + 1, c + 1) and rows (B, n) of one log."""
-    counts, size = int(block.max()) + 1, observer.base.count + 1
+def _products(observer: Observer, log: Prepared, block: IntArray, delay: int | None) -> tuple[Array, IntArray]:
+    """Return products (B, n, c + 1, c + 1) and rows (B, n) of one log, the delay's column at ``delay`` if not None."""
+    counts, size = int(block.max()) + 1, observer.base.count + (delay is not None) + 1
     mask = counting_rows(observer.model, log)
+    slopes = None if delay is None else _slopes(log)
     found = np.zeros((counts, len(observer.columns), size, size))
     rows = np.zeros((counts, len(observer.columns)), dtype=np.int64)
     for part, segment in observer.segments(log):
-        for i, (values, own) in enumerate(zip(segment, observer.columns, strict=True)):
-            place = np.ix_(np.append(own, size - 1), np.append(own, size - 1))
+        for i, (block_rows, own) in enumerate(zip(segment, observer.columns, strict=True)):
+            values, columns = block_rows, np.append(own, size - 1)
+            if delay is not None and slopes is not None:
+                values = np.vstack([block_rows, slopes[part, i]])
+                columns = np.concatenate([own + (own >= delay), [size - 1, delay]])
+            place = np.ix_(columns, columns)
             for b in range(counts):
                 chosen = values[:, (block[part] == b) & mask[part, i]]
                 found[b, i][place] += chosen @ chosen.T
                 rows[b, i] += chosen.shape[1]
     return found, rows
+
+
+def _slopes(log: Prepared) -> Array:
+    """Return the derivative of the filtered torque by a delay, in the kept rows, shape (N, n)."""
+    return -np.gradient(np.asarray(log.log.torque), 1.0 / log.log.rate, axis=0)[log.keep]

@@ -47,6 +47,9 @@ CHANCE = 0.05
 #: Parts of each log of which each is left out in turn, and pieces of the log that they are made of in turn.
 PARTS, PIECES = 4, 32
 
+#: Rows in a period of the cut-off that the search looks at.
+ROWS = 8.0
+
 #: Rows nearer to a reversal than this part of the period of the cut-off have a share of what happens there.
 REVERSAL = 0.5
 
@@ -89,7 +92,7 @@ def find_delays(
     apart = np.abs(applied[1] - applied[0]) * [log.log.rate for log in plain]
     if np.all(apart < SETTLED):
         return careful, tuple(moved[0])
-    errors = [_unseen(search.observer, each) for each in moved]
+    errors = [_unseen(search.observer, [log.sparser(ROWS) for log in each]) for each in moved]
     return (asked, tuple(moved[1])) if errors[1] < errors[0] else (careful, tuple(moved[0]))
 
 
@@ -169,9 +172,9 @@ class _Search:
 
     def __init__(self, observer: Observer, logs: Sequence[Log], plain: Sequence[Prepared], how: Preprocessing) -> None:
         self.observer, self.logs, self.plain, self.how = observer, logs, plain, how
-        self.prepared = plain
+        self.prepared = [log.sparser(ROWS) for log in plain]
         self.seconds: Array = np.zeros(len(logs))
-        self.beta = _first_fit(observer, plain)
+        self.beta = _first_fit(observer, self.prepared)
 
     def settled(self, away: BoolArray | None = None, *, pooled: bool = False) -> _Step:
         """Take steps until they are short, and return the last; arguments as of :meth:`step`."""
@@ -182,7 +185,8 @@ class _Search:
             self.beta, self.seconds = step.beta, np.clip(self.seconds + bounded, -LONGEST_DELAY, LONGEST_DELAY)
             if not left or np.all(np.abs(bounded) * [log.log.rate for log in self.plain] < SETTLED):
                 break
-            self.prepared = _moved(self.logs, self.plain, self.how, self.seconds)
+            moved = _moved(self.logs, self.plain, self.how, self.seconds)
+            self.prepared = [log.sparser(ROWS) for log in moved]
             step = self.step(away, pooled=pooled)
         return step
 

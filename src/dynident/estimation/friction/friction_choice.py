@@ -211,7 +211,7 @@ class _Search:
         """Return the search among some parts, before its first step."""
         start = replace(model, friction=tuple(FRICTION.make(name) for name in START))
         pool = make_pool(model, parts, logs, max(BLOCKS, len(logs)), default_load(start, logs))
-        if len(pool.products) < 3 or np.min(pool.rows.sum(axis=1)) < 2 * pool.inertial:
+        if len(pool.products) < 3 or np.min(pool.rows.sum(axis=1)) < 2 * pool.shared:
             rows = int(pool.rows.sum())
             raise LogMismatch(logs[0].log.name, f"{rows} rows are too few to choose friction", "give longer logs")
         return cls(pool, tuple(parts.index(part) for part in start.friction))

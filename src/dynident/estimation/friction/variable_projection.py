@@ -19,7 +19,7 @@ from dynident.estimation.friction.column_pool import Pool, fit, loss, make_pool
 from dynident.estimation.friction.load import default_load
 from dynident.experiment.preprocessing import Prepared
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, Friction
+from dynident.model.friction import FRICTION, WHOLE, Friction
 
 #: Values of a field that are compared at a time, how often the grid is narrowed, turns over the fields.
 VALUES, ROUNDS, TURNS = 7, 3, 3
@@ -97,11 +97,15 @@ def fastest_of(model: DynamicModel, logs: Sequence[Prepared]) -> float:
 def spans_of(part: Friction, asked: str, fastest: float) -> dict[str, tuple[float, float]]:
     """Return where each field of a part that its option ``asked`` (vary or choose) names is looked for.
 
+    ``part`` in choose is no field.
+
     Raises:
         BadOption: The part has no such field to look for, or both options name it.
     """
     spans = {}
     for name in getattr(part, asked) or ():
+        if asked == "choose" and name == WHOLE:
+            continue
         if name not in part.ranges:
             step = f"the part '{FRICTION.name_of(part)}' can {asked}: {', '.join(part.ranges) or 'nothing'}"
             raise BadOption(asked, name, step)

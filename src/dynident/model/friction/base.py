@@ -83,6 +83,10 @@ class Range:
     is_speed: bool = False
 
 
+#: What ``choose`` names where the logs decide whether a part is there at all.
+WHOLE = "part"
+
+
 @dataclass(frozen=True)
 class Friction(ABC):
     """Torque of each drive that is linear in a few coefficients of its own: tau_j = sum_c x_jc f_c(motion)_j.
@@ -92,7 +96,8 @@ class Friction(ABC):
     Attributes:
         joints: Joints that the part acts on; None for all.
         vary: Names of its non-linear fields whose values are to be found from the log; the stated ones are the start.
-        choose: Names of such fields whose stated values stand unless held-out rows of the log ask for others.
+        choose: Names of such fields whose stated values stand unless held-out rows of the log ask for others; with
+            ``part`` the part itself is only there if they ask for it.
     """
 
     coefficients: ClassVar[tuple[Coefficient, ...]]
@@ -106,6 +111,11 @@ class Friction(ABC):
     joints: tuple[str, ...] | None = field(default=None, kw_only=True)
     vary: tuple[str, ...] | None = field(default=None, kw_only=True)
     choose: tuple[str, ...] | None = field(default=None, kw_only=True)
+
+    @property
+    def is_optional(self) -> bool:
+        """Whether it is only there if held-out rows of the log ask for it."""
+        return WHOLE in (self.choose or ())
 
     @property
     def options(self) -> dict[str, Any]:

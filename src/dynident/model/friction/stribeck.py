@@ -28,7 +28,11 @@ class Stribeck(Friction):
     width: float = 0.02
 
     coefficients: ClassVar = (Coefficient("Fs", "N m", "N", nonnegative=True),)
-    ranges: ClassVar = {"velocity": Range(0.01, 2.0, is_speed=True), "exponent": Range(0.5, 2.0)}
+    ranges: ClassVar = {
+        "velocity": Range(0.01, 2.0, is_speed=True),
+        "exponent": Range(0.5, 2.0),
+        "width": Range(1e-3, 0.3, is_speed=True),
+    }
 
     def __post_init__(self) -> None:
         check_positive(self.velocity, "velocity", "a speed in rad/s")

@@ -29,6 +29,9 @@ _SLOW_HZ = 250.0
 #: Width of the smoothed sign of dry friction in rad/s or m/s: the filter smooths more than that at most reversals.
 _WIDTH = 0.01
 
+#: Speed in rad/s over which friction at rest fades, where held-out rows find some and no other speed of it.
+_FADES = 0.1
+
 #: A joint slower than this, in rad/s or m/s, is at rest.
 _STANDSTILL = 0.02
 
@@ -151,7 +154,11 @@ def _friction(found: Found) -> list[str]:
     if found.is_large:
         lines.append("  # load: friction that grows with the torque takes several passes; logs this large get one")
     else:
-        lines.append("  - load                     # and grows with the torque")
+        lines += [
+            f"  - load: {{{width}, choose: width}}      # and grows with the torque",
+            f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
+            "   # it falls as a drive breaks away: only if held-out rows say so",
+        ]
     return lines
 
 
@@ -188,7 +195,9 @@ def _bridged(found: Found) -> list[str]:
     gap = max(long_gap(reading.time * found.to_seconds) for reading in found.readings)
     if not 0 < gap <= BRIDGED:
         return []
-    return [f"  longest_gap_s: {bridge_over(gap):g}         # rows so near a gap that the line over it shows are left out"]
+    return [
+        f"  longest_gap_s: {bridge_over(gap):g}         # rows so near a gap that the line over it shows are left out"
+    ]
 
 
 def _rest_share(found: Found) -> float:
