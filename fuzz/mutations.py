@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import json
 import random
@@ -116,9 +117,10 @@ def _lines(data: bytes, other: bytes, draw: random.Random, words: Sequence[str])
 
 def _json(data: bytes, other: bytes, draw: random.Random, words: Sequence[str]) -> bytes:
     try:
-        value = json.loads(data)
+        value = _parsed.pop(data) if data in _parsed else json.loads(data)
     except (ValueError, RecursionError):
         return _bytes(data, other, draw, words)
+    _parsed.clear()
     holders = _holders(value)
     if not holders:
         return json.dumps(draw.choice(_VALUES)).encode()
@@ -138,11 +140,17 @@ def _json(data: bytes, other: bytes, draw: random.Random, words: Sequence[str]) 
     elif way == 4 and isinstance(holder[key], int | float) and not isinstance(holder[key], bool):
         holder[key] *= draw.choice((-1, 1e-300, 1e300, 1 + 1e-9, 0.5))
     else:
-        holder[key] = draw.choice(_VALUES)
+        holder[key] = copy.copy(draw.choice(_VALUES))
     try:
-        return json.dumps(value).encode()
+        written = json.dumps(value).encode()
     except (ValueError, RecursionError):
         return _bytes(data, other, draw, words)
+    _parsed[written] = value
+    return written
+
+
+#: The value of the last file, which the next change is of more often than not.
+_parsed: dict[bytes, Any] = {}
 
 
 def _holders(value: Any) -> list[Any]:

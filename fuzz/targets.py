@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import shutil
 import zlib
 from collections import OrderedDict
@@ -104,6 +105,11 @@ def _bag(path: Path) -> object:
     return read_log(path, _columns(joints=JOINTS, q=q, torque=torque))
 
 
+def _header_once() -> None:
+    """Let NumPy parse the header of an array once per text: a triangle file has two dozen."""
+    ast.literal_eval = lru_cache(1000)(ast.literal_eval)
+
+
 def _define_once() -> None:
     """Let rosbags parse and compile message definitions once per text: that is most of its time else."""
     import importlib
@@ -181,7 +187,7 @@ TARGETS: Mapping[str, Target] = {
     ),
     "csv": Target(".csv", "text", _blocks, _TEXT),
     "twincat": Target(".csv", "text", _scope, _TEXT),
-    "npz": Target(".npz", "zip", _blocks),
+    "npz": Target(".npz", "zip", _blocks, warm=_header_once),
     "parquet": Target(".parquet", "bytes", _blocks),
     "mat": Target(".mat", "bytes", _blocks),
     "bag1": Target(".bag", "bytes", _bag, warm=_define_once),
@@ -189,5 +195,11 @@ TARGETS: Mapping[str, Target] = {
     "mcap": Target(".mcap", "bytes", _bag, warm=_define_once),
     "plan": Target(".json", "json", _plan, instrument=("dynident.experiment.design.plan",)),
     "estimate": Target(".json", "json", _estimate, instrument=("dynident.estimation.estimate_file", *_SAVED)),
-    "triangles": Target(".tri", "zip", _triangles, instrument=("dynident.estimation.streaming.triangle_file", *_SAVED)),
+    "triangles": Target(
+        ".tri",
+        "zip",
+        _triangles,
+        instrument=("dynident.estimation.streaming.triangle_file", *_SAVED),
+        warm=_header_once,
+    ),
 }

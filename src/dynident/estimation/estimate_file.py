@@ -151,12 +151,27 @@ def read_estimate(path: str | Path) -> Estimate:
 
 def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
     model = model_from_dict(data, path)
-    base = base_parameters(model)
     facts, train = data["summary"], data["train"]
     joints, theta, rows = model.robot.dof, data["theta"], len(train["signals"]["time"])
     signals: dict[str, Any] = {
         name: _array(train["signals"][name], (rows,) if name == "time" else (rows, joints), name) for name in _SIGNALS
     }
+    validation = Validation(
+        joints=tuple(Fit(**_with_nan(fit)) for fit in train["joints"]),
+        moving=tuple(Fit(**_with_nan(fit)) for fit in train["moving"]),
+        total_relative_error=_with_nan(train)["total_relative_error"],
+        samples=train["samples"],
+        standstill=train["standstill"],
+        filter=train["filter"],
+        logs=tuple(train["logs"]),
+        starts=tuple(train["starts"]),
+        **signals,
+        deviations=_optional(train.get("deviations"), (rows, joints), "deviations"),
+        noise=_array(facts["joint_deviations"], (joints,), "joint_deviations"),
+    )
+    how, columns = preprocessing_from_dict(data["preprocessing"]), columns_from_dict(data["columns"])
+    envelope = _envelope(data, joints)
+    base = base_parameters(model)  # takes longer than all the rest
     return Estimate(
         model=model,
         base=base,
@@ -173,25 +188,13 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
         consistency=Consistency(
             facts["physically_consistent"], tuple(facts["inconsistencies"]), facts["smallest_inertia_eigenvalue"]
         ),
-        train=Validation(
-            joints=tuple(Fit(**_with_nan(fit)) for fit in train["joints"]),
-            moving=tuple(Fit(**_with_nan(fit)) for fit in train["moving"]),
-            total_relative_error=_with_nan(train)["total_relative_error"],
-            samples=train["samples"],
-            standstill=train["standstill"],
-            filter=train["filter"],
-            logs=tuple(train["logs"]),
-            starts=tuple(train["starts"]),
-            **signals,
-            deviations=_optional(train.get("deviations"), (rows, joints), "deviations"),
-            noise=_array(facts["joint_deviations"], (joints,), "joint_deviations"),
-        ),
-        preprocessing=preprocessing_from_dict(data["preprocessing"]),
-        columns=columns_from_dict(data["columns"]),
+        train=validation,
+        preprocessing=how,
+        columns=columns,
         extras=facts["extras"],
         provenance=data["provenance"],
         degrees=_degrees(facts, base.count),
-        envelope=_envelope(data, joints),
+        envelope=envelope,
         diagnostics=facts.get("diagnostics"),
         standard_deviations=_optional(_stds(facts), (len(model.parameters),), "standard deviations"),
     )

@@ -209,19 +209,19 @@ def _changed(one: Preprocessing, other: Preprocessing) -> str:
 
 def _arrays(path: str | Path) -> dict[str, Any]:
     with zipfile.ZipFile(path) as archive:
-        if sum(member.file_size for member in archive.infolist()) > _MOST_BYTES:
+        members = archive.infolist()
+        if sum(member.file_size for member in members) > _MOST_BYTES:
             raise TriangleFileError(path, "it unpacks to more than a triangle file holds", _STEP)
-    with np.load(path, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}
+        return {member.filename.removesuffix(".npy"): _read_array(archive, member) for member in members}
+
+
+def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Any:
+    with archive.open(member) as stream:
+        return np.lib.format.read_array(stream, allow_pickle=False)
 
 
 def _digest(about: Mapping[str, Any], arrays: Mapping[str, Any], path: str | Path) -> Digest:
     model, how = model_from_dict(about, path), preprocessing_from_dict(about["preprocessing"])
-    base = base_parameters(model)
-    if model_hash(model, how, base.independent.tolist()) != about["hash"]:
-        evidence = "its hash is not that of its model; it was changed, or another version chose other base parameters"
-        raise TriangleFileError(path, evidence, "reduce the logs again")
-    joints = tuple(_joint(arrays, i, base.count) for i in range(model.robot.dof))
     width, dof = 3 * model.robot.dof, model.robot.dof
     shapes: dict[str, tuple[int | None, ...]] = {name: (width,) for name in ("low", "high", "mean")}
     shapes |= {"spread": (width, width), "far": (None, width), "accelerations": (dof,)}
@@ -231,13 +231,19 @@ def _digest(about: Mapping[str, Any], arrays: Mapping[str, Any], path: str | Pat
     sampled: Any = {
         name: _array(arrays, f"sampled_{name}", (count,) if name == "time" else (count, dof)) for name in _SAMPLED
     }
-    rows = tuple(_array(arrays, f"rows_{i}", (count, len(joint.columns) + 1)) for i, joint in enumerate(joints))
     chunks = tuple(Chunk(**{**chunk, "steps": tuple(chunk["steps"])}) for chunk in about["chunks"])
+    columns = columns_from_dict(about["columns"])
+    base = base_parameters(model)
+    if model_hash(model, how, base.independent.tolist()) != about["hash"]:
+        evidence = "its hash is not that of its model; it was changed, or another version chose other base parameters"
+        raise TriangleFileError(path, evidence, "reduce the logs again")
+    joints = tuple(_joint(arrays, i, base.count) for i in range(model.robot.dof))
+    rows = tuple(_array(arrays, f"rows_{i}", (count, len(joint.columns) + 1)) for i, joint in enumerate(joints))
     return Digest(
         model=model,
         base=base,
         how=how,
-        columns=columns_from_dict(about["columns"]),
+        columns=columns,
         joints=joints,
         states=States(count=int(about["states"]["count"]), samples=int(about["states"]["samples"]), **states),
         sampled=Sampled(**sampled, rows=rows, starts=tuple(int(start) for start in about["starts"])),

@@ -62,16 +62,16 @@ class BagSource:
         """
         if self.cut:
             return {channel.topic: channel.msgtype for channel, _, _ in salvaged(self.place)}
+        found: dict[str, str] = {}
         try:
-            reader = self._reader()
-            for part in reader.readers:
+            for part in self._reader().readers:  # opened one by one, whose definitions are not parsed yet
                 with part:
                     definitions = [connection.msgdef for connection in part.connections]
                     check_texts(self.path, ((one.data, one.format.name == "IDL") for one in definitions))
-            with self._reader() as reader:
-                return {connection.topic: connection.msgtype for connection in reader.connections}
+                    found |= {connection.topic: connection.msgtype for connection in part.connections}
         except Exception as error:
             raise self._damaged(error) from error
+        return found
 
     def messages(self, topics: Collection[str]) -> Iterator[tuple[str, int, Numbers]]:
         """Yield topic, receive time in ns and numbers of messages, in the order in which they were received.

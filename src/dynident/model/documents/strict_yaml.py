@@ -52,20 +52,23 @@ class _StrictLoader(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         event: Any = self.peek_event()
-        place = Place(self._path, f"line {event.start_mark.line + 1}")
         if getattr(event, "anchor", None) is not None:
-            raise place.error("anchors (&name) and aliases (*name) are not read", "write the values out")
+            raise self._error(event, "anchors (&name) and aliases (*name) are not read", "write the values out")
         if getattr(event, "tag", None) is not None:
-            raise place.error(f"the tag {shown(event.tag)} is not read", "remove it: the meaning follows from the key")
+            step = "remove it: the meaning follows from the key"
+            raise self._error(event, f"the tag {shown(event.tag)} is not read", step)
         self._nodes += 1
         if self._nodes > MAX_NODES:
-            raise place.error(f"more than {MAX_NODES} values", "give a table of one robot")
+            raise self._error(event, f"more than {MAX_NODES} values", "give a table of one robot")
         if self._depth >= MAX_DEPTH:
-            raise place.error(f"more than {MAX_DEPTH} levels deep", "give a table of one robot")
+            raise self._error(event, f"more than {MAX_DEPTH} levels deep", "give a table of one robot")
         self._depth += 1
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
+
+    def _error(self, event: Any, evidence: str, step: str) -> DescriptionError:
+        return Place(self._path, f"line {event.start_mark.line + 1}").error(evidence, step)
 
 
 # Only null is recognised: the tables that the class would inherit turn 'no' into false and 1:30 into 90.
@@ -84,13 +87,14 @@ def _plain(path: object, node: yaml.Node, key: str, lines: dict[str, int]) -> ob
         return [_plain(path, item, _join(key, str(i)), lines) for i, item in enumerate(node.value, start=1)]
     mapping: dict[str, object] = {}
     for name, item in node.value:
-        place = Place(path, f"line {name.start_mark.line + 1}")
+        line = name.start_mark.line + 1
         if not isinstance(name, yaml.ScalarNode) or name.tag == _NULL:
-            raise place.error("a key is not a text", "write 'key: value'")
+            raise Place(path, f"line {line}").error("a key is not a text", "write 'key: value'")
         if name.value in mapping:
-            raise place.error(f"the key {shown(name.value)} is there twice", "keep one of the two")
+            evidence = f"the key {shown(name.value)} is there twice"
+            raise Place(path, f"line {line}").error(evidence, "keep one of the two")
         mapping[name.value] = _plain(path, item, _join(key, name.value), lines)
-        lines[_join(key, name.value)] = name.start_mark.line + 1  # where the key stands; its value may begin below
+        lines[_join(key, name.value)] = line  # where the key stands; its value may begin below
     return mapping
 
 
