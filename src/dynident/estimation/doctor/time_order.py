@@ -26,7 +26,7 @@ class TimeOrder(Check):
         if repeated.any():
             first = subject.raw.place(int(np.argmax(repeated)))
             evidence = f"{repeated.sum()} of {log.samples} rows repeat the row before them, the first in {first}"
-            remedy = "leave them out (--fix OUT writes the log without them)"
+            remedy = "leave them out (log: {repeats: drop}; --fix OUT writes the log without them)"
             found.append(Finding("error", "repeated rows", "", evidence, remedy, {"rows": int(repeated.sum())}))
         keep = finite & ~repeated
         time, samples = log.time[keep], np.flatnonzero(keep)

@@ -15,17 +15,22 @@ import numpy as np
 
 from dynident.errors import BadOption, DynidentError, LogFormatError
 from dynident.experiment.case_file.draft.case_text import Files, case_text
+from dynident.experiment.case_file.draft.column_groups import split_time
 from dynident.experiment.case_file.draft.found import Found
 from dynident.experiment.case_file.draft.joint_choice import outside_limits
+from dynident.experiment.case_file.draft.profile_fit import fitting_profiles
 from dynident.experiment.case_file.draft.readings import long_gap, opened
 from dynident.experiment.case_file.draft.recognise import cutoff_of, recognised
 from dynident.experiment.case_file.draft.told_units import position_factors
 from dynident.experiment.case_file.questions import Question, questions_in
 from dynident.experiment.formats import FORMATS, LARGE, LogFormat, Table, bytes_of
-from dynident.experiment.formats._clocked_table import with_clock
+from dynident.experiment.formats._clocked_table import with_clock, with_sum
 from dynident.experiment.preprocessing import BRIDGED, SPLIT
 from dynident.experiment.profiles import PROFILES
 from dynident.model.descriptions import read_robot
+
+#: Rows by which two columns of a time are told to be one.
+_FIRST_ROWS = 1 << 12
 
 #: What to do where a file holds one signal.
 _ELSEWHERE = "; where each signal has a file of its own, put their columns side by side into one"
@@ -98,6 +103,8 @@ def draft_case(
             raise BadOption("rate", f"{rate_hz:g}", step)
         clock = f"{np.format_float_positional(rate_hz, trim='-')} Hz"
         tables = [with_clock(table, clock, rate_hz) for table in tables]
+    elif not fitting_profiles(tables[0].header, described.joint_names):
+        tables = _summed(tables)
     found = recognised(described, tables, profile)
     if profile and not found.profiles:
         reads = ", ".join(channel.pattern for channel in PROFILES.make(profile).read_channels().values())
@@ -171,6 +178,19 @@ def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> t
             if tables:
                 return tables, f"{line}   # the file reads as this only"
     raise first
+
+
+def _summed(tables: Sequence[Table]) -> list[Table]:
+    """Return the tables with a time that is the sum of two columns, where whole seconds and parts of one say so."""
+    parts = split_time(tables[0].header)
+    if parts is None or any(not {name for name, _ in parts} <= set(table.header) for table in tables):
+        return list(tables)
+    (whole, _), (part, unit) = parts
+    for table in tables:
+        first = next(table.batches([whole, part], _FIRST_ROWS), np.empty((0, 2)))
+        if np.any(first[:, 0] % 1) or np.any((first[:, 1] < 0) | (first[:, 1] >= {"us": 1e6, "ns": 1e9}[unit])):
+            return list(tables)  # each of them is the whole time, or none is
+    return [with_sum(table, f"{whole} s + {part} {unit}", parts) for table in tables]
 
 
 def _scope() -> LogFormat:

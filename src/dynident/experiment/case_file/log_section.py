@@ -15,7 +15,8 @@ from dynident.experiment.profiles.base import MARKS, SIDES
 from dynident.model.documents.sections import Section
 from dynident.model.robot import Robot
 
-_LOG_KEYS = ("profile", "format", "columns", "units", "decimal", "rated", "side", "zero", "wrapped", "force")
+_LOG_KEYS = ("profile", "format", "columns", "units", "decimal", "rated", "side", "zero")
+_LOG_KEYS += ("wrapped", "repeats", "force")
 _COLUMN_KEYS = ("time", "q", "dq", "ddq", "torque", "current", "temperature", "q_ref", "dq_ref")
 _UNIT_KEYS = ("time", "position", "velocity", "acceleration", "torque", "current")
 
@@ -39,6 +40,7 @@ def read_columns(top: Section, robot: Robot) -> ColumnMap:
         return guarded(top.place("joints"), lambda: ColumnMap(joints=joints))
     log = top.section("log", _LOG_KEYS)
     found: dict[str, Any] = {"joints": joints, "decimal": log.choice("decimal", (".", ","), ".")}
+    found["repeats"] = log.choice("repeats", ("refuse", "drop"), "refuse")
     if log.has("columns"):
         columns = log.section("columns", _COLUMN_KEYS)
         for key in _COLUMN_KEYS:

@@ -9,6 +9,7 @@ from dynident.experiment.formats._clocked_table import clocked
 from dynident.experiment.formats._live_table import live_rows
 from dynident.experiment.formats._stream import LogStream
 from dynident.experiment.formats._table import LARGE, Table, bytes_of, log_of
+from dynident.experiment.formats._unrepeated_table import unrepeated
 from dynident.experiment.formats.base import ColumnMap, LogFormat, Units, written_columns
 from dynident.experiment.log import Log
 from dynident.plugins import Family
@@ -51,7 +52,7 @@ def read_log(path: str | Path, columns: ColumnMap | None = None, *, form: str | 
         UnknownChoice: No such format.
     """
     chosen = columns or ColumnMap()
-    return log_of(clocked(_chosen(path, _form(chosen) if form is None else form).open(path), chosen), chosen)
+    return log_of(_as_mapped(_chosen(path, _form(chosen) if form is None else form).open(path), chosen), chosen)
 
 
 def stream_log(path: str | Path, columns: ColumnMap | None = None, *, folder: Path | None = None) -> LogStream:
@@ -67,7 +68,7 @@ def stream_log(path: str | Path, columns: ColumnMap | None = None, *, folder: Pa
         LogFormatError: It has no sound header, lacks a column, or no format has its suffix.
     """
     chosen = columns or ColumnMap()
-    table = clocked(_chosen(path, _form(chosen)).open(path), chosen)
+    table = _as_mapped(_chosen(path, _form(chosen)).open(path), chosen)
     return LogStream(table, chosen.resolved(table.header, table.path, table.line), folder)
 
 
@@ -83,7 +84,7 @@ def open_log(path: str | Path, columns: ColumnMap | None = None) -> Table:
         LogFormatError: It has no sound header, or no format has its suffix.
     """
     table = _chosen(path, None if columns is None else _form(columns)).open(path)
-    return table if columns is None else clocked(table, columns)
+    return table if columns is None else _as_mapped(table, columns)
 
 
 def read_header(path: str | Path, *, form: str | LogFormat | None = None) -> tuple[str, ...]:
@@ -110,6 +111,11 @@ def write_log(log: Log, path: str | Path, *, form: str | LogFormat | None = None
         LogMismatch: The log holds a value that is not finite.
     """
     _chosen(path, form).write(log, path)
+
+
+def _as_mapped(table: Table, columns: ColumnMap) -> Table:
+    """Return the table with the time, and without the rows, that a map of columns says."""
+    return unrepeated(clocked(table, columns), columns)
 
 
 def _form(columns: ColumnMap) -> LogFormat | None:

@@ -27,6 +27,10 @@ LARGE = 512 << 20
 #: What to do with a file that is larger than what is read at once.
 TOO_LARGE = "reduce it as a stream: dynident reduce CASE LOG -o part.tri"
 
+#: What to do where rows have the time of the row before, and where they have its values as well.
+_SAME_TIME = "leave the repeated rows out, or write the time with more digits"
+_REPEATED = "they are the same in all that is read: have them left out (log: {repeats: drop})"
+
 #: Blocks of rows of a table, shape (rows, columns); when they have ended, in words what was done to get them.
 Blocks: TypeAlias = Generator[Array, None, tuple[str, ...]]
 
@@ -146,7 +150,7 @@ class Checked:
         """Return the time of the next rows in s, shape (rows,), which may be all that is read; see :meth:`block`."""
         self._check_cells(values)
         time = self._columns.time_to_si(values[:, 0])
-        self._check_time(time)
+        self._check_time(time, values)
         self.rows += len(values)
         return time
 
@@ -175,20 +179,28 @@ class Checked:
             evidence = f"column '{shown(self._names[column])}' holds {values[row, column]:g}{many}"
             raise self._table.fault(self.rows + row, evidence, "mend the recording or leave these rows out")
 
-    def _check_time(self, time: Array) -> None:
+    def _check_time(self, time: Array, values: Array) -> None:
         """Refuse time that runs back or stands still, also from the block before to this one."""
         known = time if self._last is None else np.append(self._last, time)
         steps = np.diff(known)
         for wrong, what, step in (
             (steps < 0, "runs back", "split the log there, or sort its rows if they are only out of order"),
-            (steps == 0, "repeats", "leave the repeated rows out, or write the time with more digits"),
+            (steps == 0, "repeats", _SAME_TIME),
         ):
             if np.any(wrong):
                 row = int(np.argmax(wrong)) + 1
                 count = int(wrong.sum())
                 many = f" ({count} such rows)" if count > 1 else ""
                 column = self._columns.time
-                evidence = f"time in column '{column}' {what}: {known[row - 1]:.9g} s, then {known[row]:.9g} s{many}"
-                raise self._table.fault(self.rows + row - (len(known) - len(time)), evidence, step)
+                remedy = _REPEATED if step == _SAME_TIME and _is_repeated(values) else step
+                evidence = f"time in column '{column}' {what}: {known[row - 1]:.15g} s, then {known[row]:.15g} s{many}"
+                raise self._table.fault(self.rows + row - (len(known) - len(time)), evidence, remedy)
         if len(time):
             self._last = float(time[-1])
+
+
+def _is_repeated(values: Array) -> bool:
+    """Return whether all rows with the time of the row before, in the first column, have its values as well."""
+    again = values[1:, 0] == values[:-1, 0]
+    same = (values[1:] == values[:-1]).all(axis=1)
+    return values.shape[1] > 1 and bool(again.any()) and bool(same[again].all())

@@ -45,7 +45,8 @@ class ColumnMap:
 
     Attributes:
         joints: Names of the n joints in the order of the columns; empty: as many as there are, joint1, joint2, ...
-        time: Column of the time, or the rows a second where a file has none, such as ``200 Hz``.
+        time: Column of the time, the rows a second where a file has none, such as ``200 Hz``, or the sum of two
+            columns, such as ``sec s + nanosec ns``.
         q: Columns of the positions.
         dq: Columns of the velocities; None takes dq1, ... where they are there.
         ddq: Columns of the accelerations; not read unless named.
@@ -63,6 +64,7 @@ class ColumnMap:
         motor: Signals that are on the side of the motors; :func:`dynident.experiment.motor_side.joint_side` turns them.
         zero: Position in rad or m that is added to the positions of each joint; empty for none.
         wrapped: Joints whose positions start again after a whole turn; their turns are counted on.
+        repeats: ``drop`` leaves rows out that repeat the row before them, ``refuse`` takes them for a fault.
         form: Format of the files; empty for the one by their suffix.
         form_options: Its options, as name and text.
 
@@ -90,6 +92,7 @@ class ColumnMap:
     motor: tuple[str, ...] = ()
     zero: tuple[float, ...] = ()
     wrapped: tuple[str, ...] = ()
+    repeats: str = "refuse"
     form: str = ""
     form_options: tuple[tuple[str, str | None], ...] = ()
 
@@ -106,6 +109,8 @@ class ColumnMap:
                 raise BadOption(name, names, "give a list of names, one per joint")
             if names is not None:
                 object.__setattr__(self, name, tuple(names))
+        if self.repeats not in ("refuse", "drop"):
+            raise BadOption("repeats", self.repeats, "choose 'refuse' or 'drop'")
         if self.q == ():
             raise BadOption("q", [], "name the columns of the positions")
         self._check_lengths()

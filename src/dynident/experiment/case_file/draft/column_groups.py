@@ -11,6 +11,15 @@ from dynident.experiment.case_file.draft.column_words import Meaning, meaning_of
 #: Numbers in one name that may be that of the joint; a name with more is no joint's.
 _MOST_NUMBERS = 4
 
+#: Words for a second and its parts, and what else the names of the two columns of a time say.
+_SECONDS: Mapping[str, str] = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("us", "usec", "usecs", "microsecond", "microseconds"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds"), "ns"),
+}
+_CLOCKS = frozenset("t tv time timestamp stamp header".split())
+_PARTS_OF_A_SECOND = re.compile(r"(nano|micro)[_ ]?sec(?:ond)?(?=s?\b|s?_)")
+
 #: Words of joint names that columns often leave out.
 _GENERIC = frozenset(("joint", "jnt", "j"))
 
@@ -68,6 +77,23 @@ def time_columns(header: Sequence[str]) -> list[str]:
         if words and len(words) == len(tokens_of(base)) and meaning_of(words, unit).signal == "time":
             found.append((words[-2:] != ["header", "stamp"], len(words), name))
     return [name for *_, name in sorted(found, key=lambda item: item[:2])]
+
+
+def split_time(header: Sequence[str]) -> tuple[tuple[str, str], tuple[str, str]] | None:
+    """Return two columns that are the time together, with the unit of each, such as seconds and nanoseconds."""
+    found: dict[tuple[str, ...], dict[str, str]] = {}
+    for name in header:
+        words = _PARTS_OF_A_SECOND.sub(r"\1second", name.lower())
+        tokens = tokens_of(words)
+        units = [k for k, word in enumerate(tokens) if word in _SECONDS]
+        rest = tuple(word for k, word in enumerate(tokens) if k not in units)
+        if len(units) == 1 and (not rest or _CLOCKS.intersection(rest)):
+            found.setdefault(rest, {}).setdefault(_SECONDS[tokens[units[0]]], name)
+    for columns in found.values():
+        part = next((unit for unit in ("ns", "us") if unit in columns), "")
+        if part and "s" in columns:
+            return (columns["s"], "s"), (columns[part], part)
+    return None
 
 
 def unit_of_time(name: str) -> str:

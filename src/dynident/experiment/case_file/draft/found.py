@@ -46,8 +46,8 @@ class Found:
     Attributes:
         robot: The robot with all its joints.
         header: Columns of the first log.
-        time: Column of the time, or the stated rate in its place; empty where neither is known.
-        is_clocked: Whether it is a rate.
+        time: Column of the time, or the stated rate or the sum of two columns in its place; empty where none is known.
+        is_clocked: Whether it is such a rate or sum.
         sources: Columns of each signal.
         joints: The joints of the columns.
         readings: The logs.

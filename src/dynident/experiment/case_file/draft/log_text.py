@@ -23,8 +23,15 @@ def log_lines(found: Found) -> list[str]:
     if found.form:
         lines.append(f"  {found.form}")
     if found.profiles:
-        return [*lines, *_profile(found), *_profile_gaps(found), *_side(found), *_wrapped(found)]
-    return [*lines, *_columns(found), *_units(found), *_side(found), *_wrapped(found)]
+        return [*lines, *_profile(found), *_profile_gaps(found), *_side(found), *_wrapped(found), *_repeats(found)]
+    return [*lines, *_columns(found), *_units(found), *_side(found), *_wrapped(found), *_repeats(found)]
+
+
+def _repeats(found: Found) -> list[str]:
+    most = max((reading for reading in found.readings), key=lambda reading: reading.repeated, default=None)
+    if most is None or not most.repeated:
+        return []
+    return [f"  repeats: drop   # {most.repeated} of {most.rows} rows repeat the row before them and say nothing new"]
 
 
 def _wrapped(found: Found) -> list[str]:

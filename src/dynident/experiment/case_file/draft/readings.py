@@ -34,6 +34,7 @@ class Reading:
         rows: Rows that were read.
         notes: What is wrong with it, in words.
         is_head: Whether the file has more rows.
+        repeated: Rows that repeat the row before them.
     """
 
     path: str
@@ -42,6 +43,7 @@ class Reading:
     rows: int
     notes: tuple[str, ...] = ()
     is_head: bool = False
+    repeated: int = 0
 
     @property
     def step(self) -> float:
@@ -88,15 +90,16 @@ def read_rows(table: Table, time: str, columns: Mapping[str, Sequence[str]]) -> 
     stamps = np.where(sound, values[:, 0], -np.inf)
     latest = np.maximum.accumulate(np.concatenate([[-np.inf], stamps[:-1]]))
     forward = sound & (values[:, 0] > latest)
-    if np.count_nonzero(sound & ~forward):
-        notes.append(f"time repeats or runs back in {np.count_nonzero(sound & ~forward)} rows")
+    same = np.append(False, (values[1:] == values[:-1]).all(axis=1))
+    if np.count_nonzero(sound & ~forward & ~same):
+        notes.append(f"time repeats or runs back in {np.count_nonzero(sound & ~forward & ~same)} rows")
     values = values[forward]
     if len(values) < MIN_SAMPLES:
         step = "an identification needs seconds of motion"
         raise LogFormatError(table.path, table.line, f"only {len(values)} rows that can be used", step)
     place = {name: k for k, name in enumerate(names)}
     signals = {signal: values[:, [place[name] for name in group]] for signal, group in columns.items()}
-    return Reading(table.path, values[:, 0], signals, rows, tuple(notes), is_head)
+    return Reading(table.path, values[:, 0], signals, rows, tuple(notes), is_head, np.count_nonzero(sound & same))
 
 
 def _head(table: Table, names: Sequence[str]) -> tuple[Array, bool]:

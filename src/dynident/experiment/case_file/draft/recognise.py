@@ -25,7 +25,7 @@ from dynident.experiment.case_file.draft.told_units import (
 from dynident.experiment.case_file.draft.torque_evidence import torque_evidence
 from dynident.experiment.case_file.draft.yaml_words import listed, quoted
 from dynident.experiment.formats import Table
-from dynident.experiment.formats._clocked_table import ClockedTable
+from dynident.experiment.formats._clocked_table import SUM, TimedTable
 from dynident.experiment.formats.base import UNITS
 from dynident.experiment.turns import jumps_of_a_turn, turns_counted
 from dynident.model.robot import Robot
@@ -54,7 +54,7 @@ def recognised(robot: Robot, tables: Sequence[Table], profile: str = "") -> Foun
     Raises:
         LogFormatError: A log lacks a column of the first, or a cell is no number.
     """
-    clock = tables[0].clock if isinstance(tables[0], ClockedTable) else ""
+    clock = tables[0].clock if isinstance(tables[0], TimedTable) else ""
     header = tuple(name for name in tables[0].header if name != clock)
     fits = [] if clock else fitting_profiles(header, robot.joint_names)  # a profile knows its column of the time
     fits = [fit for fit in fits if not profile or fit.name == profile]
@@ -133,7 +133,8 @@ def _by_values(found: Found) -> Found:
     first = found.readings[0]
     units = _profile_units(found)
     if found.is_clocked:
-        units["time"] = Told(("s",), True, f"made of the rate, {found.time}")
+        made = "the sum of two columns" if SUM.fullmatch(found.time) else f"made of the rate, {found.time}"
+        units["time"] = Told(("s",), True, made)
     elif "time" not in units:
         units["time"] = time_unit(first.step, unit_of_time(found.time))
     stated = {signal: _stated_unit(found, signal) for signal in found.sources}
