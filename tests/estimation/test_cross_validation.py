@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from noisy_arms import Bench
 
-from dynident.errors import BadOption
+from dynident.errors import BadOption, SolverFailed
 from dynident.estimation.estimators import ESTIMATORS
+from dynident.estimation.estimators.base import Solution
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.ols import OLS
+from dynident.estimation.problem import Problem
 from dynident.estimation.uncertainty.cross_validation import cross_validate
 from dynident.experiment.log import Log
 from dynident.model.robot import Robot
@@ -73,3 +75,16 @@ def test_impossible_folds(bench: Bench) -> None:
     for folds, reason in ((1, "give 2 or more parts"), (0, "there is one log"), (-2, "give 2 or more")):
         with pytest.raises(BadOption, match=reason):
             cross_validate(problem, OLS(), bench.truth, folds)
+
+
+def test_a_fold_that_its_estimator_cannot_solve_says_why(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = bench.problem(bench.white(0))
+    beta = OLS().solve(problem).beta
+
+    def stubborn(part: OLS, problem: Problem) -> Solution:
+        raise SolverFailed("the stubborn fit", "it will not", "ask another")
+
+    monkeypatch.setattr(OLS, "solve", stubborn)
+    found = cross_validate(problem, OLS(), beta, 3)
+    assert len(found.folds) == 3 and np.isnan(found.relative_error) and np.isfinite(found.in_sample)
+    assert all("it will not; ask another" in fold.missing and np.all(np.isnan(fold.beta)) for fold in found.folds)

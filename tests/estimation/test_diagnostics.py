@@ -10,6 +10,7 @@ import pytest
 from noisy_arms import GIVEN, Bench
 
 from dynident.arrays import Array
+from dynident.errors import BadOption
 from dynident.estimation.estimators.consistent import Consistent
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.identify import identify, pose, validate
@@ -131,6 +132,10 @@ def test_noisy_states_bias_least_squares_and_are_found(bench: Bench) -> None:
     fine = diagnose(pose(bench.model, [quiet], how), WLS(), bench.truth, 0)
     assert fine.exogeneity is not None and not fine.exogeneity.is_biased()
     assert any("bias by noisy states: none found (p " in sentence for sentence in fine.verdicts())
+    exact = diagnose(
+        pose(bench.model, [replace(noisy(bench, bench.white(1)), q_ref=clean.q)], how), WLS(), bench.truth, 0
+    )
+    assert exact.exogeneity is None and "the instruments are the regressor itself" in exact.reference
     none = diagnose(bench.problem(bench.white(1)), WLS(), bench.truth, 0)
     assert none.exogeneity is None and "q_ref" in none.reference
 
@@ -166,6 +171,8 @@ def test_covariances_that_follow(bench: Bench) -> None:
     estimate = identify(bench.model, [noisy(bench, bench.white(0, 0.2))], Consistent(), GIVEN)
     standard = standard_covariance(estimate, problem)
     matrix = estimate.base.matrix
+    with pytest.raises(BadOption, match=r"pull = 0\.0 is not possible; give a number above 0"):
+        standard_covariance(estimate, problem, 0.0)
     back = matrix @ standard @ matrix.T
     assert np.all(np.diag(back) <= np.diag(estimate.covariance) * (1 + 1e-6))
     np.testing.assert_allclose(np.diag(back), np.diag(estimate.covariance), rtol=0.05)

@@ -108,6 +108,15 @@ def test_a_robot_whose_log_leaves_directions_open_counts_with_what_it_shows():
         population_of([replace(each, information=seen @ each.information @ seen) for each in robots])
 
 
+def test_a_population_has_two_robots_and_is_seen_by_one_at_least():
+    *_, robots = drawn(np.random.default_rng(4), 3, 2, 0.3)
+    with pytest.raises(BadOption, match="robots = 1 is not possible; a fleet has two or more"):
+        population_of(robots[:1])
+    blind = [replace(one, information=np.diag([1.0, 0.0]), vector=np.array([1.0, 0.0])) for one in robots]
+    with pytest.raises(BadOption, match="base parameter 2"):
+        population_of(blind)
+
+
 def test_shrinking_helps_short_logs_and_its_intervals_hold():
     generator = np.random.default_rng(3)
     errors, inside = np.zeros(2), []

@@ -22,7 +22,14 @@ from dynident.estimation.estimators.l1 import L1
 from dynident.estimation.estimators.tukey import Tukey
 from dynident.estimation.estimators.wls import WLS
 from dynident.estimation.problem import Problem
-from dynident.estimation.residuals.robust import Loss, biweight_loss, huber_loss, robust_fit, robust_scales
+from dynident.estimation.residuals.robust import (
+    Loss,
+    biweight_loss,
+    huber_loss,
+    robust_fit,
+    robust_scales,
+    robust_uncertainty,
+)
 from dynident.estimation.residuals.row_passes import RowPasses
 from dynident.experiment.log import Log
 from dynident.model.reduction import least_squares
@@ -207,6 +214,18 @@ def test_too_few_steps_are_an_error(dirty: Problem) -> None:
 def test_options_that_cannot_be_are_refused(part: Callable[[], object], option: str) -> None:
     with pytest.raises(BadOption, match=f"^{option} = "):
         part()
+
+
+def test_more_rows_far_out_than_near_have_no_errors(bench: Bench) -> None:
+    """Far out the biweight falls: where most rows lie there, the criterion has no minimum to tell errors by."""
+    problem = bench.problem(bench.white(0))
+    passes, start = RowPasses(problem), least_squares(problem.reduced()).beta
+    fit = robust_fit(passes, biweight_loss(4.685), start, None, 50, 1e-3)
+    assert np.all(robust_uncertainty(passes, biweight_loss(4.685), fit).deviations > 0)
+    standard = np.array(fit.standard)
+    standard[:, 1] = np.where(np.arange(len(standard)) % 3, 3.5, 0.1)
+    with pytest.raises(SolverFailed, match="more rows of joint2 lie far out than near; check the torque of that joint"):
+        robust_uncertainty(passes, biweight_loss(4.685), replace(fit, standard=standard))
 
 
 def test_scales_are_medians(bench: Bench) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot
+from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot, validate
 from dynident.estimation.warnings import warnings_of
 from dynident.experiment.preprocessing.as_given import AsGiven
 from dynident.model.friction import FRICTION, Motion
@@ -73,3 +74,31 @@ def test_a_poor_condition_number(number: float, count: int) -> None:
     model, log = recorded()
     estimate = replace(identify(model, [log], preprocessing=HOW), condition_number=number)
     assert len(warnings_of(estimate)) == count
+
+
+def test_a_joint_that_the_model_does_not_explain() -> None:
+    """Torques that run against the model, are worse than a constant, or mostly noise, each in its own words."""
+    model, log = recorded()
+    estimate = identify(model, [log], "wls", preprocessing=HOW)
+    torque, size = np.array(log.torque), np.std(np.asarray(log.torque), axis=0)
+    torque[:, 0] = 2.0 * torque[:, 0].mean() - torque[:, 0]
+    torque[:, 1] = 0.3 * torque[:, 1]
+    torque[:, 3] += 1.5 * size[3] * np.random.default_rng(1).normal(size=len(torque))
+    found = warnings_of(estimate, validate(estimate, [replace(log, torque=torque)]))
+    against, worse, little = found[-3:]
+    assert against == "shoulder: the model's torque runs against the measured one: check its sign and column"
+    assert worse.startswith(f"{log.joints[1]}: the model is worse than a constant (R2 -")
+    assert re.fullmatch(
+        rf"{log.joints[3]}: the model explains \d\d % of how its torque changes: its channel says little", little
+    )
+
+
+def test_doubtful_drive_gains_are_told_with_what_they_move() -> None:
+    model, log = recorded()
+    estimate = identify(model, [log], "wls", preprocessing=HOW)
+    moved = np.zeros(len(estimate.beta))
+    moved[:3] = 2.0 * estimate.deviations[:3]
+    for relative, span in (({"joint1": 0.02, "joint2": 0.05, "joint3": 0.0}, "2 to 5 %"), ({"joint1": 0.02}, "2 %")):
+        stated = {"gain_deviations": {"relative": relative, "parameters": moved.tolist()}}
+        (found,) = warnings_of(replace(estimate, extras={**estimate.extras, **stated}))
+        assert found.startswith(f"drive gains are known to {span} (std) only, which moves 3 of {len(moved)} parameters")
