@@ -48,7 +48,7 @@ class Log:
         q_ref: Positions that the controller was told to reach, shape (N, n), in rad or m.
         dq_ref: Commanded velocities, shape (N, n), in rad/s or m/s.
         source: Where it comes from.
-        gaps: Start and end in s of the gaps in time that were bridged when it was made uniform.
+        gaps: Start and end in s of the gaps in time that were bridged when it was made uniform, shape (g, 2).
     """
 
     joints: tuple[str, ...]
@@ -63,12 +63,14 @@ class Log:
     q_ref: Array | None = None
     dq_ref: Array | None = None
     source: Source = field(default_factory=Source)
-    gaps: tuple[tuple[float, float], ...] = ()
+    gaps: Array | None = None
 
     def __post_init__(self) -> None:
         if len(set(self.joints)) != len(self.joints):
             raise ValueError(f"two joints of the log share a name: {list(self.joints)}")
         object.__setattr__(self, "time", frozen(self.time, (None,), "time"))
+        if self.gaps is not None:
+            object.__setattr__(self, "gaps", frozen(self.gaps, (None, 2), "gaps"))
         shape = (len(self.time), len(self.joints))
         for name in _SIGNALS:
             values = getattr(self, name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -204,7 +203,7 @@ def thinned(log: Log, filtered: Log, how: Preprocessing, delay_s: float = 0.0) -
     return Prepared(filtered, keep, how, every, delay_s)
 
 
-def _near_gaps(gaps: Sequence[tuple[float, float]], time: Array, filter: Filter) -> BoolArray:
+def _near_gaps(gaps: Array | None, time: Array, filter: Filter) -> BoolArray:
     """Return which of the times are so near a gap of the recording that the straight line over it shows.
 
     It shows where the gap is more than a fifth of the shortest period that passes the filter, which carries it a period
@@ -212,7 +211,7 @@ def _near_gaps(gaps: Sequence[tuple[float, float]], time: Array, filter: Filter)
     """
     period = 0.0 if filter.bandwidth() is None else 1.0 / float(filter.bandwidth() or 1.0)
     near = np.zeros(len(time), bool)
-    for start, end in gaps:
+    for start, end in () if gaps is None else gaps:
         if end - start > 0.2 * period:
             near |= (time > start - period) & (time < end + period)
     return near
@@ -307,7 +306,7 @@ def resample(log: Log, longest_gap: float | None = None) -> Log:
         for name, values in log.signals().items()
     }
     wide = np.flatnonzero(steps > 5 * middle)
-    gaps = tuple(zip(log.time[wide].tolist(), log.time[wide + 1].tolist(), strict=True))
+    gaps = np.column_stack([log.time[wide], log.time[wide + 1]])
     jitter = f"steps of {steps.min() * 1e3:.3g} to {steps.max() * 1e3:.3g} ms"
     return log.with_step(f"resampled to {(count - 1) / log.duration:.5g} Hz ({jitter})", time=time, gaps=gaps, **moved)
 

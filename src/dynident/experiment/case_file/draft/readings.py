@@ -99,7 +99,7 @@ def read_rows(table: Table, time: str, columns: Mapping[str, Sequence[str]]) -> 
         raise LogFormatError(table.path, table.line, f"only {len(values)} rows that can be used", step)
     place = {name: k for k, name in enumerate(names)}
     signals = {signal: values[:, [place[name] for name in group]] for signal, group in columns.items()}
-    return Reading(table.path, values[:, 0], signals, rows, tuple(notes), is_head, np.count_nonzero(sound & same))
+    return Reading(table.path, values[:, 0], signals, rows, tuple(notes), is_head, int(np.count_nonzero(sound & same)))
 
 
 def _head(table: Table, names: Sequence[str]) -> tuple[Array, bool]:
