@@ -25,15 +25,15 @@ LONGEST, WAIT, MEMORY = 10.0, 60.0, 1 << 30
 _OUTCOMES = ("taken", "refused", "crash", "hang", "memory", "escape")
 
 _WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT
-_FORBIDDEN = (
-    "subprocess.Popen",
-    "os.system",
-    "os.exec",
-    "os.posix_spawn",
-    "socket.connect",
-    "socket.bind",
-    "pty.spawn",
-)
+_FORBIDDEN = frozenset({
+    "subprocess.Popen", "os.system", "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.spawn", "pty.spawn",
+    "socket.bind", "socket.connect", "socket.getaddrinfo", "socket.gethostbyname", "socket.sendmsg", "socket.sendto",
+})  # fmt: skip
+#: Which arguments of what changes files are the places that change.
+_CHANGES = {
+    "os.chmod": (0,), "os.link": (1,), "os.mkdir": (0,), "os.remove": (0,), "os.rename": (0, 1), "os.rmdir": (0,),
+    "os.symlink": (1,), "os.truncate": (0,), "os.utime": (0,),
+}  # fmt: skip
 
 
 class Hang(BaseException):
@@ -149,14 +149,14 @@ class Trials:
             return
         if event in _FORBIDDEN:
             raise Escape(f"{event} {arguments[:1]}")
-        if event == "open" and isinstance(arguments[2], int) and arguments[2] & _WRITES:
-            place = os.path.realpath(os.fsdecode(arguments[0])) if not isinstance(arguments[0], int) else ""
-            if place and place != os.devnull and not place.startswith(self._own):
-                raise Escape(f"writes {place}")
-        elif event in ("os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.symlink", "os.link"):
-            place = os.path.realpath(os.fsdecode(arguments[0]))
-            if not place.startswith(self._own):
-                raise Escape(f"{event} {place}")
+        if event == "open":
+            places = arguments[:1] if isinstance(arguments[2], int) and arguments[2] & _WRITES else ()
+        else:
+            places = tuple(arguments[k] for k in _CHANGES.get(event, ()))
+        for place in places:
+            where = os.devnull if isinstance(place, int) else os.path.realpath(os.fsdecode(place))
+            if where != os.devnull and not where.startswith(self._own):
+                raise Escape(f"{event} {where}")
 
 
 def _place() -> str:
