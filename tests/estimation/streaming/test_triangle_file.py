@@ -132,6 +132,8 @@ def test_what_a_case_leaves_open_is_that_of_the_triangles(case: Case, parts: lis
     check_case(digest, "a.tri", case.model, replace(how, filter=Butterworth(), delay_s=None))
     with pytest.raises(TriangleFileError, match=r"another preprocessing \(cutoff_hz 5\.0, there 6\.0, "):
         check_case(digest, "a.tri", case.model, replace(how, filter=Butterworth(cutoff_hz=6.0), delay_s=None))
+    with pytest.raises(TriangleFileError, match=r"another preprocessing \(delay_s None, there 0\.002\)"):
+        check_case(digest, "a.tri", case.model, replace(how, delay_s=0.002))
     with pytest.raises(TriangleFileError, match=r"another preprocessing \(kind butterworth, there as_given"):
         check_case(digest, "a.tri", case.model, replace(how, filter=AsGiven()))
 

@@ -202,9 +202,9 @@ def _difference(first: tuple[DynamicModel, Preprocessing], second: tuple[Dynamic
 
 def _changed(one: Preprocessing, other: Preprocessing) -> str:
     """Return in words what differs between two preparations."""
-    pairs = one.statement(), other.statement()
-    names = [name for name in pairs[0] if pairs[0][name] != pairs[1].get(name)]
-    return ", ".join(f"{name} {pairs[0][name]}, there {pairs[1].get(name)}" for name in names) or "its options"
+    ours, theirs = one.statement(), other.statement()
+    names = [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
+    return ", ".join(f"{name} {ours.get(name)}, there {theirs.get(name)}" for name in names) or "its options"
 
 
 def _arrays(path: str | Path) -> dict[str, Any]:
