@@ -67,11 +67,29 @@ def meaning(name: str) -> Meaning:
         ("Sollwinkel 3", "q", "commanded", "", ""),
         ("IstGeschwindigkeit_2", "dq", "measured", "", ""),
         ("blue3", "", "", "", ""),
+        ("J1(deg)", "q", "", "", "deg"),
+        ("T2 (Nm)", "torque", "", "", "N m"),
+        ("J3 act [A]", "current", "measured", "", "A"),
+        ("wind 1 (deg)", "", "", "", "deg"),
+        ("phi_mot1", "q", "", "motor", ""),
+        ("Couple axe 3 (Nm)", "torque", "", "", "N m"),
+        ("关节力矩1", "torque", "", "", ""),
     ],
 )
 def test_names_say(name: str, signal: str, kind: str, side: str, unit: str) -> None:
     found = meaning(name)
     assert (found.signal, found.kind, found.side, found.unit) == (signal, kind, side, unit)
+
+
+@pytest.mark.parametrize("container", ["logsout.", "meas.", "rt/", "run_7.arm."])
+def test_what_contains_all_columns_is_no_word_of_theirs(container: str) -> None:
+    header = [f"{container}{name}" for name in ("time", "q1", "q2", "tau1", "tau2")]
+    assert time_columns(header) == [header[0]]
+    q, torque = groups_of(header, ("a", "b"))
+    assert (q.names, torque.names) == (tuple(header[1:3]), tuple(header[3:]))
+    assert (q.meaning.signal, torque.meaning.signal, q.meaning.strange) == ("q", "torque", ())
+    told = [group.meaning.kind for group in groups_of([f"target.{name}" for name in ("q1", "q2", "tau1")], ("a", "b"))]
+    assert told and set(told) == {"commanded"}  # a word that is known still counts
 
 
 @pytest.mark.parametrize("signal", WORDS)

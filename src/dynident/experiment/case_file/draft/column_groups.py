@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dynident.experiment.case_file.draft.column_words import Meaning, meaning_of, split_unit, tokens_of
+from dynident.experiment.case_file.draft.column_words import Meaning, meaning_of, split_unit, tokens_of, words_of
 
 #: Numbers in one name that may be that of the joint; a name with more is no joint's.
 _MOST_NUMBERS = 4
@@ -70,11 +70,12 @@ def groups_of(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
 
 def time_columns(header: Sequence[str]) -> list[str]:
     """Return the columns that may be the time, the most telling names first: a stamp of a header, then short ones."""
-    found = []
+    found, container = [], _container(header)
     for name in header:
         base, unit = split_unit(name)
-        words = [word for word in tokens_of(base) if not word.isdigit()]
-        if words and len(words) == len(tokens_of(base)) and meaning_of(words, unit).signal == "time":
+        tokens = words_of(base, container)
+        words = [word for word in tokens if not word.isdigit()]
+        if words and len(words) == len(tokens) and meaning_of(words, unit).signal == "time":
             found.append((words[-2:] != ["header", "stamp"], len(words), name))
     return [name for *_, name in sorted(found, key=lambda item: item[:2])]
 
@@ -96,19 +97,19 @@ def split_time(header: Sequence[str]) -> tuple[tuple[str, str], tuple[str, str]]
     return None
 
 
-def unit_of_time(name: str) -> str:
-    """Return the unit that the name of a time column states; empty where it states none."""
+def unit_of_time(name: str, header: Sequence[str] = ()) -> str:
+    """Return the unit that the name of a time column of a header states; empty where it states none."""
     base, unit = split_unit(name)
-    return meaning_of([word for word in tokens_of(base) if not word.isdigit()], unit).unit
+    return meaning_of([word for word in words_of(base, _container(header)) if not word.isdigit()], unit).unit
 
 
 def _named_groups(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
     """Return groups whose columns have the names of joints, whole or without words such as 'joint'."""
     found: dict[Meaning, dict[int, str]] = {}
-    forms = _joint_forms(joints)
+    forms, container = _joint_forms(joints), _container(header)
     for name in header:
         base, unit = split_unit(name)
-        words = tokens_of(base)
+        words = words_of(base, container)
         place = _joint_in(words, forms)
         if place is None:
             continue
@@ -174,7 +175,7 @@ def _numbered_groups(header: Sequence[str]) -> list[Group]:
                     twice.add(key)  # the unit alone tells these columns apart
                 holes.setdefault(key, {}).setdefault(int(number[0]), name)
     holes = {key: columns for key, columns in holes.items() if key not in twice}
-    found = []
+    found, container = [], _container(header)
     taken: set[str] = set()
     for (before, after), columns in sorted(holes.items(), key=lambda item: -len(item[1])):
         run = _run(columns)
@@ -183,14 +184,22 @@ def _numbered_groups(header: Sequence[str]) -> list[Group]:
         units = tuple(split_unit(run[number])[1] for number in sorted(run))
         base, unit = split_unit(f"{before}\0{after}")
         unit = units[0] if len(set(units)) == 1 else unit
-        words = [word for word in tokens_of(base.replace("\0", " ")) if not word.isdigit()]
+        words = [word for word in words_of(base.replace("\0", " "), container) if not word.isdigit()]
         meaning = meaning_of(words, unit, at_end=bool(tokens_of(base.partition("\0")[2])))
-        if meaning.signal and meaning.signal != "time":
+        bare = len(run) == 1 and not meaning_of(words).signal  # the unit alone says what one column is
+        if meaning.signal and meaning.signal != "time" and not bare:
             taken.update(run.values())
             several = units if len(set(units)) > 1 else ()
             found.append(Group(meaning, run, False, _number_pattern(before, after, run), several))
     order = {name: k for k, name in enumerate(header)}
     return sorted(found, key=lambda group: order[group.names[0]])
+
+
+def _container(header: Sequence[str]) -> str:
+    """Return what all columns begin with up to a dot or a slash, such as the name of a struct; empty for nothing."""
+    low, high = min(header, default=""), max(header, default="")
+    same = next((k for k, signs in enumerate(zip(low, high, strict=False)) if signs[0] != signs[1]), len(low))
+    return low[: max(low.rfind(".", 0, same), low.rfind("/", 0, same)) + 1] if len(header) > 1 else ""
 
 
 def _run(columns: Mapping[int, str]) -> dict[int, str]:

@@ -8,18 +8,23 @@ from dataclasses import dataclass
 
 #: Words of the field for each signal.
 WORDS: Mapping[str, tuple[str, ...]] = {
-    "time": ("t", "time", "timestamp", "timestamps", "stamp", "times", "timesec", "clock", "zeit"),
-    "q": ("q", "pos", "position", "positions", "theta", "angle", "angles", "ang", "qpos", "jpos", "winkel", "θ"),
+    "time": (
+        "t", "time", "timestamp", "timestamps", "stamp", "times", "timesec", "clock", "zeit", "temps", "tiempo",
+        "tempo", "tout", "时间", "時間",
+    ),
+    "q": ("q", "pos", "position", "positions", "theta", "angle", "angles", "ang", "qpos", "jpos", "winkel", "θ",
+        "phi", "φ", "posizione", "posicion", "posición", "位置", "角度"),
     "dq": (
         "dq", "qd", "vel", "velocity", "velocities", "qdot", "dqdt", "qvel", "jvel", "speed", "speeds", "omega", "ω",
-        "geschwindigkeit",
+        "geschwindigkeit", "dphi", "dtheta", "vitesse", "velocidad", "velocita", "velocità", "速度",
     ),
     "ddq": ("ddq", "qdd", "acc", "acceleration", "accelerations", "accel", "qddot"),
     "torque": (
         "tau", "torque", "torques", "tor", "torq", "trq", "effort", "efforts", "eff", "moment", "moments", "drehmoment",
-        "τ",
+        "τ", "couple", "couples", "coppia", "力矩", "扭矩", "トルク",
     ),
-    "current": ("i", "current", "currents", "cur", "curr", "iq", "amps", "strom"),
+    "current": ("i", "current", "currents", "cur", "curr", "iq", "amps", "strom", "courant", "corriente",
+        "corrente", "电流", "電流"),
     "temperature": ("temp", "temperature", "temperatures"),
 }  # fmt: skip
 
@@ -45,7 +50,7 @@ _OTHER = frozenset(
 #: Words that say nothing more about a column.
 _NEUTRAL = frozenset(
     "joint joints j axis a achse arm robot state states value values observation data of s field msg header raw grp "
-    "group actuator actuators wert".split()
+    "group actuator actuators wert gelenk articulation axe eje asse 关节 関節 轴 軸".split()
 )
 
 #: What a dot over a signal makes of it.
@@ -66,6 +71,12 @@ _QUANTITY_UNITS: Mapping[str, frozenset[str]] = {
     "torque": frozenset(("N m", "mN m", "N", "percent", "permille")),
     "current": frozenset(("A", "mA")),
 }
+
+#: Signals that a unit tells where no word does.
+_UNIT_TELLS: Mapping[str, str] = {
+    "deg": "q", "rad": "q", "deg/s": "dq", "rad/s": "dq", "N m": "torque", "mN m": "torque", "A": "current",
+    "mA": "current",
+}  # fmt: skip
 
 #: Of these the words that have no other meaning in a name, so that a number may follow them.
 _PLAIN_UNITS = frozenset("rad deg rads degs mm nm mnm percent permille".split())
@@ -99,11 +110,29 @@ _WRITTEN_TOGETHER = re.compile(
 )
 
 
+#: Words for a joint that are written without a blank to what follows.
+_JOINT_SIGNS = re.compile("(关节|関節|轴|軸)")
+
+
 def tokens_of(name: str) -> list[str]:
     """Return the words and numbers of a name in small letters: ``jointPos_1`` is joint, pos, 1, ``qDes`` q, des."""
-    name = _WRITTEN_TOGETHER.sub(r"\1 ", name)
+    name = _JOINT_SIGNS.sub(r" \1 ", _WRITTEN_TOGETHER.sub(r"\1 ", name))
     spaced = re.sub(r"(?<=[a-z][a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[qx])(?=[A-Z][a-z])", " ", name)
     return [word.lower() for word in re.findall(r"[^\W\d_]+|\d+", spaced)]
+
+
+def words_of(name: str, container: str = "") -> list[str]:
+    """Return the words and numbers of a name; those of what contains all columns count where they are known.
+
+    Args:
+        name: Name of a column, or a part of it.
+        container: What all columns of the log begin with, such as the name of a struct.
+    """
+    if not container or not name.startswith(container):
+        return tokens_of(name)
+    known = _SIGNAL.keys() | _KIND.keys() | _SIDES.keys() | _JOINED.keys() | _OTHER
+    outer = [word for word in tokens_of(container) if word in known and word != "t"]
+    return outer + tokens_of(name[len(container) :])
 
 
 def split_unit(name: str) -> tuple[str, str]:
@@ -131,6 +160,8 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
     if not unit and len(words) > 1 and words[-1] in UNIT_WORDS and (at_end or words[-1] in _PLAIN_UNITS):
         unit = UNIT_WORDS[words[-1]]
         words = words[:-1] if unit in _QUANTITY_UNITS.get(signal, ()) else words
+    if signal in ("", "time") and set(words) <= _NEUTRAL | _KIND.keys() | _SIDES.keys() | {"t"}:
+        signal = _UNIT_TELLS.get(unit, signal)  # J1 (deg), T1 (Nm)
     if signal in _QUANTITY_UNITS and unit not in _QUANTITY_UNITS[signal]:
         unit = ""
     for k, word in enumerate(words):
@@ -146,7 +177,7 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
             side = _SIDES[word]
         elif word not in _NEUTRAL and not (word == "in" and words[k + 1 :] and words[k + 1] in UNIT_WORDS):
             strange.append(word)
-    if signal == "time" and (strange or kind):
+    if signal == "time" and (strange or kind not in ("", "measured")):
         return Meaning("")
     return Meaning(signal, kind, side, unit, tuple(strange))
 

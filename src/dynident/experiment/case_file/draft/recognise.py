@@ -136,7 +136,7 @@ def _by_values(found: Found) -> Found:
         made = "the sum of two columns" if SUM.fullmatch(found.time) else f"made of the rate, {found.time}"
         units["time"] = Told(("s",), True, made)
     elif "time" not in units:
-        units["time"] = time_unit(first.step, unit_of_time(found.time))
+        units["time"] = time_unit(first.step, unit_of_time(found.time, found.header))
     stated = {signal: _stated_unit(found, signal) for signal in found.sources}
     if not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
         found = _first_columns(found)
