@@ -26,6 +26,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
+from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
@@ -88,7 +89,7 @@ def test_the_friction_of_each_joint_is_chosen(
     (title, table), (other, alike), (fields, widths) = choice_tables(read.extras)
     assert title == "Friction chosen joint by joint" and "+ load" in plain(table)
     assert other == "One friction for all joints, or each its own" and plain(alike).count("yes") == 1
-    assert fields.startswith("Stated fields") and {row[0] for row in widths.rows} == {"coulomb"}
+    assert fields.startswith("Stated fields") and {row[0] for row in widths.rows} == {"coulomb, load", "stribeck"}
 
 
 @pytest.mark.parametrize("velocity", [0.06, 0.1, 0.15])
@@ -206,3 +207,31 @@ def test_the_pool_fits_as_least_squares_does(planar_2r: Robot, exact_log: MakeLo
     ols = identify(model, [log.log], "ols", GIVEN)
     square = float(np.sum(ols.train.residual**2))
     assert loss(total, keep, beta) == pytest.approx(square, rel=1e-6)
+
+
+def test_a_choice_is_held_against_the_friction_it_begins_with(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """By rows that had no part in it: a drive of its own pays, what only follows the noise does not."""
+    usual = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous()))
+    sticky = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous(), Stribeck(0.1, joints=("joint1",))))
+    plain = exact_log(usual, with_friction(usual, np.tile([3.0, 1.5], 3)), noise=0.3, samples=2000, rate=100.0)
+    apart = exact_log(
+        sticky, with_friction(sticky, np.array([3.0, 1.5, 4.0, 3.0, 1.5, 3.0, 1.5])), noise=0.05, samples=2000,
+        rate=100.0, size=0.3,
+    )  # fmt: skip
+    same, better = (choose_friction(usual, [preprocess(log, GIVEN)]) for log in (plain, apart))
+    assert not same.pays and same.gain < 2 * same.error + 5e-3
+    assert better.pays and better.gain > 0.5 and better.figures()["gain"] == better.gain
+    kept, compared = same_for_all(replace(usual, friction=better.friction), [preprocess(apart, GIVEN)], pays=False)
+    assert all(part.joints is None for part in kept.friction) and not compared[0].chosen
+
+
+def test_no_delay_is_found_where_friction_is_chosen_and_none_is_there(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """Rotors and friction that bends, which a list of the usual three lacks, are no delay."""
+    truth = DynamicModel(spatial_3r, (Coulomb(0.02), Degressive(), RotorInertia()))
+    values = with_friction(truth, np.tile([3.0, 3.0, 1.0], 3))
+    train, test = (exact_log(truth, values, noise=0.05, samples=1500, rate=100.0, seed=seed) for seed in (0, 4))
+    chosen = identify(DynamicModel(spatial_3r), [train], "wls", replace(GIVEN, delay_s=None), choose=True)
+    known = identify(truth, [train], "wls", GIVEN)
+    assert abs(chosen.extras["delays"][0]["seconds"]) < 5e-4
+    errors = [validate(estimate, [test]).total_relative_error for estimate in (chosen, known)]
+    assert errors[0] < 1.02 * errors[1]

@@ -11,7 +11,7 @@ import pytest
 
 from dynident.errors import BadOption
 from dynident.estimation.estimate_file import summary
-from dynident.estimation.friction.held_out_fields import choose_fields, with_chosen_widths
+from dynident.estimation.friction.held_out_fields import choose_fields
 from dynident.estimation.identify import identify
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
@@ -25,6 +25,9 @@ from dynident.model.robot import Robot
 from dynident.results.choices import choice_tables
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
+
+DRY = Coulomb(0.01, choose=("width",))
+FADING = Stribeck(0.1, width=0.01, choose=("part", "width", "velocity"))
 
 MakeLog = Callable[..., Log]
 
@@ -93,7 +96,7 @@ def test_too_few_rows_leave_what_is_stated(planar_2r: Robot, exact_log: MakeLog)
 
 def test_identify_chooses_and_says_so(planar_2r: Robot, exact_log: MakeLog) -> None:
     log = logged(planar_2r, (Coulomb(0.1), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.05)
-    estimate = identify(with_chosen_widths(DynamicModel(planar_2r, (Coulomb(0.01), Viscous()))), [log], "wls", GIVEN)
+    estimate = identify(DynamicModel(planar_2r, (DRY, Viscous())), [log], "wls", GIVEN)
     (held,) = json.loads(json.dumps(summary(estimate)))["extras"]["held_out_fields"]
     part = estimate.model.friction[0]
     assert isinstance(part, Coulomb) and part.width == held["value"] == pytest.approx(0.1, rel=0.06)
@@ -110,10 +113,6 @@ def test_only_a_non_linear_field_can_be_chosen_and_by_one_way(planar_2r: Robot, 
     ):
         with pytest.raises(BadOption, match=message):
             choose_fields(replace(DynamicModel(planar_2r), friction=(part,)), rows(log))
-
-
-DRY = Coulomb(0.01, choose=("width",))
-FADING = Stribeck(0.1, width=0.01, choose=("part", "width", "velocity"))
 
 
 def test_a_part_that_the_log_asks_for_is_taken_and_its_sign_turns_with_the_others(

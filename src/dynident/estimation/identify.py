@@ -21,13 +21,7 @@ from dynident.estimation.estimate import Estimate
 from dynident.estimation.estimators import ESTIMATORS, Estimator
 from dynident.estimation.estimators.base import Solution
 from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.friction.alike import same_for_all
-from dynident.estimation.friction.held_out_fields import (
-    choose_fields,
-    has_choices,
-    with_chosen_widths,
-    without_optional,
-)
+from dynident.estimation.friction.held_out_fields import choose_fields, has_choices, without_optional
 from dynident.estimation.friction.load import PASSES, agrees, problem_of, with_load, without_load
 from dynident.estimation.friction.variable_projection import has_varying, vary_fields
 from dynident.estimation.observer import Observer
@@ -38,14 +32,13 @@ from dynident.estimation.uncertainty.envelope import departure_of, envelope_of
 from dynident.estimation.uncertainty.propagation import prediction_deviations
 from dynident.estimation.uncertainty.trust import with_diagnostics
 from dynident.estimation.validation import Validation, compare_torques
-from dynident.experiment.case_file.case import DEFAULT_FRICTION, default_preprocessing
+from dynident.experiment.case_file.case import default_preprocessing
 from dynident.experiment.formats import ColumnMap
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION
 from dynident.model.reduction import least_squares
 from dynident.model.threads import on_one_blas_thread
 
@@ -121,27 +114,24 @@ def pose(
     if not logs:
         raise LogMismatch("identify", "no log", "give at least one log")
     how = preprocessing or default_preprocessing()
-    if choose:
-        model = replace(model, friction=tuple(FRICTION.make(name) for name in DEFAULT_FRICTION))
+    if choose:  # the delay is found with a full list: it passes for what a shorter one lacks
+        from dynident.estimation.friction.alike import USUAL  # few need it
+
+        model = replace(model, friction=USUAL)
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
     usual = without_optional(model)
     how, cutoff = with_cutoff(usual, ordered, how, progress)
+    late = how.delay_s is None
     prepared, facts = _prepared(usual, ordered, how, progress)
-    if choose:
-        model, choice = _chosen(model, prepared, progress)
-        if how.delay_s is None:  # a delay passes for a rotor's inertia where the model has none, so both once more
-            prepared, facts = _prepared(model, ordered, how, progress)
-            model, choice = _chosen(model, prepared, progress)
-        model, compared = same_for_all(model, prepared, progress)
-        choice["friction_choice"]["alike"] = [each.figures() for each in compared]
-        model = with_chosen_widths(model)  # those of the candidates are few, and one list for all may be the default's
-        facts = {**facts, **choice}
     if has_choices(model):
-        model, held = choose_fields(model, prepared, progress, how.delay_s is None)
-        if how.delay_s is None and any(each.value != each.stated for each in held):
-            prepared, late = _prepared(model, ordered, how, progress)
-            facts = {**facts, **late}
+        model, held = choose_fields(model, prepared, progress, late)
+        if late and any(each.value != each.stated for each in held):
+            prepared, delays = _prepared(model, ordered, how, progress)
+            facts = {**facts, **delays}
         facts = {**facts, "held_out_fields": [asdict(each) for each in held]}
+    if choose:
+        model, choice = _chosen(model, prepared, late, progress)
+        facts = {**facts, "friction_choice": choice}
     if has_varying(model):
         model, found = vary_fields(model, prepared, progress)
         facts = {**facts, "non_linear": [asdict(each) for each in found]}
@@ -172,13 +162,16 @@ def _gain_facts(problem: Problem, weights: Array) -> dict[str, Any]:
 
 
 def _chosen(
-    model: DynamicModel, logs: Sequence[Prepared], progress: Callable[[str], None]
+    model: DynamicModel, logs: Sequence[Prepared], late: bool, progress: Callable[[str], None]
 ) -> tuple[DynamicModel, dict[str, Any]]:
-    """Return the model with the friction that the logs ask for, and how it was found."""
-    from dynident.estimation.friction.friction_choice import choose_friction  # few need it
+    """Return the model with the friction that the logs ask for, in place of the usual one if better, and how."""
+    from dynident.estimation.friction.alike import same_for_all  # few need it
+    from dynident.estimation.friction.friction_choice import choose_friction
 
-    choice = choose_friction(model, logs, progress)
-    return replace(model, friction=choice.friction), {"friction_choice": choice.figures()}
+    choice = choose_friction(model, logs, progress, late)
+    own = replace(model, friction=choice.friction)
+    found, compared = same_for_all(own, logs, progress, model.friction, choice.pays)
+    return found, {**choice.figures(), "alike": [each.figures() for each in compared]}
 
 
 def _prepared(

@@ -28,7 +28,6 @@ from dynident.estimation.uncertainty.quantiles import student_quantile
 from dynident.experiment.preprocessing import Prepared
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE, Friction
-from dynident.model.friction.coulomb import Coulomb
 
 #: Blocks of rows at least; fewer than three tell nothing about chance.
 BLOCKS, FEWEST = 8, 3
@@ -85,12 +84,6 @@ def has_choices(model: DynamicModel) -> bool:
 def without_optional(model: DynamicModel) -> DynamicModel:
     """Return the model without the parts that are only there if held-out rows ask for them."""
     return replace(model, friction=tuple(part for part in model.friction if not part.is_optional))
-
-
-def with_chosen_widths(model: DynamicModel) -> DynamicModel:
-    """Return the model with the widths of its signs of dry friction left to the logs where held-out rows ask for it."""
-    dry = (replace(part, choose=("width",)) if isinstance(part, Coulomb) else part for part in model.friction)
-    return replace(model, friction=tuple(dry))
 
 
 def choose_fields(
