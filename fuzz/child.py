@@ -111,7 +111,7 @@ def _guided(
             trials.save()
             os._exit(0)
 
-    most = max(8192, 2 * max(map(len, seeds)))
+    most = max(1000, 4 * max(map(len, seeds)))  # what is longer takes its time and tells no more
     options = [f"-max_total_time={max(1, int(seconds))}", f"-seed={first + 1}", f"-max_len={most}", "-len_control=0"]
     options += ["-rss_limit_mb=0", "-timeout=600", f"-artifact_prefix={kept}/", "-verbosity=1", "-handle_int=0"]
     atheris.Setup([sys.argv[0], *options, str(corpus)], one, custom_mutator=change)

@@ -40,52 +40,32 @@ ONE = re.sub(_OTHERS, "", URDF, flags=re.DOTALL)
 
 DH = """name: one
 convention: modified
-gravity: [0, -9.81, 0]
 joints:
-  - {alpha: 0, a: 0, d: 0, theta: 0, limits: {lower: -3, upper: 3, velocity: 2, effort: 50}}
+  - {alpha: 0, a: 0, d: 0, theta: 0}
 """
-DRIVEN = """name: one
-convention: standard
-joints:
-- alpha: pi/2
-  a: 0.5
-  d: 0
-  theta: 0
-  drive: {gear_ratio: 100, rotor_inertia: 2.0e-5}
-  friction: 0.3
-  damping: 0.1
-"""
-HEAVY = """name: one
-convention: modified
-joints:
-  - name: j1
-    alpha: 0
-    a: 0
-    d: 0
-    theta: 0
+_LINK = """
     link:
       name: lower
-      inertia:
-        mass: 2
-        centre_of_mass: [0.1, 0, 0.02]
-        about_centre: [0.02, 0, 0, 0.02, 0, 0.01]
+      inertia: {mass: 2, centre_of_mass: [0.1, 0, 0], about_centre: [0.02, 0, 0, 0.02, 0, 0.01]}
 """
+DHS = (
+    DH + "gravity: [0, -9.81, 0]\n",
+    DH.replace("}", ", limits: {lower: -3, upper: 3, velocity: 2, effort: 50}}"),
+    DH.replace("modified", "standard")
+    .replace("alpha: 0", "alpha: pi/2")
+    .replace("}", ", friction: 0.3, damping: 0.1}"),
+    DH.replace("}", ", drive: {gear_ratio: 100, rotor_inertia: 2.0e-5}}"),
+    DH.replace("{alpha: 0, a: 0, d: 0, theta: 0}\n", "alpha: 0\n    a: 0.5\n    d: 0\n    theta: 0" + _LINK),
+)
 
-CASE = """case: 1
-robot: arm.urdf
-friction: [{coulomb: {width: 0.02}}, viscous, offset]
-train: [run.csv]
-test: run.csv
-estimator: wls
-"""
-PREPARED = """case: 1
-robot: arm.urdf
-gravity: [0, 0, -9.81]
-log:
-  columns: {time: t, q: [q1], torque: [tau1]}
-  units: {position: deg}
-preprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 50, delay_s: 0.004}
-"""
+CASE = "case: 1\nrobot: arm.urdf\n"
+CASES = (
+    CASE + "friction: [{coulomb: {width: 0.02}}, viscous, offset]\n",
+    CASE + "train: [run.csv]\ntest: run.csv\nestimator: wls\n",
+    CASE + "log:\n  columns: {time: t, q: [q1], torque: [tau1]}\n  units: {position: deg}\n",
+    CASE
+    + "gravity: [0, 0, -9.81]\npreprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 50, delay_s: 0.004}\n",
+)
 
 
 _RULE = "=" * 80
@@ -136,7 +116,7 @@ def urdf(folder: Path) -> list[Path]:
 
 def dh(folder: Path) -> list[Path]:
     """Write DH tables."""
-    return _texts(folder, DH, DRIVEN, HEAVY)
+    return _texts(folder, *DHS)
 
 
 def _texts(folder: Path, *texts: str) -> list[Path]:
@@ -157,7 +137,7 @@ def robot_json(folder: Path) -> list[Path]:
 def case(folder: Path) -> list[Path]:
     """Write case files beside their robot."""
     (folder / "arm.urdf").write_text(ONE)
-    return _texts(folder, CASE, PREPARED)
+    return _texts(folder, *CASES)
 
 
 def csv(folder: Path) -> list[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -275,7 +276,7 @@ class LogFormat(ABC):
     @classmethod
     def takes(cls, path: str | Path) -> bool:
         """Return whether a file is of this kind by its name."""
-        return Path(path).suffix.lower() in cls.suffixes
+        return os.fspath(path).rstrip(os.sep).lower().endswith(cls.suffixes)
 
     @abstractmethod
     def open(self, path: str | Path) -> Table:
