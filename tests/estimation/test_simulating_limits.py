@@ -16,9 +16,12 @@ from dynident.estimation.estimators.didim import DIDIM
 from dynident.estimation.estimators.kalman import Kalman
 from dynident.estimation.identify import pose
 from dynident.estimation.problem import Problem
+from dynident.estimation.simulated import closed_loop as module
 from dynident.estimation.simulated import output_error
 from dynident.estimation.simulated.closed_loop import ClosedLoop, closed_loop
+from dynident.estimation.simulated.course import LoopOptions
 from dynident.estimation.simulated.iteration import Round, fixed_point
+from dynident.estimation.simulated.sensitivities import sensitivities
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.experiment.preprocessing.as_given import AsGiven
@@ -95,6 +98,25 @@ def loop(pendulum: Robot) -> tuple[ClosedLoop, Array]:
     _, problem, truth = swung(pendulum, np.ones(100), rows=100)
     options = CLIE(kp=(200.0,), kd=(10.0,), reference="measured")
     return closed_loop(problem, options, truth), truth
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_few_implicit_steps_find_what_explicit_ones_find(
+    pendulum: Robot, held: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Motion, torque and their derivatives of a pendulum, its torque held between ticks or not."""
+    _, problem, truth = swung(pendulum, np.ones(30), rows=30)
+    known = {"kp": (200.0,), "kd": (10.0,), "control_hz": 200.0} if held else {"feedforward": "measured"}
+    options = LoopOptions(reference="measured", **known)
+    loop = closed_loop(problem, options, truth)
+    ways = []
+    for cost in (0.0, np.inf):
+        monkeypatch.setattr(module, "IMPLICIT_COST", cost)
+        assert all(one.implicit is (cost == 0.0) for one in loop.follow(loop.courses[0], 0.9 * truth))
+        by = [sensitivities(loop, loop.courses[0], 0.9 * truth, of)[1] for of in ("q", "torque")]
+        ways.append((loop.simulate(0.9 * truth)[0], *by))
+    for few, many in zip(*ways, strict=True):
+        np.testing.assert_allclose(few, many, atol=2e-4 * np.abs(many).max())
 
 
 def test_a_robot_that_cannot_be_simulated_ends_no_iteration(loop: tuple[ClosedLoop, Array]) -> None:
