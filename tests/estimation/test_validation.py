@@ -56,6 +56,17 @@ def test_the_total_is_over_all_joints_and_rows_and_not_centred() -> None:
     assert compared(measured, predicted).total_relative_error == pytest.approx(1 / 15)
 
 
+def test_the_total_in_motion_is_over_the_rows_that_move() -> None:
+    measured = np.array([[3.0, 10.0], [4.0, -10.0], [9.0, 5.0]])
+    predicted = np.array([[3.5, 11.0], [4.0, -10.0], [0.0, 4.0]])
+    moving = np.array([[True, True], [True, False], [False, True]])
+    found = compared(measured, predicted, moving)
+    error, torque = (measured - predicted)[moving], measured[moving]
+    assert found.moving_relative_error == pytest.approx(np.linalg.norm(error) / np.linalg.norm(torque))
+    assert found.figures()["moving"]["total_relative_error"] == pytest.approx(found.moving_relative_error)
+    assert np.isnan(compared(measured, predicted, np.zeros_like(moving)).moving_relative_error)
+
+
 @given(SIGNAL, SIGNAL, st.floats(0.1, 10), st.floats(-50, 50))
 def test_correlation_is_that_of_numpy_whatever_scale_and_offset(
     one: Array, other: Array, scale: float, offset: float

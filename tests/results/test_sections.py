@@ -43,10 +43,15 @@ def context(name: str, subject: Subject) -> dict[str, Any]:
 
 
 def with_errors(case: tuple[Estimate, Validation], train: float, tests: Sequence[float]) -> Subject:
-    """Return a subject with given total relative errors."""
+    """Return a subject with given total relative errors, the same in motion."""
+
+    def erring(found: Validation, error: float) -> Validation:
+        moving = tuple(replace(fit, relative_error=error) for fit in found.moving)
+        return replace(found, total_relative_error=error, moving=moving)
+
     estimate, test = case
-    fitted = replace(estimate, train=replace(estimate.train, total_relative_error=train))
-    return Subject(fitted, tuple(replace(test, total_relative_error=error) for error in tests))
+    fitted = replace(estimate, train=erring(estimate.train, train))
+    return Subject(fitted, tuple(erring(test, error) for error in tests))
 
 
 def known_to(subject: Subject, relative: Sequence[float]) -> Subject:
@@ -81,6 +86,16 @@ def test_the_verdict_on_a_good_model(case: tuple[Estimate, Validation]) -> None:
         "not what that and the noise of the accelerations make; compare with butterworth.",
         "Every base parameter can be told from zero.",
     ]
+
+
+def test_the_verdict_says_what_the_rows_at_rest_do(case: tuple[Estimate, Validation]) -> None:
+    subject = with_errors(case, 0.03, [0.3])
+    (test,) = subject.tests
+    moving = tuple(replace(fit, rows=fit.rows // 2, relative_error=0.036) for fit in test.moving)
+    found = context("verdict", replace(subject, tests=(replace(test, moving=moving),)))
+    assert found["sentences"][1] == (
+        "Without the rows at rest it misses 3.6 %: what friction holds at rest depends on how the drive came there."
+    )
 
 
 def test_the_verdict_on_a_bad_model(case: tuple[Estimate, Validation]) -> None:

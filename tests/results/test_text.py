@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -33,6 +34,7 @@ from dynident.results.text import (
     pretty_unit,
     shorten,
     statement,
+    total_error,
 )
 
 NAN, INF = float("nan"), float("inf")
@@ -208,6 +210,16 @@ def test_fits_table_golden() -> None:
     )
     assert table.note == "kind butterworth, cutoff_hz 5, order 4, torque same"
     assert len(fits_table(validation(), moving=True).rows) == 2
+
+
+@pytest.mark.parametrize(
+    ("every", "moving", "told"),
+    [(0.3, 0.036, "30 % (3.6 % without the rows at rest)"), (0.0421, 0.041, "4.2 %"), (0.02, NAN, "2.0 %")],
+)
+def test_the_rows_at_rest_are_told_where_they_matter(every: float, moving: float, told: str) -> None:
+    fit = Fit("joint1", "N m", 100, 2.0, 2.5, 0.9, 0.9, moving, 30.0)
+    found = replace(validation(), total_relative_error=every, moving=(fit,))
+    assert total_error(found) == told
 
 
 def test_parameters_table_golden() -> None:

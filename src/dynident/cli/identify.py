@@ -139,7 +139,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
     from dynident.estimation.cutoff.sensitivity import cutoff_lines
     from dynident.estimation.warnings import warnings_of
     from dynident.results.choices import choice_tables
-    from dynident.results.text import fits_table, format_number, format_percent, parameters_table, statement
+    from dynident.results.text import fits_table, format_number, parameters_table, statement, total_error
 
     model = estimate.model
     console.answer(
@@ -151,9 +151,8 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
     console.answer_table(parameters_table(estimate, width=console.NAME_WIDTH))
     for title, validation in (("fit on the training data", estimate.train), ("on test data not used in the fit", test)):
         if validation is not None:
-            total = format_percent(validation.total_relative_error)
             console.answer()
-            console.answer_table(fits_table(validation), f"{title}: total relative error {total}")
+            console.answer_table(fits_table(validation), f"{title}: total relative error {total_error(validation)}")
     for title, table in choice_tables(estimate.extras):
         console.answer()
         console.answer_table(table, title)

@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.experiment.case_file.case import read_with
     from dynident.experiment.case_file.split import Split
     from dynident.files import check_place
-    from dynident.results.text import fits_table, format_percent, statement
+    from dynident.results.text import fits_table, statement, total_error
 
     if options.report:
         check_place(options.report)
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     console.answer(f"{estimate.model.robot.name}: estimator {estimate.estimator}, {test.samples} samples")
     console.answer(f"filter {statement(test.filter)}\n")
-    console.answer_table(fits_table(test), f"total relative error {format_percent(test.total_relative_error)}")
+    console.answer_table(fits_table(test), f"total relative error {total_error(test)}")
     console.answer()
     console.answer_table(fits_table(test, moving=True), "moving rows only")
     console.answer()

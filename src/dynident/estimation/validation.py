@@ -94,6 +94,19 @@ class Validation:
         """Measured less predicted torque, shape (N, n)."""
         return self.measured - self.predicted
 
+    @property
+    def rests(self) -> bool:
+        """Whether a joint rests in some rows."""
+        return sum(fit.rows for fit in self.moving) < sum(fit.rows for fit in self.joints)
+
+    @property
+    def moving_relative_error(self) -> float:
+        """|residual| / |torque| over all joints and the rows in motion; NaN where none moves."""
+        known = [fit for fit in self.moving if fit.rows and fit.relative_error > 0]
+        residual = sum(fit.rows * fit.rmse**2 for fit in known)
+        torque = sum(fit.rows * (fit.rmse / fit.relative_error) ** 2 for fit in known)
+        return _ratio(np.sqrt(residual), np.sqrt(torque))
+
     def half_widths(self) -> tuple[Array, Array] | None:
         """Return half the widths of the 95 % bands about the prediction, shape (N, n) each; None where not known.
 
@@ -126,7 +139,11 @@ class Validation:
             "samples": self.samples,
             "logs": list(self.logs),
             "joints": [_figures(fit) for fit in self.joints],
-            "moving": {"standstill": self.standstill, "joints": [_figures(fit) for fit in self.moving]},
+            "moving": {
+                "standstill": self.standstill,
+                "total_relative_error": finite(self.moving_relative_error),
+                "joints": [_figures(fit) for fit in self.moving],
+            },
             "bands": self.bands(),
         }
 

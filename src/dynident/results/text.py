@@ -256,6 +256,15 @@ def parameters_table(estimate: Estimate, width: int | None = None) -> Table:
     return Table(columns, tuple(rows))
 
 
+def total_error(validation: Validation) -> str:
+    """Return the total relative error, and that of the rows in motion where it differs by a tenth or more."""
+    every, moving = validation.total_relative_error, validation.moving_relative_error
+    told = format_percent(every)
+    if not (validation.rests and abs(moving - every) > 0.1 * every):
+        return told
+    return f"{told} ({format_percent(moving)} without the rows at rest)"
+
+
 def fits_table(validation: Validation, moving: bool = False) -> Table:
     """Return the figures of each joint, over all rows or over those in motion; the note states the filter.
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from dynident.results.report.sections.base import Section
 from dynident.results.report.subject import Dataset, Subject
-from dynident.results.text import Table, fits_table, format_number, format_percent
+from dynident.results.text import Table, fits_table, format_number, total_error
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class ValidationSection(Section):
         found = [
             Figures(
                 dataset,
-                format_percent(dataset.validation.total_relative_error),
+                total_error(dataset.validation),
                 format_number(dataset.validation.standstill, 2),
                 fits_table(dataset.validation),
                 fits_table(dataset.validation, moving=True),

@@ -77,6 +77,13 @@ def _about_prediction(subject: Subject) -> list[str]:
     said = [
         f"On motions it has not seen, the model misses {format_percent(worst)} of the measured torque: {grade(worst)}."
     ]
+    tests = [dataset.validation for dataset in subject.held_out]
+    moving = max((test.moving_relative_error for test in tests if test.rests), default=np.nan)
+    if moving < 0.9 * worst:
+        said.append(
+            f"Without the rows at rest it misses {format_percent(moving)}: what friction holds at rest depends on how "
+            "the drive came there."
+        )
     if np.isfinite(worst) and worst > GAP * train > 0:
         said.append(
             f"That is {worst / train:.1f} times the error on the data of the fit: see in the residuals whether the "
