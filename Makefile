@@ -8,7 +8,7 @@ NOISE := --disable-pip-version-check --quiet
 WHEN = $(shell git log -1 --format=%ct 2>/dev/null || date -r CHANGELOG.md +%s)
 PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 
-.PHONY: demo test test-all lint type imports check benchmark docs release constraints clean
+.PHONY: demo test test-all coverage lint type imports check benchmark docs release constraints clean
 
 demo: .venv/core  ## the article's case from end to end, into ./dynident-demo
 	$(BIN)/dynident demo --out dynident-demo
@@ -18,6 +18,9 @@ test: .venv/dev  ## the tests (under 8 minutes on 2 cores)
 
 test-all: .venv/dev  ## the tests and the long batteries
 	$(BIN)/python -m pytest -q $(PARALLEL)
+
+coverage: .venv/coverage  ## the branches that the tests take, into docs/laws.md; a run that was stopped goes on
+	$(BIN)/python scripts/branches.py
 
 lint: .venv/dev
 	$(BIN)/ruff check .
@@ -60,6 +63,10 @@ release: constraints/release.txt constraints/core.txt  ## wheel, sdist and bill 
 	$(BIN)/python -m pip install $(NOISE) --require-hashes -r constraints/dev.txt
 	$(BIN)/python -m pip install $(NOISE) --no-deps --no-build-isolation -e .
 	touch .venv/core $@
+
+.venv/coverage: constraints/coverage.txt .venv/dev
+	$(BIN)/python -m pip install $(NOISE) --require-hashes -r constraints/coverage.txt
+	touch $@
 
 $(BENCH)/ready: constraints/bench.txt pyproject.toml
 	$(PYTHON) -m venv $(BENCH)

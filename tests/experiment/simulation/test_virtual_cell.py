@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from dynident.errors import BadOption, SolverFailed, UnknownChoice
+from dynident.experiment.simulation import cell_simulation
 from dynident.experiment.simulation.cell import Cell
+from dynident.experiment.simulation.cell_loop import closed_cell
 from dynident.experiment.simulation.cell_simulation import simulate_cell
 from dynident.experiment.simulation.controllers import CONTROLLERS
 from dynident.experiment.simulation.effects import (
@@ -36,6 +39,13 @@ from dynident.model.robot import Drive, Joint, Link, Robot
 
 #: A controller that leaves the joints alone.
 IDLE = CONTROLLERS.make("pd", stiffness=(0.0,), damping=(0.0,), feedforward="none")
+
+
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch):
+    """With numba off, as `make coverage` runs some of these, the loop of a cell is what it is as Python."""
+    if numba.config.DISABLE_JIT:
+        monkeypatch.setattr(cell_simulation, "_compiled", lambda law, arguments: closed_cell)
 
 
 def wave(joints, size=0.2, period=4.0):
