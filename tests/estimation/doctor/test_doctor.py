@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -125,6 +126,20 @@ def test_a_wrong_gravity_is_named_with_the_right_one(trial: Trial, kind: int, tm
     finding = put.mounted(trial, kind).examined(tmp_path).findings[0]
     assert finding.name == "mounting"
     assert "[0, 0, -9.81]" in finding.remedy
+
+
+def test_a_base_on_a_slope_is_named_with_its_own_direction(case: Case, tmp_path: Path) -> None:
+    """Between the axes: the log of an arm on a slope of 70 degrees, declared upright."""
+    truth = 9.81 * np.array(
+        [0.2 * np.sin(np.radians(70)), -np.sqrt(0.96) * np.sin(np.radians(70)), -np.cos(np.radians(70))]
+    )
+    made = virtual(replace(case, robot=case.robot.with_gravity(truth)), rate=RATE)
+    finding = replace(made, case=case).examined(tmp_path).findings[0]
+    assert finding.name == "mounting"
+    told = re.search(r"gravity: \[([-\d., e]+)\]", finding.remedy)
+    assert told is not None
+    found = np.array([float(value) for value in told[1].split(",")])
+    assert found @ truth > np.cos(np.radians(1.5)) * 9.81**2 and np.linalg.norm(found) == pytest.approx(9.81, rel=0.01)
 
 
 @pytest.mark.parametrize("at_motors", [False, True])

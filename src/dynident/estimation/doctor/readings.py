@@ -19,6 +19,9 @@ from dynident.estimation.doctor.base import Check, Finding, Subject, listed
 #: order needs that both joints are explained then: torques of a light wrist hardly differ.
 GAIN = 3.0
 
+#: Gravity is told to this angle, in rad.
+ANGLE = 0.01
+
 #: Relative residual above which a joint is not explained, and below which it is.
 POOR, GOOD = 0.25, 0.3
 
@@ -225,16 +228,14 @@ def _mountings(fit: QuickFit) -> Iterator[Reading]:
     size = float(np.linalg.norm(gravity))
     if not size:
         return
-    still, *along = (_whole(fit.rows_of(fit.log, observer), fit.base.count) for observer in fit.gravity_observers)
+    pulled = _Pulled(fit)
     axes = [sign * size * axis + 0.0 for axis in np.eye(3) for sign in (1.0, -1.0)]
-    for other in (np.zeros(3), *axes):
-        if other.any() and other @ gravity > 0.9 * size**2:
-            continue
-        blocks = tuple(
-            none + sum(pull * (one - none) for pull, one in zip(other, each, strict=True) if pull)
-            for none, *each in zip(still.blocks, *(rows.blocks for rows in along), strict=True)
-        )
-        gain = fit.plain.score - fit.solve(fit.triangles_of(replace(still, blocks=blocks))).score
+    others = [np.zeros(3), *(axis for axis in axes if axis @ gravity <= 0.9 * size**2)]
+    gains = [pulled.gain(other) for other in others]
+    best = int(np.argmax(gains))
+    if best and gains[best] > GAIN:
+        others[best], gains[best] = pulled.refined(others[best], gains[best])
+    for other, gain in zip(others, gains, strict=True):
         if gain > GAIN:
             text = ", ".join(f"{value + 0.0:.3g}" for value in other)
             evidence = f"gravity [{text}] explains the torques better by {gain:.1f} in log variance"
@@ -243,6 +244,41 @@ def _mountings(fit: QuickFit) -> Iterator[Reading]:
                 evidence = f"the torques do not carry the arm's weight: without gravity the fit is better by {gain:.1f}"
                 remedy = "log the measured torque with gravity, not the controller's part without it"
             yield Reading("mounting" if other.any() else "torque without gravity", (), gain, evidence, remedy)
+
+
+class _Pulled:
+    """The fit with gravity in any direction, of which the rows are linear."""
+
+    def __init__(self, fit: QuickFit) -> None:
+        self._fit = fit
+        observers = fit.gravity_observers
+        self._still, *self._along = (_whole(fit.rows_of(fit.log, observer), fit.base.count) for observer in observers)
+
+    def gain(self, gravity: Array) -> float:
+        """Return by how much the fit is better with this gravity, in log variance."""
+        blocks = tuple(
+            none + sum(pull * (one - none) for pull, one in zip(gravity, each, strict=True) if pull)
+            for none, *each in zip(self._still.blocks, *(rows.blocks for rows in self._along), strict=True)
+        )
+        triangles = self._fit.triangles_of(replace(self._still, blocks=blocks))
+        return self._fit.plain.score - self._fit.solve(triangles).score
+
+    def refined(self, axis: Array, gain: float) -> tuple[Array, float]:
+        """Return the direction near an axis that explains the torques best and its gain; the axis where it is as good.
+
+        A pattern search (Hooke and Jeeves 1961) over the two angles to a hundredth of a radian.
+        """
+        size, best, found, step = float(np.linalg.norm(axis)), axis, gain, 0.5
+        while step > ANGLE:
+            sides = np.linalg.svd(best[None, :])[2][1:]
+            tried = [best + sign * size * np.tan(step) * side for side in sides for sign in (1.0, -1.0)]
+            tried = [size * each / np.linalg.norm(each) for each in tried]
+            gains = [self.gain(each) for each in tried]
+            if max(gains) > found:
+                best, found = tried[int(np.argmax(gains))], max(gains)
+            else:
+                step /= 2
+        return (best, found) if found > gain + GAIN else (axis, gain)
 
 
 def _whole(rows: Rows, size: int) -> Rows:
