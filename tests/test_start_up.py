@@ -51,6 +51,15 @@ def test_help_of_every_command_is_light() -> None:
 #: What takes as long to load as a small identification takes, each.
 SLOW = ("numba", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpolate", "scipy.ndimage", "scipy.spatial")
 
+#: What an identification alone does without besides: parts for few cases, and what has no place in one.
+NOT_FOR_ALL = (
+    "scipy.sparse", "defusedxml.sax", "urllib.request", "jinja2", "rich.markdown", "matplotlib",
+    "dynident.estimation.consistency.barrier", "dynident.estimation.consistency.certificate",
+    "dynident.estimation.doctor", "dynident.estimation.monte_carlo", "dynident.estimation.streaming",
+    "dynident.estimation.simulated", "dynident.experiment.simulation", "dynident.model.kernels.generic",
+    "dynident.model.kernels.preconditioned", "dynident.results.report", "dynident.studio",
+)  # fmt: skip
+
 
 def test_the_usual_commands_load_nothing_slow(tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log]) -> None:
     """From the description of an arm and its log to a report, in one process."""
@@ -70,6 +79,11 @@ def test_the_usual_commands_load_nothing_slow(tmp_path: Path, planar_2r: Robot, 
         ]
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"
+    alone = "from dynident.cli.main import main; import sys; assert main(['identify', 'case.yaml']) == 0; "
+    alone += f"print([name for name in {SLOW + NOT_FOR_ALL!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", alone], capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import threading
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from dynident.model.threads import in_order, usable_processors
+from dynident.model.threads import in_order, one_blas_thread, usable_processors
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
@@ -48,3 +49,35 @@ def test_threads_end_where_the_caller_stops_early() -> None:
     assert next(found) == 0
     del found
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("ThreadPool")]
+
+
+def blas_threads() -> set[int]:
+    return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+
+def test_blas_has_one_thread_until_the_outermost_call_ends() -> None:
+    with threadpool_limits(2, "blas"):
+        assert blas_threads() == {2}
+        with one_blas_thread():
+            with one_blas_thread():
+                assert blas_threads() == {1}
+            assert blas_threads() == {1}
+            with pytest.raises(ValueError), one_blas_thread():
+                raise ValueError
+            assert blas_threads() == {1}
+        assert blas_threads() == {2}
+
+
+def test_another_thread_has_one_blas_thread_of_its_own() -> None:
+    """It is limited though this one is, and leaves this one limited when it ends."""
+    with threadpool_limits(2, "blas"), one_blas_thread():
+        found = list[set[int]]()
+
+        def other() -> None:
+            with one_blas_thread():
+                found.append(blas_threads())
+
+        thread = threading.Thread(target=other)
+        thread.start()
+        thread.join()
+        assert found == [{1}] and blas_threads() == {1}

@@ -14,7 +14,6 @@ import numpy as np
 import scipy.linalg
 
 from dynident.arrays import Array, IntArray, frozen
-from dynident.model.kernels.preconditioned import Preconditioned
 from dynident.model.lapack import tpqrt
 from dynident.model.threads import one_blas_thread
 
@@ -64,6 +63,8 @@ def absorber(rows: int) -> Callable[[Array, Array], Array]:
     """
     if rows < MANY:
         return absorb
+    from dynident.model.kernels.preconditioned import Preconditioned  # long logs need it
+
     preconditioned = Preconditioned()
 
     def absorb_many(factor: Array, panel: Array) -> Array:

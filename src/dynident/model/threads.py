@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -26,9 +27,33 @@ def _libraries() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def one_blas_thread() -> AbstractContextManager[Any]:
+class _OneBlasThread(threading.local):
+    """Holds the libraries at one thread while its own thread is inside: calls within calls cost nothing.
+
+    Between threads the rules are those of threadpoolctl.
+    """
+
+    _inside = 0
+    _limit: AbstractContextManager[Any] | None = None
+
+    def __enter__(self) -> None:
+        if not self._inside:
+            self._limit = _libraries().limit(limits=1, user_api="blas")
+            self._limit.__enter__()
+        self._inside += 1
+
+    def __exit__(self, *raised: Any) -> None:
+        self._inside -= 1
+        if not self._inside and self._limit is not None:
+            self._limit.__exit__(*raised)
+
+
+_one_blas_thread = _OneBlasThread()
+
+
+def one_blas_thread() -> AbstractContextManager[None]:
     """Return a context in which NumPy and SciPy work on one thread."""
-    return _libraries().limit(limits=1, user_api="blas")
+    return _one_blas_thread
 
 
 def on_one_blas_thread(work: Callable[Given, Result]) -> Callable[Given, Result]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse
 
 from dynident.arrays import Array
 from dynident.errors import ContradictoryConstraints
@@ -54,12 +53,11 @@ def deepest(conditions: Conditions) -> Depth:
     lower = np.concatenate(
         [np.zeros(equations), np.ones(len(conditions.sign)), np.tile(IDENTITY_VECTOR, len(conditions.links))]
     )
-    clipped = scipy.sparse.csc_matrix(np.r_[np.zeros(size), 1.0][None, :])  # t <= 1
-    rows = scipy.sparse.hstack([inside, scipy.sparse.csc_matrix(lower[:, None])])
-    matrix = scipy.sparse.vstack([rows, clipped], format="csc")
+    matrix = np.vstack([np.column_stack([inside, lower]), np.append(np.zeros(size), 1.0)])  # the last one: t <= 1
     cones = [*cones, sign_cone(1)]
-    nothing = scipy.sparse.csc_matrix((size + 1, size + 1))
-    found = run_clarabel(nothing, np.r_[np.zeros(size), -1.0], matrix, np.append(offset, 1.0), cones)
+    found = run_clarabel(
+        np.zeros((size + 1, size + 1)), np.r_[np.zeros(size), -1.0], matrix, np.append(offset, 1.0), cones
+    )
     phi = np.array(found.x)[:size]
     raw = split_duals(conditions, np.array(found.z)[:-1]).projected()
     total = float(np.sum(raw.sign) + np.trace(raw.cones.sum(axis=0) if len(raw.cones) else np.zeros((4, 4))))

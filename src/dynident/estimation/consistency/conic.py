@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse
 
-from dynident.arrays import Array
+from dynident.arrays import Array, IntArray
 from dynident.estimation.consistency.conditions import IDENTITY_VECTOR, ROOT2, VECTOR_BASIS, Conditions, unstack_vectors
 from dynident.estimation.consistency.program import Multipliers, Program, whitened_rows
 from dynident.model.reduction import triangle_of
@@ -43,22 +42,15 @@ def solve_conic(program: Program) -> Candidate:
     size, rows = program.data.shape[1], len(program.data)
     logs = 14 * program.links if program.weight else 0
     gram = program.pull.T @ program.pull
-    quadratic = scipy.sparse.block_diag(
-        [scipy.sparse.csc_matrix(np.triu(gram)), scipy.sparse.identity(rows), scipy.sparse.csc_matrix((logs, logs))],
-        format="csc",
-    )
+    width = size + rows + logs
+    quadratic = np.zeros((width, width))
+    quadratic[:size, :size] = np.triu(gram)
+    quadratic[size : size + rows, size : size + rows] = np.eye(rows)
     linear = np.concatenate([-program.pull.T @ program.pull_target, np.zeros(rows + logs)])
-    residuals = scipy.sparse.hstack([scipy.sparse.csc_matrix(program.data), -scipy.sparse.identity(rows)])
-    blocks, offsets, cones = [residuals], [program.target], [clarabel.ZeroConeT(rows)]
     inside, inside_offset, inside_cones = cone_rows(program.conditions)
-    blocks.append(scipy.sparse.hstack([inside, scipy.sparse.csc_matrix((inside.shape[0], rows))]))
-    offsets.append(inside_offset)
-    cones += inside_cones
+    blocks = [_widened(np.hstack([program.data, -np.eye(rows)]), width), _widened(inside, width)]
+    offsets, cones = [program.target, inside_offset], [clarabel.ZeroConeT(rows), *inside_cones]
     if logs:
-        blocks = [
-            scipy.sparse.hstack([block, scipy.sparse.csc_matrix((len(offset), logs))])
-            for block, offset in zip(blocks, offsets, strict=True)
-        ]
         entropy, entropy_offset, entropy_cones = _entropy_rows(program, rows)
         blocks.append(entropy)
         offsets.append(entropy_offset)
@@ -66,8 +58,8 @@ def solve_conic(program: Program) -> Candidate:
         linear[: 10 * program.links] += program.weight * _trace_gradient(program)
         for link in range(program.links):
             linear[size + rows + 14 * link + 10 : size + rows + 14 * link + 14] = -program.weight
-    found = run_clarabel(quadratic, linear, scipy.sparse.vstack(blocks, format="csc"), np.concatenate(offsets), cones)
-    duals = np.array(found.z)[rows : rows + inside.shape[0]]
+    found = run_clarabel(quadratic, linear, np.vstack(blocks), np.concatenate(offsets), cones)
+    duals = np.array(found.z)[rows : rows + len(inside)]
     return Candidate(
         np.array(found.x)[:size], split_duals(program.conditions, duals), str(found.status), int(found.iterations)
     )
@@ -85,42 +77,61 @@ def solve_whitened(program: Program) -> Candidate:
     root, aim = factor[:size, :size], factor[:size, size]
     free = scipy.linalg.solve_triangular(root, aim)  # the optimum without conditions; v counts from there
     inside, offset, cones = cone_rows(program.conditions)
-    turned = scipy.linalg.solve_triangular(root, inside.toarray().T, trans=1).T
-    unit = scipy.sparse.identity(size, format="csc")
-    found = run_clarabel(unit, np.zeros(size), scipy.sparse.csc_matrix(turned), offset - inside @ free, cones)
+    turned = scipy.linalg.solve_triangular(root, inside.T, trans=1).T
+    found = run_clarabel(np.eye(size), np.zeros(size), turned, offset - inside @ free, cones)
     phi = free + scipy.linalg.solve_triangular(root, np.array(found.x))
     duals = split_duals(program.conditions, np.array(found.z))
     return Candidate(phi, duals, str(found.status), int(found.iterations))
 
 
-def run_clarabel(quadratic: Any, linear: Array, matrix: Any, offset: Array, cones: list[Any]) -> Any:
+@dataclass(frozen=True)
+class _Columns:
+    """What Clarabel reads of a sparse matrix of SciPy: its entries other than 0, column by column."""
+
+    data: Array
+    indices: IntArray
+    indptr: IntArray
+    shape: tuple[int, int]
+    has_canonical_format: bool = True
+
+
+def _columns(matrix: Array) -> _Columns:
+    column, row = np.nonzero(matrix.T)
+    ends = np.searchsorted(column, np.arange(matrix.shape[1] + 1))
+    return _Columns(matrix[row, column], row, ends, (matrix.shape[0], matrix.shape[1]))
+
+
+def _widened(rows: Array, width: int) -> Array:
+    """Return rows with zeros behind them, ``width`` columns in all."""
+    return np.pad(rows, ((0, 0), (0, width - rows.shape[1])))
+
+
+def run_clarabel(quadratic: Array, linear: Array, matrix: Array, offset: Array, cones: list[Any]) -> Any:
     """Return Clarabel's answer to min x'Px/2 + q'x with A x + s = b, s in the cones; P upper triangular."""
     clarabel = _clarabel()
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
-    return clarabel.DefaultSolver(quadratic, linear, matrix, offset, cones, settings).solve()
+    return clarabel.DefaultSolver(_columns(quadratic), linear, _columns(matrix), offset, cones, settings).solve()
 
 
-def cone_rows(conditions: Conditions) -> tuple[Any, Array, list[Any]]:
+def cone_rows(conditions: Conditions) -> tuple[Array, Array, list[Any]]:
     """Return (A, b, cones) with the conditions as A phi + s = b, s in the cones: equations, signs, links."""
     clarabel = _clarabel()
     size, links = conditions.size, len(conditions.links)
-    blocks: list[Any] = []
+    blocks: list[Array] = [np.zeros((0, size))]
     cones: list[Any] = []
     if len(conditions.zero):
-        blocks.append(scipy.sparse.csc_matrix(-conditions.zero))
+        blocks.append(-conditions.zero)
         cones.append(clarabel.ZeroConeT(len(conditions.zero)))
     if len(conditions.sign):
-        blocks.append(scipy.sparse.csc_matrix(-conditions.sign))
+        blocks.append(-conditions.sign)
         cones.append(clarabel.NonnegativeConeT(len(conditions.sign)))
     if links:
-        bodies = scipy.sparse.kron(scipy.sparse.identity(links), scipy.sparse.csc_matrix(-VECTOR_BASIS))
-        blocks.append(scipy.sparse.hstack([bodies, scipy.sparse.csc_matrix((10 * links, size - 10 * links))]))
+        blocks.append(_widened(np.kron(np.eye(links), -VECTOR_BASIS), size))
         cones += [clarabel.PSDTriangleConeT(4)] * links
     offsets = [conditions.zero_offset, conditions.sign_offset, np.tile(-conditions.margin * IDENTITY_VECTOR, links)]
-    matrix = scipy.sparse.vstack(blocks, format="csc") if blocks else scipy.sparse.csc_matrix((0, size))
-    return matrix, np.concatenate(offsets), cones
+    return np.vstack(blocks), np.concatenate(offsets), cones
 
 
 def equation_cone(count: int) -> Any:
@@ -146,7 +157,7 @@ def _trace_gradient(program: Program) -> Array:
     return (identity @ rows)[: 10 * program.links]
 
 
-def _entropy_rows(program: Program, rows: int) -> tuple[Any, Array, list[Any]]:
+def _entropy_rows(program: Program, rows: int) -> tuple[Array, Array, list[Any]]:
     """Return the cones that bound the log det of each whitened pseudo-inertia, over (phi, e, Z and u of each link)."""
     clarabel = _clarabel()
     size, links = program.data.shape[1], program.links
@@ -171,10 +182,10 @@ def _entropy_rows(program: Program, rows: int) -> tuple[Any, Array, list[Any]]:
             block[36 + 3 * d + 2, first + lower4.index((d, d))] = -1.0
         offset = np.zeros(48)
         offset[37::3] = 1.0
-        blocks.append(scipy.sparse.csc_matrix(block))
+        blocks.append(block)
         offsets.append(offset)
         cones += [clarabel.PSDTriangleConeT(8), *[clarabel.ExponentialConeT()] * 4]
-    return scipy.sparse.vstack(blocks), np.concatenate(offsets), cones
+    return np.vstack(blocks), np.concatenate(offsets), cones
 
 
 def _clarabel() -> Any:

@@ -11,8 +11,6 @@ import scipy.linalg
 
 from dynident.arrays import Array
 from dynident.errors import SolverFailed
-from dynident.estimation.consistency.barrier import inside, solve_barrier
-from dynident.estimation.consistency.certificate import check_room
 from dynident.estimation.consistency.conditions import Conditions, conditions_of
 from dynident.estimation.consistency.conic import Candidate, solve_conic, solve_whitened
 from dynident.estimation.consistency.program import Optimality, Program, optimality, whitened_rows
@@ -169,17 +167,24 @@ def _lifted(bodies: Array) -> Array:
 
 def paths_of(program: Program) -> dict[str, Path]:
     """Return the ways to solve a program, the first choice first."""
-    barrier: Path = lambda posed: solve_barrier(posed, _start_inside(posed))  # noqa: E731
     if program.weight:
-        return {"log-det barrier": barrier, "Clarabel with exponential cones": solve_conic}
-    return {"Clarabel": solve_conic, "Clarabel, whitened": solve_whitened, "log-det barrier": barrier}
+        return {"log-det barrier": _solve_barrier, "Clarabel with exponential cones": solve_conic}
+    return {"Clarabel": solve_conic, "Clarabel, whitened": solve_whitened, "log-det barrier": _solve_barrier}
 
 
-def _start_inside(program: Program) -> Array:
+def _solve_barrier(program: Program) -> Candidate:
+    from dynident.estimation.consistency.barrier import inside, solve_barrier  # few programs come here
+
     found = inside(program)
     if found is None:
         raise ValueError("no point strictly inside the conditions was found")
-    return found
+    return solve_barrier(program, found)
+
+
+def _check_room(program: Program) -> None:
+    from dynident.estimation.consistency.certificate import check_room  # few programs come here
+
+    check_room(program.conditions)
 
 
 @dataclass(frozen=True)
@@ -200,7 +205,7 @@ def _residual(program: Program, phi: Array) -> float:
 def _first_good(program: Program, stated: bool) -> tuple[_Answer, tuple[str, ...]]:
     """Return the first answer that passes the check, else the best fair one, and what the others lack."""
     if stated:
-        check_room(program.conditions)  # else a body of next to no mass could pass for one within the tolerances
+        _check_room(program)  # else a body of next to no mass could pass for one within the tolerances
     failed: list[str] = []
     best = _best_answer(program, failed)
     if best is None or best.optimality.gap > GOOD:
@@ -208,7 +213,7 @@ def _first_good(program: Program, stated: bool) -> tuple[_Answer, tuple[str, ...
         best = _in_own_units(program, place) or best
     if best is not None:
         return best, tuple(failed)
-    check_room(program.conditions)
+    _check_room(program)
     step = "check the units of the log and the robot description, or use --estimator wls"
     raise SolverFailed("the consistent fit", "; ".join(failed), step)
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.sparse
 
 from dynident.arrays import Array
 from dynident.estimation.consistency.conditions import IDENTITY_VECTOR, Conditions, conditions_of
@@ -75,16 +74,9 @@ def deepest_consistent(model: DynamicModel, base: BaseParameters, beta: Array) -
     rows = np.linalg.norm(matrix, axis=1)
     bounded = np.r_[np.zeros(size), 1.0]
     equality = np.column_stack([matrix / rows[:, None], np.zeros(base.count)])
-    stacked = scipy.sparse.vstack(
-        [
-            scipy.sparse.csc_matrix(equality),
-            scipy.sparse.hstack([inside, scipy.sparse.csc_matrix(_depth_column(rules)[:, None])]),
-            scipy.sparse.csc_matrix(bounded[None, :]),
-        ],
-        format="csc",
-    )
+    stacked = np.vstack([equality, np.column_stack([inside, _depth_column(rules)]), bounded])
     found = run_clarabel(
-        scipy.sparse.csc_matrix((size + 1, size + 1)),
+        np.zeros((size + 1, size + 1)),
         -bounded,
         stacked,
         np.concatenate([beta / rows, offset, [1.0]]),

@@ -9,9 +9,6 @@ from xml.sax import SAXParseException
 from xml.sax.handler import ContentHandler
 from xml.sax.xmlreader import AttributesImpl, Locator
 
-import defusedxml
-import defusedxml.sax
-
 from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import Place, shown
 
@@ -65,6 +62,8 @@ def parse_urdf(path: object, data: bytes) -> Element:
         DescriptionError: No XML, a document type or entity, a xacro file, another root element, too deep, too many
             links.
     """
+    import defusedxml.sax  # loads slowly, and other descriptions do without it
+
     builder = _Builder(path)
     try:
         defusedxml.sax.parseString(data, builder, forbid_dtd=True, forbid_entities=True, forbid_external=True)
