@@ -29,7 +29,7 @@ def test_the_chosen_cut_off_predicts_as_well_as_the_stated_one(
         pytest.skip(f"no folder {folder} under DYNIDENT_DATA or ../shared/data")
     monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
     case = read_case(ROOT / "examples" / "cases" / f"{name}.yaml")
-    data = read_data(case, (), ())
+    data = read_data(case)
     model = replace(case.model, friction=tuple(part for part in case.friction if "torque" not in part.needs))
     stated = replace(case.preprocessing, delay_s=0.0)
     chosen = replace(stated, filter=Butterworth(None), rate_hz=None, rows_per_period=ROWS_PER_PERIOD)

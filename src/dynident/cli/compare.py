@@ -76,9 +76,10 @@ def run(options: argparse.Namespace) -> int:
     outcomes: list[Outcome] = []
     with console.progress(5 + len(methods), options.quiet or options.json) as progress:
         progress.step("reading")
-        logs = [case.find(name) for name in (*options.logs, *options.test)]
-        jobs.check_outputs((options.report,), (options.case, options.truth or "", *case.files, *logs))
-        data = jobs.read_data(case, options.logs, options.test)
+        inputs = (options.case, options.truth or "", *case.files)
+        case = jobs.with_logs(case, options)
+        jobs.check_outputs((options.report,), (*inputs, *case.files))
+        data = jobs.read_data(case)
         problem = pose(
             case.model,
             data.train,

@@ -72,9 +72,9 @@ def run(options: argparse.Namespace) -> int:
     with console.progress(7, options.quiet or options.json) as progress:
         progress.step("reading")
         case = jobs.with_knowledge(jobs.case_from(options), options.prior, options.constraints)
-        logs = [case.find(name) for name in (*options.logs, *options.test)]
-        inputs = (options.case, options.constraints or "", options.triangles or "", *case.files, *logs)
-        jobs.check_outputs((options.output, options.report), inputs)
+        inputs = (options.case, options.constraints or "", options.triangles or "", *case.files)
+        case = jobs.with_logs(case, options)
+        jobs.check_outputs((options.output, options.report), (*inputs, *case.files))
         estimate, tests = _estimate(case, options, progress.step)
         progress.step("validating")
         test = validate(estimate, tests) if tests else None
@@ -109,11 +109,11 @@ def _estimate(
         from dynident.estimation.streaming.estimate import identify_digest
 
         estimate = identify_digest(digest, estimator, case.constraints, prior, provenance, progress)
-        return estimate, streams.test_logs(case, options, digest)
-    data = jobs.read_data(case, options.logs, options.test)
+        return estimate, streams.test_logs(case, digest)
+    data = jobs.read_data(case)
     if options.report:
         progress("looking at the logs")
-        provenance["log_quality"] = jobs.log_quality(case, options.logs)
+        provenance["log_quality"] = jobs.log_quality(case)
     estimate = identify(
         case.model,
         data.train,

@@ -119,21 +119,40 @@ def prior_of(case: Case) -> BodyPrior | None:
     return read_prior(case.find(case.prior), case.robot, case.locked) if case.prior else None
 
 
-def read_data(case: Case, logs: Sequence[str], tests: Sequence[str]) -> Data:
-    """Read the logs of the command line, or those that the case names, and split them where that is asked.
+def with_logs(case: Case, options: argparse.Namespace) -> Case:
+    """Return the case with the logs of the command line in place of its own, each a file or an address.
+
+    Folders, patterns and folders of buckets are replaced by the logs that they stand for, as `reduce` does.
+
+    Raises:
+        FileError: A pattern or a folder without logs, or an address that cannot be reached.
+        MissingDependency: An address, and fsspec is not installed.
+    """
+    from dynident.cli import console
+    from dynident.experiment.log_places import logs_named
+
+    given = options.logs or getattr(options, "triangles", None)  # not every command has them
+    train, others = logs_named(options.logs if given else case.train, case.find)
+    test, more = logs_named(options.test or (() if options.logs else case.test), case.find)
+    if others or more:
+        named = ", ".join((*others, *more))
+        console.remark(f"no logs by their suffix, left out: {named}", options.quiet or options.json)
+    return replace(case, train=tuple(train), test=tuple(test))
+
+
+def read_data(case: Case) -> Data:
+    """Read the logs of a case, and split them where that is asked.
 
     Raises:
         DynidentError: No log named, or any fault of a log.
     """
     from dynident.errors import BadOption, DescriptionError
 
-    if case.split is not None and case.test and not logs and not tests:
+    if case.split is not None and case.test:
         raise DescriptionError(case.path, "split", "it stands beside 'test'", "keep one of the two")
-    names = tuple(logs) or case.train
-    if not names:
+    if not case.train:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
-    train = [case.read(name) for name in names]
-    given = [case.read(name) for name in tuple(tests) or (() if logs else case.test)]
+    train, given = ([case.read(name) for name in names] for names in (case.train, case.test))
     _check_distinct(train, given)
     if given or case.split is None:
         return Data(tuple(train), tuple(given))
@@ -153,11 +172,11 @@ def _check_distinct(train: Sequence[Log], test: Sequence[Log]) -> None:
         seen[log.source.sha256] = log.name
 
 
-def log_quality(case: Case, logs: Sequence[str]) -> list[dict[str, Any]]:
-    """Return what the doctor finds in the logs of the command line, or in those to learn from of the case."""
+def log_quality(case: Case) -> list[dict[str, Any]]:
+    """Return what the doctor finds in the logs to learn from of the case."""
     from dynident.estimation.doctor import examine
 
-    return [examine(case, name).figures() for name in tuple(logs) or case.train]
+    return [examine(case, name).figures() for name in case.train]
 
 
 def cut(text: str, mark: str) -> list[str]:

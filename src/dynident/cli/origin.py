@@ -24,21 +24,19 @@ class Origin:
 
     Attributes:
         held_out: Logs, or parts of logs, that the fit has kept apart for a test.
-        case: The case; None where it could not be read again.
-        logs: Logs of the command line; empty for those of the case.
+        case: The case with the logs of the fit; None where it could not be read again.
         why_not: Why nothing could be read again, with the next step; empty where it could.
     """
 
     held_out: tuple[Log, ...] = ()
     case: Case | None = None
-    logs: tuple[str, ...] = ()
     why_not: str = ""
 
     def log_quality(self) -> list[dict[str, Any]]:
         """Return what the doctor finds in the logs of the fit; nothing where they could not be read again."""
         from dynident.cli import jobs
 
-        return [] if self.case is None else jobs.log_quality(self.case, self.logs)
+        return [] if self.case is None else jobs.log_quality(self.case)
 
 
 class _Refused(Exception):
@@ -63,15 +61,15 @@ def _read_again(estimate: Estimate) -> Origin:
     options = _options(estimate.provenance.get("command"))
     if options.triangles or _is_large(estimate):
         raise _Refused("the fit was made from reduced or very large logs")
-    case = jobs.case_from(options)
+    case = jobs.with_logs(jobs.case_from(options), options)
     _check_file(case.path, estimate.provenance.get("case"))
-    data = jobs.read_data(case, options.logs, options.test)
+    data = jobs.read_data(case)
     trained = {log.get("sha256") for log in estimate.provenance.get("logs", ())}
     if {log.source.sha256 for log in data.train} != trained:
         raise _Refused("a log of the fit has another content now")
     if data.train and data.train[0].joints != estimate.model.robot.joint_names:
         raise _Refused("the case has other joints now")
-    return Origin(data.test, case, tuple(options.logs))
+    return Origin(data.test, case)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -6,7 +6,8 @@ import argparse
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from dynident.experiment.formats import LARGE, bytes_of
+from dynident.experiment.formats import LARGE
+from dynident.experiment.log_places import is_address, size_of
 
 if TYPE_CHECKING:
     from dynident.estimation.estimators import Estimator
@@ -25,8 +26,7 @@ def digest_for(
     """
     if options.triangles:
         return _from_file(case, options, estimator)
-    names = tuple(options.logs) or case.train
-    size = sum(bytes_of(case.find(str(name))) for name in names)
+    size = sum(size_of(name if is_address(name) else str(case.find(name))) for name in case.train)
     if size <= LARGE:
         return None
     why = _why_not(case, options, estimator)
@@ -36,10 +36,10 @@ def digest_for(
     from dynident.estimation.streaming.reduction import reduce_logs
 
     progress("reducing the logs as a stream")
-    return reduce_logs(case, names)
+    return reduce_logs(case, case.train)
 
 
-def test_logs(case: Case, options: argparse.Namespace, digest: Digest) -> tuple[Log, ...]:
+def test_logs(case: Case, digest: Digest) -> tuple[Log, ...]:
     """Return the logs to test on, none of which is in the digest.
 
     Raises:
@@ -49,7 +49,7 @@ def test_logs(case: Case, options: argparse.Namespace, digest: Digest) -> tuple[
     from dynident.errors import LogMismatch
 
     seen = {chunk.sha256: chunk.path for chunk in digest.chunks}
-    logs = tuple(case.read(name) for name in options.test or (() if options.logs else case.test))
+    logs = tuple(case.read(name) for name in case.test)
     for log in logs:
         if log.source.sha256 in seen:
             evidence = f"the same content as {seen[log.source.sha256]}"

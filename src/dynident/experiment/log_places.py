@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from dynident.errors import FileError, MissingDependency
+from dynident.errors import DynidentError, FileError, MissingDependency
 from dynident.experiment.formats import FORMATS
 
 _MAGIC = "*?["
@@ -67,6 +68,21 @@ def at_hand(name: str, root: str = "") -> Iterator[Path]:
         file = Path(folder) / name.rstrip("/").rpartition("/")[2]
         _reached(name, lambda system, path: system.get(path, str(file)))
         yield file
+
+
+@contextmanager
+def as_named(path: Path, name: str) -> Iterator[None]:
+    """Let errors name a log as the user does, not the copy of it."""
+    try:
+        yield
+    except DynidentError as error:
+        if str(path) == name:
+            raise
+        found = copy.copy(error)
+        found.args = (str(error).replace(str(path), name),)
+        for fact, value in vars(error).items():
+            setattr(found, fact, value.replace(str(path), name) if isinstance(value, str) else value)
+        raise found from error
 
 
 def size_of(name: str) -> int:

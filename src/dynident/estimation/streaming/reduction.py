@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import copy
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -21,7 +20,7 @@ from dynident.estimation.streaming.one_log import Checkpoint, check_streamable, 
 from dynident.estimation.streaming.triangle_file import model_hash, read_digest, write_digest
 from dynident.experiment.case_file.case import Case
 from dynident.experiment.formats import open_log
-from dynident.experiment.log_places import at_hand, is_address, size_of
+from dynident.experiment.log_places import as_named, at_hand, is_address, size_of
 from dynident.experiment.preprocessing import Preprocessing
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.workers.pool import Here, Pool, Tell
@@ -223,7 +222,7 @@ class _LogWork:
     def _reduced(self, place: str, position: int, tell: Tell, bad: list[tuple[int, DynidentError]]) -> Digest | None:
         """Return the digest of a log; None where it is a bad one, which is then told in the list."""
         try:
-            with at_hand(place, self.root) as path, _as_named(path, place):
+            with at_hand(place, self.root) as path, as_named(path, place):
 
                 def said(text: str, share: float) -> None:
                     tell(_News(position, text.replace(str(path), place), share))
@@ -237,21 +236,6 @@ class _LogWork:
             bad.append((position, error))
             return None
         return replace(digest, chunks=(replace(digest.chunks[0], path=place),))
-
-
-@contextmanager
-def _as_named(path: Path, place: str) -> Iterator[None]:
-    """Let errors name a log as the user does, not the copy of it."""
-    try:
-        yield
-    except DynidentError as error:
-        if str(path) == place:
-            raise
-        found = copy.copy(error)
-        found.args = (str(error).replace(str(path), place),)
-        for name, fact in vars(error).items():
-            setattr(found, name, fact.replace(str(path), place) if isinstance(fact, str) else fact)
-        raise found from error
 
 
 class _Gathering:

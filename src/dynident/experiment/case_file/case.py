@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dynident.errors import LogMismatch
+from dynident.errors import FileError, LogMismatch
 from dynident.experiment.case_file.case_values import guarded, part_of, texts
 from dynident.experiment.case_file.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.experiment.case_file.constraints_file import constraints_of
@@ -26,6 +26,7 @@ from dynident.experiment.case_file.questions import check_answered, without_open
 from dynident.experiment.case_file.split import Split
 from dynident.experiment.formats import ColumnMap, read_log
 from dynident.experiment.log import Log, torque_from_current
+from dynident.experiment.log_places import as_named, at_hand, is_address
 from dynident.experiment.motor_side import joint_side, with_zero
 from dynident.experiment.preprocessing import FILTERS, ROWS_PER_PERIOD, Preprocessing
 from dynident.experiment.preprocessing.base import Filter
@@ -125,9 +126,10 @@ class Case:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that the case stands on: itself, its robot and the logs it names."""
+        """The files of this machine that the case stands on: itself, its robot and the logs it names."""
         own = [Path(name) for name in (self.path, self.robot_path) if name]
-        return (*own, *(self.find(name) for name in (*self.train, *self.test, *filter(None, [self.prior]))))
+        named = (*self.train, *self.test, *filter(None, [self.prior]))
+        return (*own, *(self.find(name) for name in named if not is_address(name)))
 
     @property
     def model(self) -> DynamicModel:
@@ -135,8 +137,19 @@ class Case:
         return DynamicModel(self.robot, self.friction)
 
     def find(self, name: str) -> Path:
-        """Return a file named in the case: as it is, beside the case file, or under the folder DYNIDENT_DATA."""
+        """Return a file named in the case: as it is, beside the case file, or under the folder DYNIDENT_DATA.
+
+        Raises:
+            FileError: It is an address, and no file of this machine.
+        """
+        if is_address(name):
+            step = "copy it to this machine; reduce, identify and validate read logs at addresses"
+            raise FileError(name, "it is an address, and a file of this machine is needed here", step)
         return find_file(name, self.path)
+
+    def _place(self, name: str | Path) -> str | Path:
+        """Return where a log is: its address, or the file."""
+        return name if is_address(str(name)) else self.find(str(name))
 
     def read(self, name: str | Path) -> Log:
         """Return a log with torques, from its currents where it has no torques.
@@ -144,7 +157,7 @@ class Case:
         Raises:
             LogMismatch: A joint is missing, currents have no gain, or a locked joint moves.
         """
-        return read_with(self.find(str(name)), self.columns, self.robot, self.locked)
+        return read_with(self._place(name), self.columns, self.robot, self.locked)
 
     def read_currents(self, name: str | Path) -> Log:
         """Return a log as it came: its currents are turned into no torques, and need no gains.
@@ -152,17 +165,20 @@ class Case:
         Raises:
             LogMismatch: A joint is missing, or a locked joint moves.
         """
-        return read_signals(self.find(str(name)), self.columns, self.robot, self.locked)
+        return read_signals(self._place(name), self.columns, self.robot, self.locked)
 
 
 def read_with(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
     """Return a log with the joints of a robot and with torques, currents times drive gains where it has none.
 
+    ``path`` is a file or an address (:mod:`dynident.experiment.log_places`).
+
     Raises:
+        FileError: The address cannot be reached.
         LogFormatError: The file is no sound log.
         LogMismatch: A joint is missing, currents have no gain, or a locked joint moves or stands elsewhere.
     """
-    return with_meaning(read_log(path, columns), columns, robot, locked)
+    return with_meaning(_read(path, columns), columns, robot, locked)
 
 
 def read_signals(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
@@ -172,7 +188,17 @@ def read_signals(path: str | Path, columns: ColumnMap, robot: Robot, locked: Map
         LogFormatError: The file is no sound log.
         LogMismatch: A joint is missing, or a locked joint moves or stands elsewhere.
     """
-    return _at_joints(read_log(path, columns), columns, robot, locked)
+    return _at_joints(_read(path, columns), columns, robot, locked)
+
+
+def _read(path: str | Path, columns: ColumnMap) -> Log:
+    """Return a log as it is in its file; one at an address is copied to this machine meanwhile, and keeps its name."""
+    if not is_address(str(path)):
+        return read_log(path, columns)
+    name = str(path)
+    with at_hand(name) as file, as_named(file, name):
+        log = read_log(file, columns)
+    return replace(log, source=replace(log.source, path=name))
 
 
 def with_meaning(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
