@@ -1,9 +1,10 @@
-"""Time and memory of an identification against samples, joints and logs. Run: python -m benchmarks.speed.scaling [PART]
+"""Time and memory against samples, joints, logs and workers. Run: python -m benchmarks.speed.scaling [PART]
 
 Times are of the processor, summed over threads; memory is the peak beyond the inputs. Samples: 6R arm, arrays to
 triangles; above a million the same arrays pass in pieces of a million, as a stream does, and the triangles are merged.
 Joints: serial arms with axes at right angles, 4000 samples: base parameters, the first thousand rows (trace and
-compilation included) and the time a sample afterwards. Logs: so many logs of a second at 1 kHz in one problem. Each
+compilation included) and the time a sample afterwards. Logs: so many logs of a second at 1 kHz in one problem. Workers:
+logs reduced by one and two processes, by the clock, and by more as their schedule would be (`worker_schedule`). Each
 part leaves its figures in benchmarks/results/scaling.json and its figure in docs/figures.
 """
 
@@ -22,6 +23,7 @@ from benchmarks.speed.arms import motion
 from benchmarks.speed.machine import machine
 from benchmarks.speed.page import RESULTS, ROOT
 from benchmarks.speed.rows.identification import as_taken, noisy_log
+from benchmarks.speed.worker_schedule import measure as by_workers
 from dynident.estimation.observer import Observer
 from dynident.estimation.problem import make_problem
 from dynident.experiment.log import Log
@@ -156,10 +158,32 @@ def draw(data: dict[str, Any]) -> None:
         told = "; ".join(f"{point[part]}: " + ", ".join(f"{point[key]:.3g}" for key, _ in curves) for point in points)
         drawing = chart(title, told, Across(heading, log=True), plots)
         (FIGURES / f"scaling-{part}.svg").write_bytes(figure_file(drawing, title, told))
+    if "workers" in data:
+        draw_workers(data["workers"])
+
+
+def draw_workers(data: dict[str, Any]) -> None:
+    """Write the figure of logs against workers: as scheduled, and as measured."""
+    scheduled = data["scheduled"]
+    times, shares = [], []
+    for colour, logs in enumerate(dict.fromkeys(point["logs"] for point in scheduled), start=1):
+        workers, wall = np.array([(p["workers"], p["wall_s"]) for p in scheduled if p["logs"] == logs], dtype=float).T
+        times.append(Line(f"{logs} logs, scheduled", workers, wall, colour, width=1.6))
+        shares.append(Line("", workers, wall[0] / wall, colour, width=1.6))
+    if data["load"] < 1:  # the clock of a machine with other work says nothing about this one
+        measured = [(p["workers"], min(p["wall_s"])) for p in data["measured"]]
+        x, y = np.array(measured, dtype=float).T
+        times.append(Line(f"{data['logs']} logs, measured", x, y, len(times) + 1, width=3.5))
+    shares.append(Line("as many times as workers", workers, workers, len(times) + 1, dashed=True))
+    title = f"Logs of {data['rows']} rows against workers"
+    told = "; ".join(f"{p['logs']} logs, {p['workers']} workers: {p['wall_s']:.3g} s" for p in scheduled)
+    plots = [Plot("time [s]", tuple(times), 130.0, log=True), Plot("times as fast", tuple(shares), 130.0, log=True)]
+    drawing = chart(title, told, Across("workers", log=True), plots)
+    (FIGURES / "scaling-workers.svg").write_bytes(figure_file(drawing, title, told))
 
 
 def main() -> None:
-    parts = {"samples": by_samples, "joints": by_joints, "logs": by_logs}
+    parts = {"samples": by_samples, "joints": by_joints, "logs": by_logs, "workers": by_workers}
     parser = argparse.ArgumentParser(prog="python -m benchmarks.speed.scaling", description=__doc__.splitlines()[0])
     parser.add_argument("parts", nargs="*", help=f"of {', '.join(parts)}; all unless stated")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
