@@ -77,6 +77,13 @@ def test_signals_come_back_to_seven_digits(estimate: Estimate, written: Path) ->
     assert read.starts == estimate.train.starts
 
 
+def test_stamps_of_the_system_clock_come_back(estimate: Estimate, tmp_path: Path) -> None:
+    """Seconds since 1970, as ROS writes them: seven digits are days."""
+    late = replace(estimate, train=replace(estimate.train, time=1.7e9 + estimate.train.time))
+    write_estimate(late, tmp_path / "late.json")
+    np.testing.assert_allclose(read_estimate(tmp_path / "late.json").train.time - 1.7e9, estimate.train.time, atol=1e-5)
+
+
 def test_deviations_of_torques_and_standard_parameters_come_back(estimate: Estimate, tmp_path: Path) -> None:
     spread = np.abs(np.random.default_rng(0).normal(size=estimate.train.measured.shape))
     known = replace(estimate.train, deviations=spread, noise=estimate.joint_deviations)

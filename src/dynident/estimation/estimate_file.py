@@ -119,7 +119,9 @@ def write_estimate(estimate: Estimate, path: str | Path) -> None:
             "moving": [plain(asdict(fit)) for fit in train.moving],
             "total_relative_error": finite(train.total_relative_error),
             "starts": np.searchsorted(rows, train.starts).tolist(),
-            "signals": {name: _rounded(np.asarray(getattr(train, name))[rows]) for name in _SIGNALS},
+            "signals": {
+                name: _rounded(np.asarray(getattr(train, name))[rows], 15 if name == "time" else 7) for name in _SIGNALS
+            },
             "deviations": None if train.deviations is None else _rounded(np.asarray(train.deviations)[rows]),
         },
         "provenance": plain(estimate.provenance),
@@ -217,9 +219,9 @@ def _envelope(data: Mapping[str, Any], joints: int) -> Envelope | None:
     return Envelope(**arrays, furthest=float(found["furthest"]), bands=_array(found["bands"], (joints,), "bands"))
 
 
-def _rounded(values: Array) -> Any:
-    """Return signals as lists of seven significant digits, enough to draw."""
-    return [float(f"{x:.7g}") for x in values] if values.ndim == 1 else [_rounded(row) for row in values]
+def _rounded(values: Array, digits: int = 7) -> Any:
+    """Return signals as lists of few significant digits, enough to draw; stamps of the system clock need more."""
+    return [float(f"{x:.{digits}g}") for x in values] if values.ndim == 1 else [_rounded(row, digits) for row in values]
 
 
 def _array(values: Any, shape: tuple[int, ...], name: str) -> Array:
