@@ -32,13 +32,14 @@ from dynident.estimation.uncertainty.envelope import departure_of, envelope_of
 from dynident.estimation.uncertainty.propagation import prediction_deviations
 from dynident.estimation.uncertainty.trust import with_diagnostics
 from dynident.estimation.validation import Validation, compare_torques
-from dynident.experiment.case_file.case import default_preprocessing
+from dynident.experiment.case_file.case import DEFAULT_FRICTION, default_preprocessing
 from dynident.experiment.formats import ColumnMap
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
 from dynident.model.reduction import least_squares
 from dynident.model.threads import on_one_blas_thread
 
@@ -114,14 +115,16 @@ def pose(
     if not logs:
         raise LogMismatch("identify", "no log", "give at least one log")
     how = preprocessing or default_preprocessing()
+    ordered = [log.ordered(model.robot.joint_names) for log in logs]
+    first = without_optional(model)
+    if choose:
+        first = replace(model, friction=tuple(FRICTION.make(name) for name in DEFAULT_FRICTION))
+    how, cutoff = with_cutoff(first, ordered, how, progress)
     if choose:  # the delay is found with a full list: it passes for what a shorter one lacks
         from dynident.estimation.friction.alike import USUAL  # few need it
 
         model = replace(model, friction=USUAL)
-    ordered = [log.ordered(model.robot.joint_names) for log in logs]
-    usual = without_optional(model)
-    how, cutoff = with_cutoff(usual, ordered, how, progress)
-    late = how.delay_s is None
+    usual, late = without_optional(model), how.delay_s is None
     prepared, facts = _prepared(usual, ordered, how, progress)
     if has_choices(model):
         model, held = choose_fields(model, prepared, progress, late)
