@@ -21,6 +21,7 @@ from dynident.experiment.formats import _mat_values as mat_values
 from dynident.experiment.log import Log
 
 ROOT = Path(__file__).parents[2]
+DH = "name: one\nconvention: modified\njoints: [{alpha: 0, a: 0, d: 0, theta: 0}]\n"
 SOUND = {"t": np.arange(6.0), "q": np.arange(12.0).reshape(6, 2), "tau": np.ones((6, 2), dtype=np.int16)}
 
 
@@ -283,3 +284,26 @@ def test_counts_add_up_from_one_run_to_the_next(tmp_path: Path, monkeypatch: pyt
     assert "| `csv` | 15 | 0 | 3 | 1 | 0 | 0 | 6 |" in again.table()
     again.mend("csv", "a")
     assert json.loads(place.read_text())["open"] == {}
+
+
+def test_names_that_are_too_long_for_the_system_are_no_files(tmp_path: Path) -> None:
+    from dynident.experiment.case_file.case import read_case
+    from dynident.model.descriptions import read_robot
+
+    long, case = "r" * 5000, tmp_path / "case.yaml"
+    for read in (read_case, read_robot, read_log):
+        for name in (long, f"{long}.yaml", f"{long}.bag", f"{long}.csv"):
+            with pytest.raises(DynidentError):
+                read(tmp_path / name)
+    (tmp_path / "arm.yaml").write_text(DH)
+    for text in (
+        f"robot: {long}.urdf",
+        f"robot: folder/{long}.urdf",
+        f"robot: arm.yaml\nworkspace: {{mesh_folders: {long}}}",
+    ):
+        case.write_text(f"case: 1\n{text}\n")
+        with pytest.raises(DynidentError):
+            read_case(case)
+    case.write_text(f"case: 1\nrobot: arm.yaml\ntest: {long}.csv\n")
+    with pytest.raises(FileError):
+        read_case(case).read(read_case(case).test[0])

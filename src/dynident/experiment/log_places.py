@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -100,9 +101,9 @@ def size_of(name: str) -> int:
 def _local(name: str, find: Callable[[str], Path]) -> list[str] | None:
     """Return the files that a folder or a pattern stands for; None for a single log."""
     place = find(name)
-    if place.is_dir():
+    if os.path.isdir(place):
         return None if _is_log(str(place)) else sorted(str(item) for item in place.iterdir() if item.is_file())
-    if place.exists() or not any(sign in name for sign in _MAGIC):
+    if os.path.exists(place) or not any(sign in name for sign in _MAGIC):
         return None
     parts = Path(name).parts
     fixed = next(k for k, part in enumerate(parts) if any(sign in part for sign in _MAGIC))

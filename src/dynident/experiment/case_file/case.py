@@ -8,6 +8,7 @@ each.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -260,7 +261,7 @@ def read_case(path: str | Path, open_gains: bool = False) -> Case:
         BadOption: An option of a part with a value it cannot take.
     """
     file = Path(path)
-    if file.suffix.lower() not in (".yaml", ".yml") or not file.is_file():
+    if file.suffix.lower() not in (".yaml", ".yml") or not os.path.isfile(file):
         return case_of_robot(str(path))
     try:
         data = file.read_bytes()

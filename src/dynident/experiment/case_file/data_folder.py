@@ -19,7 +19,7 @@ def find_file(name: str, case: str) -> Path:
         return written
     data = os.environ.get(DATA_VARIABLE)
     roots = [*([Path(case).parent] if case else []), Path(), *([Path(data)] if data else [])]
-    return next((root / written for root in roots if (root / written).exists()), written)
+    return next((root / written for root in roots if os.path.exists(root / written)), written)
 
 
 def find_robot(name: str, case: str) -> Path:
@@ -29,7 +29,7 @@ def find_robot(name: str, case: str) -> Path:
         FileError: It is named with a folder, and is nowhere.
     """
     found = find_file(name, case)
-    if len(found.parts) > 1 and not found.exists():
+    if len(found.parts) > 1 and not os.path.exists(found):
         data = os.environ.get(DATA_VARIABLE)
         places = f"beside the case file, here or under {data}" if data else "beside the case file or here"
         unset = "" if data else f", or name the folder of the data in {DATA_VARIABLE}, which is not set"

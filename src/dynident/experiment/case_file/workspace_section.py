@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -157,7 +158,7 @@ def _pairs(section: Section) -> tuple[tuple[str, str], ...]:
 
 def _folders(section: Section, case: str, robot_path: str) -> tuple[str, ...]:
     """Return the folders of mesh files: that of the description, then the stated ones, beside the case file."""
-    found = [str(Path(robot_path).parent)] if Path(robot_path).is_file() else []
+    found = [str(Path(robot_path).parent)] if os.path.isfile(robot_path) else []
     if not section.has("mesh_folders"):
         return tuple(found)
     value = section.value("mesh_folders")
@@ -165,7 +166,7 @@ def _folders(section: Section, case: str, robot_path: str) -> tuple[str, ...]:
         if not isinstance(name, str):
             raise section.place("mesh_folders").error("neither a text nor a list of texts", "write folders")
         folder = Path(case).parent / expanded(name)
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             raise section.place("mesh_folders").error(f"no folder {folder}", "write it beside the case file")
         found.append(str(folder))
     return tuple(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,9 +49,8 @@ class Rosbag(LogFormat):
     @classmethod
     def takes(cls, path: str | Path) -> bool:
         """Return whether a path is a recording by its suffix, or a folder with a recording."""
-        place = Path(path)
-        if place.is_dir():
-            return any(item.suffix.lower() in cls.suffixes for item in place.iterdir())
+        if os.path.isdir(path):
+            return any(item.suffix.lower() in cls.suffixes for item in Path(path).iterdir())
         return super().takes(path)
 
     def open(self, path: str | Path) -> BagTable:

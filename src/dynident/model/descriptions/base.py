@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from importlib import resources
 from pathlib import Path
@@ -58,7 +59,7 @@ def read_robot(path: str | Path) -> Robot:
     """
     file = Path(path)
     name = str(path)
-    if not file.is_file() and name in shipped_robots():
+    if not os.path.isfile(file) and name in shipped_robots():
         data = (resources.files(_SHIPPED) / f"{name}.yaml").read_bytes()
         return _format(f"{name}.yaml", ".yaml", data).read(f"{name}.yaml", data)
     data = _bytes(file)
@@ -85,13 +86,13 @@ def rotation_from_rpy(rpy: npt.ArrayLike) -> Array:
 
 def _bytes(file: Path) -> bytes:
     """Return the bytes of a file of a sane size."""
-    if file.is_dir():
+    if os.path.isdir(file):  # a name too long for the system is none, where Path.is_dir raises before Python 3.12
         raise FileError(file, "it is a folder", "give the file of the robot description in it")
-    if not file.exists():
+    if not os.path.exists(file):
         names = shipped_robots()
         step = f"give a file, or a robot that ships: {', '.join(names)}{nearest(str(file), names)}"
         raise FileError(file, "no such file", step)
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise FileError(file, "it is no regular file", "give a file")
     try:
         with file.open("rb") as stream:
