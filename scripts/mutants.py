@@ -222,7 +222,7 @@ class Tests:
 class Changed(importlib.machinery.SourceFileLoader):
     """Finds and loads one module of the package from a changed tree."""
 
-    def __init__(self, file: Path, tree: ast.AST) -> None:
+    def __init__(self, file: Path, tree: ast.Module) -> None:
         parts = file.relative_to(SOURCE.parent).with_suffix("").parts
         self._places = [str(file.parent)] if parts[-1] == "__init__" else None
         super().__init__(".".join(parts[:-1] if self._places else parts), str(file))
