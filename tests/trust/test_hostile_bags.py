@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from pathlib import Path
 
@@ -12,8 +13,8 @@ pytest.importorskip("rosbags")
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
 from dynident.errors import LogFormatError
+from dynident.experiment.formats import ColumnMap, read_header, read_log
 from dynident.experiment.formats import _bag_definitions as definitions
-from dynident.experiment.formats import read_header
 from dynident.experiment.formats._mcap_salvage import MAGIC
 from dynident.experiment.formats.rosbag import Rosbag
 
@@ -83,3 +84,21 @@ def test_definitions_without_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     path = mcap(tmp_path / "run.mcap", "ros2msg", "float64 a\n" * 120, cut=True)
     with pytest.raises(LogFormatError, match="more than 1000 characters of message definitions"):
         read_header(path, form=Rosbag(salvage=True))
+
+
+@pytest.mark.parametrize("column", ["name", "type"])
+def test_topics_whose_names_or_types_are_bytes_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, column: str
+) -> None:
+    import sqlite3
+
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
+    from fuzz.seeds import JOINTS, db3
+
+    (path,) = db3(tmp_path)
+    columns = ColumnMap(JOINTS, q=tuple(f"{joint}.position" for joint in JOINTS), torque=())
+    assert len(read_log(path, columns).time) == 10
+    with contextlib.closing(sqlite3.connect(path)) as base:
+        base.executescript(f"UPDATE topics SET {column} = CAST({column} AS BLOB);")
+    with pytest.raises(LogFormatError, match=r"\.db3: .*damaged"):
+        read_log(path, columns)

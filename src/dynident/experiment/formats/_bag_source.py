@@ -69,6 +69,8 @@ class BagSource:
                     definitions = [connection.msgdef for connection in part.connections]
                     check_texts(self.path, ((one.data, one.format.name == "IDL") for one in definitions))
                     found |= {connection.topic: connection.msgtype for connection in part.connections}
+            if not all(isinstance(word, str) for pair in found.items() for word in pair):
+                raise TypeError("a name or a type of a topic that is no text")  # SQLite keeps bytes as well
         except Exception as error:
             raise self._damaged(error) from error
         return found
