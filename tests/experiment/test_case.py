@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dynident.errors import BadOption, DescriptionError, DynidentError, FileError, LogMismatch
-from dynident.experiment.case_file.case import Split, case_of_robot, default_preprocessing, read_case, read_with
+from dynident.experiment.case_file.case import Split, case_of_robot, default_preprocessing, read_case
 from dynident.experiment.case_file.data_folder import DATA_VARIABLE
+from dynident.experiment.case_file.log_of_robot import read_with
 from dynident.experiment.formats import ColumnMap, Units
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing

@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.estimation.estimate_file import read_estimate
     from dynident.estimation.monitor import MomentumObserver, calibrated, run_monitor
     from dynident.estimation.monitor.signals import signals_of
-    from dynident.experiment.case_file.case import read_with
+    from dynident.experiment.case_file.log_of_robot import read_with
 
     rates = _rates(options.rate)
     if "-" in options.logs and len(options.logs) > 1:

@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli import console
     from dynident.estimation.estimate_file import read_estimate
     from dynident.estimation.payload import identify_payload, vendor_forms
-    from dynident.experiment.case_file.case import read_with
+    from dynident.experiment.case_file.log_of_robot import read_with
 
     with console.progress(6, options.quiet or options.json) as progress:
         progress.step("reading")

@@ -96,7 +96,7 @@ def _motion(path: str, columns: object, robot: object) -> Log:
     from typing import Any
 
     from dynident.errors import LogFormatError
-    from dynident.experiment.case_file.case import read_with
+    from dynident.experiment.case_file.log_of_robot import read_with
 
     own: Any = columns
     arm: Any = robot

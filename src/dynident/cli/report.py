@@ -126,7 +126,7 @@ def _subject(estimate: Estimate, options: argparse.Namespace, progress: Callable
 def _given(estimate: Estimate, options: argparse.Namespace) -> list[Log]:
     """Return the logs of the command line, or the test part of each; none that the fit has seen."""
     from dynident.cli import jobs
-    from dynident.experiment.case_file.case import read_with
+    from dynident.experiment.case_file.log_of_robot import read_with
     from dynident.experiment.case_file.split import Split
 
     logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.test]

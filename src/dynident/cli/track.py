@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli.monitor import logs_of_fit
     from dynident.estimation.estimate_file import read_estimate
     from dynident.estimation.tracking import Pace, thresholds_of, tracked
-    from dynident.experiment.case_file.case import read_with
+    from dynident.experiment.case_file.log_of_robot import read_with
     from dynident.files import check_place, write_atomically
 
     pace = Pace(options.memory, options.window, options.loosen)

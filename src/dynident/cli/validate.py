@@ -28,7 +28,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.estimation.estimate_file import read_estimate, summary
     from dynident.estimation.identify import validate
     from dynident.estimation.warnings import warnings_of
-    from dynident.experiment.case_file.case import read_with
+    from dynident.experiment.case_file.log_of_robot import read_with
     from dynident.experiment.case_file.split import Split
     from dynident.files import check_place
     from dynident.results.text import fits_table, statement, total_error

@@ -12,7 +12,7 @@ from dynident.arrays import Array
 from dynident.errors import LogMismatch
 from dynident.estimation.estimate import Estimate
 from dynident.estimation.monitor.monitor import Monitor, MonitorState, Reading, step
-from dynident.experiment.case_file.case import with_meaning
+from dynident.experiment.case_file.log_of_robot import with_meaning
 from dynident.experiment.formats import live_rows
 
 

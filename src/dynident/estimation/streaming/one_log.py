@@ -21,7 +21,8 @@ from dynident.estimation.streaming.tally import Segment, Tally
 from dynident.estimation.streaming.time_scan import scan_time
 from dynident.estimation.streaming.triangle_file import model_hash, read_position, write_digest
 from dynident.estimation.streaming.windows import Piece, Window, Windows, steps_of
-from dynident.experiment.case_file.case import Case, with_meaning
+from dynident.experiment.case_file.case import Case
+from dynident.experiment.case_file.log_of_robot import with_meaning
 from dynident.experiment.formats import LogStream, stream_log
 from dynident.experiment.log import Log
 from dynident.experiment.preprocessing import Preprocessing

@@ -14,21 +14,19 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from dynident.errors import FileError, LogMismatch
+from dynident.errors import FileError
 from dynident.experiment.case_file.case_values import guarded, part_of, texts
 from dynident.experiment.case_file.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.experiment.case_file.constraints_file import constraints_of
 from dynident.experiment.case_file.data_folder import find_file, find_robot
 from dynident.experiment.case_file.limits_section import robot_with_limits
+from dynident.experiment.case_file.log_of_robot import read_signals, read_with
 from dynident.experiment.case_file.log_section import read_columns
 from dynident.experiment.case_file.questions import check_answered, without_open_gains
 from dynident.experiment.case_file.split import Split
-from dynident.experiment.formats import ColumnMap, read_log
-from dynident.experiment.log import Log, torque_from_current
-from dynident.experiment.log_places import as_named, at_hand, is_address
-from dynident.experiment.motor_side import joint_side, with_zero
+from dynident.experiment.formats import ColumnMap
+from dynident.experiment.log import Log
+from dynident.experiment.log_places import is_address
 from dynident.experiment.preprocessing import FILTERS, ROWS_PER_PERIOD, Preprocessing
 from dynident.experiment.preprocessing.base import Filter
 from dynident.files import unreadable
@@ -47,9 +45,6 @@ if TYPE_CHECKING:
     from dynident.experiment.room.workspace import Workspace
 
 FORMAT = 1
-
-#: How far, in rad or m, a locked joint may stand from where the case says it does.
-LOCKED_TOLERANCE = 0.05
 
 DEFAULT_FRICTION = ("coulomb", "viscous", "offset")
 
@@ -167,71 +162,6 @@ class Case:
             LogMismatch: A joint is missing, or a locked joint moves.
         """
         return read_signals(self._place(name), self.columns, self.robot, self.locked)
-
-
-def read_with(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
-    """Return a log with the joints of a robot and with torques, currents times drive gains where it has none.
-
-    ``path`` is a file or an address (:mod:`dynident.experiment.log_places`).
-
-    Raises:
-        FileError: The address cannot be reached.
-        LogFormatError: The file is no sound log.
-        LogMismatch: A joint is missing, currents have no gain, or a locked joint moves or stands elsewhere.
-    """
-    return with_meaning(_read(path, columns), columns, robot, locked)
-
-
-def read_signals(path: str | Path, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
-    """Return a log with the joints of a robot and the signals that its file has: currents stay currents.
-
-    Raises:
-        LogFormatError: The file is no sound log.
-        LogMismatch: A joint is missing, or a locked joint moves or stands elsewhere.
-    """
-    return _at_joints(_read(path, columns), columns, robot, locked)
-
-
-def _read(path: str | Path, columns: ColumnMap) -> Log:
-    """Return a log as it is in its file; one at an address is copied to this machine meanwhile, and keeps its name."""
-    if not is_address(str(path)):
-        return read_log(path, columns)
-    name = str(path)
-    with at_hand(name) as file, as_named(file, name):
-        log = read_log(file, columns)
-    return replace(log, source=replace(log.source, path=name))
-
-
-def with_meaning(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
-    """Return rows as they were read with the joints of a robot and with torques, as :func:`read_with` does.
-
-    Each row stands for itself, so the rows of a log may come in parts. Errors as there.
-    """
-    log = _at_joints(log, columns, robot, locked)
-    if log.torque is not None or log.current is None:
-        return log
-    gains = {joint.name: joint.drive.gain for joint in robot.active if joint.drive.gain is not None}
-    return torque_from_current(log, gains, robot.coupling if robot.is_coupled else None)
-
-
-def _at_joints(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None) -> Log:
-    """Return the log with the joints of a robot, on their side of the gears, in its order."""
-    zero = dict(zip(log.joints, columns.zero, strict=True)) if columns.zero else {}
-    if columns.motor:
-        known = [name for name in locked or {} if name in log.joints]
-        if known:
-            step = "leave locked joints out of joints and of the columns"
-            raise LogMismatch(log.name, f"{known[0]} is locked, and a log of the motors' side has it", step)
-        log = joint_side(log.ordered(robot.joint_names), robot, columns.motor)
-    if zero:
-        log = with_zero(log, zero)
-    for name, position in (locked or {}).items():
-        if name in log.joints:
-            away = float(np.abs(log.q[:, log.joints.index(name)] - position).max())
-            if away > LOCKED_TOLERANCE:
-                step = f"lock it where it stands (locked: {{{name}: ...}}), or do not lock it"
-                raise LogMismatch(log.name, f"{name} is locked at {position:g} but up to {away:.3g} away", step)
-    return log.ordered(robot.joint_names)
 
 
 def default_preprocessing() -> Preprocessing:
