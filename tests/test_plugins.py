@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from hypothesis import given
@@ -66,13 +67,31 @@ class Two(Shape):
     pass
 """
 
+_SLOW = """
+import time
+from zoo_of_shapes.base import Shape
+
+time.sleep(0.2)
+
+class Slow(Shape):
+    pass
+"""
+
 
 @pytest.fixture(scope="module")
 def family(tmp_path_factory: pytest.TempPathFactory) -> Family[object]:
     folder = tmp_path_factory.mktemp("families")
     package = folder / "zoo_of_shapes"
     package.mkdir()
-    texts = {"__init__": "", "base": _BASE, "round": _ROUND, "plain": _PLAIN, "two": _TWO, "_hidden": "1 / 0"}
+    texts = {
+        "__init__": "",
+        "base": _BASE,
+        "round": _ROUND,
+        "plain": _PLAIN,
+        "two": _TWO,
+        "slow": _SLOW,
+        "_hidden": "1 / 0",
+    }
     for name, text in texts.items():
         (package / f"{name}.py").write_text(text)
     (package / "inner").mkdir()
@@ -87,13 +106,19 @@ def family(tmp_path_factory: pytest.TempPathFactory) -> Family[object]:
 
 def test_names_are_the_files_and_import_none_of_them(family: Family[object]) -> None:
     loaded = set(sys.modules)
-    assert family.names() == ("plain", "round", "two")
+    assert family.names() == ("plain", "round", "slow", "two")
     assert not {name for name in set(sys.modules) - loaded if name.startswith("zoo_of_shapes.")}
 
 
 def test_get_imports_only_the_chosen_part(family: Family[object]) -> None:
     assert family.get("plain").__name__ == "Plain"
     assert "zoo_of_shapes.two" not in sys.modules
+
+
+def test_a_part_that_another_thread_is_loading_is_waited_for(family: Family[object]) -> None:
+    with ThreadPoolExecutor(2) as threads:
+        parts = list(threads.map(family.get, ["slow", "slow"]))
+    assert [part.__name__ for part in parts] == ["Slow", "Slow"]
 
 
 def test_a_file_must_hold_exactly_one_part(family: Family[object]) -> None:
@@ -104,7 +129,7 @@ def test_a_file_must_hold_exactly_one_part(family: Family[object]) -> None:
 def test_unknown_part_names_the_nearest(family: Family[object]) -> None:
     with pytest.raises(UnknownChoice) as caught:
         family.get("rund")
-    assert str(caught.value) == "no shape called 'rund'; choose one of: plain, round, two; did you mean 'round'?"
+    assert str(caught.value) == "no shape called 'rund'; choose one of: plain, round, slow, two; did you mean 'round'?"
     for name in ("base", "_hidden", "inner"):
         with pytest.raises(UnknownChoice):
             family.get(name)

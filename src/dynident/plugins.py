@@ -111,8 +111,7 @@ class Family(Generic[Part]):
         points = added(self.package).get(name, ())
         if points:
             return self._added(points)
-        module = f"{self.package}.{name}"
-        return _only_class(sys.modules.get(module) or importlib.import_module(module), self.kind)
+        return _only_class(importlib.import_module(f"{self.package}.{name}"), self.kind)
 
     def make(self, choice: str | Part, **options: Any) -> Part:
         """Return a part from its name and options, or the part itself when one is given.

@@ -21,7 +21,7 @@ from fuzz import trial
 from fuzz.targets import Target
 
 inside, outside = Path(sys.argv[1]), Path(sys.argv[2])
-trial.LONGEST = 0.2
+trial.LONGEST = 1.0
 (outside / "there").write_text("it")
 (inside / "mine").write_text("it")
 
