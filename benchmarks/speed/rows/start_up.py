@@ -22,7 +22,7 @@ from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 
-REPEATS = 3
+REPEATS = 9
 COMMAND = [sys.executable, "-c", "from dynident.cli.main import entry_point; entry_point()"]
 CASE = """\
 case: 1
