@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -180,3 +181,23 @@ def test_the_delay_is_found_again_with_the_friction_that_was_chosen(
     assert delay["applied"] == pytest.approx(0.02, abs=2e-4)
     assert [type(part) for part in estimate.model.friction] == [Coulomb, Viscous, Stribeck]
     assert estimate.model.friction[0].options["width"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_what_is_chosen_last_is_chosen_with_the_delay_that_was_found(
+    planar_2r: Robot, exact_log: MakeLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = logged(planar_2r, (Coulomb(0.03), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.05)
+    free: list[bool] = []
+
+    def told(*arguments: Any, **options: Any) -> Any:
+        free.append(any(value is True for value in (*arguments, *options.values())))
+        return choose_fields(*arguments, **options)
+
+    monkeypatch.setattr("dynident.estimation.identify.choose_fields", told)
+    model = DynamicModel(planar_2r, (DRY, Viscous()))
+    estimate = identify(model, [log], "wls", replace(GIVEN, delay_s=None))
+    assert free == [True, False]
+    again = identify(model, [log], "wls", replace(GIVEN, delay_s=estimate.extras["delay_s"]))
+    (found,), (known,) = estimate.extras["held_out_fields"], again.extras["held_out_fields"]
+    assert (found["gain"], found["value"]) == pytest.approx((known["gain"], known["value"]), rel=2e-3)
+    assert found["value"] == pytest.approx(0.03, rel=0.01)

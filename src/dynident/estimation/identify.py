@@ -127,11 +127,8 @@ def pose(
     usual, late = without_optional(model), how.delay_s is None
     prepared, facts = _prepared(usual, ordered, how, progress)
     if has_choices(model):
-        model, held = choose_fields(model, prepared, progress, late)
-        if late and any(each.value != each.stated for each in held):
-            prepared, delays = _prepared(model, ordered, how, progress)
-            facts = {**facts, **delays}
-        facts = {**facts, "held_out_fields": [asdict(each) for each in held]}
+        model, prepared, found = _with_choices(model, ordered, how, prepared, progress)
+        facts = {**facts, **found}
     if choose:
         model, choice = _chosen(model, prepared, late, progress)
         facts = {**facts, "friction_choice": choice}
@@ -146,6 +143,30 @@ def pose(
     known = constraints or Constraints()
     known.check(model.robot, model.parameters)
     return replace(problem, facts=facts, constraints=known, prior=prior and prior.for_model(model))
+
+
+def _with_choices(
+    model: DynamicModel,
+    logs: Sequence[Log],
+    how: Preprocessing,
+    prepared: Sequence[Prepared],
+    progress: Callable[[str], None],
+) -> tuple[DynamicModel, Sequence[Prepared], dict[str, Any]]:
+    """Return the model with the fields that held-out rows ask for, the logs with their delay, and the facts of both.
+
+    A delay that is to be found is free at first, so that neither it nor friction passes for the other. A free delay
+    also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found.
+    """
+    facts: dict[str, Any] = {}
+    late = how.delay_s is None
+    chosen, held = choose_fields(model, prepared, progress, late)
+    if late:
+        if any(each.value != each.stated for each in held):
+            prepared, facts = _prepared(chosen, logs, how, progress)
+        first, (chosen, held) = chosen, choose_fields(model, prepared, progress)
+        if chosen != first:
+            prepared, facts = _prepared(chosen, logs, how, progress)
+    return chosen, prepared, {**facts, "held_out_fields": [asdict(each) for each in held]}
 
 
 def _not_kept(problem: Problem, estimator: Estimator) -> dict[str, Any]:
