@@ -344,11 +344,14 @@ def test_processes_killed_on_the_way_fail_and_the_command_goes_on(
 ) -> None:
     import multiprocessing
 
+    killed: list[int] = []
+
     def kill() -> None:
         while not (own := multiprocessing.active_children()):
             time.sleep(0.01)
-        time.sleep(2.5)
+        time.sleep(0.5)
         os.kill(own[0].pid or 0, signal.SIGKILL)
+        killed.append(own[0].pid or 0)
 
     checkpoint = Checkpoint(tmp_path / "out.tri", 0.0)
     threading.Thread(target=kill).start()
@@ -356,4 +359,5 @@ def test_processes_killed_on_the_way_fail_and_the_command_goes_on(
         found = reduce_logs(case, logs, checkpoint=checkpoint, pool=Processes(2))
     except PoolFailed:
         found = reduce_logs(case, logs, checkpoint=checkpoint, pool=Processes(2))
+    assert len(killed) == 1
     assert content(found, tmp_path) == content(whole, tmp_path)
