@@ -25,6 +25,7 @@ coverage: .venv/coverage  ## the branches that the tests take, into docs/laws.md
 lint: .venv/dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python scripts/words.py
 
 type: .venv/dev
 	$(BIN)/pyright

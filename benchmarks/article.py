@@ -18,14 +18,26 @@ from typing import Any
 import numpy as np
 
 from benchmarks.article_page import convergence, page
-from dynident.estimation.comparison.contest import Contest, Method
-from dynident.estimation.estimate_file import plain
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.estimation.identify import pose
-from dynident.estimation.monte_carlo.possible_robots import told
-from dynident.estimation.monte_carlo.records import Records
-from dynident.estimation.monte_carlo.runner import run_tasks
-from dynident.estimation.reproduction import (
+from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.data.preprocessing.fourier_fit import FourierFit
+from dynident.files import write_atomically
+from dynident.identification.build_problem import build_problem
+from dynident.identification.estimators import ESTIMATORS
+from dynident.identification.files.estimate_file import plain
+from dynident.model.base_parameters import base_parameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.viscous import Viscous
+from dynident.model.robots import er16_article as article
+from dynident.simulation.virtual_robot import Noise, simulate
+from dynident.studies.benchmark.possible_robots import told
+from dynident.studies.benchmark.records import Records
+from dynident.studies.benchmark.runner import run_tasks
+from dynident.studies.comparison.contest import Contest, Method
+from dynident.studies.reproduction import (
     CONVERGED,
     POSITION_NOISE,
     as_published,
@@ -34,18 +46,6 @@ from dynident.estimation.reproduction import (
     trajectories,
     virtual_er16,
 )
-from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import Preprocessing
-from dynident.experiment.preprocessing.as_given import AsGiven
-from dynident.experiment.preprocessing.fourier_fit import FourierFit
-from dynident.experiment.simulation.virtual_robot import Noise, simulate
-from dynident.files import write_atomically
-from dynident.model.base_parameters import base_parameters
-from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import Motion
-from dynident.model.friction.coulomb import Coulomb
-from dynident.model.friction.viscous import Viscous
-from dynident.robots import er16_article as article
 
 #: Karaboga's limit: sources times dimensions.
 KARABOGA = article.COLONY // 2 * 21
@@ -175,7 +175,7 @@ def published_data(seed: int) -> tuple[Contest, tuple[Motion, np.ndarray], np.nd
     noise = article.NOISE_SHARE * clean.std(axis=0) * np.random.default_rng(seed).normal(size=clean.shape)
     time = np.arange(len(clean)) / article.RATE
     log = Log(model.robot.joint_names, time, train.q, train.dq, train.ddq, clean + noise)
-    contest = Contest(pose(told(model, None), [log], Preprocessing(AsGiven(), rest="keep")), (), theta)
+    contest = Contest(build_problem(told(model, None), [log], Preprocessing(AsGiven(), rest="keep")), (), theta)
     _ = contest.least
     return contest, (test, model.torque(test, theta)), by_name(base, article.TABLE_3)
 
@@ -191,7 +191,7 @@ def virtual_data(seed: int) -> tuple[Contest, tuple[Motion, np.ndarray], np.ndar
     sensors = Noise(position=POSITION_NOISE, torque=noise)
     log = simulate(model, theta, excitation, duration=article.PERIOD, noise=sensors, seed=seed).log
     filtering = Preprocessing(FourierFit(period_s=article.PERIOD, harmonics=5), rest="keep")
-    contest = Contest(pose(told(model, None), [log], filtering), (), theta)
+    contest = Contest(build_problem(told(model, None), [log], filtering), (), theta)
     _ = contest.least
     box = 2.0 * np.maximum(by_name(base, article.TABLE_3), np.abs(base.from_standard(theta)))
     test = states(validation)

@@ -8,16 +8,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dynident.estimation.reproduction import er16_three_joints, trajectories
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.results.figures.chart import Across, Band, Level, Line, Mark, Plot, chart
+from dynident.model.robots import er16_article as article
+from dynident.results.figures.chart import Across, Level, Line, Mark, Plot, ShadedBand, chart
 from dynident.results.figures.files import figure_file
 from dynident.results.text import counted
-from dynident.robots import er16_article as article
+from dynident.studies.reproduction import er16_three_joints, trajectories
 
 HEAD = """\
 # Reproducing the article
@@ -35,7 +35,7 @@ dynident {version} and of the seeds that its tables state{seeds}.
 
 Modified DH of Table 1; the 21 parameters of Table 2 and the box of Table 3; excitation beta_1 and validation beta_2;
 25 s at 1 kHz; the colony's settings (30 bees, limit 15, 50 iterations); equations (3) to (18). The constants stand with
-their table numbers in `dynident.robots.er16_article`.
+their table numbers in `dynident.model.robots.er16_article`.
 
 ## Where the article leaves a choice
 
@@ -279,7 +279,7 @@ def convergence(results: Sequence[tuple]) -> bytes | None:
         for k, (name, (steps, values)) in enumerate(own.items(), start=1):
             x = np.geomspace(steps[0], steps[-1], 600)  # a band is drawn column by column
             low, high = (np.interp(np.log(x), np.log(steps), edge) for edge in (values.min(axis=0), values.max(axis=0)))
-            marks.append(Band("", x, high, k, low=low))
+            marks.append(ShadedBand("", x, high, k, low=low))
             marks.append(
                 Line(f"{name}, {counted(len(values), 'seed')}", steps, np.median(values, axis=0), k, width=1.8)
             )

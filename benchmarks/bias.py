@@ -17,22 +17,23 @@ from dataclasses import replace
 import numpy as np
 
 from dynident import DynamicModel, FourierSeries, Preprocessing, read_robot
-from dynident.estimation.estimators.didim import DIDIM
-from dynident.estimation.estimators.iv import IV
-from dynident.estimation.estimators.ols import OLS
-from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.identify import estimate_of, pose
-from dynident.estimation.simulated.closed_loop import simulated_logs
-from dynident.estimation.simulated.instruments import instruments
-from dynident.estimation.simulated.iteration import started
-from dynident.estimation.uncertainty.exogeneity import durbin_wu_hausman
-from dynident.experiment.preprocessing.as_given import AsGiven
-from dynident.experiment.preprocessing.butterworth import central_differences
-from dynident.experiment.simulation.plant import plant
-from dynident.experiment.simulation.virtual_robot import Controller, Noise, simulate
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.data.preprocessing.butterworth import central_differences
+from dynident.identification.build_problem import build_problem
+from dynident.identification.estimators.ols import OLS
+from dynident.identification.estimators.wls import WLS
+from dynident.identification.fit import fit
+from dynident.identification.residuals.instruments import instruments
+from dynident.identification.simulated.closed_loop import simulated_logs
+from dynident.identification.simulated.estimators.didim import DIDIM
+from dynident.identification.simulated.estimators.iv import IV
+from dynident.identification.simulated.iteration import started
+from dynident.identification.uncertainty.exogeneity import durbin_wu_hausman
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.robots.er16_article import LOCKED
+from dynident.model.robots.er16_article import LOCKED
+from dynident.simulation.plant import plant
+from dynident.simulation.virtual_robot import JointController, Noise, simulate
 
 NOISE, RATE, CONTROL, PERIOD, BANDWIDTH = 1e-4, 200.0, 2000.0, 5.0, 5.0
 
@@ -50,14 +51,14 @@ def cell(robot, size):
 
 
 def problem_of(model, theta, path, stiffness, damping, seed):
-    controller = Controller(rate=CONTROL, stiffness=stiffness, damping=damping, gravity=False)
+    controller = JointController(rate=CONTROL, stiffness=stiffness, damping=damping, gravity=False)
     noise = Noise(position=NOISE, torque=0.2)
     run = simulate(model, theta, path, rate=RATE, controller=controller, noise=noise, seed=seed)
     if run.saturated:
         raise SystemExit(f"{run.saturated} torques were cut at their limits")
     dq = central_differences(run.log.q, run.log.rate)
     log = replace(run.log, dq=dq, ddq=central_differences(dq, run.log.rate))
-    return pose(model, [log], Preprocessing(AsGiven(), rest="keep", trim_s=0.1))
+    return build_problem(model, [log], Preprocessing(AsGiven(), rest="keep", trim_s=0.1))
 
 
 def main() -> None:
@@ -79,7 +80,7 @@ def main() -> None:
             truth, norms = problem.base.from_standard(theta), problem.reduced().column_norms
             for method, part in methods.items():
                 start = time.perf_counter()
-                estimate = estimate_of(problem, part)
+                estimate = fit(problem, part)
                 seconds[method] += (time.perf_counter() - start) / runs
                 errors[method].append(estimate.beta - truth)
                 stated[method].append(estimate.deviations)

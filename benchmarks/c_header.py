@@ -24,10 +24,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.speed.arms import ur10
-from dynident.estimation.identify import identify
-from dynident.experiment.log import Log
+from dynident.data.log import Log
+from dynident.exports.models import export_model
+from dynident.identification.identify import identify
 from dynident.model.dynamic_model import DynamicModel
-from dynident.results.model_exporters import export_model
 
 STATES, ROUNDS, REPEATS = 1000, 10, 21
 

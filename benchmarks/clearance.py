@@ -11,8 +11,8 @@ import time
 
 import numpy as np
 
-from dynident.experiment.room.clearance import clearance_of
-from dynident.experiment.room.workspace import Workspace
+from dynident.excitation.collision.clearance import clearance_of
+from dynident.excitation.collision.workspace import Workspace
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Joint, JointLimits, Link, Robot, rotation_about
 from dynident.model.shapes import Box, Capsule

@@ -16,19 +16,19 @@ from pathlib import Path
 import numpy as np
 
 from dynident import DynamicModel, Preprocessing, read_case
-from dynident.cli.compare import methods_from
-from dynident.estimation.comparison.compare import compare, contest_of, ranked
-from dynident.estimation.identify import pose
-from dynident.estimation.reproduction import POSITION_NOISE, er16_three_joints, trajectories
-from dynident.experiment.case_file.case import case_of_robot
-from dynident.experiment.preprocessing.fourier_fit import FourierFit
-from dynident.experiment.simulation.virtual_robot import Noise, simulate
+from dynident.api.compare import methods_of
+from dynident.case.case import case_of_robot
+from dynident.data.preprocessing.fourier_fit import FourierFit
+from dynident.identification.build_problem import build_problem
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.results.comparison import comparison_rows
+from dynident.model.robots.er16_article import NOISE_SHARE, PERIOD, RATE, SAMPLES
 from dynident.results.text import comparison_table
-from dynident.robots.er16_article import NOISE_SHARE, PERIOD, RATE, SAMPLES
+from dynident.simulation.virtual_robot import Noise, simulate
+from dynident.studies.comparison.compare import compare, contest_of, ranked
+from dynident.studies.comparison.comparison_view import comparison_rows
+from dynident.studies.reproduction import POSITION_NOISE, er16_three_joints, trajectories
 
 PANDA = Path(__file__).resolve().parent.parent / "examples/cases/panda.yaml"
 
@@ -47,18 +47,18 @@ def er16(seed=0):
     links = tuple(replace(link, inertia=None) for link in model.robot.links)
     blind = DynamicModel(replace(model.robot, links=links), model.friction)
     how = Preprocessing(FourierFit(period_s=PERIOD, harmonics=5), rest="keep")
-    return case_of_robot("er16"), contest_of(pose(blind, [train], how), [test], theta)
+    return case_of_robot("er16"), contest_of(build_problem(blind, [train], how), [test], theta)
 
 
 def panda():
     """Return the contest on the first two thirds and the last third of the Panda's log, and its case."""
     case = read_case(PANDA)
     train, test = case.split.apply(case.read(case.train[0]))
-    return case, contest_of(pose(case.model, [train], case.preprocessing), [test])
+    return case, contest_of(build_problem(case.model, [train], case.preprocessing), [test])
 
 
 def printed(title, case, contest, options):
-    methods = methods_from(case, options.estimators)
+    methods = methods_of(case, options.estimators)
     problem = contest.problem
     print(f"\n{title}: {problem.base.count} parameters, {problem.samples} samples, ", end="")
     print(f"{sum(len(log.keep) for log in contest.tests)} to test on", flush=True)

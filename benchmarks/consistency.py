@@ -15,12 +15,12 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.speed.rows.consistent_fit import ROWS, noisy_triangle
 from dynident import DynamicModel, base_parameters, read_robot
-from dynident.estimation.consistency.barrier import inside, solve_barrier
-from dynident.estimation.consistency.conic import solve_conic, solve_whitened
-from dynident.estimation.consistency.consistent_fit import METRICS, consistent_fit, pose_program
-from dynident.estimation.consistency.log_cholesky_fit import descend
-from dynident.estimation.consistency.scale import natural_scale
-from dynident.estimation.consistency.verdicts import broken_conditions
+from dynident.identification.consistency.barrier import inside, solve_barrier
+from dynident.identification.consistency.conic import solve_conic, solve_whitened
+from dynident.identification.consistency.consistent_fit import METRICS, consistent_fit, pose_program
+from dynident.identification.consistency.log_cholesky_fit import descend
+from dynident.identification.consistency.verdicts import broken_conditions
+from dynident.identification.problem.prior import natural_scale
 
 REPEATS, PROBLEMS = 15, 40
 

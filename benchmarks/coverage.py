@@ -21,20 +21,20 @@ import scipy.signal
 import scipy.stats
 
 from dynident import DynamicModel, FourierSeries, Log, Preprocessing, base_parameters, preprocess, read_robot
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.estimation.estimators.map import MAP
-from dynident.estimation.observer import Observer
-from dynident.estimation.problem import make_problem
-from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.residuals.stretches import stretches
-from dynident.estimation.uncertainty.bands import bands
-from dynident.estimation.uncertainty.bootstrap import errors_drawn
-from dynident.estimation.uncertainty.coloured import Influence, Uncertainty, spectral_uncertainty, uncertainty_of
-from dynident.estimation.uncertainty.covariance import FEWEST_FREE, correlation_factors
-from dynident.experiment.case_file.case import default_preprocessing
-from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.data.preprocessing import default_preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.identification.estimators import ESTIMATORS
+from dynident.identification.estimators.map import MAP
+from dynident.identification.problem.problem import make_problem
+from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.residuals.bands import bands
+from dynident.identification.residuals.coloured import Influence, Uncertainty, spectral_uncertainty, uncertainty_of
+from dynident.identification.residuals.covariance import FEWEST_FREE, correlation_factors
+from dynident.identification.residuals.row_passes import RowPasses
+from dynident.identification.residuals.stretches import stretches
+from dynident.identification.uncertainty.bootstrap import errors_drawn
 from dynident.model.friction import Motion
-from dynident.robots.er16_article import LOCKED
+from dynident.model.robots.er16_article import LOCKED
 
 RATE, PERIOD, PAST, RENEWALS = 200.0, 10.0, 400, 4
 
@@ -153,7 +153,7 @@ def posed(bench, generator, memory):
     joints = len(bench.columns)
     white = generator.normal(size=(joints, bench.log.log.samples + PAST)) * np.linspace(1, 3, joints)[:, None]
     noise = scipy.signal.lfilter([np.sqrt(1 - memory**2)], [1, -memory], white, axis=1)[:, PAST:]
-    raw = Observer(bench.model, bench.base).predict(bench.log.log, bench.truth) + noise.T
+    raw = RegressorStream(bench.model, bench.base).predict(bench.log.log, bench.truth) + noise.T
     log = replace(bench.log.log, torque=bench.log.smooth(raw.T).T, raw_torque=raw)
     return make_problem(bench.model, bench.base, [replace(bench.log, log=log)])
 

@@ -18,19 +18,19 @@ from pathlib import Path
 import numpy as np
 
 from dynident import FILTERS, DynamicModel, FourierSeries, read_case, read_robot, simulate
-from dynident.cli.jobs import read_data
+from dynident.api.case_logs import read_data
+from dynident.data.preprocessing import default_preprocessing, preprocess
 from dynident.errors import DynidentError
-from dynident.estimation.cutoff.candidates import Bench
-from dynident.estimation.cutoff.choice import choose_cutoff
-from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.friction.load import agrees, with_load
-from dynident.estimation.identify import pose, preparation_of, validate_prepared
-from dynident.experiment.case_file.case import default_preprocessing
-from dynident.experiment.preprocessing import preprocess
-from dynident.experiment.simulation.virtual_robot import Noise
+from dynident.identification.build_problem import build_problem
+from dynident.identification.estimators.wls import WLS
+from dynident.identification.selection.cutoff.candidates import Bench
+from dynident.identification.selection.cutoff.choice import choose_cutoff
+from dynident.identification.selection.friction.load import agrees, with_load
+from dynident.identification.validate import validate_prepared
 from dynident.model.base_parameters import base_parameters
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
+from dynident.simulation.virtual_robot import Noise
 
 CASES = ("panda", "tx40", "lwr4", "tiago", "ur10e")
 PERIOD, HALF_TICK = 10.0, -0.0005  # a row that falls on a tick of the controller has the torque that begins there
@@ -93,14 +93,14 @@ def virtual(seeds: int) -> None:
 
 def held_out(case, data, how, judge) -> float:
     """Return the held-out error of weighted least squares, judged with another preparation."""
-    problem = pose(case.model, data.train, how)
+    problem = build_problem(case.model, data.train, how)
     solution = WLS().solve(problem)
     for _ in range(8):
         if agrees(problem, solution.beta):
             break
         problem = with_load(problem, solution.beta)
         solution = WLS().solve(problem)
-    judge = replace(preparation_of(problem), filter=judge.filter, rate_hz=judge.rate_hz, rows_per_period=None)
+    judge = replace(problem.preprocessing, filter=judge.filter, rate_hz=judge.rate_hz, rows_per_period=None)
     logs = [preprocess(log.ordered(case.robot.joint_names), judge) for log in data.test]
     return validate_prepared(problem.model, problem.base, logs, solution.beta).total_relative_error
 
@@ -148,7 +148,7 @@ def filters(seeds: int) -> None:
             for seed in range(seeds):
                 log = arm.log(noise, step, rate, seed)
                 how = replace(default_preprocessing(), filter=FILTERS.make(name, **values), delay_s=HALF_TICK)
-                problem = pose(arm.model, [log], how)
+                problem = build_problem(arm.model, [log], how)
                 if name == "butterworth":
                     norms = np.sqrt(np.sum(problem.reduced().r ** 2, axis=0))
                 error = norms * (WLS().solve(problem).beta - arm.truth)

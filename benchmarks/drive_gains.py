@@ -18,7 +18,7 @@ import numpy as np
 import scipy.signal
 
 from dynident import DynamicModel, FourierSeries, Inertia, Log, read_robot
-from dynident.estimation.drive_gains import Payload, gains_from_payload, gains_from_prior
+from dynident.applications.drive_gains import CarriedBody, GainOptions, gains_from_payload, gains_from_prior
 from dynident.model.friction import Motion
 
 RATE, SECONDS, SHARE, MEMORY, PAST = 200.0, 20.0, 0.05, 0.9, 200
@@ -73,15 +73,17 @@ def known_gains(bench, kind, generator, memory, method):
     if kind == "prior":  # links that are lighter or heavier than the description says
         factors = 1.0 + TOLD * generator.normal(size=len(bench.model.robot.links))
         theta = bench.model.robot.nominal * np.repeat(factors, 10)
-        return gains_from_prior(bench.model, [without], theta, TOLD, method=method), GAINS
+        return gains_from_prior(bench.model, [without], theta, TOLD, options=GainOptions(method=method)), GAINS
     payload = {
-        "mass": Payload(2.6),
-        "signed": Payload(2.6),
-        "centre": Payload(2.6, CENTRE),
-        "inertia": Payload(2.6, CENTRE, BODY),
+        "mass": CarriedBody(2.6),
+        "signed": CarriedBody(2.6),
+        "centre": CarriedBody(2.6, CENTRE),
+        "inertia": CarriedBody(2.6, CENTRE, BODY),
     }[kind]
     signed = kind == "signed"
-    found = gains_from_payload(bench.model, [without], [loaded], payload, method=method, signed=signed)
+    found = gains_from_payload(
+        bench.model, [without], [loaded], payload, options=GainOptions(method=method, signed=signed)
+    )
     return found, np.column_stack([GAINS, GAINS * (1 - 0.1)]).ravel() if signed else GAINS
 
 

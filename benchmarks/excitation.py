@@ -22,23 +22,23 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.speed.designs import Loop
 from dynident import DynamicModel, FourierSeries, base_parameters, identify, read_robot, simulate
-from dynident.experiment.criteria import CRITERIA
-from dynident.experiment.design.design_problem import GUARD, DesignProblem
-from dynident.experiment.design.design_search import Trail, candidates
-from dynident.experiment.design.excitation import design_excitation
-from dynident.experiment.design.feasibility import feasible_start, shrunk
-from dynident.experiment.design.finishing import FINER
-from dynident.experiment.design.limits import MotionLimits, limits_of
-from dynident.experiment.design.observation import Observation
-from dynident.experiment.design.parametrisation import parametrise
-from dynident.experiment.design.prior import Prior, deviations_of
-from dynident.experiment.room.clearance import clearance_of
-from dynident.experiment.room.workspace import HalfSpace, Workspace
-from dynident.experiment.simulation.virtual_robot import Noise
+from dynident.excitation.collision.clearance import clearance_of
+from dynident.excitation.collision.workspace import HalfSpace, Workspace
+from dynident.excitation.criteria import CRITERIA
+from dynident.excitation.design.design_problem import GUARD, DesignProblem
+from dynident.excitation.design.design_search import Trail, candidates
+from dynident.excitation.design.excitation import design_excitation
+from dynident.excitation.design.feasibility import feasible_start, shrunk
+from dynident.excitation.design.finishing import FINER
+from dynident.excitation.design.limits import MotionLimits, limits_of
+from dynident.excitation.design.observation import Observation
+from dynident.excitation.design.parametrisation import parametrise
+from dynident.excitation.design.prior import Prior, deviations_of
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.robots import er16_article as article
+from dynident.model.robots import er16_article as article
+from dynident.simulation.virtual_robot import Noise
 
 #: The maker's limits of the Panda: acceleration in rad/s^2 and jerk in rad/s^3.
 PANDA = ((15, 7500), (7.5, 3750), (10, 5000), (12.5, 6250), (15, 7500), (20, 10000), (20, 10000))
@@ -233,7 +233,7 @@ def one_after_another() -> None:
         known = first.settings["outlook"]
         motion = Motion(*first.trajectory.evaluate(np.arange(2000) * first.trajectory.period / 2000))
         triangle = Observation(model, base).triangle(motion, np.array(first.settings["noise"]))
-        information = known["rows"] * triangle.T @ triangle
+        information = known["effective_sample_size"] * triangle.T @ triangle
         earlier = Prior(information, None, "run 1")
         second = design_excitation(model, criterion=criterion, starts=4, seed=1, clearance=clearance, earlier=earlier)
         after = np.array([item["std_after"] for item in second.settings["outlook"]["parameters"]])

@@ -24,12 +24,12 @@ import json
 import numpy as np
 
 from dynident import DynamicModel, FourierSeries, Log, Preprocessing, base_parameters, identify, read_robot
-from dynident.estimation.fleet import fleet_of, robot_of_estimate
-from dynident.estimation.fleet.outliers import screened
-from dynident.estimation.fleet.population import Member, population_of
-from dynident.estimation.observer import Observer
-from dynident.experiment.preprocessing import preprocess
-from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.applications.fleet import fleet_of, robot_of_estimate
+from dynident.applications.fleet.outliers import screened
+from dynident.applications.fleet.population import Member, population_of
+from dynident.data.preprocessing import preprocess
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.friction import Motion
 from dynident.model.reduction import reduce
 
@@ -48,7 +48,7 @@ class Type:
         robot = read_robot("generic-scara")
         self.model = DynamicModel(robot, ("coulomb", "viscous"))
         self.base = base_parameters(self.model)
-        self.observer = Observer(self.model, self.base)
+        self.regressor = RegressorStream(self.model, self.base)
         self.theta = np.concatenate([robot.nominal, np.tile([2.0, 3.0], robot.dof)])
         self.mean = self.base.from_standard(self.theta)
         self.friction = np.flatnonzero(self.base.independent >= self.model.inertial_count)
@@ -76,7 +76,7 @@ class Type:
         """Return R of the weighted rows of a motion, shape (b, b)."""
         prepared = preprocess(self.log(seed, seconds), GIVEN)
         mask = np.ones((len(prepared.keep), self.model.robot.dof), bool)
-        return reduce(self.observer.triangles(prepared, mask), self.base.count, weights).r
+        return reduce(self.regressor.triangles(prepared, mask), self.base.count, weights).r
 
     def torque_error(self, away):
         """Return the mean square error of the torque by that of parameters (N, b), a share of the torque's square."""

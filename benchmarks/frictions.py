@@ -25,12 +25,12 @@ from benchmarks.strangers import arms
 from benchmarks.strangers.plant import Body, cylinder, urdf
 from dynident import DynamicModel, FourierSeries, identify, read_case, read_robot, validate
 from dynident.cli.main import main as dynident
-from dynident.estimation.estimate import Estimate
-from dynident.experiment.simulation.cell import Cell
-from dynident.experiment.simulation.cell_simulation import simulate_cell
-from dynident.experiment.simulation.controllers import CONTROLLERS
-from dynident.experiment.simulation.effects import Bristles, Effort, Encoder, Recorder, Warming
+from dynident.identification.estimate.estimate import Estimate
 from dynident.model.friction import FRICTION
+from dynident.simulation.cell import Cell
+from dynident.simulation.cell_simulation import simulate_cell
+from dynident.simulation.controllers import CONTROLLERS
+from dynident.simulation.effects import Bristles, Effort, Encoder, Recorder, Warming
 
 #: Torque noise as a share of the largest torque, and noise of the positions in rad or m.
 NOISE, SHAKE = 0.003, 1e-5
@@ -334,7 +334,7 @@ def outcome(name: str, virtual: Virtual, folder: Path, ways: Sequence[str]) -> R
     for way in ways:
         model, how = asked[way]
         begin = time.process_time()
-        found = identify(model, learn, "consistent", how, case.columns, choose=way == "auto")
+        found = identify(model, learn, "consistent", how, choose_friction=way == "auto")
         seconds[way] = time.process_time() - begin
         errors[way] = validate(found, held).total_relative_error
         delays[way] = tuple(one["applied"] * virtual.rate for one in found.extras.get("delays", ()))

@@ -18,8 +18,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dynident import identify, read_case, validate
+from dynident.case.questions import ASK, MARK, questions_in
 from dynident.cli.main import main as dynident
-from dynident.experiment.case_file.questions import ASK, MARK, questions_in
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"
 
@@ -175,7 +175,7 @@ def outcome_of(name: str, data: Path, folder: Path) -> Outcome:
         if hand.split is not None and not test:
             parts = [hand.split.apply(log) for log in train]
             train, test = [a for a, _ in parts], [b for _, b in parts]
-        estimate = identify(case.model, train, case.estimator.name, case.preprocessing, case.columns)
+        estimate = identify(case.model, train, case.estimator.name, case.preprocessing)
         same = replace(hand.preprocessing, delay_s=estimate.preprocessing.delay_s)
         results.append([validate(estimate, test, how).total_relative_error for how in (None, same)])
     return Outcome(

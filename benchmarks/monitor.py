@@ -19,8 +19,8 @@ import numpy as np
 import scipy.signal
 
 from dynident import DynamicModel, FourierSeries, Log, identify, read_robot
-from dynident.estimation.monitor import MomentumObserver, MonitorState, calibrated, run_monitor, step
-from dynident.estimation.monitor.signals import residuals_of, signals_of
+from dynident.applications.monitor import MomentumObserver, MonitorState, calibrated, run_monitor, step
+from dynident.applications.monitor.signals import residuals_of, signals_of
 from dynident.model.friction import Motion
 
 RATE, MEMORY, SPEED_NOISE = 500.0, 0.9, 1e-3

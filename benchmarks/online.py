@@ -27,9 +27,9 @@ import numpy as np
 import scipy.signal
 
 from dynident import DynamicModel, FourierSeries, Inertia, Log, Preprocessing, identify, read_robot
-from dynident.estimation.recursive import RecursiveLeastSquares
-from dynident.estimation.tracking import Pace, thresholds_of, tracked
-from dynident.experiment.preprocessing.butterworth import Butterworth
+from dynident.applications.tracking import Pace, thresholds_of, tracked
+from dynident.data.preprocessing.butterworth import Butterworth
+from dynident.identification.recursive import RecursiveLeastSquares
 from dynident.model.friction import Motion
 
 RATE, MEMORY = 200.0, 0.9
@@ -169,7 +169,7 @@ def doubled(cell, estimate, thresholds, runs):
 
 def draw(path, cell, estimate, found):
     """Write Coulomb friction of the first and the last joint over time with its interval, truth dashed."""
-    from dynident.results.figures.chart import Across, Band, Line, Plot, chart
+    from dynident.results.figures.chart import Across, Line, Plot, ShadedBand, chart
     from dynident.results.figures.files import figure_file
 
     plots, half = [], found.half_widths()
@@ -180,7 +180,7 @@ def draw(path, cell, estimate, found):
         low, high = found.beta[:, k] - half[:, k], found.beta[:, k] + half[:, k]
         left = 1.0 - FALL * (1.0 - np.exp(-found.time / WARM))
         marks = (
-            Band("95 % interval", found.time, high, 1, low=low),
+            ShadedBand("95 % interval", found.time, high, 1, low=low),
             Line("tracked", found.time, found.beta[:, k], 1),
             Line("truth", found.time, truth[k] * left, 2, dashed=True),
         )

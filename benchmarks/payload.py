@@ -24,12 +24,12 @@ import numpy as np
 import scipy.signal
 
 from dynident import DynamicModel, FourierSeries, Inertia, Log, identify, preprocess, read_case, read_robot
+from dynident.applications.payload import BeforeRun, identify_payload
 from dynident.arrays import Array
-from dynident.estimation.payload import identify_payload
-from dynident.estimation.problem import make_problem
-from dynident.estimation.residuals.row_passes import RowPasses
-from dynident.estimation.uncertainty.coloured import spectral_uncertainty
-from dynident.estimation.uncertainty.covariance import residual_factors
+from dynident.identification.problem.problem import make_problem
+from dynident.identification.residuals.coloured import spectral_uncertainty
+from dynident.identification.residuals.covariance import residual_factors
+from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.friction import Motion
 from dynident.model.reduction import least_squares
 
@@ -130,7 +130,9 @@ def figures(kind, memory, runs):
         if kind == "gains":
             bench.gains = 1.0 + GAIN_ERROR * generator.normal(size=bench.model.robot.dof)
         estimate = bench.robot(generator, memory)
-        found = identify_payload(estimate, [bench.noisy(bench.loaded, generator, memory)], friction_share=share)
+        found = identify_payload(
+            estimate, [bench.noisy(bench.loaded, generator, memory)], known=BeforeRun(friction_share=share)
+        )
         for one in (*found.parameters, *found.centre):
             if one.name in truth and np.isfinite(one.half_width):
                 inside[one.name].append(abs(one.value - truth[one.name]) <= one.half_width)
@@ -160,7 +162,7 @@ def real():
     estimate = identify(case.model, [case.read(name) for name in case.train], "consistent", case.preprocessing)
     log = case.read(Path(os.environ["DYNIDENT_DATA"]) / "ur10e_mamedov/ident_20_01_13_load_2600.csv")
     for deviation in (None, 0.0, 0.05):
-        found = identify_payload(estimate, [log], gain_deviation=deviation)
+        found = identify_payload(estimate, [log], known=BeforeRun(gain_deviation=deviation))
         shown = {one.name: [round(one.value, 4), round(one.half_width, 4)] for one in (found.mass, *found.centre)}
         print(json.dumps({"gain_deviation": deviation, **shown, "inertia": found.inertia_known}), flush=True)
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from dynident import identify, read_case
-from dynident.estimation.consistency.verdicts import broken_conditions
+from dynident.identification.consistency.verdicts import broken_conditions
 from dynident.model.inertia import Inertia
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"

@@ -18,17 +18,17 @@ from pathlib import Path
 import numpy as np
 
 from dynident import DynamicModel, FourierSeries, Preprocessing, read_robot
-from dynident.estimation.identify import identify
-from dynident.estimation.streaming.estimate import identify_digest
-from dynident.estimation.streaming.reduction import reduce_logs
-from dynident.experiment.case_file.case import read_case
-from dynident.experiment.preprocessing import FILTERS
+from dynident.case.case import read_case
+from dynident.data.preprocessing import FILTERS
+from dynident.identification.identify import identify
+from dynident.identification.streaming.estimate import identify_digest
+from dynident.identification.streaming.reduction import reduce_logs
 from dynident.model.friction import Motion
 
 ROWS, OTHER_ROWS, CHECKED_ROWS, PART = 10_000_000, 200_000, 200_000, 1 << 17
 
 CASE = """\
-case: 1
+case: 2
 robot: generic-6r
 {columns}
 preprocessing: {{filter: {{butterworth: {{cutoff_hz: 5}}}}, rate_hz: 200}}
@@ -133,7 +133,7 @@ def compared(folder):
     write_parquet(path, CHECKED_ROWS)
     how = Preprocessing(FILTERS.make("butterworth", cutoff_hz=5.0), rate_hz=200.0, trim_s=0.5, standstill=0.02)
     case = replace(read_case("generic-6r"), preprocessing=how)
-    ours = identify_digest(reduce_logs(case, [path]), "wls").beta
+    ours = identify_digest(reduce_logs(case.stream_setup(), [path]), "wls").beta
     whole = identify(case.model, [case.read(path)], "wls", how).beta
     return float(np.linalg.norm(ours - whole) / np.linalg.norm(whole))
 

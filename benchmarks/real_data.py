@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from dynident import identify, read_case, validate
-from dynident.experiment.case_file.split import Split
-from dynident.experiment.preprocessing import FILTERS
+from dynident.data.preprocessing import FILTERS
+from dynident.data.split import Split
 from dynident.model.friction import FRICTION
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"
@@ -27,7 +27,7 @@ RUNS = (
     ("panda", "first two thirds -> last third", {}),
     ("tx40", "rows 0:24750 -> 29250:45000, 50 Hz", {}),
     ("tx40", "rows 2500:29167 -> 29167:42500, 30 Hz", {
-        "split": Split.parse("rows:2500:29167,29167:42500"), "cutoff_hz": 30.0, "trim_s": 0.1, "delay_s": None,
+        "split": Split.parse("samples:2500:29167,29167:42500"), "cutoff_hz": 30.0, "trim_s": 0.1, "delay_s": None,
         "friction": ("degressive", "load"),
     }),
     ("ur10e", "seven runs -> two runs", {}),
@@ -59,8 +59,8 @@ def how_of(case, change):
 
 def moving_error(validation) -> float:
     """Return |residual| / |torque| over all joints and the rows in which they move."""
-    fits = [fit for fit in validation.moving if fit.rows and fit.relative_error > 0]
-    error = np.array([fit.rows * fit.rmse**2 for fit in fits])
+    fits = [fit for fit in validation.moving if fit.samples and fit.relative_error > 0]
+    error = np.array([fit.samples * fit.rmse**2 for fit in fits])
     torque = error / np.array([fit.relative_error for fit in fits]) ** 2
     return float(np.sqrt(error.sum() / torque.sum()))
 
@@ -81,7 +81,7 @@ def main() -> None:
         more = tuple(FRICTION.make(part) for part in change.get("friction") or ())
         model = replace(case.model, friction=(*case.friction, *more))
         for estimator in ("wls", "consistent"):
-            estimate = identify(model, train, estimator, how, case.columns, choose=choose)
+            estimate = identify(model, train, estimator, how, choose_friction=choose)
             found = validate(estimate, test) if test else None
             errors = " ".join(f"{fit.rmse_unfiltered:.3g}" for fit in (found or estimate.train).joints)
             held_out, moving = (

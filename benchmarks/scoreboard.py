@@ -46,14 +46,14 @@ def held_out(board: Mapping[str, Any]) -> str:
             return ""
         if result.get("failure"):
             return reasons.setdefault(result["failure"], f"({len(reasons) + 1})")
-        error = percent(result["held_out_error"])
+        error = percent(result["test_error"])
         star = "" if result["physically_consistent"] else "\\*"
-        return f"**{error}**{star}" if result["held_out_error"] == best else error + star
+        return f"**{error}**{star}" if result["test_error"] == best else error + star
 
     tables = []
     for start in range(0, len(sets), ABREAST):
         part = by_set[start : start + ABREAST]
-        best = [min(r["held_out_error"] for r in found.values() if not r.get("failure")) for found in part]
+        best = [min(r["test_error"] for r in found.values() if not r.get("failure")) for found in part]
         rows = [
             [f"`{method}`", *(cell(found.get(method), least) for found, least in zip(part, best, strict=True))]
             for method in methods
@@ -68,16 +68,16 @@ def beside_published(board: Mapping[str, Any]) -> str:
     """Return our best, weighted and consistent fit of each set that others have published figures of, and theirs."""
     rows = []
     for each in board["sets"]:
-        good = sorted((r for r in each["methods"] if not r.get("failure")), key=lambda r: r["held_out_error"])
+        good = sorted((r for r in each["methods"] if not r.get("failure")), key=lambda r: r["test_error"])
         if not good or not each["published"]:
             continue
         for result in [good[0], *(r for r in good[1:] if r["method"] in ("wls", "consistent"))]:
             spread = " ".join(f"{joint['rmse_unfiltered']:.3g}" for joint in result["joints"])
-            errors = (percent(result["held_out_error"]), percent(result["training_error"]))
+            errors = (percent(result["test_error"]), percent(result["training_error"]))
             rows.append([each["name"], f"`{result['method']}`", *errors, spread, ""])
         for figure in each["published"]:
             spread = " ".join(f"{value:.3g}" for value in figure["rmse_unfiltered"])
-            errors = (percent(figure["held_out_error"]), percent(figure["training_error"]))
+            errors = (percent(figure["test_error"]), percent(figure["training_error"]))
             rows.append([each["name"], f"{figure['who']} ({figure['source']})", *errors, spread, figure["remark"]])
     head = ["set", "who", "held-out error [%]", "training error [%]", "RMSE by joint, unfiltered", "remark"]
     return table(head, rows)

@@ -18,9 +18,9 @@ from scipy.optimize import differential_evolution
 from threadpoolctl import threadpool_limits
 
 from benchmarks.speed.rows.colony import article_problem
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.estimation.search.landscape import absolute_landscape, box_optimum, square_landscape
-from dynident.estimation.search.population import values
+from dynident.identification.estimators import ESTIMATORS
+from dynident.identification.search.landscape import absolute_landscape, box_optimum, square_landscape
+from dynident.identification.search.population import values
 from dynident.model.reduction import least_squares
 
 SEEDS = (0, 1, 2)

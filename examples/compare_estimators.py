@@ -9,7 +9,8 @@ does not, and here it predicts an unseen run better.
 import numpy as np
 
 import dynident
-from dynident.estimation.identify import estimate_of, pose
+from dynident.identification.build_problem import build_problem
+from dynident.identification.fit import fit
 from dynident.model.friction import Motion
 
 robot = dynident.read_robot("generic-6r")
@@ -30,12 +31,12 @@ def run(seconds: float, noise: float) -> dynident.Log:
 
 
 how = dynident.Preprocessing(dynident.FILTERS.make("as_given"), standstill=0.02)
-problem = pose(model, [run(seconds=4.0, noise=0.2)], how)
+problem = build_problem(model, [run(seconds=4.0, noise=0.2)], how)
 unseen = run(seconds=10.0, noise=0.0)
 
 print(f"{'estimator':12} {'training error':>15} {'unseen error':>13}  possible robot")
 for name in ("ols", "wls", "consistent"):
-    estimate = estimate_of(problem, dynident.ESTIMATORS.make(name))
+    estimate = fit(problem, dynident.ESTIMATORS.make(name))
     test = dynident.validate(estimate, [unseen])
     verdict = "yes" if estimate.consistency.consistent else f"no: {estimate.consistency.reasons[0]}"
     print(f"{name:12} {estimate.train.total_relative_error:15.2%} {test.total_relative_error:13.2%}  {verdict}")

@@ -10,11 +10,11 @@ controller believes what it is told and knows nothing of the true parameters.
 import numpy as np
 
 import dynident
-from dynident.estimation.compensation import parameters_of
-from dynident.experiment.simulation.cell import Cell
-from dynident.experiment.simulation.cell_simulation import simulate_cell
-from dynident.experiment.simulation.controllers import CONTROLLERS
-from dynident.experiment.simulation.effects import Effort, Encoder, Recorder
+from dynident.applications.compensation import parameters_of
+from dynident.simulation.cell import Cell
+from dynident.simulation.cell_simulation import simulate_cell
+from dynident.simulation.controllers import CONTROLLERS
+from dynident.simulation.effects import Effort, Encoder, Recorder
 
 robot = dynident.read_robot("generic-scara")
 model = dynident.DynamicModel(robot, tuple(dynident.FRICTION.make(name) for name in ("coulomb", "viscous")))

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import dynident
-from dynident.experiment.simulation.virtual_robot import Noise
+from dynident.simulation.virtual_robot import Noise
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 robot = dynident.read_robot("generic-scara")

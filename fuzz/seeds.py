@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.log import Log
+from dynident.data.log import Log
 from dynident.model.robot import Robot
 
 JOINTS = ("shoulder", "elbow")
@@ -58,7 +58,7 @@ DHS = (
     DH.replace("{alpha: 0, a: 0, d: 0, theta: 0}\n", "alpha: 0\n    a: 0.5\n    d: 0\n    theta: 0" + _LINK),
 )
 
-CASE = "case: 1\nrobot: arm.urdf\n"
+CASE = "case: 2\nrobot: arm.urdf\n"
 CASES = (
     CASE + "friction: [{coulomb: {width: 0.02}}, viscous, offset]\n",
     CASE + "train: [run.csv]\ntest: run.csv\nestimator: wls\n",
@@ -142,7 +142,7 @@ def case(folder: Path) -> list[Path]:
 
 def csv(folder: Path) -> list[Path]:
     """Write text tables of several dialects."""
-    from dynident.experiment.formats import write_log
+    from dynident.data.formats import write_log
 
     write_log(_log(), folder / "a.csv")
     text = (folder / "a.csv").read_text()
@@ -170,7 +170,7 @@ def twincat(folder: Path) -> list[Path]:
 
 def npz(folder: Path) -> list[Path]:
     """Write NumPy archives, packed and not."""
-    from dynident.experiment.formats import write_log
+    from dynident.data.formats import write_log
 
     log = _log()
     write_log(log, folder / "a.npz")
@@ -183,7 +183,7 @@ def parquet(folder: Path) -> list[Path]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    from dynident.experiment.formats import write_log
+    from dynident.data.formats import write_log
 
     log = _log()
     write_log(log, folder / "a.parquet")
@@ -272,10 +272,10 @@ def db3(folder: Path) -> list[Path]:
 
 def plan(folder: Path) -> list[Path]:
     """Write plans of two kinds of trajectory."""
-    from dynident.experiment.design.limits import MotionLimits, check_limits
-    from dynident.experiment.design.plan import Plan, write_plan
-    from dynident.experiment.trajectories.fourier import FourierSeries
-    from dynident.experiment.trajectories.rest_fourier import RestFourier
+    from dynident.excitation.design.limits import MotionLimits, check_limits
+    from dynident.excitation.design.plan import Plan, write_plan
+    from dynident.excitation.trajectories.fourier import FourierSeries
+    from dynident.excitation.trajectories.rest_fourier import RestFourier
 
     generator, none = np.random.default_rng(3), np.full(2, np.inf)
     free: Array = 0.1 * generator.normal(size=(2, 5))
@@ -297,8 +297,8 @@ def plan(folder: Path) -> list[Path]:
 
 def _cell(folder: Path) -> tuple[Any, Path]:
     """Return the case of the first joint alone: its files are the smallest."""
-    from dynident.experiment.case_file.case import read_case
-    from dynident.experiment.formats import write_log
+    from dynident.case.case import read_case
+    from dynident.data.formats import write_log
 
     (folder / "one.urdf").write_text(ONE)
     log = _log(130, 100.0)
@@ -307,14 +307,14 @@ def _cell(folder: Path) -> tuple[Any, Path]:
     write_log(Log(JOINTS[:1], log.time, log.q[:, :1], torque=log.torque[:, :1] + noise), folder / "run.npz")
     how = "friction: [viscous]\npreprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 25}"
     names = "log: {columns: {q: [q1], torque: [tau1]}}"
-    (folder / "case.yaml").write_text(f"case: 1\nrobot: one.urdf\n{names}\n{how}\n")
+    (folder / "case.yaml").write_text(f"case: 2\nrobot: one.urdf\n{names}\n{how}\n")
     return read_case(folder / "case.yaml"), folder / "run.npz"
 
 
 def estimate(folder: Path) -> list[Path]:
     """Write an estimate."""
-    from dynident.estimation.estimate_file import write_estimate
-    from dynident.estimation.identify import identify
+    from dynident.identification.files.estimate_file import write_estimate
+    from dynident.identification.identify import identify
 
     case, path = _cell(folder)
     write_estimate(identify(case.model, [case.read(path)], "wls", case.preprocessing), folder / "a.json")
@@ -323,11 +323,11 @@ def estimate(folder: Path) -> list[Path]:
 
 def triangles(folder: Path) -> list[Path]:
     """Write a triangle file."""
-    from dynident.estimation.streaming.reduction import reduce_logs
-    from dynident.estimation.streaming.triangle_file import write_digest
+    from dynident.identification.streaming.reduction import reduce_logs
+    from dynident.identification.streaming.triangle_file import write_digest
 
     case, path = _cell(folder)
-    write_digest(reduce_logs(case, [path]), folder / "a.tri")
+    write_digest(reduce_logs(case.stream_setup(), [path]), folder / "a.tri")
     return [folder / "a.tri"]
 
 

@@ -48,7 +48,7 @@ class Target:
     read: Read
     words: tuple[str, ...] = ()
     beside: Mapping[str, str] | None = None
-    instrument: tuple[str, ...] = ("dynident.experiment.formats",)
+    instrument: tuple[str, ...] = ("dynident.data.formats",)
     warm: Callable[[], None] | None = None
 
     def prepare(self, folder: Path, name: str) -> list[bytes]:
@@ -71,27 +71,27 @@ def _robot(path: Path) -> object:
 
 
 def _case(path: Path) -> object:
-    from dynident.experiment.case_file.case import read_case
+    from dynident.case.case import read_case
 
     return read_case(path).model
 
 
 @cache
 def _columns(**options: Any) -> Any:
-    from dynident.experiment.formats import ColumnMap
+    from dynident.data.formats import ColumnMap
 
     return ColumnMap(**options)
 
 
 def _log(path: Path) -> object:
-    from dynident.experiment.formats import read_log
+    from dynident.data.formats import read_log
 
     return read_log(path, _columns(optional=("dq", "torque")))
 
 
 def _blocks(path: Path) -> object:
     """Read whole or in blocks, as the content decides: both ways have to refuse damage by name."""
-    from dynident.experiment.formats import stream_log
+    from dynident.data.formats import stream_log
 
     if zlib.crc32(path.read_bytes()) % 2:
         return _log(path)
@@ -99,7 +99,7 @@ def _blocks(path: Path) -> object:
 
 
 def _bag(path: Path) -> object:
-    from dynident.experiment.formats import read_log
+    from dynident.data.formats import read_log
 
     q, torque = (tuple(f"{joint}.{word}" for joint in JOINTS) for word in ("position", "effort"))
     return read_log(path, _columns(joints=JOINTS, q=q, torque=torque))
@@ -146,32 +146,32 @@ def _define_once() -> None:
 
 
 def _scope(path: Path) -> object:
-    from dynident.experiment.formats import read_log
-    from dynident.experiment.formats.twincat_scope import TwincatScope
+    from dynident.data.formats import read_log
+    from dynident.data.formats.twincat_scope import TwincatScope
 
     return read_log(path, _columns(joints=("a",), q=("q1",), torque=("tau1",)), form=TwincatScope())
 
 
 def _plan(path: Path) -> object:
-    from dynident.experiment.design.plan import read_plan
+    from dynident.excitation.design.plan import read_plan
 
     return read_plan(path)
 
 
 def _estimate(path: Path) -> object:
-    from dynident.estimation.estimate_file import read_estimate
+    from dynident.identification.files.estimate_file import read_estimate
 
     return read_estimate(path)
 
 
 def _triangles(path: Path) -> object:
-    from dynident.estimation.streaming.triangle_file import read_digest
+    from dynident.identification.streaming.triangle_file import read_digest
 
     return read_digest(path)
 
 
 _MODEL = ("dynident.model.descriptions", "dynident.model.documents", "dynident.model.friction")
-_SAVED = ("dynident.estimation.saved_values", "dynident.experiment.preprocessing", *_MODEL)
+_SAVED = ("dynident.identification.files.saved_values", "dynident.data.preprocessing", *_MODEL)
 
 TARGETS: Mapping[str, Target] = {
     "urdf": Target(".urdf", "text", _robot, _XML, instrument=_MODEL),
@@ -183,7 +183,7 @@ TARGETS: Mapping[str, Target] = {
         _case,
         (*_YAML, "robot: dh.yaml", "prior: arm.urdf", "workspace: {}", "cell: {}", "friction: auto", "split: 0.5"),
         {"arm.urdf": ONE, "dh.yaml": DH, "other.yaml": CASE},
-        ("dynident.experiment.case_file", "dynident.experiment.preprocessing", *_MODEL),
+        ("dynident.case", "dynident.data.preprocessing", *_MODEL),
     ),
     "csv": Target(".csv", "text", _blocks, _TEXT),
     "twincat": Target(".csv", "text", _scope, _TEXT),
@@ -193,13 +193,13 @@ TARGETS: Mapping[str, Target] = {
     "bag1": Target(".bag", "bytes", _bag, warm=_define_once),
     "db3": Target(".db3", "bytes", _bag, warm=_define_once),
     "mcap": Target(".mcap", "bytes", _bag, warm=_define_once),
-    "plan": Target(".json", "json", _plan, instrument=("dynident.experiment.design.plan",)),
-    "estimate": Target(".json", "json", _estimate, instrument=("dynident.estimation.estimate_file", *_SAVED)),
+    "plan": Target(".json", "json", _plan, instrument=("dynident.excitation.design.plan",)),
+    "estimate": Target(".json", "json", _estimate, instrument=("dynident.identification.files.estimate_file", *_SAVED)),
     "triangles": Target(
         ".tri",
         "zip",
         _triangles,
-        instrument=("dynident.estimation.streaming.triangle_file", *_SAVED),
+        instrument=("dynident.identification.streaming.triangle_file", *_SAVED),
         warm=_header_once,
     ),
 }

@@ -3,7 +3,7 @@
 The whole default suite runs under coverage.py in parts, each in a process of its own; then the tests of ``INTERPRETED``
 with numba off, since machine code cannot be traced: they take the compiled functions as Python. What other processes
 run is not counted. A part is kept in build/branches until the package or its tests change, so that a run that was
-stopped goes on. Run: make coverage; what no test takes: python scripts/branches.py --missing estimation/search
+stopped goes on. Run: make coverage; what no test takes: python scripts/branches.py --missing identification/search
 """
 
 import argparse
@@ -27,7 +27,7 @@ FIGURES = ROOT / "docs" / "assets" / "branches.json"
 PAGE = ROOT / "docs" / "laws.md"
 BEGIN, END = "<!-- branches: begin (written by make coverage) -->", "<!-- branches: end -->"
 #: The core: what stands between a description and a log on one side and an estimate on the other.
-CORE = ("model", "experiment", "estimation")
+CORE = ("model", "data", "identification")
 #: Files of tests a part has at most.
 FILES = 10
 #: What is counted of the tests.
@@ -45,44 +45,44 @@ INTERPRETED = tuple(
             "test_blocks_are_the_columns_of_the_regressor",
             "test_mimic_joints_sum_their_links",
         ),
-        "experiment/test_zero_phase.py": (
+        "data/test_zero_phase.py": (
             "test_it_is_the_filter_of_scipy",
             "test_what_is_not_finite_stays_in_its_own_signal",
         ),
-        "experiment/test_smoothers.py": (
+        "data/test_smoothers.py": (
             "test_the_smoother_is_the_dense_least_squares_of_its_model_on_uneven_steps",
             "test_the_likelihood_is_largest_near_the_truth",
         ),
-        "experiment/test_clearance.py": (
+        "excitation/test_clearance.py": (
             "test_half_spaces_and_the_region_are_closed_forms",
             "test_parallel_and_crossing_segments",
             "test_the_bound_is_reached_by_an_arm_that_is_stretched_out",
         ),
-        "experiment/test_virtual_robot.py": (
+        "simulation/test_virtual_robot.py": (
             "test_the_compiled_loop_is_the_plain_loop",
             "test_torques_stop_at_the_effort_limits",
         ),
-        "experiment/simulation/test_virtual_cell.py": (
+        "simulation/test_virtual_cell.py": (
             "test_friction_fades_with_the_temperature",
             "test_a_cascade_is_its_loops",
             "test_a_delayed_torque_through_a_lagging_current_loop_is_that_of_the_law",
             "test_computed_torque_is_the_inverse_dynamics_of_what_is_believed",
             "test_an_integral_brings_the_arm_to_its_place_and_rests_at_the_limit",
         ),
-        "estimation/test_recursive.py": (
+        "identification/test_recursive.py": (
             "test_forgetting_weighs_samples_as_written_out",
             "test_rows_one_by_one_and_at_once_are_the_same",
             "test_a_window_is_least_squares_over_its_rows",
             "test_a_row_that_decides_nearly_all_leaves_and_the_rest_is_built_anew",
         ),
-        "estimation/test_swarm.py": (
+        "identification/test_swarm.py": (
             "test_a_search_takes_the_path_of_a_plain_loop",
             "test_three_others_are_three_others",
             "test_tournaments_are_won_by_the_better",
             "test_children_and_mutants_keep_to_the_box",
         ),
-        "estimation/test_simulating_limits.py": ("test_few_implicit_steps_find_what_explicit_ones_find",),
-        "estimation/test_abc.py": ("test_the_compiled_colony_is_the_plain_one",),
+        "identification/test_simulating_limits.py": ("test_few_implicit_steps_find_what_explicit_ones_find",),
+        "identification/test_abc.py": ("test_the_compiled_colony_is_the_plain_one",),
     }.items()
     for test in tests
 )

@@ -4,7 +4,7 @@ A mutant is the package with one comparison, sign, number, branch, bound or call
 the texts of errors are left alone. The tests are those that took the line in `make coverage`, which has to be run
 before, fastest first until they have lasted --limit seconds there. Each mutant runs in a fork that imports the package
 with the changed file. Results go to build/mutants.jsonl; what stands there is not run again.
-Run: python scripts/mutants.py --draw 50 --seed 1 model/base_parameters.py estimation/uncertainty
+Run: python scripts/mutants.py --draw 50 --seed 1 model/base_parameters.py identification/uncertainty
 """
 
 import argparse

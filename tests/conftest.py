@@ -13,8 +13,8 @@ import pytest
 from hypothesis import settings
 
 from dynident.arrays import Array
-from dynident.estimation.estimate import Estimate
-from dynident.experiment.log import Log
+from dynident.data.log import Log
+from dynident.identification.estimate.estimate import Estimate
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion

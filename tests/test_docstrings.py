@@ -6,6 +6,7 @@ import ast
 import importlib
 import inspect
 import pkgutil
+import re
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -15,24 +16,24 @@ from typing import Any
 import pytest
 
 import dynident
-from dynident.estimation.doctor import CHECKS
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.experiment.criteria import CRITERIA
-from dynident.experiment.formats import FORMATS
-from dynident.experiment.preprocessing import FILTERS
-from dynident.experiment.profiles import PROFILES
-from dynident.experiment.simulation.controllers import CONTROLLERS
-from dynident.experiment.trajectories import TRAJECTORIES
+from dynident.data.formats import FORMATS
+from dynident.data.preprocessing import FILTERS
+from dynident.data.profiles import PROFILES
+from dynident.diagnosis.checks import CHECKS
+from dynident.excitation.criteria import CRITERIA
+from dynident.excitation.trajectories import TRAJECTORIES
+from dynident.exports.models import MODEL_EXPORTERS
+from dynident.exports.motions import MOTION_EXPORTERS
+from dynident.identification.estimators import ESTIMATORS
 from dynident.model.descriptions.base import DESCRIPTIONS
 from dynident.model.friction import FRICTION
 from dynident.plugins import Family
-from dynident.results.exporters import EXPORTERS
-from dynident.results.model_exporters import MODEL_EXPORTERS
+from dynident.simulation.controllers import CONTROLLERS
 
 ROOT = Path(inspect.getfile(dynident)).parent
 FILES = sorted(ROOT.rglob("*.py"))
 FAMILIES: tuple[Family[Any], ...] = (
-    EXPORTERS,
+    MOTION_EXPORTERS,
     MODEL_EXPORTERS,
     ESTIMATORS,
     FORMATS,
@@ -161,3 +162,13 @@ def test_imports_are_absolute() -> None:
     for path, tree in trees():
         levels = [node.level for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
         assert not any(levels), path
+
+
+def test_the_command_line_and_the_studio_know_no_exporter_by_name() -> None:
+    """Names of packages, extras and formats of other things are no exporters: csv and json are read, too."""
+    names = {*MOTION_EXPORTERS.names(), *MODEL_EXPORTERS.names()} - {"csv", "json", "casadi", "fmu", "pinocchio"}
+    texts = [node.value for path, tree in trees() if path.startswith(("cli/", "studio/"))
+             for node in ast.walk(tree) if isinstance(node, ast.Constant)]  # fmt: skip
+    for script in (ROOT / "studio/static").glob("*.js"):
+        texts += re.findall(r"""["'`](\w+)["'`]""", script.read_text(encoding="utf-8"))
+    assert not names & {text for text in texts if isinstance(text, str)}

@@ -5,7 +5,7 @@ Blocks that are marked in the line of the three backticks are run in a folder wi
 read as a case, ``yaml robot`` as a robot, ``yaml refused`` compared with the message in the block after it.
 ``console run battery`` is left to `make test-all`, ``console real`` needs the folder of DYNIDENT_DATA. A comment
 ``<!-- run with: OPTIONS -->`` before a block makes its commands short, ``<!-- run before: COMMAND -->`` prepares them.
-``python tests/test_documentation.py`` writes the generated tables of docs/case-file.md anew.
+``python tests/test_documentation.py`` writes the generated tables of docs/ anew.
 """
 
 from __future__ import annotations
@@ -30,22 +30,29 @@ import pytest
 import yaml
 
 import dynident
+from dynident.api.estimate_output import summary
 from dynident.cli.main import main
+from dynident.data.formats.base import UNITS
+from dynident.data.preprocessing import FILTERS
 from dynident.errors import DescriptionError, DynidentError
-from dynident.estimation.comparison.difference import difference
-from dynident.estimation.estimate_file import summary
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.estimation.identify import estimate_of, pose, validate
-from dynident.experiment.formats.base import UNITS
-from dynident.experiment.preprocessing import FILTERS
+from dynident.exports.models import MODEL_EXPORTERS
+from dynident.exports.motions import MOTION_EXPORTERS
+from dynident.identification.build_problem import build_problem
+from dynident.identification.estimators import ESTIMATORS
+from dynident.identification.fit import fit
+from dynident.identification.uncertainty.trust import TrustOptions
+from dynident.identification.validate import validate
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.inertia import Inertia
 from dynident.plugins import Family
+from dynident.studies.comparison.difference import difference
 from two_joint_arm import URDF
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 GENERATED: dict[str, Family[Any]] = {"friction": FRICTION, "filters": FILTERS, "estimators": ESTIMATORS}
+EXPORTERS: dict[str, Family[Any]] = {"MOTION_EXPORTERS": MOTION_EXPORTERS, "MODEL_EXPORTERS": MODEL_EXPORTERS}
+WITH_TABLES = ("case-file.md", "exports.md", "model-exports.md")
 
 
 @dataclass(frozen=True)
@@ -322,19 +329,34 @@ def _written(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+def proofs_table(family: Family[Any]) -> str:
+    """Return the table of what each exporter writes, needs, and has compared, from its class variables."""
+    lines = ["| target | file | needs | compared when it is loaded again |", "|---|---|---|---|"]
+    for name in family.names():
+        part = family.get(name)
+        file = "a folder" if part.writes_folder else f"`{part.suffix}`"
+        needs = f"`pip install 'dynident[{part.extra}]'`" if part.extra else ""
+        lines.append("|" + "".join(f" {cell}".rstrip() + " |" for cell in (f"`{name}`", file, needs, part.proof)))
+    return "\n".join(lines)
+
+
 def with_generated_tables(text: str) -> str:
     """Return a page with the tables between its marks written anew."""
-    for name, family in GENERATED.items():
+    tables = {name: generated_table(family) for name, family in GENERATED.items()}
+    tables |= {f"proofs of {name}": proofs_table(family) for name, family in EXPORTERS.items()}
+    for name, table in tables.items():
         begin, end = f"<!-- generated: {name} -->\n", "<!-- generated: end -->"
-        head, _, rest = text.partition(begin)
+        head, found, rest = text.partition(begin)
         _, _, tail = rest.partition(end)
-        text = f"{head}{begin}\n{generated_table(family)}\n\n{end}{tail}"
+        text = f"{head}{begin}\n{table}\n\n{end}{tail}" if found else text
     return text
 
 
-def test_the_generated_tables_are_those_of_the_parts() -> None:
+@pytest.mark.parametrize("page", WITH_TABLES)
+def test_the_generated_tables_are_those_of_the_parts(page: str) -> None:
     """A part that is new, gone or changed shows on the page."""
-    text = (ROOT / "docs/case-file.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    assert text.count("<!-- generated: ") == 2 * (len(GENERATED) if page == "case-file.md" else 1)
     assert text == with_generated_tables(text), "run: python tests/test_documentation.py"
 
 
@@ -360,10 +382,10 @@ def test_every_key_of_the_json_is_documented(workshop: Path) -> None:
     """The documented keys are the produced ones, for every estimator."""
     case = dynident.read_case("robot.urdf")
     train, test = case.read("run.csv").split(0.6)
-    problem = pose(case.model, [train], case.preprocessing)
+    problem = build_problem(case.model, [train], case.preprocessing)
     tables = {name: rows_after("json-output.md", f"json: {name}") for name in ("estimate", "figures", "extras")}
     for name in ESTIMATORS.names():
-        estimate = estimate_of(problem, ESTIMATORS.make(name))
+        estimate = fit(problem, ESTIMATORS.make(name))
         produced = summary(estimate, validate(estimate, [test]))
         figures = set(names_in(tables["figures"]))
         assert set(keys_of(produced["test"])) == figures
@@ -389,7 +411,9 @@ def test_every_key_of_trust_is_documented(workshop: Path) -> None:
     """Extrapolation of a test, and diagnostics with a bootstrap."""
     case = dynident.read_case("robot.urdf")
     train, test = case.read("run.csv").split(0.6)
-    estimate = dynident.identify(case.model, [train], preprocessing=case.preprocessing, diagnose=True, bootstrap=40)
+    estimate = dynident.identify(
+        case.model, [train], preprocessing=case.preprocessing, trust=TrustOptions(diagnose=True, bootstrap=40)
+    )
     produced = summary(estimate, validate(estimate, [test]))
     for name in ("extrapolation", "diagnostics"):
         assert set(keys_of(produced[name])) == set(names_in(rows_after("json-output.md", f"json: {name}")))
@@ -410,7 +434,7 @@ def test_both_commands_print_one_object_with_the_documented_keys(
         assert main(arguments) == 0
         shown = capsys.readouterr()
         printed = json.loads(shown.out, parse_constant=_no_such_number)
-        assert set(printed) == documented
+        assert set(printed) == {"schema", *documented} and printed["schema"] == 2
         assert set(keys_of(printed["test"])) == set(names_in(rows_after("json-output.md", "json: figures")))
         assert shown.err == ""
 
@@ -435,5 +459,6 @@ def test_every_part_has_a_line_that_says_when_to_use_it(name: str) -> None:
 
 
 if __name__ == "__main__":
-    PAGE = ROOT / "docs/case-file.md"
-    PAGE.write_text(with_generated_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    for page in WITH_TABLES:
+        place = ROOT / "docs" / page
+        place.write_text(with_generated_tables(place.read_text(encoding="utf-8")), encoding="utf-8")

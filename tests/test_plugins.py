@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from dynident.errors import BadOption, UnknownChoice
 from dynident.model.friction import FRICTION
 from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.stribeck import Stribeck
 from dynident.plugins import Family
 
 _BASE = """
@@ -204,4 +205,4 @@ def test_texts_that_are_no_value(family: Family[object], name: str, text: str | 
 
 @given(st.floats(0, 1e300, exclude_min=True))
 def test_a_number_written_out_reads_back(value: float) -> None:
-    assert FRICTION.make_from_text("coulomb", {"width": repr(value)}) == Coulomb(value)
+    assert FRICTION.make_from_text("stribeck", {"velocity": repr(value)}) == Stribeck(velocity=value)

@@ -15,7 +15,7 @@ def test_the_tables_are_those_of_the_results() -> None:
 
 def test_failures_are_told_with_their_reason_and_the_best_stands_out() -> None:
     def result(method: str, error: float | None, why: str | None = None, possible: bool = True) -> dict[str, object]:
-        return {"method": method, "held_out_error": error, "failure": why, "physically_consistent": possible}
+        return {"method": method, "test_error": error, "failure": why, "physically_consistent": possible}
 
     methods = [
         result("a", 0.0123),

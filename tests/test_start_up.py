@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import io
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -13,9 +15,9 @@ import numpy as np
 import pytest
 
 import dynident
-from dynident.cli.main import COMMANDS, one_blas_thread_unless_stated
-from dynident.experiment.formats import write_log
-from dynident.experiment.log import Log
+from dynident.cli.main import COMMANDS, escape_unknown_characters, one_blas_thread_unless_stated
+from dynident.data.formats import write_log
+from dynident.data.log import Log
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
@@ -54,20 +56,24 @@ SLOW = ("numba", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpo
 #: What an identification alone does without besides: parts for few cases, and what has no place in one.
 NOT_FOR_ALL = (
     "scipy.sparse", "defusedxml.sax", "urllib.request", "jinja2", "rich.markdown", "matplotlib",
-    "dynident.estimation.consistency.barrier", "dynident.estimation.consistency.certificate",
-    "dynident.estimation.doctor", "dynident.estimation.monte_carlo", "dynident.estimation.streaming",
-    "dynident.estimation.simulated", "dynident.experiment.simulation", "dynident.model.kernels.generic",
+    "dynident.identification.consistency.barrier", "dynident.identification.consistency.certificate",
+    "dynident.diagnosis.checks", "dynident.studies.benchmark", "dynident.identification.streaming",
+    "dynident.identification.simulated.course", "dynident.simulation", "dynident.model.kernels.generic",
     "dynident.model.kernels.preconditioned", "dynident.results.report", "dynident.studio",
 )  # fmt: skip
 
 
-def test_the_usual_commands_load_nothing_slow(tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log]) -> None:
-    """From the description of an arm and its log to a report, in one process."""
+def write_arm_and_log(tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log]) -> None:
     model = DynamicModel(planar_2r, (FRICTION.make("viscous"),))
     assert planar_2r.nominal is not None
     log = exact_log(model, np.append(planar_2r.nominal, [0.3, 0.2]), noise=0.05, samples=1600, rate=200.0)
     write_log(Log(log.joints, log.time, log.q, torque=log.torque), tmp_path / "run.csv")
     (tmp_path / "arm.json").write_text(json.dumps(robot_to_dict(planar_2r)))
+
+
+def test_the_usual_commands_load_nothing_slow(tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log]) -> None:
+    """From the description of an arm and its log to a report, in one process."""
+    write_arm_and_log(tmp_path, planar_2r, exact_log)
     code = "\n".join(
         [
             "from dynident.cli.main import main",
@@ -101,6 +107,48 @@ def test_the_entry_point_exits_with_the_code() -> None:
     call = "import sys; from dynident.cli.main import entry_point; sys.argv = ['dynident', '--version']; entry_point()"
     done = subprocess.run([sys.executable, "-c", call], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, f"dynident {dynident.__version__}\n")
+
+
+def _with_encoding(encoding: str, words: list[str], folder: Path) -> subprocess.CompletedProcess[bytes]:
+    call = "from dynident.cli.main import entry_point; entry_point()"
+    variables = {**os.environ, "PYTHONIOENCODING": encoding}
+    command = [sys.executable, "-c", call, *words]
+    return subprocess.run(command, capture_output=True, check=False, cwd=folder, env=variables)
+
+
+def test_an_encoding_without_some_character(tmp_path: Path) -> None:
+    done = _with_encoding("ascii", ["inspect", "generic-scara"], tmp_path)
+    assert done.returncode == 0 and done.stderr == b""
+    assert b"gravity (0, 0, -9.81) m/s\\xb2" in done.stdout
+
+
+def test_what_a_user_states_for_unknown_characters_stays() -> None:
+    for errors, expected in (("strict", b"\\xb2"), ("surrogateescape", b"\\xb2"), ("replace", b"?")):
+        stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii", errors=errors)
+        escape_unknown_characters(stream)
+        stream.write("\xb2")
+        stream.flush()
+        assert stream.buffer.getvalue() == expected  # type: ignore[attr-defined]
+    for other in (None, io.StringIO()):  # no standard output, one of another kind
+        escape_unknown_characters(other)
+
+
+@pytest.mark.battery
+@pytest.mark.parametrize("encoding", ["cp1251", "cp932", "gbk", "ascii", "latin-1"])
+def test_exit_code_and_files_do_not_depend_on_the_encoding(
+    encoding: str, tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log]
+) -> None:
+    write_arm_and_log(tmp_path, planar_2r, exact_log)
+    answers = {}
+    for name in ("utf-8", encoding):
+        done = _with_encoding(name, "identify arm.json run.csv -o e.json --report e.html".split(), tmp_path)
+        assert done.returncode == 0, done.stderr
+        (tmp_path / "e.html").unlink()
+        estimate = json.loads((tmp_path / "e.json").read_text("utf-8"))
+        answers[name] = done.stdout.decode(name), estimate["theta"], estimate["covariance"], estimate["provenance"]
+    ours, utf8 = answers[encoding], answers["utf-8"]
+    assert ours[1:] == utf8[1:]
+    assert ours[0].splitlines() == utf8[0].encode(encoding, "backslashreplace").decode(encoding).splitlines()
 
 
 def test_every_name_at_the_front_door_is_there() -> None:

@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.faults.trials import RATE, VIRTUAL, virtual
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.identify import identify, validate
-from dynident.experiment.case_file.case import read_case
+from dynident.case.case import read_case
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.identify import identify
+from dynident.identification.validate import validate
 
 SAMPLES = (0.3, 0.5, 1.0, 2.0, 3.7, 5.0, 10.0, 20.0)
 

@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks.faults.effect import Reference, reference, smallest
 from benchmarks.faults.kinds import KINDS, Kind
 from benchmarks.faults.trials import Trial
-from dynident.estimation.doctor import Finding
-from dynident.estimation.doctor.base import SEVERITIES
+from dynident.diagnosis.checks import Finding
+from dynident.diagnosis.finding import SEVERITIES
 
 #: Multiples of the smallest strength that are tried.
 MULTIPLES = (1.0, 2.0, 4.0)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dynident.estimation.doctor import Examination, examine
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.identify import identify
-from dynident.experiment.case_file.case import Case, read_case
+from dynident.case.case import Case, read_case
+from dynident.diagnosis.checks import Examination, examine
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.identify import identify
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.experiment.trajectories.fourier import FourierSeries
+from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
 from dynident.model.parameters import to_pinocchio

@@ -8,11 +8,11 @@ import numpy as np
 
 from benchmarks.speed.arms import as_pinocchio, pinocchio_columns, ur10
 from dynident.arrays import Array
-from dynident.experiment.criteria import CRITERIA
-from dynident.experiment.design.design_problem import DesignProblem
-from dynident.experiment.design.limits import MotionLimits
-from dynident.experiment.design.observation import Observation
-from dynident.experiment.design.parametrisation import parametrise
+from dynident.excitation.criteria import CRITERIA
+from dynident.excitation.design.design_problem import DesignProblem
+from dynident.excitation.design.limits import MotionLimits
+from dynident.excitation.design.observation import Observation
+from dynident.excitation.design.parametrisation import parametrise
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion

@@ -24,9 +24,9 @@ from benchmarks.speed.machine import machine
 from benchmarks.speed.page import RESULTS, ROOT
 from benchmarks.speed.rows.identification import as_taken, noisy_log
 from benchmarks.speed.worker_schedule import measure as by_workers
-from dynident.estimation.observer import Observer
-from dynident.estimation.problem import make_problem
-from dynident.experiment.log import Log
+from dynident.data.log import Log
+from dynident.identification.problem.problem import make_problem
+from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
@@ -59,19 +59,19 @@ def _status(key: str) -> float:
 def by_samples() -> list[dict[str, Any]]:
     """Return time and memory against the number of samples; the last ones are cut where they would take too long."""
     model = DynamicModel(read_robot("generic-6r"), PARTS)
-    observer = Observer(model, base_parameters(model))
+    regressor = RegressorStream(model, base_parameters(model))
     found: list[dict[str, Any]] = []
     for samples in SAMPLES:
         if found and found[-1]["processor_s"] * samples / found[-1]["samples"] > CUT:
             return [*found, {"samples": samples, "cut": f"more than {CUT:g} s of the processor"}]
         prepared = as_taken(noisy_log(model, min(samples, PIECE)))
         mask = np.ones(prepared.log.q.shape, bool)
-        observer.triangles(as_taken(noisy_log(model, 2000)), mask[:2000])
+        regressor.triangles(as_taken(noisy_log(model, 2000)), mask[:2000])
 
         def work(pieces: int = max(1, samples // PIECE), given: Any = (prepared, mask)) -> None:
-            whole = observer.triangles(*given)
+            whole = regressor.triangles(*given)
             for _ in range(pieces - 1):
-                whole = tuple(a.merged([b]) for a, b in zip(whole, observer.triangles(*given), strict=True))
+                whole = tuple(a.merged([b]) for a, b in zip(whole, regressor.triangles(*given), strict=True))
 
         spent, memory = peak_beyond(work)
         found.append({"samples": samples, "processor_s": spent, "memory_mib": memory})
@@ -104,10 +104,10 @@ def by_joints() -> list[dict[str, Any]]:
         log = Log(model.robot.joint_names, np.arange(4000) / 1000, states.q, states.dq, states.ddq, torque)
         prepared, mask = as_taken(log), np.ones(states.q.shape, bool)
         began = time.process_time()
-        observer = Observer(model, base)
-        observer.triangles(as_taken(log.rows(slice(0, 1000), "cut")), mask[:1000])
+        regressor = RegressorStream(model, base)
+        regressor.triangles(as_taken(log.rows(slice(0, 1000), "cut")), mask[:1000])
         first = time.process_time() - began
-        spent, memory = peak_beyond(lambda o=observer, p=prepared, m=mask: o.triangles(p, m))
+        spent, memory = peak_beyond(lambda o=regressor, p=prepared, m=mask: o.triangles(p, m))
         point = {"joints": joints, "base_parameters": base.count, "base_s": based, "first_s": first}
         found.append(point | {"processor_s_per_sample": spent / 4000, "memory_mib": memory})
         print(found[-1], flush=True)

@@ -21,8 +21,8 @@ from typing import Any
 
 from benchmarks.readers import CASE
 from benchmarks.workers import write_logs
-from dynident.estimation.streaming.reduction import reduce_logs
-from dynident.experiment.case_file.case import Case, read_case
+from dynident.case.case import Case, read_case
+from dynident.identification.streaming.reduction import reduce_logs
 from dynident.workers.pool import Done, Pool, Tell, Work
 from dynident.workers.processes import Processes
 
@@ -120,7 +120,7 @@ def measure(logs: int = LOGS, rows: int = ROWS, rounds: int = ROUNDS) -> dict[st
         for _ in range(rounds):
             for workers, found in walls.items():
                 begun = time.perf_counter()
-                reduce_logs(case, names, pool=Processes(workers))
+                reduce_logs(case.stream_setup(), names, pool=Processes(workers))
                 found.append(time.perf_counter() - begun)
     plans = {logs: costs, MANY: costs.repeated(MANY)}
     return {
@@ -139,12 +139,12 @@ def measure(logs: int = LOGS, rows: int = ROWS, rounds: int = ROUNDS) -> dict[st
 
 def measured_costs(case: Case, names: Sequence[str]) -> Costs:
     """Return the times of the processor of all parts of a reduction; this process is warm behind its first log."""
-    reduce_logs(case, names[:1], pool=Recorder())
+    reduce_logs(case.stream_setup(), names[:1], pool=Recorder())
     recorder, begun = Recorder(), time.process_time()
-    reduce_logs(case, names, pool=recorder)
+    reduce_logs(case.stream_setup(), names, pool=recorder)
     after = time.process_time() - recorder.ended
     spent = resource.getrusage(resource.RUSAGE_CHILDREN)
-    reduce_logs(case, names[:2], pool=Processes(1))
+    reduce_logs(case.stream_setup(), names[:2], pool=Processes(1))
     whole = resource.getrusage(resource.RUSAGE_CHILDREN)
     worker = whole.ru_utime + whole.ru_stime - spent.ru_utime - spent.ru_stime
     start = max(worker - sum(recorder.tasks[:2]), 0.0)

@@ -8,30 +8,35 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dynident.api.compare import compare as compare
+    from dynident.api.estimate_output import write_estimate as write_estimate
+    from dynident.api.identify import identify as identify
+    from dynident.api.init import init as init
+    from dynident.api.validate import validate as validate
+    from dynident.case.case import Case as Case
+    from dynident.case.case import read_case as read_case
+    from dynident.data.formats import ColumnMap as ColumnMap
+    from dynident.data.formats import Units as Units
+    from dynident.data.formats import read_log as read_log
+    from dynident.data.formats import write_log as write_log
+    from dynident.data.log import Log as Log
+    from dynident.data.preprocessing import FILTERS as FILTERS
+    from dynident.data.preprocessing import Preprocessing as Preprocessing
+    from dynident.data.preprocessing import preprocess as preprocess
     from dynident.errors import DynidentError as DynidentError
-    from dynident.estimation.estimate import Estimate as Estimate
-    from dynident.estimation.estimate_file import read_estimate as read_estimate
-    from dynident.estimation.estimate_file import write_estimate as write_estimate
-    from dynident.estimation.estimators import ESTIMATORS as ESTIMATORS
-    from dynident.estimation.identify import identify as identify
-    from dynident.estimation.identify import validate as validate
-    from dynident.estimation.validation import Validation as Validation
-    from dynident.experiment.case_file.case import Case as Case
-    from dynident.experiment.case_file.case import read_case as read_case
-    from dynident.experiment.design.excitation import design_excitation as design_excitation
-    from dynident.experiment.design.limits import limits_of as limits_of
-    from dynident.experiment.design.plan import read_plan as read_plan
-    from dynident.experiment.design.plan import write_plan as write_plan
-    from dynident.experiment.formats import ColumnMap as ColumnMap
-    from dynident.experiment.formats import Units as Units
-    from dynident.experiment.formats import read_log as read_log
-    from dynident.experiment.formats import write_log as write_log
-    from dynident.experiment.log import Log as Log
-    from dynident.experiment.preprocessing import FILTERS as FILTERS
-    from dynident.experiment.preprocessing import Preprocessing as Preprocessing
-    from dynident.experiment.preprocessing import preprocess as preprocess
-    from dynident.experiment.simulation.virtual_robot import simulate as simulate
-    from dynident.experiment.trajectories.fourier import FourierSeries as FourierSeries
+    from dynident.excitation.design.excitation import design_excitation as design_excitation
+    from dynident.excitation.design.limits import limits_of as limits_of
+    from dynident.excitation.design.plan import read_plan as read_plan
+    from dynident.excitation.design.plan import write_plan as write_plan
+    from dynident.excitation.trajectories.fourier import FourierSeries as FourierSeries
+    from dynident.exports.models import MODEL_EXPORTERS as MODEL_EXPORTERS
+    from dynident.exports.models import export_model as export_model
+    from dynident.exports.motions import MOTION_EXPORTERS as MOTION_EXPORTERS
+    from dynident.exports.motions import export as export
+    from dynident.identification.estimate.estimate import Estimate as Estimate
+    from dynident.identification.estimate.validation import Validation as Validation
+    from dynident.identification.estimators import ESTIMATORS as ESTIMATORS
+    from dynident.identification.files.estimate_file import read_estimate as read_estimate
     from dynident.model.base_parameters import BaseParameters as BaseParameters
     from dynident.model.base_parameters import base_parameters as base_parameters
     from dynident.model.descriptions import read_robot as read_robot
@@ -41,36 +46,37 @@ if TYPE_CHECKING:
     from dynident.model.robot import Joint as Joint
     from dynident.model.robot import Link as Link
     from dynident.model.robot import Robot as Robot
-    from dynident.results.exporters import EXPORTERS as EXPORTERS
-    from dynident.results.exporters import export as export
-    from dynident.results.model_exporters import MODEL_EXPORTERS as MODEL_EXPORTERS
-    from dynident.results.model_exporters import export_model as export_model
     from dynident.results.report import write_report as write_report
+    from dynident.simulation.virtual_robot import simulate as simulate
 
 _HOMES = {
     "errors": ("DynidentError",),
-    "estimation.estimate": ("Estimate",),
-    "estimation.estimate_file": ("read_estimate", "write_estimate"),
-    "estimation.estimators": ("ESTIMATORS",),
-    "estimation.identify": ("identify", "validate"),
-    "estimation.validation": ("Validation",),
-    "experiment.case_file.case": ("Case", "read_case"),
-    "experiment.design.excitation": ("design_excitation",),
-    "experiment.formats": ("ColumnMap", "Units", "read_log", "write_log"),
-    "experiment.design.limits": ("limits_of",),
-    "experiment.log": ("Log",),
-    "experiment.design.plan": ("read_plan", "write_plan"),
-    "experiment.preprocessing": ("FILTERS", "Preprocessing", "preprocess"),
-    "experiment.trajectories.fourier": ("FourierSeries",),
-    "experiment.simulation.virtual_robot": ("simulate",),
+    "identification.estimate.estimate": ("Estimate",),
+    "identification.files.estimate_file": ("read_estimate",),
+    "api.compare": ("compare",),
+    "api.estimate_output": ("write_estimate",),
+    "api.identify": ("identify",),
+    "api.init": ("init",),
+    "api.validate": ("validate",),
+    "identification.estimators": ("ESTIMATORS",),
+    "identification.estimate.validation": ("Validation",),
+    "case.case": ("Case", "read_case"),
+    "excitation.design.excitation": ("design_excitation",),
+    "data.formats": ("ColumnMap", "Units", "read_log", "write_log"),
+    "excitation.design.limits": ("limits_of",),
+    "data.log": ("Log",),
+    "excitation.design.plan": ("read_plan", "write_plan"),
+    "data.preprocessing": ("FILTERS", "Preprocessing", "preprocess"),
+    "excitation.trajectories.fourier": ("FourierSeries",),
+    "simulation.virtual_robot": ("simulate",),
     "model.base_parameters": ("BaseParameters", "base_parameters"),
     "model.descriptions": ("read_robot",),
     "model.dynamic_model": ("DynamicModel",),
     "model.friction": ("FRICTION",),
     "model.inertia": ("Inertia",),
     "model.robot": ("Joint", "Link", "Robot"),
-    "results.exporters": ("EXPORTERS", "export"),
-    "results.model_exporters": ("MODEL_EXPORTERS", "export_model"),
+    "exports.motions": ("MOTION_EXPORTERS", "export"),
+    "exports.models": ("MODEL_EXPORTERS", "export_model"),
     "results.report": ("write_report",),
 }
 _HOME_OF = {name: f"dynident.{module}" for module, names in _HOMES.items() for name in names}

@@ -22,6 +22,36 @@ DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, Arithmeti
 #: The bit that Windows asks for, so that line ends are written as they are; 0 elsewhere.
 _BINARY = getattr(os, "O_BINARY", 0)
 
+#: Where files for some folders are written instead; empty but in the commands of a studio.
+_STAGED: dict[Path, Path] = {}
+
+
+def stage(folder: Path, store: Path) -> None:
+    """Let this process write the files for a folder into another one: who started it moves them, or removes them.
+
+    Args:
+        folder: The folder, without links in its path.
+        store: Where its files are written, on the same file system.
+    """
+    _STAGED[folder] = store
+
+
+def move_to_new_name(source: Path, target: Path) -> None:
+    """Move a finished file to a name that nothing has; what another process has written there stays.
+
+    Raises:
+        FileExistsError: Something has this name.
+    """
+    try:
+        os.link(source, target)  # fails where the name is taken, as replacing would not
+    except FileExistsError:
+        raise
+    except OSError:  # a file system without hard links
+        os.close(os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL))
+        os.replace(source, target)
+    else:
+        source.unlink()
+
 
 def write_atomically(path: str | os.PathLike[str], data: str | bytes) -> None:
     """Write a file so that a reader, or a crash half-way, sees the old content or the new, never a part.
@@ -33,7 +63,7 @@ def write_atomically(path: str | os.PathLike[str], data: str | bytes) -> None:
     """
     content = data.encode("utf-8") if isinstance(data, str) else data
     try:
-        target, mode = check_place(path)
+        target, mode = check_place(_place_of(path))
         partial = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.part")
         try:
             _write(partial, content, mode)
@@ -56,7 +86,7 @@ def check_place(path: str | os.PathLike[str]) -> tuple[Path, int | None]:
     Raises:
         FileError: The folder is missing, or the place is no ordinary file.
     """
-    target = Path(os.path.realpath(path))
+    target = resolved(path)
     if not target.parent.is_dir():
         raise FileError(path, f"there is no folder '{Path(path).parent}'", "create it or choose another place")
     return target, _mode_of(target, path)
@@ -137,6 +167,11 @@ def is_json_of(path: str | os.PathLike[str], kind: str) -> bool:
         return False
 
 
+def resolved(path: str | os.PathLike[str]) -> Path:
+    """Return the absolute path behind any links; a loop of links, which only opening refuses, stays as it is."""
+    return Path(os.path.realpath(path))
+
+
 def expanded(name: str) -> Path:
     """Return a path with ``~`` and ``~user`` replaced; as it is where nobody has such a home."""
     try:
@@ -154,8 +189,16 @@ def unreadable(path: str | os.PathLike[str], error: OSError) -> FileError:
     return FileError(path, f"cannot be read ({_reason(error)})", "check the path and its rights")
 
 
+def _place_of(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
+    """Return where a file for this place is written; a link there is not followed where that is a store."""
+    store = _STAGED.get(Path(os.path.realpath(Path(path).parent))) if _STAGED else None
+    return path if store is None else store / Path(path).name
+
+
 def _mode_of(target: Path, path: object) -> int | None:
     """Return the permission bits of an existing file, None where there is none yet."""
+    if target.is_symlink():
+        raise FileError(path, "this link leads to itself", "give the name of a file")
     if not target.exists():
         return None
     found = target.stat().st_mode

@@ -9,10 +9,11 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+import math
 import pkgutil
 import sys
 from collections.abc import Collection, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -27,24 +28,36 @@ Part = TypeVar("Part")
 
 @dataclass(frozen=True)
 class Option:
-    """A field of a part, as the command line and the documentation show it."""
+    """A field of a part, as the command line and the documentation show it; with its limits."""
 
     name: str
     kind: str
     default: Any
     help: str
+    least: float = -math.inf
+    most: float = math.inf
 
 
-def part_names(package: str) -> tuple[str, ...]:
+def bounded(default: float | None, *, least: float = -math.inf, most: float = math.inf) -> Any:
+    """Return a field of a part whose value has limits where the part is made by its name, as from a case file.
+
+    They stand far beyond all use: a count takes no more time or memory than a machine has, and a number none that
+    arithmetic cannot follow.
+    """
+    return field(default=default, metadata={"least": least, "most": most})
+
+
+def part_names(package: str, *rooms: str) -> tuple[str, ...]:
     """Return the names of the parts in a folder and in installed packages, sorted; no part is imported.
 
     Args:
         package: Dotted name of the folder, and of the group of entry points.
+        rooms: Further folders of the family; one may be absent.
 
     Raises:
         ModuleNotFoundError: There is no such folder.
     """
-    return _sorted(_in_folder(package), tuple(added(package)))
+    return _sorted(_in_folder(package), tuple(added(package)), *(_in_room(room) for room in rooms))
 
 
 @cache
@@ -76,6 +89,14 @@ def _in_folder(package: str) -> frozenset[str]:
     return _modules(tuple(places))
 
 
+def _in_room(package: str) -> frozenset[str]:
+    """Return the parts of a further folder of a family; none where the folder, or the room above it, is absent."""
+    try:
+        return _in_folder(package)
+    except ModuleNotFoundError:
+        return frozenset()
+
+
 @cache
 def _modules(places: tuple[str, ...]) -> frozenset[str]:
     found = (module.name for module in pkgutil.iter_modules(places) if not module.ispkg)
@@ -86,17 +107,22 @@ class Family(Generic[Part]):
     """The parts of one folder and of installed packages: file name = name in scripts, case files and commands.
 
     Attributes:
-        package: Dotted name of the folder.
+        package: Dotted name of the folder, and of the group of entry points.
         kind: The abstract base that every part of the family implements.
         noun: What one part is called in messages, such as ``"estimator"``.
+        rooms: Further folders of parts, in rooms that stand above the family's own; one may be absent.
     """
 
-    def __init__(self, package: str, kind: type[Part], noun: str) -> None:
-        self.package, self.kind, self.noun = package, kind, noun
+    def __init__(self, package: str, kind: type[Part], noun: str, rooms: tuple[str, ...] = ()) -> None:
+        self.package, self.kind, self.noun, self.rooms = package, kind, noun, rooms
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the parts, sorted; nothing is imported."""
-        return part_names(self.package)
+        return part_names(self.package, *self.rooms)
+
+    def place(self, name: str) -> str:
+        """Return the dotted name of the folder that has a part of the family's own."""
+        return next((room for room in self.rooms if name in _in_room(room)), self.package)
 
     def get(self, name: str) -> type[Part]:
         """Import the part called ``name`` and return its class.
@@ -111,14 +137,14 @@ class Family(Generic[Part]):
         points = added(self.package).get(name, ())
         if points:
             return self._added(points)
-        return _only_class(importlib.import_module(f"{self.package}.{name}"), self.kind)
+        return _only_class(importlib.import_module(f"{self.place(name)}.{name}"), self.kind)
 
     def make(self, choice: str | Part, **options: Any) -> Part:
         """Return a part from its name and options, or the part itself when one is given.
 
         Raises:
             UnknownChoice: No such part.
-            BadOption: The part has no such option.
+            BadOption: The part has no such option, or its value is beyond the limits.
             TypeError: Options beside a part that is made already.
         """
         if not isinstance(choice, str):
@@ -126,12 +152,15 @@ class Family(Generic[Part]):
                 raise TypeError(f"{choice!r} has its options already; {', '.join(options)} would be lost")
             return choice
         part = self.get(choice)
-        known = [option.name for option in self.options(choice)]
+        known = {option.name: option for option in self.options(choice)}
         for key, value in options.items():
             if key not in known:
                 step = f"the {self.noun} '{choice}' has the options: {', '.join(known) or 'none'}{nearest(key, known)}"
                 raise BadOption(key, value, step)
-        return part(**options)
+        made = part(**options)
+        for key, value in options.items():
+            _check_limits(known[key], value)
+        return made
 
     def make_from_text(self, choice: str, options: Mapping[str, str | None]) -> Part:
         """Return a part whose options are written as text, as in a case file or on the command line.
@@ -159,7 +188,7 @@ class Family(Generic[Part]):
         """Return the class of a part that an installed package adds."""
         name, module = points[0].name, points[0].value
         origin = f"the package '{points[0].dist.name}'" if points[0].dist else f"'{module}'"
-        if len(points) > 1 or name in _in_folder(self.package):
+        if len(points) > 1 or any(name in _in_room(room) for room in (self.package, *self.rooms)):
             modules = ", ".join(point.value for point in points)
             raise BrokenPart(self.noun, name, f"{modules} would take a name that is taken", "uninstall what adds it")
         if module.rsplit(".", 1)[-1] != name:
@@ -169,7 +198,7 @@ class Family(Generic[Part]):
             return _only_class(importlib.import_module(module), self.kind)
         except Exception as error:
             evidence = f"loading {module} ends with {type(error).__name__}: {error}"
-            raise BrokenPart(self.noun, name, evidence, f"mend or uninstall {origin}") from error
+            raise BrokenPart(self.noun, name, evidence, f"fix or uninstall {origin}") from error
 
 
 @cache
@@ -190,15 +219,28 @@ def _options(part: type[Any]) -> tuple[Option, ...]:
         return ()
     texts: dict[str, str] = {}
     for kind in reversed(part.__mro__):  # options that parts share are described where they come from
-        texts |= _attribute_lines(inspect.getdoc(kind) or "")
+        texts |= attribute_lines(inspect.getdoc(kind) or "")
     return tuple(
-        Option(f.name, str(f.type), None if f.default is MISSING else f.default, texts.get(f.name, ""))
+        Option(
+            f.name,
+            str(f.type),
+            None if f.default is MISSING else f.default,
+            texts.get(f.name, ""),
+            f.metadata.get("least", -math.inf),
+            f.metadata.get("most", math.inf),
+        )
         for f in fields(part)
         if f.init
     )
 
 
-def _attribute_lines(doc: str) -> dict[str, str]:
+def _check_limits(option: Option, value: Any) -> None:
+    if isinstance(value, int | float) and not option.least <= value <= option.most:
+        step = f"give {option.most:.10g} or less" if value > option.most else f"give {option.least:.10g} or more"
+        raise BadOption(option.name, value, step)
+
+
+def attribute_lines(doc: str) -> dict[str, str]:
     """Return the texts of the ``Attributes:`` block of a Google-style docstring."""
     texts: dict[str, str] = {}
     name = ""

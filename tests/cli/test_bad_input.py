@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from dynident.cli.main import main
 
+MEMORY_STEP = "raise its limit (ulimit -v), end other programs, or use fewer samples"
 URDF = """<?xml version="1.0"?>
 <robot name="arm">
   <link name="base"/>
@@ -161,3 +166,71 @@ def test_the_log_of_these_tests_is_sound(
     log.write_text(table(rows()), encoding="utf-8")
     assert main(["identify", str(arm()), str(log), "--quiet"]) == 0
     assert "physically consistent" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links of POSIX")
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("identify arm.urdf loop.csv", "loop.csv: cannot be read (too many levels of symbolic links); check"),
+        ("identify arm.urdf run.csv --test loop.csv", "loop.csv: cannot be read (too many levels of symbolic links); "),
+        ("identify loop.yaml run.csv", "loop.yaml: no such file; give a file"),
+        ("identify arm.urdf run.csv -o loop.json", "loop.json: this link leads to itself; give the name of a file"),
+        (
+            "identify arm.urdf run.csv --report loop.html",
+            "loop.html: this link leads to itself; give the name of a file",
+        ),
+        ("init arm.urdf loop.csv -o new.yaml", "loop.csv: cannot be read (too many levels of symbolic links); check"),
+        ("init arm.urdf run.csv -o loop.yaml --force", "loop.yaml: this link leads to itself; give the name of a file"),
+        ("reduce arm.urdf loop.csv -o all.tri", "loop.csv: cannot be read (too many levels of symbolic links); check"),
+        ("check arm.urdf loop.csv", "loop.csv: cannot be read (too many levels of symbolic links); check"),
+    ],
+)
+def test_loops_of_links(
+    words: str,
+    message: str,
+    arm: Callable[..., Path],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    arm()
+    (tmp_path / "run.csv").write_text(table(rows()), encoding="utf-8")
+    for ending in ("csv", "yaml", "json", "html"):
+        (tmp_path / f"loop.{ending}").symlink_to(f"loop.{ending}")
+    monkeypatch.chdir(tmp_path)
+    assert message in refused(words.split(), tmp_path, capsys)
+
+
+def test_too_little_memory_is_named(
+    arm: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As NumPy says it, as Python does, and as a library that does not load hides it."""
+    behind = OSError("lib.so: failed to map segment from shared object")
+    hidden = OSError("Could not find/load shared object file 'lib.so'")
+    hidden.__context__ = behind
+    not_loaded = ImportError("lib.so: failed to map segment from shared object")
+    for error, evidence in (
+        (MemoryError(), ""),
+        (MemoryError("Unable to allocate 3 GiB"), " (Unable to allocate 3 GiB)"),
+        (hidden, f" ({behind})"),
+        (not_loaded, f" ({not_loaded})"),
+    ):
+        monkeypatch.setattr("dynident.case.case.read_case", Mock(side_effect=error))
+        said = refused(["inspect", str(arm())], tmp_path, capsys)
+        assert said == f"error: there is not enough memory{evidence}; {MEMORY_STEP}"
+    monkeypatch.setattr("dynident.case.case.read_case", Mock(side_effect=ImportError("no lib.so")))
+    with pytest.raises(ImportError, match=r"no lib\.so"):  # an installation with a fault, which is no lack of memory
+        main(["inspect", str(arm())])
+
+
+@pytest.mark.battery
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="a limit of Linux")
+def test_a_limit_of_the_address_space(arm: Callable[..., Path], tmp_path: Path) -> None:
+    call = "import resource; resource.setrlimit(resource.RLIMIT_AS, (300_000 << 10,) * 2); "
+    call += "from dynident.cli.main import entry_point; entry_point()"
+    (tmp_path / "run.csv").write_text(table(rows()), encoding="utf-8")
+    command = [sys.executable, "-c", call, "identify", str(arm()), str(tmp_path / "run.csv"), "--quiet"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("error: there is not enough memory"), done.stderr

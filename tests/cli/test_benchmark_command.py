@@ -10,8 +10,8 @@ import pytest
 
 import dynident
 from dynident.cli.main import main
-from dynident.estimation.monte_carlo.possible_robots import described_truth
 from dynident.model.friction import Motion
+from dynident.studies.benchmark.possible_robots import described_truth
 from short_benchmark import benchmark_text
 
 MINE = benchmark_text("generic-scara", "[{coulomb: {width: 0.1}}, viscous]", draws=1)
@@ -26,7 +26,7 @@ def test_a_benchmark_goes_on_and_writes_its_page(tmp_path: Path, capsys: pytest.
     assert main([*command, "--html", str(tmp_path / "page.html"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["tasks"] == found["done"] == 4 and {row["method"] for row in found["rows"]} == {"ols", "wls"}
-    keys = {f"rows[].{key}" for key in found["rows"][0]} | {key for key in found if key != "rows"}
+    keys = {f"rows[].{key}" for key in found["rows"][0]} | {key for key in found if key not in ("schema", "rows")}
     for group in ("medians", "tails", "means"):
         keys |= {f"rows[].{group}.{key}" for key in found["rows"][0][group]} - {f"rows[].{group}"}
     assert documented("benchmark") == keys - {"rows[].medians", "rows[].tails", "rows[].means"}
@@ -67,7 +67,7 @@ def cases(tmp_path: Path) -> Path:
         "  - {name: second log, case: arm.yaml, test: b.csv, cutoff_hz: 10}\n"
         "  - {name: halves, case: arm.yaml, split: 'first:0.5', cutoff_hz: 10}\n"
         "  - {name: lost, case: other.yaml}\n"
-        "published:\n  - {set: halves, who: somebody, held_out_error: 0.5, source: a paper}\n"
+        "published:\n  - {set: halves, who: somebody, test_error: 0.5, source: a paper}\n"
     )
     return tmp_path
 
@@ -95,14 +95,14 @@ def test_the_scoreboard_has_sets_splits_and_published_figures(cases: Path, capsy
     assert lost["missing"] and not lost["methods"]
     for each in (second, halves):
         by_name = {method["method"]: method for method in each["methods"]}
-        assert 0 < by_name["wls"]["held_out_error"] < 0.2
-    assert halves["published"][0]["held_out_error"] == 0.5
+        assert 0 < by_name["wls"]["test_error"] < 0.2
+    assert halves["published"][0]["test_error"] == 0.5
 
 
 def test_a_run_that_is_stopped_says_so(
     cases: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from dynident.estimation.monte_carlo import runner
+    from dynident.studies.benchmark import runner
 
     def run_one(*given: Any, **options: Any) -> Iterator[Any]:
         yield next(iter(whole(*given, **options)))

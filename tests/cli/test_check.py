@@ -15,10 +15,11 @@ sys.path.append(str(Path(__file__).parents[2]))
 from benchmarks.faults import injections as put
 from benchmarks.faults.trials import virtual
 
+from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.estimation.estimate_file import write_estimate
-from dynident.experiment.case_file.case import default_preprocessing, read_case
-from dynident.experiment.formats import read_log
+from dynident.data.formats import read_log
+from dynident.data.preprocessing import default_preprocessing
+from dynident.identification.files.estimate_file import write_estimate
 
 
 def recorded(path: Path, torque_sign: float = 1.0) -> np.ndarray:
@@ -60,7 +61,7 @@ def test_json_is_one_object(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     doubled(log)
     assert main(["check", "generic-scara", str(log), "--json"]) == 1
     found = json.loads(capsys.readouterr().out)
-    assert found["robot"] and found["sound"] is False and found["mends"] is None
+    assert found["robot"] and found["sound"] is False and found["fixes"] is None
     (one,) = found["logs"]
     assert {"repeated rows", "rows out of order"} <= {finding["name"] for finding in one["findings"]}
     assert set(one["findings"][0]) == {"severity", "name", "joint", "evidence", "remedy", "numbers"}

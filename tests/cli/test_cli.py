@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dynident.case.case import read_case
 from dynident.cli.list_parts import FAMILIES
 from dynident.cli.main import COMMANDS, main
-from dynident.estimation.estimate_file import read_estimate
-from dynident.experiment.case_file.case import read_case
-from dynident.experiment.formats import write_log
-from dynident.experiment.log import Log
+from dynident.data.formats import write_log
+from dynident.data.log import Log
+from dynident.identification.files.estimate_file import read_estimate
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
@@ -108,7 +108,7 @@ def test_stopped_by_the_user(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("dynident.experiment.case_file.case.read_case", stop)
+    monkeypatch.setattr("dynident.case.case.read_case", stop)
     assert main(["inspect", "arm.json"]) == 130
     assert capsys.readouterr().err == "stopped\n"
 
@@ -118,8 +118,8 @@ def test_identify_prints_tables_and_tells_progress_apart(capsys: Capture) -> Non
     out, err = capsys.readouterr()
     assert "12 base parameters (6 inertial)" in out and "Izz[link1] + 0.25 m[link2]" in out
     assert "estimator consistent; filter " in out and "physically consistent: yes" in out
-    assert "fit on the training data: total relative error" in out
-    assert "on test data not used in the fit: total relative error" in out
+    assert "training data: total relative error" in out
+    assert "test data: total relative error" in out
     assert all(line.startswith("  ") for line in err.splitlines()) and "estimator consistent" in err
     assert "\x1b" not in out + err  # no colours in a pipe
 
@@ -242,7 +242,7 @@ def test_from_estimate_to_validation_and_report(capsys: Capture, tmp_path: Path)
     assert part["test"]["samples"] < 0.6 * data["test"]["samples"]
     assert main(["validate", saved, "other.csv", "third.csv", "--report", str(tmp_path / "v.html")]) == 0
     out, err = capsys.readouterr()
-    assert "total relative error" in out and "moving rows only" in out and "validating" in err
+    assert "total relative error" in out and "moving samples only" in out and "validating" in err
     assert main(["report", saved, "--test", "other.csv", "-o", str(tmp_path / "again.html"), "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")
     assert (tmp_path / "again.html").stat().st_size > 10_000 and (tmp_path / "v.html").exists()
@@ -285,9 +285,9 @@ def test_inspect_tells_what_hardly_shows(planar_2r: Robot, tmp_path: Path, capsy
         data["base_parameters"]
     )
     assert all(1e-5 < entry["share"] < 1e-3 for entry in weak) and 0 < data["neglected_share"] < 1e-5
-    assert "hardly identifiable: axes are nearly, but not exactly, parallel" in out
-    assert all(entry["name"] in out.split("hardly identifiable")[1] for entry in weak)
-    assert "taken for rounding: combinations that move the torque by a share of" in out
+    assert "weakly identifiable parameters: axes are nearly, but not exactly, parallel" in out
+    assert all(entry["name"] in out.split("weakly identifiable")[1] for entry in weak)
+    assert "neglected as rounding: combinations that change the torque by a share of" in out
     clear = answered_json(capsys, "inspect", "arm.json", "--friction")
     assert clear["weakly_identifiable"] == [] and clear["neglected_share"] == 0
 
@@ -296,7 +296,7 @@ def test_list(capsys: Capture) -> None:
     out = answered(capsys, "list")
     assert all(family in out for family in FAMILIES)
     data = answered_json(capsys, "list")
-    assert set(data) == set(FAMILIES)
+    assert set(data) == {"schema", *FAMILIES}
     (coulomb,) = [part for part in data["friction"] if part["name"] == "coulomb"]
     assert {"name": "width", "default": 0.02}.items() <= coulomb["options"][-1].items()
     assert {"abc", "consistent", "ols", "wls"} <= {part["name"] for part in data["estimators"]}
@@ -346,7 +346,7 @@ def test_demo_leaves_files_that_the_other_commands_take(
 UNUSABLE = [
     (["identify", "arm.json"], "LOG = '' is not possible; name a log on the command line, or under train:"),
     (["identify", "arm.json", "no.csv"], "no.csv: there is no such file; check the path"),
-    (["identify", "no.yaml", "run.csv"], "no.yaml: no such file; give a file, or a robot that ships"),
+    (["identify", "no.yaml", "run.csv"], "no.yaml: no such file; give a file, or a built-in example robot"),
     (["identify", "arm.json", "run.csv", "--test", "no.csv"], "no.csv: there is no such file; check the path"),
     (["identify", "arm.json", "run.csv", "--estimator", "wsl"], "no estimator called 'wsl'; choose one of"),
     (["identify", "arm.json", "run.csv", "--option", "pull"], "--option = 'pull' is not possible; write key=value"),
@@ -358,7 +358,7 @@ UNUSABLE = [
     (["identify", "arm.json", "run.csv", "--friction", "coulom"], "no friction model called 'coulom'; choose one of"),
     (["identify", "arm.json", "run.csv", "--friction", "coulomb", "coulomb"], "the coefficient Fc is there twice"),
     (["identify", "arm.json", "run.csv", "--split", "third"], "split = 'third' is not possible; write first:0.67"),
-    (["identify", "arm.json", "run.csv", "--split", "rows:0:9,9:9999"], "run.csv: 2400 rows, the split wants 9999"),
+    (["identify", "arm.json", "run.csv", "--split", "rows:0:9,9:9999"], "run.csv: 2400 rows, the split ends at 9999"),
     (["identify", "arm.json", "run.csv", "--cutoff", "-1"], "cutoff_hz = -1.0 is not possible; give a frequency"),
     (["identify", "arm.json", "run.csv", "--cutoff", "500"], "run.csv: 200 samples a second cannot carry a cut-off"),
     (["identify", "arm.json", "run.csv", "--rate", "often"], "rate = 'often' is not possible; give rows a second"),
@@ -369,8 +369,8 @@ UNUSABLE = [
     (["validate", "arm.json", "run.csv"], "arm.json: no estimate; give a file that 'dynident identify -o' has written"),
     (["report", "arm.json"], "arm.json: no estimate; give a file that 'dynident identify -o' has written"),
     (["inspect", "run.csv"], "run.csv: a file that ends with '.csv' is not known"),
-    (["inspect", "."], ".: it is a folder; give the file of the robot description in it"),
-    (["inspect", "generic-7"], "generic-7: no such file; give a file, or a robot that ships"),
+    (["inspect", "."], ".: it is a folder; give the robot model file in it"),
+    (["inspect", "generic-7"], "generic-7: no such file; give a file, or a built-in example robot"),
     (["init", "arm.json", "no.csv", "-o", "new.yaml"], "no.csv: there is no such file; check the path"),
     (["demo", "--seed", "-1", "--out", "never"], "--seed = -1 is not possible; give 0 or more"),
     (["demo", "--out", "run.csv/demo"], "run.csv/demo: cannot be made (Not a directory); choose another folder"),
@@ -427,8 +427,9 @@ def test_a_log_of_the_fit_is_no_test(capsys: Capture, tmp_path: Path) -> None:
     assert main(["identify", "arm.json", "run.csv", "-o", saved, "--quiet"]) == 0
     capsys.readouterr()
     found = answered_json(capsys, "validate", saved, "run.csv")
-    assert found["warnings"][0] == "run.csv: the fit has seen this log, so the figures flatter the model"
-    assert not any("has seen" in text for text in answered_json(capsys, "validate", saved, "other.csv")["warnings"])
+    assert found["warnings"][0] == "run.csv: this log was used for training, so its metrics are optimistic"
+    warnings = answered_json(capsys, "validate", saved, "other.csv")["warnings"]
+    assert not any("used for training" in text for text in warnings)
     for words in (["validate", saved, "run.csv", "--report", "r.html"], ["report", saved, "--test", "run.csv"]):
         assert main([*words, "--quiet"]) == 1
-        assert "error: run.csv: the fit has seen this log; test on another log" in capsys.readouterr().err
+        assert "error: run.csv: the log is among the training logs; test on another log" in capsys.readouterr().err

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynident.cli.compare import methods_from, split_names
+from dynident.api.compare import methods_of, split_names
+from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.estimation.estimate_file import write_estimate
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.identify import identify
-from dynident.estimation.problem import Problem
-from dynident.experiment.case_file.case import read_case
-from dynident.experiment.formats import write_log
-from dynident.experiment.log import Log
+from dynident.data.formats import write_log
+from dynident.data.log import Log
+from dynident.identification.estimators import ESTIMATORS
+from dynident.identification.estimators.wls import WLS
+from dynident.identification.files.estimate_file import write_estimate
+from dynident.identification.identify import identify
+from dynident.identification.problem.problem import Problem
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
@@ -79,6 +79,7 @@ def test_json_is_documented_and_true(capsys: Capture) -> None:
     assert main(["compare", "case.yaml", "--estimators", "wls,map", "--truth", "true.json", "--json"]) == 0
     shown, said = capsys.readouterr()
     data: dict[str, Any] = json.loads(shown)
+    assert data.pop("schema") == 2
     page = (Path(__file__).resolve().parents[2] / "docs/json-output.md").read_text(encoding="utf-8")
     _, _, rest = page.partition("<!-- json: compare -->\n\n")
     documented = [line.split("`")[1] for line in rest.split("\n\n")[0].splitlines()[2:]]
@@ -94,8 +95,8 @@ def test_json_is_documented_and_true(capsys: Capture) -> None:
     np.testing.assert_array_equal(first["values"], estimate.beta)
     assert [parameter["name"] for parameter in data["base_parameters"]] == list(estimate.base.names)
     assert 0 < first["parameter_error"] < 0.05 and [joint["name"] for joint in first["joints"]] == ["joint1", "joint2"]
-    assert first["as_the_best"] is True and 0 < data["truth_error"] < 2 * first["held_out_error"]
-    assert failed["failure"] and failed["held_out_error"] is None and failed["values"] == []
+    assert first["as_the_best"] is True and 0 < data["truth_error"] < 2 * first["test_error"]
+    assert failed["failure"] and failed["test_error"] is None and failed["values"] == []
     assert data["stopped"] is False
 
 
@@ -146,12 +147,12 @@ def test_names_and_options_are_told_apart() -> None:
     ]
     assert split_names("tls:exact=[a,b],wls") == ["tls:exact=[a,b]", "wls"]
     case = read_case("case.yaml")
-    found = {method.label: method.part for method in methods_from(case, "all,huber:bound=3,wls", seed=5)}
+    found = {method.label: method.part for method in methods_of(case, "all,huber:bound=3,wls", seed=5)}
     assert list(found) == [*ESTIMATORS.names(), "huber:bound=3"]
     assert found["wls"] == WLS() and found["huber"] == ESTIMATORS.make("huber", bound=2.0)  # as the case states
     assert found["huber:bound=3"] == ESTIMATORS.make("huber", bound=3.0)
     assert found["abc"] == ESTIMATORS.make("abc", seed=5)
-    (stated,) = methods_from(case, "abc:seed=7", seed=5)
+    (stated,) = methods_of(case, "abc:seed=7", seed=5)
     assert stated.part == ESTIMATORS.make("abc", seed=7)
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from dynident.cli.completion import SHELLS, completion
 from dynident.cli.main import COMMANDS, build_parser, main
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.experiment.criteria import CRITERIA
-from dynident.results.exporters import EXPORTERS
+from dynident.excitation.criteria import CRITERIA
+from dynident.exports.motions import MOTION_EXPORTERS
+from dynident.identification.estimators import ESTIMATORS
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def test_bash_offers_commands_options_and_parts(script: str) -> None:
     assert _offered(script, "compare", "--estimators", "c") == {n for n in ESTIMATORS.names() if n.startswith("c")}
     assert "all" in _offered(script, "compare", "--estimators", "")
     assert _offered(script, "excite", "er16", "--criterion", "") == set(CRITERIA.names())
-    assert set(EXPORTERS.names()) | {"urdf"} <= _offered(script, "export", "plan.json", "--to", "")
+    assert set(MOTION_EXPORTERS.names()) | {"urdf"} <= _offered(script, "export", "plan.json", "--to", "")
     assert "auto" in _offered(script, "identify", "case.yaml", "--friction", "")
     assert "auto" not in _offered(script, "excite", "case.yaml", "--friction", "")
     assert {"--port", "--work", "--no-browser"} <= _offered(script, "studio", "--")

@@ -31,6 +31,12 @@ def test_the_work_goes_on_when_nobody_reads_the_answer(broken: TextIO, monkeypat
     broken.write("no error any more")
 
 
+def test_every_object_begins_with_the_version_of_its_keys(capsys: pytest.CaptureFixture[str]) -> None:
+    console.answer_json({"b": 1})
+    console.answer_line({"b": 1})
+    assert capsys.readouterr().out == '{\n "schema": 2,\n "b": 1\n}\n{"schema": 2, "b": 1}\n'
+
+
 def test_the_work_goes_on_when_nobody_reads_its_progress(broken: TextIO, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", broken)
     with console.progress(2) as progress:

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.estimation.estimate_file import read_estimate
-from dynident.experiment.case_file.case import read_case
-from dynident.experiment.design.plan import read_plan
-from dynident.experiment.formats import write_log
-from dynident.experiment.log import Log
-from dynident.experiment.simulation.virtual_robot import Noise, simulate
+from dynident.data.formats import write_log
+from dynident.data.log import Log
+from dynident.excitation.design.plan import read_plan
+from dynident.identification.files.estimate_file import read_estimate
+from dynident.simulation.virtual_robot import Noise, simulate
 from two_joint_arm import URDF
 
 QUICK = ["--starts", "1", "--harmonics", "3", "--period", "6"]
@@ -53,12 +53,12 @@ def test_tables_plan_and_samples(robot: str, capsys: pytest.CaptureFixture[str])
 def test_json_is_the_plan(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["excite", robot, *QUICK, "--json", "-o", "plan.json", "--criterion", "condition"]) == 0
     shown, said = capsys.readouterr()
-    assert json.loads(shown) == json.loads(Path("plan.json").read_text())
+    assert json.loads(shown) == {"schema": 2, **json.loads(Path("plan.json").read_text())}
     assert said == ""
     page = Path(__file__).parents[2] / "docs" / "json-output.md"
     _, _, table = page.read_text(encoding="utf-8").partition("<!-- json: excite -->\n\n")
     documented = [line.split("`")[1].removesuffix("[]") for line in table.split("\n\n")[0].splitlines()[2:]]
-    data = json.loads(shown)
+    data = json.loads(Path("plan.json").read_text())
     inner = {"check": data.pop("check"), "settings": data.pop("settings")}
     inner["settings.outlook"] = inner["settings"].pop("outlook")
     assert sorted(documented) == sorted([*data, *(f"{name}.{key}" for name, part in inner.items() for key in part)])
@@ -105,7 +105,7 @@ def test_what_to_record_next(robot: str, capsys: pytest.CaptureFixture[str]) -> 
     assert "noise: residuals of estimate.json; torque limits: estimate.json, 2 sigmas free" in shown
     # two periods of 6 s, at the rows a second that the estimate's noise is of
     rows = 12 * float(str(read_estimate("estimate.json").train.filter["rate_hz"]))
-    assert f"Expected from {rows:.0f} independent rows of each joint, " in shown
+    assert f"Expected from {rows:.0f} independent samples of each joint, " in shown
     assert "known before: estimate.json." in shown
     speed = next(line.split() for line in shown.splitlines() if line.split()[1:3] == ["tool", "speed"])
     assert speed[4] == "1.5" and float(speed[6]) <= 100.0

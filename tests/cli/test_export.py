@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from dynident.cli.main import main
-from dynident.experiment.design.limits import MotionLimits, check_limits
-from dynident.experiment.design.plan import Plan, write_plan
-from dynident.experiment.trajectories.rest_fourier import RestFourier
-from dynident.results.exporters import EXPORTERS
+from dynident.excitation.design.limits import MotionLimits, check_limits
+from dynident.excitation.design.plan import Plan, write_plan
+from dynident.excitation.trajectories.rest_fourier import RestFourier
+from dynident.exports.motions import MOTION_EXPORTERS
 
 Capture = pytest.CaptureFixture[str]
 
@@ -63,7 +63,7 @@ def test_json_is_documented_and_true(plan: Plan, capsys: Capture) -> None:
     assert main(["export", "plan.json", "--to", "rapid", "-o", "m.mod", "--json"]) == 0
     shown, said = capsys.readouterr()
     data = json.loads(shown)
-    assert said == "" and set(data) == documented and data["files"] == ["m.mod"]
+    assert said == "" and set(data) == {"schema", *documented} and data["files"] == ["m.mod"]
     assert data["rows"][0] | {"value": 0, "time": 0, "used": 0} == {
         "joint": "a", "quantity": "position", "unit": "rad", "value": 0, "limit": data["rows"][0]["limit"],
         "time": 0, "used": 0,
@@ -115,9 +115,13 @@ def test_a_plan_changed_by_hand_is_refused(plan: Plan, capsys: Capture) -> None:
 
 
 def test_the_list_has_all_exporters(capsys: Capture) -> None:
-    assert main(["list", "exporters"]) == 0
+    assert main(["list", "motion_exporters"]) == 0
     shown = capsys.readouterr().out
-    assert all(f"\n  {name} " in shown for name in EXPORTERS.names()) and "lookahead (float, default 0.1)" in shown
+    assert (
+        all(f"\n  {name} " in shown for name in MOTION_EXPORTERS.names()) and "lookahead (float, default 0.1)" in shown
+    )
     page = (Path(__file__).resolve().parents[2] / "docs/exports.md").read_text(encoding="utf-8")
-    _, _, rest = page.partition("<!-- parts: exporters -->")
-    assert sorted(re.findall(r"^\| `(\w+)`", rest.partition("\n## ")[0], re.MULTILINE)) == list(EXPORTERS.names())
+    _, _, rest = page.partition("<!-- parts: motion_exporters -->")
+    assert sorted(re.findall(r"^\| `(\w+)`", rest.partition("\n## ")[0], re.MULTILINE)) == list(
+        MOTION_EXPORTERS.names()
+    )

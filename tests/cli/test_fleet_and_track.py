@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.estimation.estimate_file import read_estimate
-from dynident.experiment.case_file.case import read_case
-from dynident.experiment.formats import write_log
-from dynident.experiment.log import Log
+from dynident.data.formats import write_log
+from dynident.data.log import Log
+from dynident.identification.files.estimate_file import read_estimate
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.friction import Motion
 from dynident.model.robot import Robot
@@ -74,8 +74,8 @@ def test_a_fleet_is_written_as_estimates_that_other_commands_take(capsys: Captur
     files = [f"r{k}.json" for k in range(5)]
     assert main(["fleet", *files, "-o", str(tmp_path), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert set(printed) == documented("fleet")
-    assert printed["out"] == ["r4"] and printed["robots"][4]["furthest"]["parameter"] == "Fc[joint2]"
+    assert set(printed) == {"schema", *documented("fleet")}
+    assert printed["outliers"] == ["r4"] and printed["robots"][4]["furthest"]["parameter"] == "Fc[joint2]"
     saved = json.loads((tmp_path / "fleet.json").read_text())
     assert saved["kind"] == "dynident fleet" and saved["robots"] == printed["robots"]
     one = read_estimate(tmp_path / "r1.json")
@@ -94,7 +94,7 @@ def test_triangles_are_robots_too(capsys: Capture, tmp_path: Path) -> None:
     capsys.readouterr()
     assert main(["fleet", tri, "r1.json", "r2.json", "r3.json", "-o", str(tmp_path / "out"), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert [one["from"] for one in printed["robots"]] == ["triangles", "estimate", "estimate", "estimate"]
+    assert [one["from"] for one in printed["robots"]] == ["QR factors", "estimate", "estimate", "estimate"]
     found, own = read_estimate(tmp_path / "out" / "r0.json"), read_estimate("r0.json")
     assert np.all(np.abs(found.beta - own.beta) < 3.0 * own.deviations)
     assert found.train.samples == own.train.samples
@@ -120,11 +120,11 @@ def test_track_names_what_changed_and_writes_the_course(capsys: Capture, tmp_pat
     course = str(tmp_path / "course.csv")
     assert main(["track", "r0.json", "stuck.csv", "--memory", "5", "-o", course, "--json"]) == 1
     printed = json.loads(capsys.readouterr().out)
-    assert set(printed) == documented("track")
+    assert set(printed) == {"schema", *documented("track")}
     event = printed["events"][0]
     assert (event["kind"], event["owner"]) == ("friction", "joint2") and 10.0 <= event["time"] <= 11.5
     rows = np.genfromtxt(course, delimiter=",", skip_header=1)
-    assert rows.shape == (printed["looks"], 1 + 2 * len(printed["parameters"]))
+    assert rows.shape == (printed["evaluations"], 1 + 2 * len(printed["parameters"]))
     assert rows[-1, 1] == pytest.approx(printed["parameters"][0]["value"], rel=1e-8)
     assert main(["track", "r0.json", "run0.csv", "--memory", "5", "--quiet"]) == 0
     assert "nothing changed at once" in capsys.readouterr().out

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from dynident.cli.main import main
-from dynident.experiment.formats import write_log
-from dynident.experiment.log import Log
+from dynident.data.formats import write_log
+from dynident.data.log import Log
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
@@ -34,7 +34,7 @@ def files(tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log]) -> tu
 def test_tables_of_what_was_found(files: tuple[str, str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["identify", *files, "--friction", "auto", "--delay", "auto", "--quiet"]) == 0
     out = capsys.readouterr().out
-    assert "Delay of the torque behind the positions" in out and "Friction chosen joint by joint" in out
+    assert "Time delay between torque and position signals" in out and "Friction model selection by joint" in out
     assert re.search(r"joint2 +\+ coulomb \(width 0\.\d+\) \+ viscous .* up to here", out)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from dynident import DynamicModel, FourierSeries, Inertia, Log, Robot, read_robot, write_log
+from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.experiment.case_file.case import read_case
 from dynident.model.friction import FRICTION, Motion
 
 GAINS = np.array([60.0, 40.0, 900.0, 8.0])
@@ -75,8 +75,8 @@ def test_gains_are_written_into_a_case_that_identify_takes(cell: Path, capsys: p
     assert all(0 < drive.gain_deviation < 0.05 for drive in drives)
     assert main(["identify", "out.yaml", "--cross-validate", "0"]) == 0
     shown = capsys.readouterr().out
-    assert "Drive gains that are known to a deviation" in shown
-    assert "warning: drive gains are known to" in shown
+    assert "Drive gain uncertainty" in shown
+    assert "warning: drive gains have a relative std of" in shown
 
 
 def test_the_lines_to_paste_and_the_method(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from dynident.cli.main import main
-from dynident.experiment.formats import write_log
-from dynident.experiment.log import Log
+from dynident.data.formats import write_log
+from dynident.data.log import Log
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION

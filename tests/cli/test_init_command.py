@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.experiment.case_file.case import read_case
 
 Capture = pytest.CaptureFixture[str]
 

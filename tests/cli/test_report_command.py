@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from dynident.cli.main import main
-from dynident.experiment.formats import write_log
-from dynident.experiment.log import Log
+from dynident.data.formats import write_log
+from dynident.data.log import Log
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
@@ -86,7 +86,7 @@ def test_rows_that_the_fit_kept_apart_are_tested_on_and_the_logs_examined(
     assert all((folder / name).stat().st_size > 500 for name in found["figures"])
     assert str(Path("figures", "torque-test-joint1.svg")) in found["figures"]
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert "torque error on data the fit has not seen" in page and "all after the first 0.7 of the duration" in page
+    assert "test error of the torque" in page and "all after the first 0.7 of the duration" in page
     quiet = reported(capsys, run, "--no-log-quality")
     assert "log_quality" not in quiet["sections"] and quiet["figures"] == []
 

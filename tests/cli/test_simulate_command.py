@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.estimation.comparison.truth import read_truth
-from dynident.estimation.estimate_file import read_estimate
-from dynident.experiment.case_file.case import read_case
-from dynident.experiment.design.limits import MotionLimits
-from dynident.experiment.design.plan import Plan, write_plan
-from dynident.experiment.trajectories.rest_fourier import RestFourier
+from dynident.excitation.design.limits import MotionLimits
+from dynident.excitation.design.plan import Plan, write_plan
+from dynident.excitation.trajectories.rest_fourier import RestFourier
+from dynident.identification.files.estimate_file import read_estimate
+from dynident.studies.comparison.truth import read_truth
 
 Capture = pytest.CaptureFixture[str]
 
@@ -72,6 +72,9 @@ log:
     "states.mcap": "log: {profile: joint_states}\n",
     "states.db3": "log: {profile: joint_states}\n",
     "states.bag": "log: {profile: joint_states}\n",
+    "open.mcap": "",
+    "open.db3": "log: {units: {position: deg}}\n",
+    "open.bag": "",
     "topics.mcap": """log:
   columns: {q: "/arm:{joint}.position", torque: "/arm:{joint}.effort", q_ref: "/want:{joint}.points[0].positions"}
   format: {rosbag: {topics: [/arm, /want]}}
@@ -159,7 +162,7 @@ def test_the_truth_beside_a_log_is_what_methods_are_compared_with(here: Path, ca
     assert main([*words, "run.truth.json"]) == 0
     assert json.loads(capsys.readouterr().out)["methods"][0]["parameter_error"] < 0.02
     for change, said in (
-        ({"format": 2}, "format: it is not 1; simulate again with this version"),
+        ({"format": 99}, "bad.json: a truth of version 99; this dynident reads versions up to 1; update dynident"),
         ({"robot": "other"}, "robot: of 'other', the case has 'arm2'; give the .truth.json"),
         ({"parameters": [{"symbol": "m"}]}, "parameters: not all have symbol, owner and value"),
         ({"parameters": truth["parameters"][1:]}, "bad.json: no parameter Ixx[upper]; give one made with the same"),
@@ -174,6 +177,7 @@ def test_settings_change_the_cell(here: Path, capsys: Capture) -> None:
     words = ["--cell", "cell.yaml", "--set", "controller.integral_hz=2", "--set", "effort.noise=0.3,0.1", "--json"]
     assert main(["simulate", "case.yaml", "plan.json", "-o", "run.csv", *words, "--seed", "4"]) == 0
     facts = json.loads(capsys.readouterr().out)
+    assert facts.pop("schema") == 2
     page = (Path(__file__).resolve().parents[2] / "docs/json-output.md").read_text(encoding="utf-8")
     _, _, rows = page.partition("<!-- json: simulate -->\n\n")
     documented = {line.split("`")[1] for line in rows.split("\n\n")[0].splitlines()[2:]}
@@ -210,6 +214,26 @@ def test_what_cannot_be_done_is_said_in_one_line(here: Path, capsys: Capture, wo
     assert message in shown.err, shown.err
     assert shown.err.count("\n") == 1
     assert sorted(Path().iterdir()) == before
+
+
+def test_identify_reads_a_recording_of_ros_with_the_case_that_simulated_it(here: Path, capsys: Capture) -> None:
+    """The case names no columns; effort of a recording by anything else is not taken for a torque."""
+    pytest.importorskip("rosbags")
+    words = ["simulate", "case.yaml", "plan.json", "--quiet", "--repeats", "2", "-o"]
+    wls = ["--estimator", "wls", "--cutoff", "10", "--no-sensitivity", "--cross-validate", "0", "--json"]
+    found = []
+    for name in ("run.mcap", "run.csv"):
+        assert main([*words, name]) == 0
+        capsys.readouterr()
+        assert main(["identify", "case.yaml", name, *wls]) == 0
+        found.append([one["value"] for one in json.loads(capsys.readouterr().out)["parameters"]])
+    np.testing.assert_allclose(*found, rtol=1e-6)
+    assert main(["reduce", "case.yaml", "run.mcap", "--cutoff", "10", "--split", "first:0.67", "-o", "run.tri"]) == 0
+    log = read_case("case.yaml").read("run.mcap")
+    assert "joints by name" in log.source.steps[0]
+    Path("run.mcap").write_bytes(Path("run.mcap").read_bytes().replace(b"dynident simulate", b"another simulator"))
+    assert main(["identify", "case.yaml", "run.mcap", *wls]) == 1
+    assert "no column 'q1'" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("look", ["units.csv", "plain.csv"])

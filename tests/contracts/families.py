@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from dynident.estimation.doctor import CHECKS
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.experiment.criteria import CRITERIA
-from dynident.experiment.formats import FORMATS
-from dynident.experiment.preprocessing import FILTERS
-from dynident.experiment.profiles import PROFILES
-from dynident.experiment.simulation.controllers import CONTROLLERS
-from dynident.experiment.trajectories import TRAJECTORIES
+from dynident.data.formats import FORMATS
+from dynident.data.preprocessing import FILTERS
+from dynident.data.profiles import PROFILES
+from dynident.diagnosis.checks import CHECKS
+from dynident.excitation.criteria import CRITERIA
+from dynident.excitation.trajectories import TRAJECTORIES
+from dynident.exports.models import MODEL_EXPORTERS
+from dynident.exports.motions import MOTION_EXPORTERS
+from dynident.identification.estimators import ESTIMATORS
 from dynident.model.descriptions.base import DESCRIPTIONS
 from dynident.model.friction import FRICTION
 from dynident.plugins import Family
-from dynident.results.exporters import EXPORTERS
-from dynident.results.model_exporters import MODEL_EXPORTERS
 from dynident.results.report.sections import SECTIONS
+from dynident.simulation.controllers import CONTROLLERS
 
 FAMILIES: dict[str, Family[Any]] = {
     "FRICTION": FRICTION,
@@ -31,6 +31,6 @@ FAMILIES: dict[str, Family[Any]] = {
     "CONTROLLERS": CONTROLLERS,
     "DESCRIPTIONS": DESCRIPTIONS,
     "SECTIONS": SECTIONS,
-    "EXPORTERS": EXPORTERS,
+    "MOTION_EXPORTERS": MOTION_EXPORTERS,
     "MODEL_EXPORTERS": MODEL_EXPORTERS,
 }

@@ -15,21 +15,23 @@ sys.path.append(str(Path(__file__).parents[2]))  # faults are those of the bench
 
 from benchmarks.faults.trials import Trial, virtual
 
-from dynident.estimation.doctor import CHECKS
-from dynident.estimation.doctor._mending import mend
-from dynident.estimation.doctor._recording import read_recording
-from dynident.estimation.doctor.base import SEVERITIES, Check, Finding, Subject
-from dynident.experiment.case_file.case import DEFAULT_FRICTION, Case, default_preprocessing
-from dynident.experiment.formats import ColumnMap
-from dynident.model.friction import FRICTION
+from dynident.case.case import Case
+from dynident.data.formats import ColumnMap
+from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis.checks import CHECKS
+from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.finding import SEVERITIES, Finding
+from dynident.diagnosis.recording import read_recording
+from dynident.diagnosis.repair import repair
+from dynident.model.friction import DEFAULT_FRICTION, FRICTION
 from dynident.model.robot import Robot
 
 PARTS = CHECKS.names()
 
 
-def subject_of(trial: Trial, folder: Path, name: str = "run") -> Subject:
+def subject_of(trial: Trial, folder: Path, name: str = "run") -> CheckedLog:
     raw = read_recording(trial.case, str(trial.written(folder, name)))
-    return Subject(trial.case, raw, mend(raw, trial.case.robot).recording)
+    return CheckedLog(trial.case, raw, repair(raw, trial.case.robot).recording)
 
 
 def turned_over(trial: Trial) -> Trial:
@@ -95,7 +97,7 @@ KINDS: dict[str, Callable[[Trial], Trial]] = {
 
 
 @pytest.fixture(scope="module")
-def subjects(trial: Trial, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Subject]:
+def subjects(trial: Trial, tmp_path_factory: pytest.TempPathFactory) -> dict[str, CheckedLog]:
     """Return a log of each kind; what the checks share is computed once."""
     folder = tmp_path_factory.mktemp("logs")
     return {name: subject_of(make(trial), folder, str(k)) for k, (name, make) in enumerate(KINDS.items())}
@@ -106,7 +108,7 @@ def part(request: pytest.FixtureRequest) -> Check:
     return CHECKS.make(request.param)
 
 
-def signals(subject: Subject) -> list[np.ndarray]:
+def signals(subject: CheckedLog) -> list[np.ndarray]:
     logs = (subject.raw.log, subject.sound.log)
     return [np.array(values) for log in logs for values in (log.time, log.q, log.dq, log.torque) if values is not None]
 
@@ -121,12 +123,12 @@ def checked(findings: Sequence[Finding], robot: Robot) -> None:
         assert finding.name not in finding.explains
 
 
-def test_a_clean_log_has_no_error(part: Check, subjects: dict[str, Subject]) -> None:
+def test_a_clean_log_has_no_error(part: Check, subjects: dict[str, CheckedLog]) -> None:
     assert part.stage in (0, 1, 2)
     assert not [one.line() for one in part.findings(subjects["clean"]) if one.severity == "error"]
 
 
-def test_it_changes_nothing_and_says_the_same_again(part: Check, subjects: dict[str, Subject]) -> None:
+def test_it_changes_nothing_and_says_the_same_again(part: Check, subjects: dict[str, CheckedLog]) -> None:
     subject = subjects["faulty"]
     before = signals(subject)
     first = tuple(part.findings(subject))
@@ -136,20 +138,20 @@ def test_it_changes_nothing_and_says_the_same_again(part: Check, subjects: dict[
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_log_stops_it(part: Check, kind: str, subjects: dict[str, Subject]) -> None:
-    """Logs without signals, rows, motion or numbers; mended signals hold finite values only."""
+def test_no_log_stops_it(part: Check, kind: str, subjects: dict[str, CheckedLog]) -> None:
+    """Logs without signals, rows, motion or numbers; repaired signals hold finite values only."""
     assert np.all(np.isfinite(subjects[kind].sound.log.q))
     checked(part.findings(subjects[kind]), subjects[kind].case.robot)
 
 
-def test_the_order_of_columns_in_the_file_does_not_matter(part: Check, subjects: dict[str, Subject]) -> None:
+def test_the_order_of_columns_in_the_file_does_not_matter(part: Check, subjects: dict[str, CheckedLog]) -> None:
     """Joints in another order in the file, named so by the case: the same is found of each."""
     plain, other = (part.findings(subjects[kind]) for kind in ("faulty", "faulty, joints mixed"))
     told = [{(one.severity, one.name, one.joint) for one in each} for each in (plain, other)]
     assert told[0] == told[1]
 
 
-def test_the_faults_are_found_by_some_check(subjects: dict[str, Subject]) -> None:
+def test_the_faults_are_found_by_some_check(subjects: dict[str, CheckedLog]) -> None:
     """The faulty log of this battery is one: else what holds for it would say nothing."""
     found = [one.name for name in PARTS for one in CHECKS.make(name).findings(subjects["faulty"])]
     assert len(set(found)) >= 3, found

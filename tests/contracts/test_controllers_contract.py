@@ -11,10 +11,10 @@ import pytest
 
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption
-from dynident.experiment.simulation.controllers import CONTROLLERS, Controller, Loop
 from dynident.model.inertia import Inertia
 from dynident.model.kernels.generic import WORK, pack
 from dynident.model.robot import Joint, Link, Robot
+from dynident.simulation.controllers import CONTROLLERS, Controller, Loop
 
 PARTS = CONTROLLERS.names()
 INERTIA = np.array([0.4, 1.5, 0.07])

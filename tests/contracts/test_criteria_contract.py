@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.arrays import Array
-from dynident.experiment.criteria import CRITERIA, Criterion
+from dynident.excitation.criteria import CRITERIA, Criterion
 
 NAMES = CRITERIA.names()
 

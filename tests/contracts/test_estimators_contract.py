@@ -11,15 +11,17 @@ import numpy as np
 import pytest
 
 from dynident.arrays import Array
+from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import PoorExcitation
-from dynident.estimation.estimate_file import plain
-from dynident.estimation.estimators import ESTIMATORS, Estimator
-from dynident.estimation.identify import estimate_of, identify, pose
-from dynident.estimation.observer import Observer
-from dynident.estimation.problem import Problem
-from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import Preprocessing
-from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.identification.build_problem import build_problem
+from dynident.identification.estimators import ESTIMATORS, Estimator
+from dynident.identification.files.estimate_file import plain
+from dynident.identification.fit import fit
+from dynident.identification.identify import identify
+from dynident.identification.problem.problem import Problem
+from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
@@ -50,13 +52,13 @@ def posed(request: pytest.FixtureRequest, exact_log: Callable[..., Log]) -> tupl
     assert robot.nominal is not None
     theta = np.append(robot.nominal, np.tile([1.0, 0.5], robot.dof))
     noise = 0.02 * np.std(np.asarray(exact_log(model, theta).torque), axis=0)
-    problem = pose(model, [exact_log(model, theta, noise=noise, samples=300)], GIVEN)
+    problem = build_problem(model, [exact_log(model, theta, noise=noise, samples=300)], GIVEN)
     return problem, problem.base.from_standard(theta)
 
 
 def test_the_truth_lies_within_five_deviations(part: Estimator, posed: tuple[Problem, Array]) -> None:
     problem, truth = posed
-    estimate = estimate_of(problem, part)
+    estimate = fit(problem, part)
     assert np.all(np.abs(estimate.beta - truth) < 5 * estimate.deviations)
     assert np.all(estimate.deviations > 0) and estimate.consistency.consistent
 
@@ -94,9 +96,9 @@ def test_an_equal_problem_gives_an_equal_solution(part: Estimator, posed: tuple[
     problem, _ = posed
     log = problem.logs[0].log
     halves = [log.rows(slice(0, 150), "first"), log.rows(slice(150, 300), "second")]
-    forth, back = (pose(problem.model, part_of, GIVEN) for part_of in (halves, halves[::-1]))
+    forth, back = (build_problem(problem.model, part_of, GIVEN) for part_of in (halves, halves[::-1]))
     whole = part.solve(problem).beta
-    size = estimate_of(problem, part).deviations
+    size = fit(problem, part).deviations
     for other in (forth, back):
         assert np.all(np.abs(part.solve(other).beta - whole) < STARTS_ANEW.get(ESTIMATORS.name_of(part), 0.05) * size)
 
@@ -105,7 +107,7 @@ def test_exact_data_give_the_truth(part: Estimator, planar_2r: Robot, exact_log:
     model = DynamicModel(planar_2r, (Viscous(),))
     assert planar_2r.nominal is not None
     theta = np.append(planar_2r.nominal, [0.5, 0.5])
-    problem = pose(model, [exact_log(model, theta)], GIVEN)
+    problem = build_problem(model, [exact_log(model, theta)], GIVEN)
     truth = problem.base.from_standard(theta)
     np.testing.assert_allclose(part.solve(problem).beta, truth, atol=1e-6 * np.abs(truth).max())
 
@@ -121,12 +123,12 @@ def test_units_of_mass_and_length_do_not_matter(
         assert robot.nominal is not None
         theta = np.append(robot.nominal, np.tile([1.0, 0.5], robot.dof) * size)
         noise = 0.02 * np.std(np.asarray(exact_log(model, theta).torque), axis=0)
-        noisy[name] = pose(model, [exact_log(model, theta, noise=noise, samples=300)], GIVEN)
+        noisy[name] = build_problem(model, [exact_log(model, theta, noise=noise, samples=300)], GIVEN)
     here, there = noisy["si"], noisy["other"]
     assert here.base.units == there.base.units
     units = {"kg m^2": mass * length**2, "kg m": mass * length, "kg": mass}
     factor = np.array([units.get(unit, mass * length**2) for unit in here.base.units])
-    one, other = estimate_of(here, part), estimate_of(there, part)
+    one, other = fit(here, part), fit(there, part)
     assert np.all(np.abs(other.beta / factor - one.beta) < 0.05 * one.deviations)
     np.testing.assert_allclose(other.deviations / factor, one.deviations, rtol=0.05)
 
@@ -151,9 +153,9 @@ def test_the_order_of_branches_does_not_matter(
     log = exact_log(models[0], theta, noise=noise, samples=300)
     predicted = []
     for model in models:
-        problem = pose(model, [log], GIVEN)
+        problem = build_problem(model, [log], GIVEN)
         ordered = log.ordered(model.robot.joint_names)
-        torque = Observer(model, problem.base).predict(ordered, part.solve(problem).beta)
+        torque = RegressorStream(model, problem.base).predict(ordered, part.solve(problem).beta)
         predicted.append(torque[:, [model.robot.joint_names.index(name) for name in log.joints]])
     assert np.all(np.abs(predicted[0] - predicted[1]) < 0.01 * noise)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -11,20 +12,38 @@ import numpy as np
 import pytest
 
 from dynident.errors import BadOption, DynidentError, FileError
-from dynident.experiment.design.limits import MotionLimits, check_limits
-from dynident.experiment.design.plan import Plan
-from dynident.experiment.trajectories.rest_fourier import RestFourier
-from dynident.results.exporters import EXPORTERS, Export, Exporter, MotionExporter, export, export_data
-from dynident.results.exporters import base as exporters_base
-from dynident.results.exporters._motion import DrivenMotion
+from dynident.excitation.design.limits import MotionLimits, check_limits
+from dynident.excitation.design.plan import Plan
+from dynident.excitation.trajectories.rest_fourier import RestFourier
+from dynident.exports.base import Exporter
+from dynident.exports.models import MODEL_EXPORTERS
+from dynident.exports.motions import (
+    MOTION_EXPORTERS,
+    DrivenMotion,
+    MotionExport,
+    MotionExporter,
+    Printed,
+    export,
+    motion_export_data,
+)
 
-PARTS = tuple(name for name in EXPORTERS.names() if EXPORTERS.get(name).takes == "plan")
+PARTS = MOTION_EXPORTERS.names()
 
-#: Joints that a target asks for, and the suffix of its file, where any will not do.
-JOINTS, SUFFIX = {"libfranka": 7}, {"krl": ".src"}
+#: Joints that a target asks for, where any number will not do.
+JOINTS = {"libfranka": 7}
 
 #: Values that no option of a kind may take in silence.
 ABSURD = {"float": np.nan, "int": -1, "str": "no such\nthing"}
+
+
+def file_of(name: str) -> str:
+    return f"go{MOTION_EXPORTERS.get(name).suffix}"
+
+
+def requirements(extra: str) -> list[str]:
+    """Return the packages of an extra of dynident."""
+    found = [re.match(r"([\w-]+).*extra == ['\"]([\w-]+)['\"]", line) for line in metadata.requires("dynident") or ()]
+    return [match.group(1) for match in found if match and match.group(2) == extra]
 
 
 def plan_of(joints: int, size: float = 0.1) -> Plan:
@@ -39,8 +58,8 @@ def plan_of(joints: int, size: float = 0.1) -> Plan:
 
 @pytest.fixture(params=PARTS)
 def name(request: pytest.FixtureRequest) -> str:
-    if request.param == "ros2_bag":
-        pytest.importorskip("rosbags")
+    for needed in requirements(MOTION_EXPORTERS.get(request.param).extra):
+        pytest.importorskip(needed)
     return request.param
 
 
@@ -49,27 +68,28 @@ def plan(name: str) -> Plan:
     return plan_of(JOINTS.get(name, 6))
 
 
-def written(plan: Plan, name: str, folder: Path, **asked: Any) -> tuple[Export, dict[str, bytes]]:
+def written(plan: Plan, name: str, folder: Path, **asked: Any) -> tuple[MotionExport, dict[str, bytes]]:
     """Export into a new folder and return what was told and the bytes of all files there."""
     folder.mkdir()
     asked.setdefault("from_posture", "start")
-    found = export(plan, name, folder / f"go{SUFFIX.get(name, '')}", **asked)
+    found = export(plan, name, folder / file_of(name), **asked)
     files = {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
     assert set(files) == {str(Path(file).relative_to(folder)) for file in found.files}
     return found, files
 
 
-def printed(plan: Plan, name: str, **asked: Any) -> exporters_base.Printed:
-    part = EXPORTERS.make(name)
+def printed(plan: Plan, name: str, **asked: Any) -> Printed:
+    part = MOTION_EXPORTERS.make(name)
     assert isinstance(part, MotionExporter)
-    content = part.content(DrivenMotion(plan, part.rate, **asked), Path(f"go{SUFFIX.get(name, '')}"))
+    content = part.content(DrivenMotion(plan, part.rate, **asked), Path(file_of(name)))
     assert content.printed is not None
     return content.printed
 
 
 def test_a_part_is_a_frozen_dataclass_that_says_what_it_takes(name: str) -> None:
-    part = EXPORTERS.make(name)
+    part = MOTION_EXPORTERS.make(name)
     assert isinstance(part, Exporter) and is_dataclass(part) and part.takes == "plan"
+    assert bool(part.suffix) != part.writes_folder and part.proof
     with pytest.raises((FrozenInstanceError, TypeError)):
         part.takes = "estimate"  # type: ignore[misc]
 
@@ -103,15 +123,21 @@ def test_the_same_plan_gives_the_same_bytes(name: str, plan: Plan, tmp_path: Pat
 
 
 def test_a_check_writes_nothing_and_tells_the_same(name: str, plan: Plan, tmp_path: Path) -> None:
-    target = tmp_path / f"go{SUFFIX.get(name, '')}"
+    target = tmp_path / file_of(name)
     checked = export(plan, name, target, from_posture="start", write=False)
     assert not list(tmp_path.iterdir())
-    assert export_data(export(plan, name, target, from_posture="start")) == export_data(checked)
+    assert motion_export_data(export(plan, name, target, from_posture="start")) == motion_export_data(checked)
 
 
 def test_what_is_told_is_true(name: str, plan: Plan, tmp_path: Path) -> None:
-    found, _ = written(plan, name, tmp_path / "a", speed=50, repeats=2)
-    data = export_data(found)
+    found, files = written(plan, name, tmp_path / "a", speed=50, repeats=2)
+    assert (
+        all((tmp_path / "a" / file).parent.name == "go" for file in files) == MOTION_EXPORTERS.get(name).writes_folder
+    )
+    (proof,) = found.proofs
+    assert (proof.states, proof.why_not) == (found.points, "") and proof.relative is not None
+    assert proof.relative <= proof.allowed < 1e-6
+    data = motion_export_data(found)
     assert (data["exporter"], data["robot"], data["speed"], data["repeats"]) == (name, "arm", 0.5, 2)
     assert data["duration"] == pytest.approx(12.0) and data["points"] == len(
         printed(plan, name, speed=0.5, repeats=2).time
@@ -129,7 +155,7 @@ def test_torques_and_distances_are_those_of_the_plan_where_they_still_hold(name:
     torque = replace(plan.rows[0], quantity="torque", unit="N m", time=1.0)
     near = replace(plan.rows[0], joint="hand-floor", quantity="clearance", unit="m", time=2.0)
     whole = replace(plan, rows=(*plan.rows, torque, near))
-    path = Path(f"go{SUFFIX.get(name, '')}")
+    path = Path(file_of(name))
     assert export(whole, name, path, from_posture="start", write=False).rows[-2:] == (torque, near)
     slow = export(whole, name, path, from_posture="start", speed=50, write=False).rows
     assert slow[-1] == replace(near, time=4.0) and "torque" not in {row.quantity for row in slow}
@@ -139,7 +165,7 @@ def test_a_plan_that_passes_a_bound_is_refused(name: str, tmp_path: Path) -> Non
     fast = plan_of(JOINTS.get(name, 6), size=3.0)
     assert not fast.feasible
     with pytest.raises(FileError, match=r"not written, because the \w+ of joint\d would be"):
-        export(fast, name, tmp_path / f"go{SUFFIX.get(name, '')}", from_posture="start")
+        export(fast, name, tmp_path / file_of(name), from_posture="start")
     assert not list(tmp_path.iterdir())
 
 
@@ -147,35 +173,35 @@ def test_numbers_that_are_none_are_refused(name: str, plan: Plan, tmp_path: Path
     trajectory = RestFourier.from_free(np.zeros((len(plan.joints), 5)), 3.0)
     object.__setattr__(trajectory, "offset", np.full(len(plan.joints), np.nan))
     with pytest.raises(DynidentError, match=r"not a finite number|nan"):
-        export(replace(plan, trajectory=trajectory), name, tmp_path / f"go{SUFFIX.get(name, '')}", from_posture="start")
+        export(replace(plan, trajectory=trajectory), name, tmp_path / file_of(name), from_posture="start")
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("speed", [0.0, 9.99, 100.01, 200.0, -50.0, np.nan, np.inf])
 def test_no_speed_above_the_design_or_below_a_tenth(name: str, plan: Plan, speed: float, tmp_path: Path) -> None:
     with pytest.raises(BadOption, match="give 10 to 100 per cent"):
-        export(plan, name, tmp_path / f"go{SUFFIX.get(name, '')}", speed=speed, from_posture="start")
+        export(plan, name, tmp_path / file_of(name), speed=speed, from_posture="start")
 
 
 @pytest.mark.parametrize("asked", [{"rate": 0.0}, {"rate": np.nan}, {"rate": 1e9}, {"rate": -1.0}, {"repeats": 0}])
 def test_rates_and_repeats_that_cannot_be(name: str, plan: Plan, asked: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(BadOption, match=next(iter(asked))):
-        export(plan, name, tmp_path / f"go{SUFFIX.get(name, '')}", from_posture="start", **asked)
+        export(plan, name, tmp_path / file_of(name), from_posture="start", **asked)
     assert not list(tmp_path.iterdir())
 
 
 def test_absurd_options_are_refused(name: str, plan: Plan, tmp_path: Path) -> None:
-    for option in EXPORTERS.options(name):
+    for option in MOTION_EXPORTERS.options(name):
         if option.kind in ABSURD:
             with pytest.raises(DynidentError, match=re.escape(option.name) + "|joint"):
-                part = EXPORTERS.make(name, **{option.name: ABSURD[option.kind]})
-                export(plan, part, tmp_path / f"go{SUFFIX.get(name, '')}", from_posture="start")
+                part = MOTION_EXPORTERS.make(name, **{option.name: ABSURD[option.kind]})
+                export(plan, part, tmp_path / file_of(name), from_posture="start")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_that_is_not_there_is_named(name: str, plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(FileError, match="there is no folder"):
-        export(plan, name, tmp_path / "none" / f"go{SUFFIX.get(name, '')}", from_posture="start")
+        export(plan, name, tmp_path / "none" / file_of(name), from_posture="start")
 
 
 def test_hostile_names_never_reach_a_program(name: str, plan: Plan, tmp_path: Path) -> None:
@@ -194,18 +220,12 @@ def test_hostile_names_never_reach_a_program(name: str, plan: Plan, tmp_path: Pa
 
 
 def test_a_part_of_another_kind_is_refused(tmp_path: Path) -> None:
-    class Other(Exporter):
-        takes = "estimate"
-
-        def content(self, subject: Any, path: Path) -> Any:
-            raise AssertionError("never called")
-
     with pytest.raises(BadOption, match="it does not export plans"):
-        export(plan_of(6), Other(), tmp_path / "x")
+        export(plan_of(6), MODEL_EXPORTERS.make("csv"), tmp_path / "x")  # type: ignore[arg-type]
     with pytest.raises(BadOption, match="has the options"):
         export(plan_of(6), "csv", tmp_path / "x", radians=True)
 
 
 def test_no_part_keeps_an_option_without_a_default(name: str) -> None:
-    assert all(option.default is not None or "None" in option.kind for option in EXPORTERS.options(name))
-    assert len(fields(EXPORTERS.get(name))) == len(EXPORTERS.options(name))  # type: ignore[arg-type]
+    assert all(option.default is not None or "None" in option.kind for option in MOTION_EXPORTERS.options(name))
+    assert len(fields(MOTION_EXPORTERS.get(name))) == len(MOTION_EXPORTERS.options(name))  # type: ignore[arg-type]

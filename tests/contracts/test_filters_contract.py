@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from dynident.arrays import Array
+from dynident.data.log import Log
+from dynident.data.preprocessing import FILTERS
+from dynident.data.preprocessing.base import Filter
 from dynident.errors import LogMismatch
-from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import FILTERS
-from dynident.experiment.preprocessing.base import Filter
 
 PARTS = FILTERS.names()
 RATE = 20.0

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynident.data.formats import FORMATS, ColumnMap, LogFormat, read_header, read_log, write_log, written_columns
+from dynident.data.log import Log
 from dynident.errors import DynidentError, FileError, LogFormatError, LogMismatch
-from dynident.experiment.formats import FORMATS, ColumnMap, LogFormat, read_header, read_log, write_log, written_columns
-from dynident.experiment.log import Log
 
 PARTS = FORMATS.names()
 N = 25

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import fields, replace
 
 import numpy as np
@@ -23,7 +24,7 @@ def motion() -> Motion:
     generator = np.random.default_rng(0)
     signals = [generator.normal(size=(SAMPLES, JOINTS)) for _ in range(4)]
     signals[1][0] = 0.0  # standing still
-    return Motion(*signals, temperature=30.0 + signals[0])
+    return Motion(*signals, temperature=30.0 + signals[0], state=generator.normal(size=(SAMPLES, JOINTS, 4)))
 
 
 def rows(motion: Motion, keep: object) -> Motion:
@@ -57,6 +58,13 @@ def test_columns_are_a_pure_function(part: Friction, motion: Motion) -> None:
     np.testing.assert_array_equal(part.columns(motion), part.columns(motion))
     for name, values in before.items():
         np.testing.assert_array_equal(getattr(motion, name), values)
+
+
+def test_a_part_goes_to_another_process_after_its_use(part: Friction, motion: Motion) -> None:
+    whole = part.columns(motion), part.derivatives(motion)
+    again = pickle.loads(pickle.dumps(part))
+    assert again == part
+    np.testing.assert_array_equal(again.columns(motion), whole[0])
 
 
 def test_nonnegative_friction_never_drives(part: Friction, motion: Motion) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from dynident.arrays import Array
 from dynident.model.friction import FRICTION, Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
 
@@ -16,12 +19,23 @@ def motion(seed: int = 0) -> Motion:
     return Motion(q, dq, ddq, torque, temperature=25.0 + q)
 
 
+def differences(part: Friction, at: Motion) -> list[Array]:
+    """Return central differences of the columns by q, dq and ddq."""
+    found = []
+    for name in ("q", "dq", "ddq"):
+        value = getattr(at, name)
+        above, below = value + 1e-6, value - 1e-6
+        rise = part.columns(replace(at, **{name: above})) - part.columns(replace(at, **{name: below}))
+        found.append(rise / (above - below)[..., None])
+    return found
+
+
 @pytest.mark.parametrize("name", FRICTION.names())
 def test_derivatives_are_those_of_the_columns(name: str) -> None:
     part = FRICTION.make(name)
     at = motion()
     found = part.derivatives(at)
-    by_differences = Friction.derivatives(part, at)
+    by_differences = differences(part, at)
     for exact, difference in zip(found, by_differences, strict=True):
         assert exact.shape == part.columns(at).shape
         np.testing.assert_allclose(exact, difference, rtol=1e-5, atol=1e-7)

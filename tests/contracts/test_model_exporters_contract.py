@@ -10,27 +10,18 @@ import numpy as np
 import pytest
 
 from dynident.arrays import Array
+from dynident.data.log import Log
 from dynident.errors import DynidentError, FileError, NotConsistent
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.identify import identify
-from dynident.experiment.log import Log
+from dynident.exports.base import Exporter
+from dynident.exports.c_compiler import find_compiler
+from dynident.exports.models import MODEL_EXPORTERS, ModelExport, export_model, model_export_data
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.identify import identify
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Robot
-from dynident.results.model_exporters import MODEL_EXPORTERS, ModelExport, export_model, model_export_data
 
 PARTS = MODEL_EXPORTERS.names()
-
-SUFFIX = {
-    "urdf": ".urdf",
-    "pinocchio": ".urdf",
-    "mjcf": ".xml",
-    "sdf": ".sdf",
-    "drake": ".dmd.yaml",
-    "numpy": ".py",
-    "c_header": ".h",
-    "fmu": ".fmu",
-}
 
 ROBOTS = ("pendulum", "sliding_arm", "mimic_arm", "coupled_arm")
 
@@ -61,7 +52,7 @@ def drawn(model: DynamicModel) -> Array:
 
 def written(estimate: Estimate, name: str, folder: Path, **asked: object) -> tuple[ModelExport, dict[str, bytes]]:
     folder.mkdir(exist_ok=True)
-    found = export_model(estimate, name, folder / f"arm{SUFFIX.get(name, '.txt')}", **asked)  # type: ignore[arg-type]
+    found = export_model(estimate, name, folder / f"arm{MODEL_EXPORTERS.get(name).suffix}", **asked)  # type: ignore[arg-type]
     return found, {Path(file).name: Path(file).read_bytes() for file in found.files}
 
 
@@ -74,7 +65,8 @@ def away(found: ModelExport) -> float:
 @pytest.mark.parametrize("name", PARTS)
 def test_a_part_is_a_frozen_dataclass_with_defaults(name: str) -> None:
     part = MODEL_EXPORTERS.make(name)
-    assert is_dataclass(part) and part.takes == "estimate"
+    assert isinstance(part, Exporter) and is_dataclass(part) and part.takes == "estimate"
+    assert part.suffix.startswith(".") and not part.writes_folder
     with pytest.raises((FrozenInstanceError, TypeError)):
         part.takes = "plan"  # type: ignore[misc]
     assert all(option.default is not None or "None" in option.kind for option in MODEL_EXPORTERS.options(name))
@@ -90,6 +82,9 @@ def test_every_engine_gives_the_same_torques(
     assert asked and all(proof.why_not for proof in found.proofs if proof.relative is None)
     assert away(found) < 1e-9
     assert {path.name for path in tmp_path.iterdir()} == set(files)
+    said = MODEL_EXPORTERS.get(name).proof
+    for engine in {proof.engine for proof in found.proofs}:
+        assert engine.split(" ")[0] in said or (find_compiler() and engine == find_compiler().name), engine  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("name", PARTS)
@@ -100,7 +95,7 @@ def test_the_same_estimate_gives_the_same_bytes_and_a_check_writes_none(
     _, first = written(estimate, name, tmp_path / "a", proof=False)
     _, second = written(estimate, name, tmp_path / "b", proof=False)
     assert first == second
-    found = export_model(estimate, name, tmp_path / f"c{SUFFIX.get(name, '.txt')}", write=False, proof=False)
+    found = export_model(estimate, name, tmp_path / f"c{MODEL_EXPORTERS.get(name).suffix}", write=False, proof=False)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"] and not found.proofs
     assert set(model_export_data(found)) == set(ModelExport.__dataclass_fields__)
 
@@ -204,7 +199,7 @@ def test_what_does_not_fit_is_told(
 ) -> None:
     model = DynamicModel(spatial_3r, ("asymmetric", "viscous", "polynomial", "periodic"))  # type: ignore[arg-type]
     estimate = bare_estimate(model, drawn(model))
-    found = export_model(estimate, name, tmp_path / f"x{SUFFIX[name]}")
+    found = export_model(estimate, name, tmp_path / f"x{MODEL_EXPORTERS.get(name).suffix}")
     assert {"Fv2", "Fv3", "Ps1", "(Fc+ - Fc-)/2"} <= {term.symbol for term in found.left_out}
     assert min(found.neglected.values()) > 0.05 and set(found.neglected) == set(spatial_3r.joint_names)
     assert found.files[-1].endswith(".dynident.json")

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from dynident.arrays import Array
+from dynident.case.profile_columns import profile_columns
+from dynident.data.formats import ColumnMap, read_log
+from dynident.data.formats.base import QUANTITY, UNITS
+from dynident.data.log import Log
+from dynident.data.profiles import PROFILES, unmeasured
 from dynident.errors import BadOption, DynidentError
-from dynident.experiment.case_file.profile_columns import profile_columns
-from dynident.experiment.formats import ColumnMap, read_log
-from dynident.experiment.formats.base import QUANTITY, UNITS
-from dynident.experiment.log import Log
-from dynident.experiment.profiles import PROFILES, unmeasured
 
 JOINTS = ("base", "elbow", "wrist")
 ROWS = 40

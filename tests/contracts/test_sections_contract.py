@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynident.estimation.identify import identify, validate
-from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import Preprocessing
-from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.identification.identify import identify
+from dynident.identification.validate import validate
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
 from dynident.results.report.builder import render

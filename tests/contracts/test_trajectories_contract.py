@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.experiment.design.parametrisation import (
+from dynident.excitation.design.parametrisation import (
     Parametrisation,
     designable,
     kind_of,
@@ -20,9 +20,9 @@ from dynident.experiment.design.parametrisation import (
     of_table,
     parametrise,
 )
-from dynident.experiment.trajectories import TRAJECTORIES, Trajectory
-from dynident.experiment.trajectories.base import Designable
-from dynident.experiment.trajectories.quintic import Quintic
+from dynident.excitation.trajectories import TRAJECTORIES, Trajectory
+from dynident.excitation.trajectories.base import Designable
+from dynident.excitation.trajectories.quintic import Quintic
 
 KINDS = kinds()
 

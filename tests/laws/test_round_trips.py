@@ -17,15 +17,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from dynident.arrays import Array
+from dynident.data.formats import FORMATS, read_log, write_log, written_columns
+from dynident.data.log import Log
 from dynident.errors import LogFormatError
-from dynident.estimation.estimate import Estimate
-from dynident.experiment.formats import FORMATS, read_log, write_log, written_columns
-from dynident.experiment.log import Log
+from dynident.exports.models import export_model
+from dynident.identification.estimate.estimate import Estimate
 from dynident.model.descriptions import read_robot
 from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
-from dynident.results.model_exporters import export_model
 
 Bare = Callable[[DynamicModel, Array], Estimate]
 NUMBERS = st.floats(-1e12, 1e12, allow_subnormal=False)

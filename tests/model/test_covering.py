@@ -116,7 +116,7 @@ def test_a_mesh_needs_its_points_and_is_placed() -> None:
     (capsule,) = covering_capsules(mesh, lambda asked: points if asked is mesh else points[:0])
     assert beyond(points @ mesh.rotation.T + 1.0, (capsule,)) <= 1e-12
     assert abs(capsule.end - capsule.start)[1] == pytest.approx(capsule.length, rel=0.01)
-    with pytest.raises(BadOption, match=r"mesh = 'a.stl' is not possible; say in which folder"):
+    with pytest.raises(BadOption, match=r"mesh = 'a.stl' is not possible; state the folder of"):
         covering_capsules(mesh)
 
 

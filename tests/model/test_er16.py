@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dynident.arrays import Array
-from dynident.experiment.trajectories.fourier import FourierSeries
+from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions import read_robot
 from dynident.model.descriptions.dh import read_dh
@@ -21,7 +21,7 @@ from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
-from dynident.robots import er16_article as article
+from dynident.model.robots import er16_article as article
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "derive_er16.py"
 

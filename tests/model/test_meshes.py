@@ -117,9 +117,9 @@ def test_without_folders_there_is_no_file(package: Path) -> None:
     ("data", "why"),
     [
         (b"", "it is no STL"),
-        (b"nonsense" * 20, r"its 160 bytes are no STL of \d+ triangles"),
-        (binary_stl(7), "no STL of 7 triangles|it has no points"),
-        (binary_stl()[:-1], "no STL of 6 triangles|it has no points"),
+        (b"nonsense" * 20, r"its 160 bytes are no STL of \d+ facets"),
+        (binary_stl(7), "no STL of 7 facets|it has no points"),
+        (binary_stl()[:-1], "no STL of 6 facets|it has no points"),
         (b"solid x\nvertex 1 2 c\n", "a vertex is no three numbers"),
         (b"solid x\nendsolid x\n", "it has no points"),
         (b"solid x\nvertex 1 2 nan\n", "points that are no numbers"),

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from dynident.cli.jobs import read_data
-from dynident.estimation.estimators.wls import WLS
-from dynident.estimation.identify import pose, validate_prepared
-from dynident.experiment.case_file.case import read_case
-from dynident.experiment.preprocessing import ROWS_PER_PERIOD, preprocess
-from dynident.experiment.preprocessing.butterworth import Butterworth
+from dynident.api.case_logs import read_data
+from dynident.case.case import read_case
+from dynident.data.preprocessing import ROWS_PER_PERIOD, preprocess
+from dynident.data.preprocessing.butterworth import Butterworth
+from dynident.identification.build_problem import build_problem
+from dynident.identification.estimators.wls import WLS
+from dynident.identification.validate import validate_prepared
 
 pytestmark = pytest.mark.battery
 
@@ -36,7 +37,7 @@ def test_the_chosen_cut_off_predicts_as_well_as_the_stated_one(
     tests = [preprocess(log.ordered(case.robot.joint_names), stated) for log in data.test]
     errors = []
     for how in (stated, chosen):
-        problem = pose(model, data.train, how)
+        problem = build_problem(model, data.train, how)
         found = validate_prepared(problem.model, problem.base, tests, WLS().solve(problem).beta)
         errors.append(found.total_relative_error)
     assert errors[1] < 1.1 * errors[0]

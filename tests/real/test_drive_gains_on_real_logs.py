@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.estimation.doctor import examine
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.identify import identify
-from dynident.experiment.case_file.case import read_case
+from dynident.diagnosis.checks import examine
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.identify import identify
 from dynident.model.descriptions import read_robot
 
 pytestmark = pytest.mark.battery
@@ -62,7 +62,7 @@ def test_ur10e_gains_from_a_weighed_load(capsys: pytest.CaptureFixture[str], tmp
     own = asked(capsys, "identify", out, "--estimator", "wls", "--cross-validate", "0")
     for mine, theirs in zip(own["test"]["joints"], stated["test"]["joints"], strict=True):
         assert mine["relative_error"] < 1.01 * theirs["relative_error"]  # a total would weigh joints by their gains
-    assert set(own["extras"]["gain_deviations"]["relative"]) == {gain["joint"] for gain in found["gains"]}
+    assert set(own["extras"]["gain_std"]["relative"]) == {gain["joint"] for gain in found["gains"]}
 
 
 def tx40_case(path: Path, log: Path, lines: str) -> Path:

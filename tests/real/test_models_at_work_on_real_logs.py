@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.identify import identify
-from dynident.estimation.monitor import MomentumObserver, calibrated, run_monitor
-from dynident.estimation.monitor.signals import signals_of
-from dynident.estimation.payload import identify_payload
-from dynident.experiment.case_file.case import Case, read_case
+from dynident.applications.monitor import MomentumObserver, calibrated, run_monitor
+from dynident.applications.monitor.signals import signals_of
+from dynident.applications.payload import BeforeRun, identify_payload
+from dynident.case.case import Case, read_case
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.identify import identify
 
 pytestmark = pytest.mark.battery
 
@@ -42,7 +42,7 @@ def test_the_load_of_2_6_kg_is_in_the_interval_because_joints_disagree(case: Cas
     found = identify_payload(estimate, [log])
     assert abs(found.mass.value - 2.6) <= found.mass.half_width <= 0.3
     assert found.parts["gains"] > 2 * found.parts["noise"]
-    exact = identify_payload(estimate, [log], gain_deviation=0.0)
+    exact = identify_payload(estimate, [log], known=BeforeRun(gain_deviation=0.0))
     assert exact.mass.half_width < 0.07 < 0.15 < exact.mass.value - 2.6
     assert found.mass.value == pytest.approx(exact.mass.value)
 

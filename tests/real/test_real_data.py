@@ -73,7 +73,7 @@ def test_tx40_per_joint_on_all_held_out_rows(
     errors = [joint["rmse_unfiltered"] for joint in found["test"]["joints"]]
     assert all(error <= bound for error, bound in zip(errors, bounds, strict=True)), errors
     assert found["physically_consistent"] is True
-    assert [joint["rows"] for joint in found["test"]["joints"]] == [1575] * 6
+    assert [joint["samples"] for joint in found["test"]["joints"]] == [1575] * 6
 
 
 def test_ur10e_from_currents_on_two_held_out_runs(

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.estimation.estimate import Consistency, Estimate
-from dynident.estimation.validation import Validation, compare_torques
-from dynident.experiment.design.limits import MotionLimits, check_limits
-from dynident.experiment.design.plan import Plan
-from dynident.experiment.log import Log, Source
-from dynident.experiment.preprocessing import FILTERS, Preprocessing
-from dynident.experiment.trajectories.fourier import FourierSeries
+from dynident.data.log import Log, Source
+from dynident.data.preprocessing import FILTERS, Preprocessing
+from dynident.excitation.design.limits import MotionLimits, check_limits
+from dynident.excitation.design.plan import Plan
+from dynident.excitation.trajectories.fourier import FourierSeries
+from dynident.identification.estimate.estimate import Consistency, Estimate
+from dynident.identification.estimate.validation import Validation, compare_torques
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion

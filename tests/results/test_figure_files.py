@@ -13,8 +13,8 @@ from drawings import named, parsed
 from synthetic import HOSTILE, arm, subject_of
 
 from dynident.errors import FileError, MissingDependency, UnknownChoice
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.validation import Validation
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Validation
 from dynident.results.figures.files import figure_file, file_stem
 from dynident.results.report import Subject
 from dynident.results.report.builder import parts_of, report_page

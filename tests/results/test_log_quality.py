@@ -33,11 +33,11 @@ def test_findings_of_a_report_made_later_take_the_place_of_the_provenance() -> N
 def test_a_log_without_findings_and_one_not_examined_to_the_end_are_told() -> None:
     estimate, _ = subject_of(samples=300)
     clean = {**examined("a.csv"), "findings": []}
-    stopped = {**examined("b.csv"), "left_out": "checks were left out: mend time unit"}
+    stopped = {**examined("b.csv"), "left_out": "checks were left out: fix time unit"}
     told = replace(estimate, provenance={"log_quality": [clean, stopped]})
     context = LogQuality().context(Subject(told))
     assert context["sound"] == ["a.csv"]
-    assert [(log.log, log.left_out) for log in context["logs"]] == [("b.csv", "checks were left out: mend time unit")]
+    assert [(log.log, log.left_out) for log in context["logs"]] == [("b.csv", "checks were left out: fix time unit")]
 
 
 def test_it_is_left_out_where_logs_were_not_examined() -> None:

@@ -12,10 +12,10 @@ from drawings import check_labels
 from synthetic import HOSTILE, arm, plan_of, subject_of
 
 from dynident.errors import BadOption
-from dynident.experiment.design.limits import LimitRow
-from dynident.experiment.design.recheck import recheck
-from dynident.experiment.room.clearance import clearance_of
-from dynident.experiment.room.workspace import HalfSpace, Workspace
+from dynident.excitation.collision.clearance import clearance_of
+from dynident.excitation.collision.workspace import HalfSpace, Workspace
+from dynident.excitation.design.limits import LimitRow
+from dynident.excitation.design.recheck import recheck
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.shapes import Box
 from dynident.results.plan_view import (
@@ -33,7 +33,7 @@ from dynident.results.plan_view import (
 from dynident.results.report import build_plan_page, build_report
 
 OUTLOOK = {
-    "rows": 800.0,
+    "effective_sample_size": 800.0,
     "before": "first.json",
     "parameters": [
         {"name": "Fv[a]", "unit": "N m s/rad", "value": 2.0, "std_before": 0.5, "std_after": 0.02},
@@ -106,7 +106,7 @@ def test_expected_deviations_are_sorted_and_say_what_was_known(whole: PlanView, 
     assert table is not None
     assert [row[0] for row in table.rows] == ["Izz[b]", "mx[a]", "Fv[a]"]
     assert [row[-2:] for row in table.rows] == [("unknown", "unknown"), ("unknown", "10"), ("25", "1.0")]
-    assert table.note == "Expected from 800 independent rows of each joint, all; known before: first.json."
+    assert table.note == "Expected from 800 independent samples of each joint, all; known before: first.json."
     assert outlook_table(alone.plan) is None
 
 

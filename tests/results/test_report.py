@@ -17,11 +17,11 @@ import pytest
 from drawings import check_labels
 from synthetic import HOSTILE, arm, plan_of, renamed, subject_of
 
+from dynident.data.log import Log, Source
 from dynident.errors import FileError, LogMismatch
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.validation import Validation
-from dynident.experiment.design.recheck import recheck
-from dynident.experiment.log import Log, Source
+from dynident.excitation.design.recheck import recheck
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Validation
 from dynident.model.robot import Robot
 from dynident.results.plan_view import PlanView
 from dynident.results.report import Comparison, Subject, build_report, builder, write_report
@@ -72,9 +72,9 @@ def whole(case: tuple[Estimate, Validation]) -> str:
     estimate, test = case
     reference = Log(estimate.model.robot.joint_names, test.time, test.q, test.dq)
     rows: list[dict[str, Any]] = [{"method": "abc", "gap": "5 %"}, {"method": "ols", "gap": "1 %"}]
-    found = {"delays": [{"log": "train.csv", "seconds": 2.95e-3, "deviation": 8.8e-4, "applied": 2.95e-3}]}
+    found = {"delays": [{"log": "train.csv", "seconds": 2.95e-3, "std": 8.8e-4, "applied": 2.95e-3}]}
     plan = plan_of(estimate.model.robot)
-    trust = {"verdicts": ["noise is white before the filter"], "joints": [], "parts": [], "cross_validation": []}
+    trust = {"verdicts": ["residuals are white (before the filter)"], "joints": [], "parts": [], "cross_validation": []}
     return build_report(
         replace(estimate, extras={**estimate.extras, **found}, diagnostics=trust),
         [test],
@@ -150,8 +150,8 @@ def test_the_page_says_what_matters(whole: str) -> None:
     words = " ".join(" ".join(Page(whole).words).split())
     for wanted in (
         "Identification of arm",
-        "torque error on data the fit has not seen",
-        "a possible robot stands behind the estimate",
+        "test error of the torque",
+        "pseudo-inertia positive definite for each link",
         "train.csv, second.csv; a gap stands between two logs",
         "sha256 " + "ab" * 32,
         "Filter: kind five_point, order 3, repeats 10",

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from synthetic import subject_of
 
-from dynident.estimation.validation import Validation
+from dynident.identification.estimate.validation import Validation
 from dynident.results.report import Subject, builder
 from dynident.results.report.builder import parts_of
 from dynident.results.report.sections.base import Drawing

@@ -13,7 +13,7 @@ import pytest
 from browser import Browser, browser, found
 from synthetic import HOSTILE, arm, plan_of, renamed, subject_of
 
-from dynident.experiment.design.recheck import recheck
+from dynident.excitation.design.recheck import recheck
 from dynident.results.plan_view import PlanView
 from dynident.results.report import write_report
 from dynident.results.report.builder import write_plan_page

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dynident.results.figures.scales import (
     Linear,
-    Log,
+    LogScale,
     finite_range,
     round_step,
     upright,
@@ -71,7 +71,7 @@ def test_log_scales_hold_the_data_and_have_round_ticks(low: float, ratio: float)
 
 def test_places() -> None:
     assert Linear(0.0, 10.0, 100.0, 0.0).at(np.array([0.0, 2.5, 10.0])).tolist() == [100.0, 75.0, 0.0]
-    places = Log(1.0, 100.0, 0.0, 10.0).at(np.array([1.0, 10.0, 100.0, 0.0, -3.0]))
+    places = LogScale(1.0, 100.0, 0.0, 10.0).at(np.array([1.0, 10.0, 100.0, 0.0, -3.0]))
     assert places[:3] == pytest.approx([0.0, 5.0, 10.0])
     assert np.isnan(places[3:]).all()
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from synthetic import HOSTILE, arm
 
 from dynident.arrays import Array
-from dynident.experiment.room.tool_speed import ToolPoint
-from dynident.experiment.room.workspace import HalfSpace, Workspace
+from dynident.excitation.collision.tool_speed import ToolPoint
+from dynident.excitation.collision.workspace import HalfSpace, Workspace
 from dynident.model.shapes import Box
 from dynident.results.figures import Bounded, Scenery, Spot, ToolPath, limit_chart, path_chart, tool_path
 from dynident.results.figures.scenery import EDGES, clipped, plane_outline

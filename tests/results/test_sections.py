@@ -12,11 +12,11 @@ import pytest
 from synthetic import arm, predicted, recorded, subject_of
 
 from dynident.arrays import Array
+from dynident.data.log import Source
 from dynident.errors import LogMismatch
-from dynident.estimation.consistency.labels import labels_of
-from dynident.estimation.estimate import Consistency, Estimate
-from dynident.estimation.validation import Validation
-from dynident.experiment.log import Source
+from dynident.identification.consistency.labels import labels_of
+from dynident.identification.estimate.estimate import Consistency, Estimate
+from dynident.identification.estimate.validation import Validation
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -75,26 +75,26 @@ def test_the_verdict_on_a_good_model(case: tuple[Estimate, Validation]) -> None:
     found = context("verdict", known_to(with_errors(case, 0.03, [0.04, 0.042]), []))
     prediction, consistency, knowledge = found["answers"]
     assert (prediction.value, prediction.tone) == ("4.2 %", "good")
-    assert prediction.meaning == "torque error on data the fit has not seen, largest of 2 tests"
-    assert prediction.detail == "on the data of the fit: 3.0 %"
+    assert prediction.meaning == "test error of the torque, largest of 2 tests"
+    assert prediction.detail == "training error: 3.0 %"
     assert (consistency.value, consistency.tone) == ("Yes", "good")
     assert (knowledge.value, knowledge.tone) == ("24 of 24", "good")
     assert found["sentences"] == [
-        "On motions it has not seen, the model misses 4.2 % of the measured torque: very good.",
-        "A robot with these parameters can exist: a simulation of it stays stable, whether it is right or not.",
-        "Look into this: 'five_point' smooths the torque and not the model's columns: intervals hold the random error, "
-        "not what that and the noise of the accelerations make; compare with butterworth.",
-        "Every base parameter can be told from zero.",
+        "The test error is 4.2 % of the measured torque: very good.",
+        "The parameters are physically consistent: the mass matrix is positive definite in every posture.",
+        "Look into this: 'five_point' filters the torque and not the regressor: the intervals contain the random "
+        "error, not the bias of this and of noisy accelerations; compare with butterworth.",
+        "Every base parameter is significant at 95 %.",
     ]
 
 
 def test_the_verdict_says_what_the_rows_at_rest_do(case: tuple[Estimate, Validation]) -> None:
     subject = with_errors(case, 0.03, [0.3])
     (test,) = subject.tests
-    moving = tuple(replace(fit, rows=fit.rows // 2, relative_error=0.036) for fit in test.moving)
+    moving = tuple(replace(fit, samples=fit.samples // 2, relative_error=0.036) for fit in test.moving)
     found = context("verdict", replace(subject, tests=(replace(test, moving=moving),)))
     assert found["sentences"][1] == (
-        "Without the rows at rest it misses 3.6 %: what friction holds at rest depends on how the drive came there."
+        "Without the samples at rest it is 3.6 %: friction at rest depends on how the drive came there."
     )
 
 
@@ -107,15 +107,15 @@ def test_the_verdict_on_a_bad_model(case: tuple[Estimate, Validation]) -> None:
     assert found["answers"][1].detail == "5 conditions broken"
     assert found["answers"][2].value == "19 of 24"
     assert found["sentences"] == [
-        "On motions it has not seen, the model misses 31 % of the measured torque: poor.",
-        "That is 3.1 times the error on the data of the fit: see in the residuals whether the tests move in ways the "
-        "fit did not see enough of, or only have smaller torques or more noise.",
-        "No robot can have these parameters (link1: the mass is -1 kg; link2: the mass is -2 kg; link3: the mass is "
-        "-3 kg and 2 more): use the model to predict torques near the recorded motions, not to simulate, or identify "
-        "with an estimator that keeps to possible robots.",
-        "4 of 24 base parameters cannot be told from zero at 95 %: Iyy[link of joint2] + …, Iyz[link of joint2], "
-        "Izz[link of joint2] + … and 1 more. They hardly move the recorded torques, so they hardly matter for motions "
-        "like these; do not rely on their values.",
+        "The test error is 31 % of the measured torque: poor.",
+        "That is 3.1 times the training error: see in the residuals whether the tests leave the training range, "
+        "or only have smaller torques or more noise.",
+        "The parameters are physically inconsistent (link1: the mass is -1 kg; link2: the mass is -2 kg; link3: the "
+        "mass is -3 kg and 2 more): use the model to predict torques near the recorded motions, not to simulate, or "
+        "identify with a physically consistent estimator.",
+        "4 of 24 base parameters are not significant at 95 %: Iyy[link of joint2] + …, Iyz[link of joint2], "
+        "Izz[link of joint2] + … and 1 more. They have little effect on the recorded torques, and on those of similar "
+        "motions. Do not rely on their values.",
     ]
 
 
@@ -124,9 +124,9 @@ def test_the_verdict_without_a_test_says_so(case: tuple[Estimate, Validation]) -
     found = context("verdict", subject)
     answer = found["answers"][0]
     assert (answer.value, answer.detail, answer.tone) == ("3.0 %", "no test on other data", "fair")
-    flatters = "the error on the data of the fit flatters a model"
+    flatters = "training error is optimistic"
     assert found["sentences"][:2] == [
-        "The model misses 3.0 % of the torques it was fitted to.",
+        "The training error is 3.0 % of the measured torque.",
         f"No log was held out, and {flatters}: record a second, different motion and test on it with --test LOG.",
     ]
     gone = context("verdict", replace(subject, why_no_test="run.csv is gone"))["sentences"][1]
@@ -152,7 +152,7 @@ def test_rows_that_the_fit_kept_apart_are_named(case: tuple[Estimate, Validation
 def test_the_verdict_on_a_test_without_torque(case: tuple[Estimate, Validation]) -> None:
     found = context("verdict", with_errors(case, 0.03, [float("nan")]))
     assert found["answers"][0].value == "–"
-    assert found["sentences"][0].endswith("misses – of the measured torque: not known.")
+    assert found["sentences"][0].endswith("is – of the measured torque: not known.")
 
 
 def test_the_robot_and_what_is_wrong_with_its_description(subject: Subject) -> None:
@@ -267,7 +267,7 @@ def test_both_tables_of_a_validation(subject: Subject) -> None:
     found = context("validation", subject)["found"]
     assert [entry.dataset.name for entry in found] == ["Training", "Test"]
     assert [row[1] for row in found[0].all_rows.rows] == ["600"] * 3
-    assert [row[1] for row in found[0].moving.rows] == [str(fit.rows) for fit in subject.estimate.train.moving]
+    assert [row[1] for row in found[0].moving.rows] == [str(fit.samples) for fit in subject.estimate.train.moving]
     assert found[0].all_rows.note.startswith("kind five_point, order 3, repeats 10")
 
 
@@ -375,7 +375,7 @@ def test_provenance_in_words(subject: Subject) -> None:
 
 def test_a_chosen_cut_off_stands_with_what_was_found_and_not_in_the_provenance(subject: Subject) -> None:
     first = subject.estimate.base.names[0]
-    row = {"held_out_error": 0.012345, "largest_change": 0.5, "parameter": first}
+    row = {"cross_validation_error": 0.012345, "largest_change": 0.5, "parameter": first}
     found = {
         "cutoff_choice": {"reason": "8 Hz, the middle of 4 to 16 Hz"},
         "cutoff_sensitivity": {

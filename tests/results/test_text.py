@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.validation import Fit, Validation
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Fit, Validation
 from dynident.results.text import (
     MISSING,
     Column,
@@ -202,11 +202,11 @@ def validation() -> Validation:
 def test_fits_table_golden() -> None:
     table = fits_table(validation())
     assert plain(table) == (
-        "joint                        rows  unit  RMS error  unfiltered  relative error [%]  correlation        R²\n"
-        "---------------------------  ----  ----  ---------  ----------  ------------------  -----------  --------\n"
-        "joint1                       3000  N·m    1.23            2.50                 4.2       0.9987    0.9812\n"
-        "<b>longlonglonglonglonglong     0  N      –               –                    –         –         –\n"
-        "joint3                       3000  N·m    1.00e-09        0                 >999        -0.5000  -12.5000"
+        "joint                        samples  unit  RMS error  unfiltered  relative error [%]  correlation        R²\n"
+        "---------------------------  -------  ----  ---------  ----------  ------------------  -----------  --------\n"
+        "joint1                          3000  N·m    1.23            2.50                 4.2       0.9987    0.9812\n"
+        "<b>longlonglonglonglonglong        0  N      –               –                    –         –         –\n"
+        "joint3                          3000  N·m    1.00e-09        0                 >999        -0.5000  -12.5000"
     )
     assert table.note == "kind butterworth, cutoff_hz 5, order 4, torque same"
     assert len(fits_table(validation(), moving=True).rows) == 2
@@ -214,7 +214,7 @@ def test_fits_table_golden() -> None:
 
 @pytest.mark.parametrize(
     ("every", "moving", "told"),
-    [(0.3, 0.036, "30 % (3.6 % without the rows at rest)"), (0.0421, 0.041, "4.2 %"), (0.02, NAN, "2.0 %")],
+    [(0.3, 0.036, "30 % (3.6 % without the samples at rest)"), (0.0421, 0.041, "4.2 %"), (0.02, NAN, "2.0 %")],
 )
 def test_the_rows_at_rest_are_told_where_they_matter(every: float, moving: float, told: str) -> None:
     fit = Fit("joint1", "N m", 100, 2.0, 2.5, 0.9, 0.9, moving, 30.0)

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dynident.estimation.identify import identify, validate
-from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import Preprocessing
-from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.identification.identify import identify
+from dynident.identification.uncertainty.trust import TrustOptions
+from dynident.identification.validate import validate
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Robot
@@ -24,11 +26,11 @@ def test_the_report_has_the_verdicts(planar_2r: Robot, exact_log: Callable[..., 
     theta = np.append(planar_2r.nominal, [0.5, 0.7])
     log = exact_log(model, theta, noise=np.array([0.3, 0.1]))
     how = Preprocessing(AsGiven(), rest="keep")
-    estimate = identify(model, [log], "wls", how, diagnose=True)
+    estimate = identify(model, [log], "wls", how, trust=TrustOptions(diagnose=True))
     fast = replace(log, dq=2 * np.asarray(log.dq), ddq=4 * np.asarray(log.ddq))
     write_report(tmp_path / "r.html", estimate, (validate(estimate, [fast]),))
     page = (tmp_path / "r.html").read_text(encoding="utf-8")
-    assert "How far to trust it" in page and "Cross-validation over blocks (wls)" in page
-    assert "the log leaves what the fit has seen" in page and "What the estimate hangs on" in page
+    assert ">Diagnostics<" in page and "Cross-validation over blocks (wls)" in page
+    assert "extrapolation beyond the training range" in page and "Influence of parts of the logs" in page
     write_report(tmp_path / "plain.html", replace(estimate, diagnostics=None), ())
-    assert "How far to trust it" not in (tmp_path / "plain.html").read_text(encoding="utf-8")
+    assert ">Diagnostics<" not in (tmp_path / "plain.html").read_text(encoding="utf-8")

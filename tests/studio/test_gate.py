@@ -197,9 +197,9 @@ def test_what_a_command_writes_has_a_name_that_nothing_in_the_folder_has(tmp_pat
     for name in ("plan_2-old.json", "Plan_4.csv", ".plan_5.json.part"):
         (folder / name).write_text("mine")
     session = Folder(folder)
-    assert session.fresh("plan", ".json") == "plan_6.json"
     before = sorted(folder.iterdir())
-    session.discard(("plan_6.json",))
+    assert session.reserve("plan", ".json") == "plan_6.json"
+    session.release(("plan_6.json",))
     assert sorted(folder.iterdir()) == before
     assert session.receive("plan_1.json", io.BytesIO(b"new"), 3) == "plan_1_2.json"
     assert session.receive("plan_3", io.BytesIO(b"new"), 3) == "plan_3_2"
@@ -251,9 +251,43 @@ def test_a_report_is_shown_in_an_origin_of_its_own(client) -> None:
 
 
 def test_a_body_that_is_no_object_is_refused(client) -> None:
-    for body in (b"[]", b"{", b"null", b"[" * 100_000, b"\xff"):
-        status, _, answer = client.ask("POST", "/api/run", body)
-        assert status == 422 and b"one JSON object" in answer
+    halves = (b'{"verb": "\\ud800"}', b'{"\\udc00": 1}', b'{"verb": "\xed\xa0\x80"}')  # of surrogate pairs
+    for body in (b"[]", b"{", b"null", b"[" * 100_000, b"\xff", b'{"a": %s}' % (b"1" * 5000), *halves):
+        for path in ("run", "remove"):
+            status, _, answer = client.ask("POST", f"/api/{path}", body)
+            assert status == 400 and b"not one JSON object" in answer, body[:20]
+
+
+def test_a_case_is_saved_with_every_character_and_with_no_half_of_one(client) -> None:
+    name = client.upload("own.yaml", b"case: 1\n")
+    text = "# \U0001f600 \u00e9"  # the first is sent as two halves
+    assert client.post("/api/case", {"name": name, "text": text})[0] == 200
+    assert client.post("/api/case", {"name": name, "text": "# \ud800"})[0] == 400
+    assert (client.folder / name).read_text(encoding="utf-8") == text
+
+
+def test_columns_cannot_be_saved_into_a_case_that_is_no_text(client) -> None:
+    name = client.upload("own.yaml", b"case: 1 # \xe9\n")
+    units = {"time": "s", "position": "SI"}
+    status, refused = client.post(
+        "/api/case", {"name": name, "joints": ["a"], "signals": {"q": ["q1"]}, "time": "t", "units": units}
+    )
+    assert status == 422 and refused["error"] == "own.yaml: byte 10 is not UTF-8 text; save the file as UTF-8"
+
+
+def test_columns_that_are_no_list_of_names_are_refused(client) -> None:
+    name = client.upload("a.csv", b"t,q1\n" + b"".join(b"%d,1\n" % k for k in range(20)))
+    for columns in (b"{", b"null", b"{}", b"q1", b"\xff", b"[" * 3000, b"1" * 5000, b'["\\ud800"]'):
+        status, _, answer = client.ask("GET", f"/api/log?name={name}&columns={urllib.parse.quote_from_bytes(columns)}")
+        assert status == 400 and b"not a JSON list" in answer
+    for text, key in (("[]", "header"), ('["q1"]', "curves")):
+        assert key in client.get(f"/api/log?name={name}&columns={urllib.parse.quote(text)}")
+
+
+def test_an_address_that_is_none_has_an_answer(client) -> None:
+    for target in ("http://[/", "http://[::1/api/state"):
+        status, headers, body = client.ask("GET", target)
+        assert status == 400 and headers["connection"] == "close" and b"not valid" in body
 
 
 def test_a_session_without_a_folder_is_gone_at_its_end() -> None:

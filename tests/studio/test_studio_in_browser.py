@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from dynident import FourierSeries, read_robot
-from dynident.estimation.estimate_file import read_estimate
+from dynident.identification.files.estimate_file import read_estimate
 from dynident.model.robot import joint_pose
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")

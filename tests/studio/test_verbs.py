@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 
 from dynident import read_robot
+from dynident.case.case import read_case
 from dynident.cli.main import build_parser
 from dynident.errors import BadOption, DynidentError, FileError, UnknownChoice
-from dynident.estimation.estimate_file import read_estimate
-from dynident.experiment.case_file.case import read_case
+from dynident.identification.files.estimate_file import read_estimate
 from dynident.studio import orders, views
 from dynident.studio.folder import Folder
 from dynident.studio.history import Edit
@@ -100,7 +100,7 @@ def test_a_cancelled_command_leaves_nothing(client, running) -> None:
     status, run = client.post("/api/run", {"verb": "excite", "choices": choices})
     assert status == 200
     process = running.session.runs.get(run["number"]).process
-    (client.folder / ".plan_1.json.0123.part").write_text("half")
+    (client.folder / ".plan_1.reserved" / ".plan_1.json.0123.part").write_text("half")  # where the command writes
     time.sleep(0.5)
     assert client.post("/api/cancel", {"number": run["number"]})[0] == 200
     process.wait(20)
@@ -195,6 +195,7 @@ def test_every_verb_is_tried_here() -> None:
         ("identify", {"friction": ["-o"]}, UnknownChoice),
         ("identify", {"cutoff": "nan"}, BadOption),
         ("identify", {"cutoff": [5]}, BadOption),
+        ("identify", {"cutoff": 10**400}, BadOption),
         ("excite", {"period": "1e9"}, BadOption),
         ("excite", {"starts": 1.5}, BadOption),
         ("excite", {"case": "/etc/passwd"}, FileError),
@@ -214,13 +215,25 @@ def test_no_text_of_the_page_becomes_an_option(
 
 
 def test_the_page_offers_what_the_families_have() -> None:
-    from dynident.estimation.estimators import ESTIMATORS
-    from dynident.experiment.trajectories import TRAJECTORIES
+    from dynident.excitation.trajectories import TRAJECTORIES
+    from dynident.exports.models import MODEL_EXPORTERS
+    from dynident.exports.motions import MOTION_EXPORTERS
+    from dynident.identification.estimators import ESTIMATORS
 
     found = views.choices()
     assert found["estimators"] == list(ESTIMATORS.names()) and found["trajectories"] == list(TRAJECTORIES.names())
-    assert found["exporters"] == list(orders.targets("plan"))
-    assert found["model_exporters"] == list(orders.targets("estimate"))
+    files = [name for name in MOTION_EXPORTERS.names() if not MOTION_EXPORTERS.get(name).writes_folder]
+    assert views.targets_view("plan") == {"targets": files} and len(files) < len(MOTION_EXPORTERS.names())
+    assert views.targets_view("estimate") == {"targets": list(MODEL_EXPORTERS.names())}
+    assert views.targets_view("log") == {"targets": []}
+
+
+@pytest.mark.parametrize(("kind", "target", "suffix"), [("plan", "krl", ".src"), ("estimate", "drake", ".dmd.yaml")])
+def test_a_file_is_exported_to_targets_of_its_kind(folder: Folder, kind: str, target: str, suffix: str) -> None:
+    (folder.path / "x.json").write_text(json.dumps({"kind": f"dynident {kind}"}))
+    assert order_of(folder, "export", {"file": "x.json", "to": target}).outputs[0].endswith(suffix)
+    with pytest.raises(UnknownChoice, match="rapid" if kind == "plan" else "mjcf"):
+        order_of(folder, "export", {"file": "x.json", "to": "urdf" if kind == "plan" else "krl"})
 
 
 def test_a_case_with_a_mapping_reads_as_it_was_mapped(tmp_path: Path) -> None:

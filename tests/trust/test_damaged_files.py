@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dynident.data.formats import ColumnMap, read_log, stream_log, write_log
+from dynident.data.formats import _mat_values as mat_values
+from dynident.data.log import Log
 from dynident.errors import DynidentError, FileError, LogFormatError
-from dynident.experiment.formats import ColumnMap, read_log, stream_log, write_log
-from dynident.experiment.formats import _mat_values as mat_values
-from dynident.experiment.log import Log
 
 ROOT = Path(__file__).parents[2]
 DH = "name: one\nconvention: modified\njoints: [{alpha: 0, a: 0, d: 0, theta: 0}]\n"
@@ -76,7 +76,7 @@ def test_a_packed_matlab_variable_may_not_unpack_without_end(tmp_path: Path, mon
 def test_a_matlab_variable_that_claims_more_than_the_file_holds(tmp_path: Path) -> None:
     head = struct.pack("<iiiii", 0, 1 << 30, 1 << 30, 0, 2) + b"q\0"
     (tmp_path / "run.mat").write_bytes(head + bytes(64))
-    with pytest.raises(LogFormatError, match="'q' says that it is longer than the file"):
+    with pytest.raises(LogFormatError, match="'q' states more bytes than the file holds"):
         read_log(tmp_path / "run.mat", ColumnMap())
 
 
@@ -155,7 +155,7 @@ def test_a_parquet_file_with_too_many_cells_is_refused_before_it_is_unpacked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("pyarrow")
-    from dynident.experiment.formats import parquet
+    from dynident.data.formats import parquet
 
     log = Log(("a",), np.arange(1000.0), np.zeros((1000, 1)))
     write_log(log, tmp_path / "run.parquet")
@@ -168,14 +168,14 @@ def test_a_parquet_file_with_too_many_cells_is_refused_before_it_is_unpacked(
 @pytest.mark.parametrize("name", ["plan", "estimate", "robot_json", "document", "search"])
 @pytest.mark.parametrize("text", ["[" * 100_000, f'{{"a": {"9" * 5000}}}', "\xff", "{", "[1e999]"], ids=range(5))
 def test_json_that_is_none_is_refused_by_name(name: str, text: str, tmp_path: Path) -> None:
-    from dynident.estimation.estimate_file import read_estimate
-    from dynident.experiment.design.checkpoint import Checkpoint
-    from dynident.experiment.design.plan import read_plan
+    from dynident.excitation.design.checkpoint import DesignCheckpoint
+    from dynident.excitation.design.plan import read_plan
+    from dynident.exports.models.writing.document import read_document
+    from dynident.identification.files.estimate_file import read_estimate
     from dynident.model.descriptions import read_robot
-    from dynident.results.model_exporters.writing.document import read_document
 
     def search(path: Path) -> object:
-        return Checkpoint(str(path), {}, 1).read()
+        return DesignCheckpoint(str(path), {}, 1).read()
 
     read = {
         "plan": read_plan,
@@ -191,7 +191,7 @@ def test_json_that_is_none_is_refused_by_name(name: str, text: str, tmp_path: Pa
 
 @pytest.mark.parametrize(
     ("before", "after"),
-    [('"samples": 201', '"samples": 1e999'), ('"format": 2', '"format": 1e999'), ('"run_in": ', '"run_in": 1e400')],
+    [('"samples": 201', '"samples": 1e999'), ('"format": 3', '"format": 1e999'), ('"run_in": ', '"run_in": 1e400')],
 )
 def test_a_plan_with_numbers_beyond_all(
     before: str, after: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -199,7 +199,7 @@ def test_a_plan_with_numbers_beyond_all(
     monkeypatch.syspath_prepend(str(ROOT))
     from fuzz.seeds import plan
 
-    from dynident.experiment.design.plan import read_plan
+    from dynident.excitation.design.plan import read_plan
 
     for path in plan(tmp_path):
         text = path.read_text()
@@ -210,7 +210,7 @@ def test_a_plan_with_numbers_beyond_all(
 
 
 def test_a_robot_in_the_home_of_nobody(tmp_path: Path) -> None:
-    from dynident.experiment.case_file.case import read_case
+    from dynident.case.case import read_case
 
     (tmp_path / "case.yaml").write_text("case: 1\nrobot: ~nobody-of-this-name/arm.urdf\n")
     with pytest.raises(DynidentError, match=r"~nobody-of-this-name/arm\.urdf"):
@@ -223,7 +223,7 @@ def test_a_cut_recording_with_definitions_in_idl(tmp_path: Path, monkeypatch: py
     monkeypatch.syspath_prepend(str(ROOT))
     from fuzz.seeds import IDL, JOINTS, mcap
 
-    from dynident.experiment.formats.rosbag import Rosbag
+    from dynident.data.formats.rosbag import Rosbag
 
     whole = mcap(tmp_path)[-1]
     assert IDL.count("IDL: ") == 3 and b"ros2idl" in whole.read_bytes()
@@ -287,7 +287,7 @@ def test_counts_add_up_from_one_run_to_the_next(tmp_path: Path, monkeypatch: pyt
 
 
 def test_names_that_are_too_long_for_the_system_are_no_files(tmp_path: Path) -> None:
-    from dynident.experiment.case_file.case import read_case
+    from dynident.case.case import read_case
     from dynident.model.descriptions import read_robot
 
     long, case = "r" * 5000, tmp_path / "case.yaml"

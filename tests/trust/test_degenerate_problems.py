@@ -12,12 +12,12 @@ import pytest
 import scipy.stats
 
 from dynident.arrays import Array
+from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import DynidentError, LogMismatch, PoorExcitation
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.estimation.identify import identify
-from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import Preprocessing
-from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.identification.estimators import ESTIMATORS
+from dynident.identification.identify import identify
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.robot import Robot

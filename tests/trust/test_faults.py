@@ -19,8 +19,8 @@ import pytest
 from dynident.cli import main as cli
 from dynident.cli.main import main
 from dynident.errors import FileError
-from dynident.estimation.estimate_file import read_estimate
 from dynident.files import write_atomically, written_for_a_while
+from dynident.identification.files.estimate_file import read_estimate
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
 

@@ -7,7 +7,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from dynident import DynamicModel, read_robot
 from dynident.errors import BrokenPart, UnknownChoice
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.friction.viscous import Viscous
-from dynident.plugins import added, part_names
+from dynident.plugins import part_names
 
 ROOT = Path(__file__).parents[2]
 GUEST = ROOT / "tests" / "guest"
@@ -43,27 +43,9 @@ class Guest(Friction):
 
     coefficients = (Coefficient("Fg", "N m", "N", nonnegative=False),)
 
-    def columns(self, motion):
-        return motion.q[..., None]
+    def terms(self, at):
+        return (at.q,)
 '''
-
-
-@pytest.fixture
-def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str, str, str], None]]:
-    """Return what makes a package of one module that adds one friction part: package, entry point, text."""
-
-    def make(package: str, point: str, text: str) -> None:
-        (tmp_path / f"{package}.py").write_text(text)
-        facts = tmp_path / f"{package}-1.0.dist-info"
-        facts.mkdir()
-        (facts / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
-        (facts / "entry_points.txt").write_text(f"[{FRICTION.package}]\n{point}\n")
-        added.cache_clear()
-
-    monkeypatch.syspath_prepend(tmp_path)
-    yield make
-    monkeypatch.undo()
-    added.cache_clear()
 
 
 def with_guest(*words: str) -> subprocess.CompletedProcess[str]:
@@ -120,8 +102,8 @@ def test_a_part_is_there_once_its_package_is(install: Callable[[str, str, str], 
     [
         ("guest_b", "viscous = guest_b", _FRICTION, "guest_b would take a name that is taken; uninstall what adds it"),
         ("guest_c", "honey = guest_c", _FRICTION, "the package 'guest_c' must add a module called as the part is"),
-        ("guest_d", "guest_d = guest_d", "1 / 0", "ZeroDivisionError: division by zero; mend or uninstall the package"),
-        ("guest_e", "guest_e = guest_e", "", "guest_e must define exactly one Friction, found 0; mend or uninstall"),
+        ("guest_d", "guest_d = guest_d", "1 / 0", "ZeroDivisionError: division by zero; fix or uninstall the package"),
+        ("guest_e", "guest_e = guest_e", "", "guest_e must define exactly one Friction, found 0; fix or uninstall"),
         ("guest_f", "guest_f = guest_f.no", _FRICTION, "guest_f.no'; the package 'guest_f' must add a module"),
     ],
 )  # fmt: skip

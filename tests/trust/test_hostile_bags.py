@@ -12,11 +12,11 @@ pytest.importorskip("rosbags")
 
 from rosbags.typesys import get_types_from_idl, get_types_from_msg
 
+from dynident.data.formats import ColumnMap, read_header, read_log
+from dynident.data.formats import _bag_definitions as definitions
+from dynident.data.formats._mcap_salvage import MAGIC
+from dynident.data.formats.rosbag import Rosbag
 from dynident.errors import LogFormatError
-from dynident.experiment.formats import ColumnMap, read_header, read_log
-from dynident.experiment.formats import _bag_definitions as definitions
-from dynident.experiment.formats._mcap_salvage import MAGIC
-from dynident.experiment.formats.rosbag import Rosbag
 
 KIND = "sensor_msgs/msg/JointState"
 OTHER = f"\n{'=' * 80}\nMSG: pkg/Y\n"

@@ -123,7 +123,9 @@ def forks() -> Any:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     context = multiprocessing.get_context("forkserver")
     cli = [f"dynident.cli.{name}" for name in ("main", *JOBS)]
-    context.set_forkserver_preload([*cli, "dynident.estimation.identify", "dynident.results.report", "scipy.signal"])
+    context.set_forkserver_preload(
+        [*cli, "dynident.identification.identify", "dynident.results.report", "scipy.signal"]
+    )
     return context
 
 

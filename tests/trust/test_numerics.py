@@ -16,10 +16,10 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.cli.main import main
-from dynident.estimation.estimate_file import read_estimate
-from dynident.estimation.estimators import ESTIMATORS
-from dynident.experiment.formats import write_log
-from dynident.experiment.log import Log
+from dynident.data.formats import write_log
+from dynident.data.log import Log
+from dynident.identification.estimators import ESTIMATORS
+from dynident.identification.files.estimate_file import read_estimate
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion

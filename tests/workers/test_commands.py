@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.experiment.case_file.case import read_case
-from dynident.experiment.formats import write_log
-from dynident.experiment.log import Log
+from dynident.data.formats import write_log
+from dynident.data.log import Log
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.robot import Robot
 

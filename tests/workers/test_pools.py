@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -18,6 +19,7 @@ from dynident.cli.pools import cluster_of
 from dynident.errors import BadOption, LogMismatch, PoolFailed
 from dynident.workers import dask_pool
 from dynident.workers.dask_pool import DaskPool
+from dynident.workers.lifetime import uninterrupted_start
 from dynident.workers.pool import Done, Here, Pool, Tell, local_pool
 from dynident.workers.processes import Processes
 
@@ -122,6 +124,57 @@ def test_a_system_without_such_a_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(signal, "setitimer")
     with pytest.raises(BadOption, match="this system does not end processes by their processor time"):
         local_pool(1, processor_limit=1.0)
+
+
+class Interrupted(Squares):
+    """Interrupts the process that loads it, as a terminal does with all processes of a command."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _interrupted_while_loading, ()
+
+
+def _interrupted_while_loading() -> Squares:
+    os.kill(os.getpid(), signal.SIGINT)
+    return Squares()
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals of POSIX")
+def test_a_process_that_is_interrupted_while_it_starts_goes_on() -> None:
+    assert [done.result for done in Processes(1).run(Interrupted(), [3])] == [9]
+
+
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Let SIGINT raise KeyboardInterrupt, also where the tests run as a background job of a shell, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_an_interrupt_during_a_start_takes_effect_after_it() -> None:
+    before, steps = signal.getsignal(signal.SIGINT), list[str]()
+    with pytest.raises(KeyboardInterrupt):
+        with uninterrupted_start():
+            signal.raise_signal(signal.SIGINT)
+            steps.append("started")
+        steps.append("not reached")
+    assert steps == ["started"] and signal.getsignal(signal.SIGINT) is before
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_an_interrupt_that_another_thread_takes_is_delayed_too() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        ready, steps = threading.Event(), list[str]()
+        other = threading.Thread(target=lambda: ready.wait() and signal.raise_signal(signal.SIGINT))
+        other.start()  # before the start, so that it does not inherit the mask
+        with uninterrupted_start():
+            ready.set()
+            other.join()
+            steps.append("started")
+    assert steps == ["started"]
 
 
 def test_options_that_cannot_be() -> None:

@@ -18,13 +18,13 @@ import scipy.sparse
 from scipy.optimize import linprog
 
 from benchmarks.speed.harness import Line, Record
-from dynident.estimation.problem import make_problem
-from dynident.estimation.search.colony import search
-from dynident.estimation.search.landscape import absolute_landscape, box_optimum, square_landscape
-from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import Preprocessing, preprocess
-from dynident.experiment.preprocessing.fourier_fit import FourierFit
-from dynident.experiment.trajectories.fourier import FourierSeries
+from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing, preprocess
+from dynident.data.preprocessing.fourier_fit import FourierFit
+from dynident.excitation.trajectories.fourier import FourierSeries
+from dynident.identification.problem.problem import make_problem
+from dynident.identification.search.colony import search
+from dynident.identification.search.landscape import absolute_landscape, box_optimum, square_landscape
 from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
@@ -32,7 +32,7 @@ from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.reduction import least_squares
-from dynident.robots import er16_article as article
+from dynident.model.robots import er16_article as article
 
 REPEATS = 2
 SETTINGS = (article.COLONY, article.LIMIT, article.ITERATIONS)

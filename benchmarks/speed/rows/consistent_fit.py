@@ -15,10 +15,10 @@ import numpy as np
 
 from benchmarks.speed.harness import Line, Record
 from dynident.arrays import Array
-from dynident.estimation.consistency.conic import solve_conic
-from dynident.estimation.consistency.consistent_fit import consistent_fit, pose_program
-from dynident.estimation.consistency.program import Program
-from dynident.estimation.consistency.scale import natural_scale
+from dynident.identification.consistency.conic import solve_conic
+from dynident.identification.consistency.consistent_fit import consistent_fit, pose_program
+from dynident.identification.consistency.program import Program
+from dynident.identification.problem.prior import natural_scale
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel

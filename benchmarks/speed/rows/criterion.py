@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks.speed.designs import Loop, ur10_design
 from benchmarks.speed.harness import Line, Record
 from dynident.arrays import Array
-from dynident.experiment.design.design_problem import DesignProblem
-from dynident.experiment.design.feasibility import feasible_start
+from dynident.excitation.design.design_problem import DesignProblem
+from dynident.excitation.design.feasibility import feasible_start
 
 REPEATS, SHARPNESS, STEP = 9, 4.0, 1e-6
 HERE, POINT, DIFFERENCES = "value and gradient", "with all bounds and their gradients", "67 values, Pinocchio loop"

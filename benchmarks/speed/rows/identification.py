@@ -16,10 +16,10 @@ import scipy.linalg
 from benchmarks.speed.arms import as_pinocchio, motion, pinocchio_columns
 from benchmarks.speed.harness import Line, Record
 from dynident.arrays import Array
-from dynident.estimation.observer import Observer
-from dynident.experiment.log import Log
-from dynident.experiment.preprocessing import Prepared, Preprocessing, preprocess
-from dynident.experiment.preprocessing.as_given import AsGiven
+from dynident.data.log import Log
+from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
@@ -45,12 +45,12 @@ def as_taken(log: Log) -> Prepared:
     return preprocess(log, Preprocessing(AsGiven(), rest="keep"))
 
 
-def streamed(observer: Observer, prepared: Prepared) -> Estimate:
+def streamed(regressor: RegressorStream, prepared: Prepared) -> Estimate:
     """Return the base parameters and their covariance from triangles."""
-    triangles = observer.triangles(prepared, np.ones(prepared.log.q.shape, bool))
-    reduced = reduce(triangles, observer.base.count, np.ones(observer.model.robot.dof))
+    triangles = regressor.triangles(prepared, np.ones(prepared.log.q.shape, bool))
+    reduced = reduce(triangles, regressor.base.count, np.ones(regressor.model.robot.dof))
     found = least_squares(reduced)
-    variance = reduced.residual_square(found.beta) / (reduced.rows - observer.base.count)
+    variance = reduced.residual_square(found.beta) / (reduced.rows - regressor.base.count)
     return found.beta, found.unscaled_covariance * variance
 
 
@@ -81,8 +81,8 @@ def measure() -> Record:
     found = Record("identification", f"6R arm, {SAMPLES} samples x 6 joints to base parameters and covariance, QR")
     model = DynamicModel(read_robot("generic-6r"), ("coulomb", "viscous", "rotor_inertia"))
     base, log = base_parameters(model), noisy_log(model, SAMPLES)
-    observer, prepared = Observer(model, base), as_taken(log)  # made once for a robot, like the peer's model
-    calls: dict[str, Callable[[], object]] = {HERE: lambda: streamed(observer, prepared)}
+    regressor, prepared = RegressorStream(model, base), as_taken(log)  # made once for a robot, like the peer's model
+    calls: dict[str, Callable[[], object]] = {HERE: lambda: streamed(regressor, prepared)}
     if pinocchio := found.peer("pinocchio", "pin"):
         oracle = as_pinocchio(model.robot)
         (mine, own), (theirs, other) = calls[HERE](), looped(pinocchio, oracle, model, base, log, False)

@@ -18,7 +18,7 @@ CODE = """
 import json, sys, time
 import numpy as np
 from benchmarks.speed.rows.identification import as_taken, noisy_log, streamed
-from dynident.estimation.observer import Observer
+from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
@@ -29,14 +29,14 @@ def status(key):
 
 samples = int(sys.argv[1])
 model = DynamicModel(read_robot("generic-6r"), ("coulomb", "viscous", "rotor_inertia"))
-observer = Observer(model, base_parameters(model))
-streamed(observer, as_taken(noisy_log(model, 5000)))  # compiles
+regressor = RegressorStream(model, base_parameters(model))
+streamed(regressor, as_taken(noisy_log(model, 5000)))  # compiles
 log = noisy_log(model, samples)
 inputs = sum(part.nbytes for part in (log.time, log.q, log.dq, log.ddq, log.torque)) / 2**20
 with open("/proc/self/clear_refs", "w") as reset:
     reset.write("5")  # the peak counts from here
 before, wall, processor = status("VmRSS"), time.perf_counter(), time.process_time()
-beta, _ = streamed(observer, as_taken(log))
+beta, _ = streamed(regressor, as_taken(log))
 times = time.perf_counter() - wall, time.process_time() - processor
 print(json.dumps({"wall": times[0], "processor": times[1], "inputs_mib": inputs, "beyond_mib": status("VmHWM") - before,
                   "beta": beta.tolist()}))

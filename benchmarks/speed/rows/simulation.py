@@ -16,16 +16,16 @@ import numpy as np
 from benchmarks.speed.arms import as_pinocchio
 from benchmarks.speed.harness import Line, Record
 from dynident.arrays import Array
-from dynident.experiment.simulation.cell import Cell
-from dynident.experiment.simulation.cell_simulation import simulate_cell
-from dynident.experiment.simulation.controllers import CONTROLLERS
-from dynident.experiment.simulation.effects import Bristles, Effort, Encoder, Payload, Recorder, Ripple, Tilt, Warming
-from dynident.experiment.simulation.plant import plant
-from dynident.experiment.simulation.virtual_robot import Controller, simulate
-from dynident.experiment.trajectories.fourier import FourierSeries
+from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
+from dynident.simulation.cell import Cell
+from dynident.simulation.cell_simulation import simulate_cell
+from dynident.simulation.controllers import CONTROLLERS
+from dynident.simulation.effects import Bristles, Effort, Encoder, Payload, Recorder, Ripple, Tilt, Warming
+from dynident.simulation.plant import plant
+from dynident.simulation.virtual_robot import JointController, simulate
 
 SECONDS, RATE, REPEATS = 25.0, 1000, 5
 STIFFNESS, DAMPING, WIDTH, COULOMB = 1500.0, 80.0, 0.02, 2.0
@@ -43,7 +43,7 @@ def measure() -> Record:
     theta[model.inertial_count :: 2] = COULOMB
     sine, cosine = 0.15 * np.random.default_rng(0).normal(size=(2, 6, 5))
     motion = FourierSeries(np.array([0, -1.0, 1.0, 0, 0.5, 0]), sine, cosine, SECONDS)
-    controller = Controller(rate=RATE, stiffness=STIFFNESS, damping=DAMPING)
+    controller = JointController(rate=RATE, stiffness=STIFFNESS, damping=DAMPING)
 
     def ours() -> Any:
         return simulate(model, theta, motion, rate=RATE, integration_rate=RATE, controller=controller, lead_in=0.0)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.speed.harness import Line, Record, Times
-from dynident.experiment.trajectories.fourier import FourierSeries
+from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -25,7 +25,7 @@ from dynident.model.friction import Motion
 REPEATS = 9
 COMMAND = [sys.executable, "-c", "from dynident.cli.main import entry_point; entry_point()"]
 CASE = """\
-case: 1
+case: 2
 robot: generic-6r
 train: [run.csv]
 preprocessing: {filter: {butterworth: {cutoff_hz: 5}}, rate_hz: 50}

@@ -19,11 +19,11 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dynident.estimation.comparison.contest import Method
-    from dynident.estimation.monte_carlo.experiment import Experiment
-    from dynident.estimation.monte_carlo.real_sets import Scoreboard
-    from dynident.estimation.monte_carlo.summary import MethodRow
-    from dynident.results.scoreboard_view import Result
+    from dynident.studies.benchmark.experiment import Experiment
+    from dynident.studies.benchmark.real_sets import Scoreboard
+    from dynident.studies.benchmark.scoreboard_view import Result
+    from dynident.studies.benchmark.summary import MethodRow
+    from dynident.studies.comparison.contest import Method
 
 SUMMARY = "estimators where the truth is known, by Monte Carlo; or on every real set"
 
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.files import check_place
 
     if (options.name is None) == (options.real is None):
-        from dynident.estimation.monte_carlo.experiment import shipped_benchmarks
+        from dynident.studies.benchmark.experiment import shipped_benchmarks
 
         step = f"give a benchmark ({', '.join(shipped_benchmarks())}, or a file), or --real FOLDER"
         raise BadOption("NAME", options.name or "", step)
@@ -80,13 +80,13 @@ def run(options: argparse.Namespace) -> int:
 def _virtual(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.cli.pools import cluster_of
-    from dynident.estimation.monte_carlo.experiment import read_experiment
-    from dynident.estimation.monte_carlo.motions import motions_of
-    from dynident.estimation.monte_carlo.records import Records
-    from dynident.estimation.monte_carlo.runner import run_tasks
-    from dynident.estimation.monte_carlo.summary import summary_of
-    from dynident.estimation.monte_carlo.virtual_tasks import VirtualWork
-    from dynident.results.benchmark_page import write_benchmark_page
+    from dynident.studies.benchmark.experiment import read_experiment
+    from dynident.studies.benchmark.motions import motions_of
+    from dynident.studies.benchmark.page import write_benchmark_page
+    from dynident.studies.benchmark.records import Records
+    from dynident.studies.benchmark.runner import run_tasks
+    from dynident.studies.benchmark.summary import summary_of
+    from dynident.studies.benchmark.virtual_tasks import VirtualWork
 
     methods = None if options.methods is None else [name.strip() for name in options.methods.split(",")]
     experiment = read_experiment(options.name, quick=options.quick, draws=options.draws, methods=methods)
@@ -147,8 +147,8 @@ def _figures(experiment: Experiment, rows: tuple[MethodRow, ...], done: int, tot
 
 def _show(experiment: Experiment, rows: tuple[MethodRow, ...]) -> None:
     from dynident.cli import console
-    from dynident.results import benchmark_page as page
     from dynident.results.text import counted, label
+    from dynident.studies.benchmark import page
 
     console.answer(f"{label(experiment.title)}: {counted(experiment.draws, 'draw')} of each condition")
     console.answer(page.NOTE)
@@ -162,10 +162,10 @@ def _show(experiment: Experiment, rows: tuple[MethodRow, ...]) -> None:
 def _real(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.errors import BadOption, FileError
-    from dynident.estimation.monte_carlo.real_sets import RealWork, read_scoreboard
-    from dynident.estimation.monte_carlo.records import Records
-    from dynident.estimation.monte_carlo.runner import run_tasks
-    from dynident.results.scoreboard_view import write_scoreboard_page
+    from dynident.studies.benchmark.real_sets import RealWork, read_scoreboard
+    from dynident.studies.benchmark.records import Records
+    from dynident.studies.benchmark.runner import run_tasks
+    from dynident.studies.benchmark.scoreboard_view import write_scoreboard_page
 
     for name in ("quick", "draws"):
         if getattr(options, name):
@@ -206,10 +206,10 @@ def _real(options: argparse.Namespace) -> int:
 
 def _estimators(text: str) -> list[Method]:
     """Return the methods that a text names, with their default options."""
-    from dynident.cli.compare import methods_from
-    from dynident.experiment.case_file.case import case_of_robot
+    from dynident.api.compare import methods_of
+    from dynident.case.case import case_of_robot
 
-    return methods_from(case_of_robot("er16"), text)
+    return methods_of(case_of_robot("er16"), text)
 
 
 def _real_figures(board: Scoreboard, results: list[Result], total: int) -> dict[str, Any]:
@@ -235,7 +235,7 @@ def _real_figures(board: Scoreboard, results: list[Result], total: int) -> dict[
 
 def _show_real(board: Scoreboard, results: list[Result]) -> None:
     from dynident.cli import console
-    from dynident.results import scoreboard_view as view
+    from dynident.studies.benchmark import scoreboard_view as view
 
     table = view.scoreboard_table(board, results)
     console.answer_table(table, table.note)

@@ -8,8 +8,8 @@ if TYPE_CHECKING:
     import argparse
 
     from dynident.arrays import Array
-    from dynident.experiment.case_file.case import Case
-    from dynident.experiment.case_file.cell_section import CellSetup
+    from dynident.case.case import Case
+    from dynident.case.cell_section import CellSetup
 
 
 def cell_setup(options: argparse.Namespace, case: Case) -> CellSetup:
@@ -21,7 +21,7 @@ def cell_setup(options: argparse.Namespace, case: Case) -> CellSetup:
         FileError: The file cannot be read.
         UnknownChoice: A controller that does not exist.
     """
-    from dynident.experiment.case_file.cell_section import CellSetup, read_cell
+    from dynident.case.cell_section import CellSetup, read_cell
 
     setup = read_cell(options.cell) if options.cell else case.cell or CellSetup(path=options.case)
     return setup.changed(options.settings)
@@ -33,9 +33,9 @@ def stated_parameters(name: str, case: Case) -> Array:
     Raises:
         DynidentError: The description states no inertias; the file cannot be read or is of another model.
     """
-    from dynident.estimation.earlier import check_same
-    from dynident.estimation.estimate_file import read_estimate
-    from dynident.experiment.simulation.truth import nominal_parameters
+    from dynident.diagnosis.earlier import check_same
+    from dynident.identification.files.estimate_file import read_estimate
+    from dynident.simulation.truth import nominal_parameters
 
     if name == "nominal":
         return nominal_parameters(case.model)
@@ -62,8 +62,8 @@ def current_scale(case: Case) -> Array:
     """
     import numpy as np
 
+    from dynident.case.simulated_log import wants_current
     from dynident.errors import BadOption
-    from dynident.experiment.simulation.case_log import wants_current
 
     if not wants_current(case.columns):
         return np.ones(case.robot.dof)

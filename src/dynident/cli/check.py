@@ -1,12 +1,11 @@
-"""Look at logs before anything is fitted: what is wrong with them, how that shows, and what to do about it.
+"""Check logs before a fit: errors, evidence and remedies.
 
 Time, values, units, signs, orders, delays, saturation, excitation and more; docs/doctor.md lists what is looked for.
-Nothing is changed. --fix writes the log after the mends that change no measurement: rows sorted, repeated rows and rows
-with values that are not finite (up to 5 %) left out, encoder jumps taken back. The exit code is 1 where there is a
-finding at error level.
+Nothing is changed. --fix writes a repaired log: it sorts samples by time, drops repeated samples and samples
+that are not finite (up to 5 %), and removes encoder jumps. The exit code is 1 where there is a finding at error level.
 
   dynident check case.yaml run.csv
-  dynident check robot.urdf run.csv --fix mended.csv
+  dynident check robot.urdf run.csv --fix repaired.csv
   dynident check case.yaml monday.csv --against estimate.json
   dynident check case.yaml --json
 """
@@ -18,33 +17,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dynident.estimation.doctor import Examination
-    from dynident.estimation.estimate import Estimate
-    from dynident.experiment.case_file.case import Case
+    from dynident.case.case import Case
+    from dynident.diagnosis.checks import Examination
+    from dynident.identification.estimate.estimate import Estimate
 
-SUMMARY = "look at logs before a fit: what is wrong with them and what to do"
+SUMMARY = "log checks before a fit: errors, evidence and remedies"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot description")
+    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot model")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to look at; default: those of the case file")
     parser.add_argument(
         "--against",
         metavar="ESTIMATE",
         help="earlier estimate of the robot: tells what has changed since; default: the case's prior if it is one",
     )
-    parser.add_argument("--fix", metavar="OUT", help="write the one log after the safe mends here (CSV, SI units)")
+    parser.add_argument("--fix", metavar="OUT", help="write the repaired log here, one log only (CSV, SI units)")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of lines")
     parser.add_argument("--quiet", action="store_true", help="no progress and no remarks")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.case.case import read_case
     from dynident.cli import console, jobs
+    from dynident.diagnosis.checks import examine
     from dynident.errors import BadOption
-    from dynident.estimation.doctor import examine
-    from dynident.experiment.case_file.case import read_case
     from dynident.files import check_place
 
     case = read_case(options.case)
@@ -76,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
 def _earlier(case: Case, name: str | None) -> Estimate | None:
     """Return the estimate that logs are held against, of the joints of the case; None where there is none."""
     from dynident.errors import LogMismatch
-    from dynident.estimation.estimate_file import read_estimate
+    from dynident.identification.files.estimate_file import read_estimate
 
     if name is None and not case.prior.endswith(".json"):
         return None
@@ -90,13 +89,13 @@ def _earlier(case: Case, name: str | None) -> Estimate | None:
 
 
 def _fixed(case: Case, examination: Examination, out: str) -> tuple[str, ...]:
-    """Write the mended log, read it back, and return what was mended."""
+    """Write the repaired log, read it back, and return the repairs."""
+    from dynident.data.formats import read_log, write_log, written_columns
     from dynident.errors import DynidentError, LogMismatch
-    from dynident.experiment.formats import read_log, write_log, written_columns
 
-    if examination.mended is None:
+    if examination.repaired is None:
         raise LogMismatch(examination.path, "it cannot be read", examination.findings[0].remedy)
-    log = examination.mended.recording.log
+    log = examination.repaired.recording.log
     write_log(log, out)
     try:
         read_log(out, written_columns(log))
@@ -104,7 +103,7 @@ def _fixed(case: Case, examination: Examination, out: str) -> tuple[str, ...]:
         Path(out).unlink()
         raise
     read = "it is in SI units under t, q1, ...; a case that reads it needs no units, columns and gains"
-    return (*(examination.mended.mends or ("nothing was to be mended",)), read)
+    return (*(examination.repaired.repairs or ("nothing to repair",)), read)
 
 
 def _figures(case: Case, found: list[Examination], mends: tuple[str, ...] | None) -> dict[str, Any]:
@@ -112,7 +111,7 @@ def _figures(case: Case, found: list[Examination], mends: tuple[str, ...] | None
         "robot": case.robot.name,
         "sound": all(examination.sound for examination in found),
         "logs": [examination.figures() for examination in found],
-        "mends": None if mends is None else list(mends),
+        "fixes": None if mends is None else list(mends),
     }
 
 

@@ -1,4 +1,4 @@
-"""Give one problem to many estimators and compare them on logs that none has seen.
+"""Compare estimators on one problem by their error on test logs.
 
 Logs are read, prepared and reduced once; each estimator starts from there with its default options, or with those that
 are named. The order is that of the error on the test logs. A method that fails is a line of the table with its reason.
@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dynident.cli.jobs import Data
-    from dynident.estimation.comparison.contest import Contest, Method, Outcome
-    from dynident.estimation.problem import Problem
-    from dynident.experiment.case_file.case import Case
+    from dynident.api.case_logs import CaseData
+    from dynident.case.case import Case
+    from dynident.studies.comparison.contest import Contest, Method, Outcome
 
 SUMMARY = "many estimators on one problem, by their error on unseen logs"
 
@@ -32,7 +31,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     from dynident.cli.jobs import add_case_options
 
-    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot description")
+    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot model")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to learn from; default: those of the case file")
     parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to test on, not used in the fit")
     method = parser.add_argument_group("estimators")
@@ -48,12 +47,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--jobs", type=int, default=1, metavar="N", help="methods that run side by side; default 1, so that times count"
     )
     known = parser.add_argument_group("what is known beforehand (a case file states prior and constraints for good)")
-    known.add_argument("--prior", metavar="FILE", help="robot description or estimate whose inertias are the prior")
+    known.add_argument("--prior", metavar="FILE", help="robot model or estimate whose inertias are the prior")
     known.add_argument("--constraints", metavar="FILE", help="masses, centres, hulls: YAML as in the case file")
     known.add_argument(
         "--truth",
         metavar="FILE",
-        help="truth that simulate wrote, description or estimate of the virtual robot: adds the parameter error",
+        help="truth that simulate wrote, robot model or estimate of the virtual robot: adds the parameter error",
     )
     add_case_options(parser)
     output = parser.add_argument_group("output")
@@ -64,32 +63,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.api.case_logs import read_data
+    from dynident.api.compare import contest_of_case, methods_of
     from dynident.cli import console, jobs
-    from dynident.estimation.comparison.compare import ranked
-    from dynident.estimation.identify import pose
     from dynident.files import check_place
+    from dynident.studies.comparison.compare import ranked
 
     if options.report:
         check_place(options.report)
-    case = jobs.with_knowledge(jobs.case_from(options), options.prior, options.constraints)
-    methods = methods_from(case, options.estimators, options.seed)
+    case = jobs.case_from(options)
+    methods = methods_of(case, options.estimators, options.seed)
     outcomes: list[Outcome] = []
     with console.progress(5 + len(methods), options.quiet or options.json) as progress:
         progress.step("reading")
         inputs = (options.case, options.truth or "", *case.files)
         case = jobs.with_logs(case, options)
         jobs.check_outputs((options.report,), (*inputs, *case.files))
-        data = jobs.read_data(case)
-        problem = pose(
-            case.model,
-            data.train,
-            case.preprocessing,
-            progress.step,
-            case.choose_friction,
-            case.constraints,
-            jobs.prior_of(case),
-        )
-        contest = _contest(case, problem, data, options.truth)
+        data = read_data(case)
+        contest = contest_of_case(case, data, truth=options.truth, progress=progress.step)
         stopped = _solve(contest, methods, options, progress.step, outcomes)
         table = ranked(outcomes)
         if options.report and not stopped:
@@ -105,75 +96,9 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def methods_from(case: Case, text: str, seed: int | None = None) -> list[Method]:
-    """Return the methods that a text names, each once, in its order.
-
-    Names are separated by commas; ``all`` is the whole family. Options follow as ``:key=value``; a comma within a value
-    stands before no letter, or in brackets. Options of the case's own estimator hold for its name.
-
-    Args:
-        case: Where the options of one estimator may stand.
-        text: Such as ``all`` or ``wls,huber:bound=2,didim:kp=100,80:kd=9,7``.
-        seed: For the methods that have one and do not state it.
-
-    Raises:
-        BadOption: An empty name, a negative seed or an option that a method does not have.
-        UnknownChoice: No such estimator.
-    """
-    from dynident.cli.jobs import cut, estimator_from
-    from dynident.errors import BadOption
-    from dynident.estimation.comparison.contest import Method
-    from dynident.estimation.estimators import ESTIMATORS
-
-    if seed is not None and seed < 0:
-        raise BadOption("--seed", seed, "give 0 or more")
-    found: dict[str, Method] = {}
-    for written in split_names(text):
-        for label in ESTIMATORS.names() if written == "all" else (written,):
-            name, *settings = cut(label, ":")
-            if not name:
-                raise BadOption("--estimators", text, "write names with commas between them, such as wls,consistent")
-            if name not in ESTIMATORS.names():
-                ESTIMATORS.get(name)  # says which there are
-            if not all("=" in setting for setting in settings):
-                raise BadOption("--estimators", label, "write options behind a name, such as huber:bound=2")
-            stated = [setting.partition("=")[0] for setting in settings]
-            if seed is not None and "seed" not in stated and _has_seed(name):
-                settings.append(f"seed={seed}")
-            found.setdefault(label, Method(label, estimator_from(case, name, settings)))
-    return list(found.values())
-
-
-def _has_seed(name: str) -> bool:
-    from dynident.estimation.estimators import ESTIMATORS
-
-    return any(option.name == "seed" for option in ESTIMATORS.options(name))
-
-
-def split_names(text: str) -> list[str]:
-    """Return the parts of a list whose items begin with a letter; a comma before anything else belongs to a value."""
-    from dynident.cli.jobs import cut
-
-    items: list[str] = []
-    for piece in cut(text, ","):
-        if items and ":" in items[-1] and not piece[:1].isalpha():
-            items[-1] += f",{piece}"
-        else:
-            items.append(piece)
-    return items
-
-
-def _contest(case: Case, problem: Problem, data: Data, truth: str | None) -> Contest:
-    from dynident.estimation.comparison.compare import contest_of
-    from dynident.estimation.comparison.truth import read_truth
-
-    known = read_truth(case.find(truth), problem.model, case.locked) if truth else None
-    return contest_of(problem, data.test, known)
-
-
 def _solve(contest: Contest, methods: Sequence[Method], options: Any, step: Any, outcomes: list[Outcome]) -> bool:
     """Fill in the outcomes as they come; return whether the user has broken it off."""
-    from dynident.estimation.comparison.compare import compare
+    from dynident.studies.comparison.compare import compare
 
     try:
         step("weighted least squares, the reference")
@@ -185,12 +110,12 @@ def _solve(contest: Contest, methods: Sequence[Method], options: Any, step: Any,
     return False
 
 
-def _report(place: str, case: Case, table: Sequence[Outcome], data: Data) -> None:
+def _report(place: str, case: Case, table: Sequence[Outcome], data: CaseData) -> None:
     """Write the report about the case's estimator: the best of the table is chosen by what it would be tested on."""
     from dynident.cli.jobs import repeat_command
     from dynident.errors import SolverFailed
-    from dynident.results.comparison import comparison_of
     from dynident.results.report import write_report
+    from dynident.studies.comparison.comparison_view import comparison_of
 
     solved = [outcome for outcome in table if outcome.estimate is not None]
     if not solved:
@@ -211,7 +136,7 @@ def _report(place: str, case: Case, table: Sequence[Outcome], data: Data) -> Non
 def _figures(contest: Contest, table: Sequence[Outcome], stopped: bool) -> dict[str, Any]:
     from dynident.arrays import finite
     from dynident.cli.jobs import repeat_command
-    from dynident.estimation.estimate_file import plain
+    from dynident.identification.files.estimate_file import plain
 
     problem = contest.problem
     return {
@@ -230,7 +155,7 @@ def _figures(contest: Contest, table: Sequence[Outcome], stopped: bool) -> dict[
 
 
 def _with_rank(outcome: Outcome, table: Sequence[Outcome]) -> dict[str, Any]:
-    from dynident.estimation.comparison.contest import like_the_best
+    from dynident.studies.comparison.contest import like_the_best
 
     best = table[0].test
     same = None if outcome.test is None or best is None else like_the_best(outcome.test, best)
@@ -239,8 +164,8 @@ def _with_rank(outcome: Outcome, table: Sequence[Outcome]) -> dict[str, Any]:
 
 def _show(contest: Contest, table: Sequence[Outcome]) -> None:
     from dynident.cli import console
-    from dynident.results.comparison import comparison_rows, percent
     from dynident.results.text import comparison_table, statement
+    from dynident.studies.comparison.comparison_view import comparison_rows, percent
 
     problem = contest.problem
     tested = sum(len(log.keep) for log in contest.tests)
@@ -258,8 +183,10 @@ def _show(contest: Contest, table: Sequence[Outcome]) -> None:
             console.answer(f"{outcome.method}: {outcome.failure or outcome.verdict}")
     if contest.truth_error is not None:
         far = bool(table) and contest.truth_error > NOT_THE_TRUTH * table[0].figure
-        lacking = "these logs have another truth (friction that a description does not state counts as zero)"
+        lacking = "these logs do not fit the given truth (friction that a robot model does not state counts as zero)"
         meaning = lacking if far else "that is noise"
         console.answer(f"the known truth has a held-out error of {percent(contest.truth_error)}: {meaning}")
     if not contest.tests:
-        console.answer("no test logs: the order is that of the training error, which flatters the freest method")
+        console.answer(
+            "no test logs: the order is that of the training error, which is optimistic for flexible methods"
+        )

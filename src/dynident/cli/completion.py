@@ -20,14 +20,14 @@ SHELLS = ("bash", "zsh", "fish")
 
 #: Folders of the parts whose names go behind an option, by the option.
 _PARTS = {
-    "--estimator": ("dynident.estimation.estimators",),
-    "--estimators": ("dynident.estimation.estimators",),
-    "--friction": ("dynident.model.friction",),
-    "--criterion": ("dynident.experiment.criteria",),
-    "--trajectory": ("dynident.experiment.trajectories",),
-    "--profile": ("dynident.experiment.profiles",),
-    "--format": ("dynident.experiment.formats",),
-    "--to": ("dynident.results.exporters", "dynident.results.model_exporters"),
+    "--estimator": (("dynident.identification.estimators", "dynident.identification.simulated.estimators"),),
+    "--estimators": (("dynident.identification.estimators", "dynident.identification.simulated.estimators"),),
+    "--friction": (("dynident.model.friction",),),
+    "--criterion": (("dynident.excitation.criteria",),),
+    "--trajectory": (("dynident.excitation.trajectories",),),
+    "--profile": (("dynident.data.profiles",),),
+    "--format": (("dynident.data.formats",),),
+    "--to": (("dynident.exports.motions",), ("dynident.exports.models",)),
 }
 
 #: Words that an option takes besides the names of its family.
@@ -107,7 +107,7 @@ def _choices(name: str, parser: argparse.ArgumentParser) -> Choices:
         if action.nargs == 0:
             bare += shown
         for option in shown:
-            parts = tuple(part for family in _PARTS.get(option, ()) for part in part_names(family))
+            parts = tuple(part for rooms in _PARTS.get(option, ()) for part in part_names(*rooms))
             told = re.findall(r"[a-z]+", action.help or "")  # the same option means other things in other commands
             own = tuple(word for word in _WORDS.get(option, ()) if word in told)
             if given or parts or own:

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from dynident.results.text import Table
 
 
+#: Version of what --json prints, its first key; docs/json-output.md has the keys of this one and what they were called.
+SCHEMA = 2
+
 #: Columns that the name of a base parameter takes in a table; --json and the report have the whole name.
 NAME_WIDTH = 60
 
@@ -38,12 +41,12 @@ def remark(text: str, quiet: bool = False) -> None:
 
 def answer_json(data: Mapping[str, Any]) -> None:
     """Print one JSON object."""
-    _say(json.dumps(data, indent=1, allow_nan=False), sys.stdout)
+    _say(json.dumps({"schema": SCHEMA, **data}, indent=1, allow_nan=False), sys.stdout)
 
 
 def answer_line(data: Mapping[str, Any]) -> None:
     """Print one JSON object on a line of its own, as in a stream of them."""
-    _say(json.dumps(data, allow_nan=False), sys.stdout)
+    _say(json.dumps({"schema": SCHEMA, **data}, allow_nan=False), sys.stdout)
 
 
 def answer_table(table: Table, title: str = "") -> None:

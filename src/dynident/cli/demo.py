@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from dynident.estimation.reproduction import Part
     from dynident.results.report.subject import Comparison
+    from dynident.studies.reproduction import ReproductionPart
 
 SUMMARY = "the article's ER-16 from end to end"
 
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
 
     from dynident.cli import console
     from dynident.errors import BadOption, FileError
-    from dynident.estimation.reproduction import CONVERGED, as_published, virtual_er16
+    from dynident.studies.reproduction import CONVERGED, as_published, virtual_er16
 
     if options.seed < 0:
         raise BadOption("--seed", options.seed, "give 0 or more")
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         progress.step("writing report, estimates, logs and case file")
         written = _write(folder, published, virtual)
     if options.json:
-        from dynident.estimation.estimate_file import plain
+        from dynident.identification.files.estimate_file import plain
 
         console.answer_json({part.title: plain([row.row() for row in part.rows]) for part in (published, virtual)})
         return 0
@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _show(part: Part) -> None:
+def _show(part: ReproductionPart) -> None:
     from dynident.cli import console
     from dynident.results.text import comparison_table
 
@@ -77,11 +77,11 @@ def _show(part: Part) -> None:
     console.answer()
 
 
-def _write(folder: Path, published: Part, virtual: Part) -> list[str]:
+def _write(folder: Path, published: ReproductionPart, virtual: ReproductionPart) -> list[str]:
     """Write everything that the demo leaves behind, and return the names."""
+    from dynident.api.estimate_output import write_estimate
     from dynident.cli.jobs import repeat_command
-    from dynident.estimation.estimate_file import write_estimate
-    from dynident.experiment.formats import write_log
+    from dynident.data.formats import write_log
     from dynident.files import write_atomically
     from dynident.results.report import write_report
 
@@ -107,7 +107,7 @@ def _write(folder: Path, published: Part, virtual: Part) -> list[str]:
     return names
 
 
-def _comparison(parts: tuple[tuple[str, Part], ...]) -> Comparison:
+def _comparison(parts: tuple[tuple[str, ReproductionPart], ...]) -> Comparison:
     """Return the tables of both parts as one, and the objective of the colonies per iteration (Figure 6)."""
     from dynident.results.report.subject import Comparison
 
@@ -127,7 +127,7 @@ def _slug(method: str) -> str:
 
 _CASE = """\
 # The virtual ER-16 of 'dynident demo', part (b); docs/case-file.md describes every key.
-case: 1
+case: 2
 robot: er16                      # ships with dynident
 locked: {joint4: 0, joint5: 0, joint6: 0}
 joints: [joint1, joint2, joint3] # in the order of the columns

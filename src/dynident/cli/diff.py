@@ -1,6 +1,6 @@
 """Compare estimates of one robot side by side: of two days, two logs, two estimators, two robots of a type.
 
-Base parameters are told apart by their deviations, torques on random states within what the logs of all have seen.
+Base parameters are compared by their standard deviations, torques on random states within all training ranges.
 
   dynident diff monday.json friday.json
   dynident diff wls.json consistent.json --html side-by-side.html
@@ -25,10 +25,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.cli import console, jobs
-    from dynident.estimation.comparison.difference import difference
-    from dynident.estimation.estimate_file import read_estimate
     from dynident.files import check_place
-    from dynident.results import difference_page as page
+    from dynident.identification.files.estimate_file import read_estimate
+    from dynident.studies.comparison import difference_page as page
+    from dynident.studies.comparison.difference import difference
 
     if options.html:
         check_place(options.html)

@@ -202,7 +202,7 @@ def _cache_place(source: Path) -> str | None:
 
 def _compiler() -> dict[str, str] | None:
     try:
-        from dynident.results.model_exporters.proving.c_proof import find_compiler
+        from dynident.exports.c_compiler import find_compiler
 
         found = find_compiler()
     except Exception:  # numpy may be the very thing that is broken

@@ -1,14 +1,15 @@
 """Design a motion that determines the dynamic model as well as the robot's limits allow.
 
-CASE is a case file or a robot description. The motion is a Fourier series of every joint that starts and ends at rest
-(--trajectory bspline: a spline). It keeps position to torque rate of the description less a margin and, where the case
-has a workspace, the clearances; the worst of every joint is shown, and a motion that passes a bound is not written.
+CASE is a case file or a robot model. The motion is a Fourier series of every joint that starts and ends at rest
+(--trajectory bspline: a spline). It keeps the limits of the robot model (position to torque rate) less a margin and,
+where the case has a workspace, the clearances; the worst of every joint is shown, and a motion that
+passes a bound is not written.
 
   dynident excite panda.urdf -o plan.json --csv plan.csv --rate 1000
   dynident excite case.yaml -o plan.json --period 20 --criterion unit_condition --starts 8
 
-The torque is that of the description's own masses, with 20 % of every effort limit to spare. Better is the model of a
-first run with its uncertainty, and what that run knows tells what to record next:
+The torque is that of the nominal masses, with 20 % of every effort limit to spare. The model of a first run with its
+uncertainty is better, and its information matrix decides what to record next:
 
   dynident excite case.yaml -o next.json --model estimate.json --torque-margin 0.1 --earlier estimate.json
 
@@ -24,12 +25,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dynident.case.case import Case
     from dynident.cli.console import Progress
     from dynident.cli.knowledge import Knowledge
-    from dynident.experiment.case_file.case import Case
-    from dynident.experiment.design.multistart import SearchState
-    from dynident.experiment.design.plan import Plan
-    from dynident.experiment.room.clearance import Clearance
+    from dynident.excitation.collision.clearance import Clearance
+    from dynident.excitation.design.multistart import SearchState
+    from dynident.excitation.design.plan import Plan
     from dynident.model.friction import Friction
 
 SUMMARY = "design the motion to record"
@@ -43,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     from dynident.cli.knowledge import add_options
     from dynident.cli.pools import add_pool_option
 
-    parser.add_argument("case", metavar="CASE|ROBOT", help="case file, robot description or a robot that ships")
+    parser.add_argument("case", metavar="CASE|ROBOT", help="case file, robot model or built-in example robot")
     parser.add_argument("--friction", nargs="*", metavar="NAME", help="friction parts; default: those of the case")
     motion = parser.add_argument_group("motion")
     motion.add_argument("--period", type=float, default=10.0, metavar="S", help="period in s (10)")
@@ -100,7 +101,7 @@ def run(options: argparse.Namespace) -> int:
 
     from dynident.cli import console
     from dynident.cli.knowledge import knowledge_of
-    from dynident.experiment.design.plan import plan_data, write_plan, write_samples
+    from dynident.excitation.design.plan import plan_data, write_plan, write_samples
     from dynident.model.friction import FRICTION
 
     case, resume = _case(options)
@@ -140,11 +141,11 @@ def _known_before(friction: tuple[Friction, ...], quiet: bool) -> tuple[Friction
 
 def _case(options: argparse.Namespace) -> tuple[Case, str | None]:
     """Return the case and the file of finished starts, all names of files checked."""
+    from dynident.case.case import read_case
     from dynident.cli.jobs import check_outputs
     from dynident.cli.knowledge import files_of
     from dynident.cli.plans import is_plan
     from dynident.errors import BadOption, FileError
-    from dynident.experiment.case_file.case import read_case
     from dynident.files import check_place
 
     if is_plan(options.case):
@@ -175,7 +176,7 @@ def _clearance(case: Case) -> Clearance | None:
     """Return the distances to be kept; None where the case states no workspace."""
     if case.workspace is None:
         return None
-    from dynident.experiment.room.clearance import clearance_of
+    from dynident.excitation.collision.clearance import clearance_of
 
     return clearance_of(case.robot, case.workspace)
 
@@ -188,8 +189,8 @@ def _design(
     from dynident.cli import console
     from dynident.cli.plans import tool_limit
     from dynident.cli.pools import cluster_of
-    from dynident.experiment.design.excitation import ROWS_A_SECOND, design_excitation
-    from dynident.experiment.design.limits import limits_of
+    from dynident.excitation.design.excitation import ROWS_A_SECOND, design_excitation
+    from dynident.excitation.design.limits import limits_of
 
     rate = known.rate or case.preprocessing.rate_hz or ROWS_A_SECOND
     with console.progress(max(options.starts, 1), options.quiet or options.json) as progress:

@@ -1,15 +1,15 @@
 """Write a plan for a controller, or an identified model for a simulator, a controller or a paper.
 
 FILE is a plan of 'dynident excite -o' or an estimate of 'dynident identify -o'; which of the two it is says its
-content, and that says which targets there are: 'dynident list exporters' and 'dynident list model_exporters'.
+content, and that says which targets there are: 'dynident list motion_exporters' and 'dynident list model_exporters'.
 
 A plan keeps its path; --speed slows it down for a first run. The motion begins and ends at rest, after a slow approach
 to its first posture: from the posture that is stated, or by a move of the controller's own. A plan that passes a bound
 is not written.
 
-A model is written with possible bodies only. The files are loaded again in every engine that is installed (Pinocchio,
-MuJoCo, Drake, dynident's own readers), and torques are compared on 1000 random states: nothing is written where one
-differs by more than a millionth. What a format cannot hold stands in FILE.dynident.json, and is told.
+A model is written with physically consistent links only. The files are loaded again in every engine that is installed
+and reads them, and torques are compared on 1000 random states: nothing is written where one differs by more than a
+millionth. What a format cannot hold stands in FILE.dynident.json, and is told.
 
   dynident export plan.json --to urscript -o excite.script --speed 20
   dynident export plan.json --to joint_trajectory -o excite.yaml --from-posture 0,-1.57,0,-1.57,0,0
@@ -25,9 +25,9 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dynident.experiment.design.plan import Plan
-    from dynident.results.exporters import Export
-    from dynident.results.model_exporters import ModelExport
+    from dynident.excitation.design.plan import Plan
+    from dynident.exports.models import ModelExport
+    from dynident.exports.motions import MotionExport
 
 SUMMARY = "a plan for a controller, or an identified model for a simulator, a controller or a paper"
 
@@ -42,9 +42,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "file", metavar="FILE", help="plan of 'dynident excite -o', or estimate of 'dynident identify -o'"
     )
     parser.add_argument(
-        "--to", required=True, metavar="NAME", help="the target; see 'dynident list exporters' and 'model_exporters'"
+        "--to",
+        required=True,
+        metavar="NAME",
+        help="the target; see 'dynident list motion_exporters' and 'model_exporters'",
     )
-    parser.add_argument("-o", "--output", required=True, metavar="FILE", help="file (for a bag: folder) to write")
+    parser.add_argument("-o", "--output", required=True, metavar="FILE", help="file (or folder) to write")
     parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the exporter")
     motion = parser.add_argument_group("a plan")
     motion.add_argument("--rate", type=float, metavar="HZ", help="samples a second; default: those of the target")
@@ -60,8 +63,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     model.add_argument(
         "--description",
         metavar="FILE",
-        help="the URDF whose inertias and friction change (urdf, pinocchio); default: that of the identification, "
-        "where it is unchanged",
+        help="the robot model file to write the model into, for targets that take one; default: that of the "
+        "identification, where it is unchanged",
     )
     model.add_argument("--no-proof", action="store_true", help="do not load the files again; saves a second or two")
     output = parser.add_argument_group("output")
@@ -87,8 +90,8 @@ def _is_estimate(path: str) -> bool:
     """Return whether a file states that it is an estimate; a file of neither kind is left to the reader of plans."""
     import json
 
-    from dynident.estimation.estimate_file import KIND
     from dynident.files import unreadable
+    from dynident.identification.files.estimate_file import KIND
 
     try:
         with open(path, "rb") as stream:
@@ -103,10 +106,10 @@ def _is_estimate(path: str) -> bool:
 def _export_plan(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.errors import FileError
-    from dynident.estimation.estimate_file import read_estimate
-    from dynident.experiment.design.plan import read_plan
-    from dynident.results.exporters import EXPORTERS, export, export_data
-    from dynident.results.model_exporters import MODEL_EXPORTERS
+    from dynident.excitation.design.plan import read_plan
+    from dynident.exports.models import MODEL_EXPORTERS
+    from dynident.exports.motions import MOTION_EXPORTERS, export, motion_export_data
+    from dynident.identification.files.estimate_file import read_estimate
 
     try:
         plan = read_plan(options.file)
@@ -114,8 +117,8 @@ def _export_plan(options: argparse.Namespace) -> int:
         if options.to in MODEL_EXPORTERS.names():
             read_estimate(options.file)  # an estimate was meant: its reader says what is to be given
         raise
-    _check_target(options.to, EXPORTERS.names(), MODEL_EXPORTERS.names(), "plan")
-    part = EXPORTERS.make_from_text(options.to, _pairs(options.option))
+    _check_target(options.to, MOTION_EXPORTERS.names(), MODEL_EXPORTERS.names(), "plan")
+    part = MOTION_EXPORTERS.make_from_text(options.to, _pairs(options.option))
     posture = _posture(options.from_posture, plan, options.units or "rad")
     asked: dict[str, Any] = {
         "rate": options.rate,
@@ -130,7 +133,7 @@ def _export_plan(options: argparse.Namespace) -> int:
     if not options.check:
         export(plan, part, options.output, **asked, from_posture=posture)
     if options.json:
-        console.answer_json(export_data(found))
+        console.answer_json(motion_export_data(found))
         return 0
     _remark(options, found.files)
     return 0
@@ -138,12 +141,12 @@ def _export_plan(options: argparse.Namespace) -> int:
 
 def _export_model(options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
-    from dynident.estimation.estimate_file import read_estimate
-    from dynident.results.exporters import EXPORTERS
-    from dynident.results.model_exporters import MODEL_EXPORTERS, export_model, model_export_data
+    from dynident.exports.models import MODEL_EXPORTERS, export_model, model_export_data
+    from dynident.exports.motions import MOTION_EXPORTERS
+    from dynident.identification.files.estimate_file import read_estimate
 
     estimate = read_estimate(options.file)
-    _check_target(options.to, MODEL_EXPORTERS.names(), EXPORTERS.names(), "estimate")
+    _check_target(options.to, MODEL_EXPORTERS.names(), MOTION_EXPORTERS.names(), "estimate")
     part = MODEL_EXPORTERS.make_from_text(options.to, _pairs(options.option))
     robot = str(estimate.provenance.get("robot", {}).get("path", ""))
     inputs = (options.file, options.description or "", robot, *jobs.files_behind(estimate))
@@ -209,7 +212,7 @@ def _posture(text: str | None, plan: Plan, units: str) -> Any:
     return [math.radians(v) if turn and units == "deg" else v for v, turn in zip(values, turns, strict=True)]
 
 
-def _show(export: Export) -> None:
+def _show(export: MotionExport) -> None:
     from dynident.cli import console
     from dynident.results.plan_view import rows_table
     from dynident.results.text import label
@@ -221,6 +224,8 @@ def _show(export: Export) -> None:
     table = rows_table(export.rows, "limits at this speed, margins taken off")
     console.answer_table(table, table.note)
     console.answer(f"\nlargest round-off of a position: {max(export.round_off.values()):.2g} rad or m")
+    for proof in export.proofs:
+        console.answer(f"read back by {proof.engine}: {proof.what}")
     for key, value in export.facts.items():
         worst = max(value.values()) if isinstance(value, dict) else value
         console.answer(f"{key.replace('_', ' ')}: {worst:.4g}" if isinstance(worst, float) else f"{key}: {worst}")

@@ -1,9 +1,9 @@
 """Estimate many robots of one type together: each is drawn to their mean as far as its own log leaves it open.
 
-Give one file per robot: estimates of 'dynident identify -o', or triangles of 'dynident reduce -o', all with one robot
-description and one friction. What the robots have in common helps where logs are short; where they are long the
+Give one file per robot: estimates of 'dynident identify -o', or QR factors of 'dynident reduce -o', all with one robot
+model and one friction model. What the robots have in common helps where logs are short; where they are long the
 estimates stay as they are. Robots that do not belong are named with the parameter that is furthest out; where all
-belong, any is named with the probability --rate. Triangles need not determine all base parameters.
+belong, any is named with the probability --rate. QR factors need not determine all base parameters.
 
   dynident fleet cell-*.json -o fleet             fleet/cell-1.json ... and fleet/fleet.json
   dynident fleet monday/*.tri --rate 0.01 --json
@@ -16,7 +16,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dynident.estimation.fleet import Fleet, FleetRobot
+    from dynident.applications.fleet import Fleet, FleetRobot
 
 SUMMARY = "many robots of one type: estimates with what they have in common, outliers named"
 
@@ -29,7 +29,7 @@ SHOWN = 20
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("files", nargs="+", metavar="FILE", help="estimates or triangles, one file per robot")
+    parser.add_argument("files", nargs="+", metavar="FILE", help="estimates or QR factors, one file per robot")
     parser.add_argument("-o", "--output", metavar="FOLDER", help=f"write one estimate per robot and {WHOLE} here")
     parser.add_argument(
         "--rate", type=float, default=0.05, metavar="P", help="probability of naming any robot where all belong (0.05)"
@@ -43,10 +43,10 @@ def run(options: argparse.Namespace) -> int:
     import json
     from pathlib import Path
 
+    from dynident.api.estimate_output import write_estimate
+    from dynident.applications.fleet import fleet_of
     from dynident.cli import console, jobs
     from dynident.errors import BadOption, FileError
-    from dynident.estimation.estimate_file import write_estimate
-    from dynident.estimation.fleet import fleet_of
     from dynident.files import write_atomically
 
     places: list[str] = []
@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
             raise FileError(options.output, f"no folder ({error.strerror})", "give another folder with -o") from error
         for place, estimate in zip(places, fleet.estimates, strict=True):
             write_estimate(estimate, place)
-        whole = {"kind": "dynident fleet", "format": 1, **fleet.figures()}
+        whole = {"kind": "dynident fleet", "format": 2, **fleet.figures()}
         write_atomically(Path(options.output) / WHOLE, json.dumps(whole, allow_nan=False) + "\n")
     if options.json:
         console.answer_json(fleet.figures())
@@ -84,10 +84,10 @@ def _read(file: str) -> FleetRobot:
     """Return the robot of an estimate or of a triangle file, whichever it is by its first bytes."""
     from pathlib import Path
 
-    from dynident.estimation.estimate_file import read_estimate
-    from dynident.estimation.fleet import robot_of_digest, robot_of_estimate
-    from dynident.estimation.streaming.triangle_file import read_digest
+    from dynident.applications.fleet import robot_of_digest, robot_of_estimate
     from dynident.files import unreadable
+    from dynident.identification.files.estimate_file import read_estimate
+    from dynident.identification.streaming.triangle_file import read_digest
 
     try:
         with open(file, "rb") as stream:
@@ -109,7 +109,7 @@ def _show(fleet: Fleet) -> None:
     count = len(fleet.robots)
     console.answer(f"{fleet.robots[0].model.robot.name}: {count} robots, {fleet.base.count} base parameters\n")
     heads = (
-        Column("robot"), Column("own share", "%", numeric=True), Column("p", numeric=True), Column("possible"),
+        Column("robot"), Column("own share", "%", numeric=True), Column("p", numeric=True), Column("consistent"),
         Column("furthest parameter"), Column("score", numeric=True), Column("verdict"),
     )  # fmt: skip
     rows = []

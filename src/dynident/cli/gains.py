@@ -1,8 +1,8 @@
 """Find the drive gains of a robot, joint torque per ampere, from logs of motor currents.
 
 With --load: two runs, without and with a payload of known mass fixed to the arm. Centre and inertia of the payload may
-be stated; what is not stated is found along with the gains. Without --load: one run against the bodies of the robot
-description (or --prior), trusted within --prior-share. The case file says which columns are currents, the friction and
+be stated; what is not stated is found along with the gains. Without --load: one run against the links of the robot
+model (or --prior), trusted within --prior-share. The case file says which columns are currents, the friction and
 the filter; it needs no gains. Friction of each run is found anew, so the runs may be days apart.
 
 The lines for the case file are printed; -o writes a copy of the case with them. Its deviations are then stated by
@@ -20,10 +20,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dynident.applications.drive_gains import CarriedBody, DriveGains
+    from dynident.case.case import Case
+    from dynident.case.drives_text import GainLine
     from dynident.cli.console import Progress
-    from dynident.estimation.drive_gains import DriveGains, Payload
-    from dynident.experiment.case_file.case import Case
-    from dynident.experiment.case_file.drives_text import GainLine
     from dynident.results.text import Table
 
 SUMMARY = "drive gains from motor currents: with a known payload, or against a known model"
@@ -31,7 +31,7 @@ SUMMARY = "drive gains from motor currents: with a known payload, or against a k
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot description")
+    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot model")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs without the payload; default: train of the case")
     load = parser.add_argument_group("a known payload")
     load.add_argument("--load", nargs="+", default=[], metavar="LOG", help="logs with the payload")
@@ -59,9 +59,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.case.drives_text import case_with_drives, drives_section, stated_drives
     from dynident.cli import console, jobs
     from dynident.errors import BadOption
-    from dynident.experiment.case_file.drives_text import case_with_drives, drives_section, stated_drives
     from dynident.files import check_place, write_atomically
 
     payload = _payload(options)
@@ -92,12 +92,12 @@ def run(options: argparse.Namespace) -> int:
     return 0 if found.complete else 1
 
 
-def _payload(options: argparse.Namespace) -> Payload | None:
+def _payload(options: argparse.Namespace) -> CarriedBody | None:
     """Return the payload of the command line; None where no log with one is given."""
     import numpy as np
 
+    from dynident.applications.drive_gains import CarriedBody
     from dynident.errors import BadOption
-    from dynident.estimation.drive_gains import Payload
 
     stated = [name for name in ("mass", "com", "inertia") if getattr(options, name) is not None]
     if not options.load:
@@ -115,7 +115,9 @@ def _payload(options: argparse.Namespace) -> Payload | None:
     if six is not None:
         xx, xy, xz, yy, yz, zz = six
         body = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Payload(options.mass, None if centre is None else np.array(centre), body, options.frame, options.mass_std)
+    return CarriedBody(
+        options.mass, None if centre is None else np.array(centre), body, options.frame, options.mass_std
+    )
 
 
 def _numbers(option: str, text: str | None, count: int) -> list[float] | None:
@@ -147,34 +149,34 @@ def _case_text(case: Case) -> bytes:
 
 
 def _found(
-    case: Case, names: Sequence[str], options: argparse.Namespace, payload: Payload | None, progress: Progress
+    case: Case, names: Sequence[str], options: argparse.Namespace, payload: CarriedBody | None, progress: Progress
 ) -> DriveGains:
     """Return the drive gains of the logs that are named."""
-    from dynident.cli import jobs
+    from dynident.api.case_options import prior_of
+    from dynident.applications.drive_gains import GainOptions, gains_from_payload, gains_from_prior
     from dynident.errors import BadOption
-    from dynident.estimation.drive_gains import gains_from_payload, gains_from_prior
 
     progress.step("reading")
     without = [case.read_currents(name) for name in names]
     if case.split is not None and not options.logs:  # what the case tests on stays unseen
         without = [case.split.apply(log)[0] for log in without]
-    how = {"preprocessing": case.preprocessing, "method": options.method, "signed": options.signed}
+    how = GainOptions(options.method, options.signed)
     if payload is not None:
         loaded = [case.read_currents(name) for name in options.load]
-        return gains_from_payload(case.model, without, loaded, payload, **how, progress=progress.step)
+        return gains_from_payload(case.model, without, loaded, payload, case.preprocessing, how, progress.step)
     if options.prior_share is None:
         step = (
             "say how far the bodies are trusted, such as 0.1 for 10 % a link; or give two runs with --load and --mass"
         )
         raise BadOption("--prior-share", "", step)
-    known = jobs.prior_of(jobs.with_knowledge(case, options.prior, None))
+    known = prior_of(case)
     theta = None if known is None else known.for_model(case.model).theta
-    return gains_from_prior(case.model, without, theta, options.prior_share, **how, progress=progress.step)
+    return gains_from_prior(case.model, without, theta, options.prior_share, case.preprocessing, how, progress.step)
 
 
 def _lines(found: DriveGains) -> dict[str, GainLine]:
     """Return the gains as they go into a case; one for each sign goes into none."""
-    from dynident.experiment.case_file.drives_text import GainLine
+    from dynident.case.drives_text import GainLine
 
     return {
         gain.joint: GainLine(gain.value, gain.deviation, "")

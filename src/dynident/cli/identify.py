@@ -1,6 +1,6 @@
 """Identify the dynamic model of a robot from logs.
 
-CASE is a case file (see 'dynident init') or a robot description: a URDF, a DH table in YAML or a robot that ships.
+CASE is a case file (see 'dynident init') or a robot model: URDF, DH table in YAML or built-in example robot.
 Without a case file the model has Coulomb and viscous friction and an offset; columns are t, q1.., tau1.. (or i1.. with
 drive gains) in chain order, in SI units; the filter is a zero-phase Butterworth on both sides, its cut-off chosen.
 
@@ -19,40 +19,40 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dynident.estimation.estimate import Estimate
-    from dynident.estimation.validation import Validation
-    from dynident.experiment.case_file.case import Case
-    from dynident.experiment.log import Log
+    from dynident.case.case import Case
+    from dynident.data.log import Log
+    from dynident.identification.estimate.estimate import Estimate
+    from dynident.identification.estimate.validation import Validation
+    from dynident.identification.estimators import Estimator
+    from dynident.identification.streaming.digest import Digest
 
-SUMMARY = "from logs to a physically consistent dynamic model"
+SUMMARY = "identify a physically consistent dynamic model from logs"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     from dynident.cli.jobs import add_case_options
 
-    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot description")
+    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot model")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to learn from; default: those of the case file")
     parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to test on, not used in the fit")
     parser.add_argument(
-        "--from", dest="triangles", metavar="FILE", help="triangles of 'dynident reduce' or 'merge' in place of logs"
+        "--from", dest="triangles", metavar="FILE", help="QR factors of 'dynident reduce' or 'merge' in place of logs"
     )
     method = parser.add_argument_group("estimator")
     estimators = "see 'dynident list estimators', such as huber:bound=2; default: consistent"
     method.add_argument("--estimator", metavar="NAME[:KEY=VALUE...]", help=estimators)
     method.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the estimator")
-    known = parser.add_argument_group("what is known beforehand (a case file states these for good)")
-    known.add_argument("--prior", metavar="FILE", help="robot description or estimate whose inertias are the prior")
+    known = parser.add_argument_group("prior knowledge (can be set in the case file)")
+    known.add_argument("--prior", metavar="FILE", help="robot model or estimate whose inertias are the prior")
     known.add_argument("--constraints", metavar="FILE", help="masses, centres, hulls: YAML as in the case file")
     add_case_options(parser)
-    trust = parser.add_argument_group("how far to trust it")
+    trust = parser.add_argument_group("diagnostics")
     trust.add_argument(
-        "--cross-validate", type=int, metavar="N", help="parts of the logs, each left out once; 0: none; default: 5"
+        "--cross-validate", type=int, metavar="N", help="folds of the cross-validation; 0: none; default: 5"
     )
-    trust.add_argument("--bootstrap", type=int, default=0, metavar="N", help="intervals by N fits of noise drawn anew")
-    trust.add_argument(
-        "--no-sensitivity", action="store_true", help="leave out the fits at half and at double the cut-off"
-    )
+    trust.add_argument("--bootstrap", type=int, default=0, metavar="N", help="bootstrap intervals by N fits")
+    trust.add_argument("--no-sensitivity", action="store_true", help="skip the fits at half and double the cut-off")
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="FILE", help="write the estimate (JSON) here")
     output.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
@@ -62,16 +62,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.api.estimate_output import summary, write_estimate
+    from dynident.api.validate import validate
     from dynident.cli import console, jobs
-    from dynident.estimation.estimate_file import summary, write_estimate
-    from dynident.estimation.identify import validate
     from dynident.files import check_place
 
     for place in filter(None, (options.output, options.report)):
         check_place(place)
     with console.progress(7, options.quiet or options.json) as progress:
         progress.step("reading")
-        case = jobs.with_knowledge(jobs.case_from(options), options.prior, options.constraints)
+        if options.triangles:
+            from dynident.identification.streaming.triangle_file import read_digest
+
+            jobs.take_model_options(options, read_digest(options.triangles).options)
+        case = jobs.case_from(options)
         inputs = (options.case, options.constraints or "", options.triangles or "", *case.files)
         case = jobs.with_logs(case, options)
         jobs.check_outputs((options.output, options.report), (*inputs, *case.files))
@@ -99,45 +103,60 @@ def _estimate(
     case: Case, options: argparse.Namespace, progress: Callable[[str], None]
 ) -> tuple[Estimate, tuple[Log, ...]]:
     """Return the estimate, from logs in memory or from triangles, and the logs to test it on."""
-    from dynident.cli import jobs, streams
-    from dynident.estimation.identify import identify
+    from dataclasses import replace
 
-    estimator = jobs.estimator_from(case, options.estimator, options.option)
-    prior, provenance = jobs.prior_of(case), jobs.provenance_of(case)
-    digest = streams.digest_for(case, options, estimator, progress)
+    from dynident.api.case_logs import read_data, test_logs
+    from dynident.api.case_options import estimator_of
+    from dynident.api.identify import DEFAULT_TRUST, Record, identify
+    from dynident.cli import jobs
+
+    estimator = estimator_of(case, options.estimator, options.option)
+    record = Record(command=jobs.repeat_command())
+    digest = _digest(case, options, estimator, progress)
     if digest is not None:
-        from dynident.estimation.streaming.estimate import identify_digest
-
-        estimate = identify_digest(digest, estimator, case.constraints, prior, provenance, progress)
-        return estimate, streams.test_logs(case, digest)
-    data = jobs.read_data(case)
-    if options.report:
-        progress("looking at the logs")
-        provenance["log_quality"] = jobs.log_quality(case)
+        return identify(case, digest, estimator, record=record, progress=progress), test_logs(case, digest)
+    data = read_data(case)
+    folds = DEFAULT_TRUST.folds if options.cross_validate is None else options.cross_validate
     estimate = identify(
-        case.model,
+        case,
         data.train,
         estimator,
-        case.preprocessing,
-        columns=case.columns,
-        provenance=provenance,
+        trust=replace(DEFAULT_TRUST, folds=folds, bootstrap=options.bootstrap, sensitivity=not options.no_sensitivity),
+        record=replace(record, with_log_quality=bool(options.report)),
         progress=progress,
-        choose=case.choose_friction,
-        constraints=case.constraints,
-        prior=prior,
-        diagnose=True,
-        folds=5 if options.cross_validate is None else options.cross_validate,
-        bootstrap=options.bootstrap,
-        sensitivity=not options.no_sensitivity,
     )
     return estimate, data.test
 
 
+def _digest(
+    case: Case, options: argparse.Namespace, estimator: Estimator, progress: Callable[[str], None]
+) -> Digest | None:
+    """Return the triangles to identify from; None where the logs are read into memory.
+
+    Raises:
+        DynidentError: Triangles of another model, options that need rows, or any fault of a log.
+    """
+    from dynident.api.case_logs import digest_of_file, digest_of_large_logs
+    from dynident.errors import BadOption
+
+    if not options.triangles:
+        asked = "--bootstrap" * bool(options.bootstrap) or "--cross-validate" * bool(options.cross_validate)
+        return digest_of_large_logs(case, estimator, asked, progress)
+    for given, name in (
+        (options.logs, "LOG"),
+        (options.bootstrap, "--bootstrap"),
+        (options.cross_validate, "--cross-validate"),
+    ):
+        if given:
+            raise BadOption(name, given, "it needs the samples of logs, and --from gives QR factors; leave one out")
+    return digest_of_file(case, options.triangles, estimator)
+
+
 def _show(estimate: Estimate, test: Validation | None) -> None:
     from dynident.cli import console
-    from dynident.estimation.consistency.labels import labels_line
-    from dynident.estimation.cutoff.sensitivity import cutoff_lines
-    from dynident.estimation.warnings import warnings_of
+    from dynident.diagnosis.warnings import warnings_of
+    from dynident.identification.consistency.labels import labels_line
+    from dynident.identification.selection.cutoff.sensitivity import cutoff_lines
     from dynident.results.choices import choice_tables
     from dynident.results.text import fits_table, format_number, parameters_table, statement, total_error
 
@@ -149,7 +168,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
     )
     console.answer(f"estimator {estimate.estimator}; filter {statement(estimate.train.filter)}\n")
     console.answer_table(parameters_table(estimate, width=console.NAME_WIDTH))
-    for title, validation in (("fit on the training data", estimate.train), ("on test data not used in the fit", test)):
+    for title, validation in (("training data", estimate.train), ("test data", test)):
         if validation is not None:
             console.answer()
             console.answer_table(fits_table(validation), f"{title}: total relative error {total_error(validation)}")
@@ -163,7 +182,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
     for line in cutoff_lines(estimate.extras):
         console.answer(line)
     if estimate.diagnostics is not None:
-        console.answer("\nhow far to trust this")
+        console.answer("\ndiagnostics")
         for sentence in estimate.diagnostics["verdicts"]:
             console.answer(f"  {sentence}")
     for warning in warnings_of(estimate, test):
@@ -171,8 +190,8 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
 
 
 def consistency_line(estimate: Estimate) -> str:
-    """Return in one line whether a possible robot stands behind the estimate."""
-    from dynident.estimation.consistency.verdicts import describe_reasons
+    """Return in one line whether the estimate is physically consistent."""
+    from dynident.identification.consistency.verdicts import describe_reasons
 
     verdict = estimate.consistency
     if verdict.consistent:

@@ -1,7 +1,7 @@
-"""Write a commented case file from a robot description and logs.
+"""Write a commented case file from a robot model and logs.
 
-The columns are told by the profiles of makers and by their names, units by profiles, headers and what the values
-support. A comment '# ask' asks for what no log can tell (drive gains, couplings, mounting, which joints the columns
+Columns are recognized by vendor profiles and by their names, units by profiles, headers and values. Complete the
+lines with a comment '# ask': logs do not determine them (drive gains, couplings, mounting, which joints the columns
 are); where the value is the word 'ask', the case cannot be used before it is answered. Nothing is converted on a guess.
 
   dynident init robot.urdf run.csv -o case.yaml
@@ -12,18 +12,17 @@ are); where the value is the word 'ask', the case cannot be used before it is an
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 
 SUMMARY = "a commented case file from a robot and its logs"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("robot", metavar="ROBOT", help="robot description or a robot that ships")
+    parser.add_argument("robot", metavar="ROBOT", help="robot model or built-in example robot")
     parser.add_argument("logs", nargs="+", metavar="LOG", help="logs of motions, all with the same columns")
     parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to test on, not learned from")
     kind = parser.add_argument_group("kind of log (found from the columns and the suffix where not stated)")
-    kind.add_argument("--profile", default="", metavar="NAME", help="profile of its maker: 'dynident list profiles'")
+    kind.add_argument("--profile", default="", metavar="NAME", help="profile of its vendor: 'dynident list profiles'")
     kind.add_argument("--format", default="", metavar="NAME", help="format of the file: 'dynident list formats'")
     kind.add_argument(
         "--format-option", action="append", default=[], metavar="KEY=VALUE", help="such as topics=/joint_states"
@@ -40,26 +39,18 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from pathlib import Path
 
+    from dynident.api.init import LogKind, init
+    from dynident.case.case_draft import draft_summary
     from dynident.cli import console
     from dynident.cli.jobs import check_outputs
     from dynident.errors import FileError
-    from dynident.experiment.case_file.case_draft import draft_case, draft_summary
     from dynident.files import write_atomically
 
     if Path(options.output).exists() and not options.force:
         raise FileError(options.output, "it is there already", "choose another name with -o, or give --force")
     check_outputs((options.output,), (options.robot, *options.logs, *options.test))
-    _check_once([*options.logs, *options.test])
-    draft = draft_case(
-        options.robot,
-        options.logs,
-        Path(options.output).parent,
-        test=options.test,
-        profile=options.profile,
-        form=options.format,
-        form_options=_format_options(options),
-        rate_hz=options.rate,
-    )
+    kind = LogKind(options.profile, options.format, _format_options(options), options.rate)
+    draft = init(options.robot, options.logs, Path(options.output).parent, test=options.test, kind=kind)
     write_atomically(options.output, draft.text)
     lines = ", ".join(str(question.line) for question in draft.needed)
     follow = f"dynident identify {options.output}"
@@ -75,20 +66,6 @@ def run(options: argparse.Namespace) -> int:
     else:
         console.remark(f"wrote {options.output}; next: {follow}", options.quiet)
     return 0
-
-
-def _check_once(logs: Sequence[str]) -> None:
-    """Refuse a log that is named twice: it would count twice in the fit, or be tested on after it was learned from."""
-    from pathlib import Path
-
-    from dynident.errors import BadOption
-
-    seen: dict[Path, str] = {}
-    for log in logs:
-        place = Path(log).resolve()
-        if place in seen:
-            raise BadOption("LOG", log, f"it is the same file as {seen[place]}: name each log once")
-        seen[place] = log
 
 
 def _format_options(options: argparse.Namespace) -> dict[str, str | None]:

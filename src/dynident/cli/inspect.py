@@ -1,4 +1,4 @@
-"""Show what a robot description, a case or a plan holds.
+"""Show a robot model, a case or a plan.
 
 Of a robot: joints, limits, links and their inertias, base parameters. Of a plan of 'dynident excite -o': what it was
 designed for, and its check made again: what needs no model from the plan alone, everything with --case. A plan that
@@ -26,7 +26,7 @@ SUMMARY = "joints, limits, nominal inertias and base parameters of a robot; a pl
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument(
-        "case", metavar="CASE|ROBOT|PLAN", help="case file, robot description, a robot that ships, or a plan"
+        "case", metavar="CASE|ROBOT|PLAN", help="case file, robot model, built-in example robot, or a plan"
     )
     parser.add_argument("--friction", nargs="*", metavar="NAME", help="friction parts; none: inertial parameters only")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
@@ -83,9 +83,9 @@ def _run_plan(options: argparse.Namespace) -> int:
 def _run_robot(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
+    from dynident.case.case import read_case
     from dynident.cli import console
     from dynident.errors import BadOption
-    from dynident.experiment.case_file.case import read_case
     from dynident.model.base_parameters import base_parameters
     from dynident.model.friction import FRICTION
 
@@ -176,7 +176,7 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
         limits = joint.limits
         numbers = [format_given(value) for value in (limits.lower, limits.upper, limits.velocity, limits.effort)]
         kind = joint.kind if joint.mimic is None else f"follows {label(joint.mimic.joint)}"
-        state = "not stated" if link.inertia is None else link.inertia.defect() or "possible"
+        state = "not stated" if link.inertia is None else link.inertia.defect() or "consistent"
         mass = format_given(None if link.inertia is None else link.inertia.mass)
         rows.append((label(joint.name), kind, *numbers, pretty_unit(joint.unit), label(link.name), mass, state))
     console.answer_table(Table(columns, tuple(rows)))
@@ -192,7 +192,7 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
         if verdict == "not identifiable":
             lost.setdefault(parameter.owner, []).append(parameter.symbol)
     if lost:
-        console.answer("\nnot identifiable at all, whatever the motion:")
+        console.answer("\nunidentifiable parameters (for any motion):")
         for owner, symbols in lost.items():
             console.answer(f"  {label(owner)}: {' '.join(symbols)}")
     _show_weak(base)
@@ -204,14 +204,14 @@ def _show_weak(base: BaseParameters) -> None:
 
     if len(base.weak):
         console.answer(
-            "\nhardly identifiable: axes are nearly, but not exactly, parallel, intersecting or vertical, or friction\n"
-            "parts say nearly the same. Of what its kind moves each has only this share beside the others; torques\n"
-            "come out right, these values hardly:"
+            "\nweakly identifiable parameters: axes are nearly, but not exactly, parallel, intersecting or vertical,\n"
+            "or friction parts are nearly collinear. The share is the part of a column that is independent of the\n"
+            "others. Use the torques; do not rely on these values:"
         )
         columns = (Column("#", numeric=True), Column("base parameter"), Column("share", numeric=True))
         rows = tuple((str(k + 1), label(base.names[k]), f"{base.shares[k]:.1e}") for k in base.weak)
         console.answer_table(Table(columns, rows))
     if base.neglected > 0:
         console.answer(
-            f"\ntaken for rounding: combinations that move the torque by a share of {base.neglected:.1e} or less"
+            f"\nneglected as rounding: combinations that change the torque by a share of {base.neglected:.1e} or less"
         )

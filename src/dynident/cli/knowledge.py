@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dynident.arrays import Array
-    from dynident.estimation.estimate import Estimate
-    from dynident.experiment.case_file.case import Case
-    from dynident.experiment.design.prior import Prior
-    from dynident.experiment.design.torque_uncertainty import TorqueUncertainty
+    from dynident.case.case import Case
+    from dynident.excitation.design.prior import Prior
+    from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
+    from dynident.identification.estimate.estimate import Estimate
     from dynident.model.dynamic_model import DynamicModel
 
 
@@ -55,7 +55,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     known.add_argument(
         "--model",
         metavar="ESTIMATE",
-        help="compute torques with an estimate in place of the description's masses, and keep --sigmas of its "
+        help="compute torques with an estimate in place of the nominal masses, and keep --sigmas of its "
         "uncertainty free; a --torque-margin of 0.05 to 0.1 is then enough",
     )
     known.add_argument(
@@ -102,8 +102,8 @@ def knowledge_of(options: argparse.Namespace, case: Case, model: DynamicModel) -
     if options.noise is not None:
         noise, source, rate = _given(options.noise), "given", None
     if options.noise_from:
-        from dynident.estimation.earlier import check_same, noise_of
-        from dynident.estimation.estimate_file import read_estimate
+        from dynident.diagnosis.earlier import check_same, noise_of
+        from dynident.identification.files.estimate_file import read_estimate
 
         estimate = read_estimate(options.noise_from)
         check_same(estimate, model, options.noise_from)
@@ -129,16 +129,16 @@ def _earlier(
 ) -> tuple[Prior | None, Array | None, str, float | None]:
     """Return what earlier runs know, and their noise with its source and the rows a second that it is of."""
     if options.earlier:
-        from dynident.estimation.earlier import noise_of, prior_of_estimate
-        from dynident.estimation.estimate_file import read_estimate
+        from dynident.diagnosis.earlier import noise_of, prior_of_estimate
+        from dynident.identification.files.estimate_file import read_estimate
 
         estimate = read_estimate(options.earlier)
         prior = prior_of_estimate(estimate, model, options.earlier)
         return prior, noise_of(estimate), f"residuals of {options.earlier}", _rows_a_second(estimate)
     if options.earlier_logs:
+        from dynident.diagnosis.earlier import prior_of_logs
         from dynident.errors import BadOption
-        from dynident.estimation.cutoff.choice import with_cutoff
-        from dynident.estimation.earlier import prior_of_logs
+        from dynident.identification.selection.cutoff.choice import with_cutoff
 
         logs = [case.read(name) for name in options.earlier_logs]
         how, _ = with_cutoff(model, logs, case.preprocessing)
@@ -155,10 +155,10 @@ def _model(options: argparse.Namespace, model: DynamicModel) -> tuple[Array | No
     """Return the parameters of the torque limits and their chance margin."""
     if not options.model:
         return None, None
+    from dynident.diagnosis.earlier import check_same
     from dynident.errors import BadOption
-    from dynident.estimation.earlier import check_same
-    from dynident.estimation.estimate_file import read_estimate
-    from dynident.experiment.design.torque_uncertainty import TorqueUncertainty
+    from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
+    from dynident.identification.files.estimate_file import read_estimate
 
     estimate = read_estimate(options.model)
     check_same(estimate, model, options.model)

@@ -21,7 +21,7 @@ FAMILIES = (
     "trajectories",
     "criteria",
     "controllers",
-    "exporters",
+    "motion_exporters",
     "model_exporters",
     "robots",
 )
@@ -57,19 +57,19 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _parts(name: str) -> list[dict]:
-    from dynident.estimation.doctor import CHECKS
-    from dynident.estimation.estimators import ESTIMATORS
-    from dynident.experiment.criteria import CRITERIA
-    from dynident.experiment.formats import FORMATS
-    from dynident.experiment.preprocessing import FILTERS
-    from dynident.experiment.profiles import PROFILES
-    from dynident.experiment.simulation.controllers import CONTROLLERS
-    from dynident.experiment.trajectories import TRAJECTORIES
+    from dynident.data.formats import FORMATS
+    from dynident.data.preprocessing import FILTERS
+    from dynident.data.profiles import PROFILES
+    from dynident.diagnosis.checks import CHECKS
+    from dynident.excitation.criteria import CRITERIA
+    from dynident.excitation.trajectories import TRAJECTORIES
+    from dynident.exports.models import MODEL_EXPORTERS
+    from dynident.exports.motions import MOTION_EXPORTERS
+    from dynident.identification.estimators import ESTIMATORS
     from dynident.model.descriptions import read_robot
     from dynident.model.descriptions.base import shipped_robots
     from dynident.model.friction import FRICTION
-    from dynident.results.exporters import EXPORTERS
-    from dynident.results.model_exporters import MODEL_EXPORTERS
+    from dynident.simulation.controllers import CONTROLLERS
 
     if name == "robots":
         robots = [read_robot(robot) for robot in shipped_robots()]
@@ -85,7 +85,7 @@ def _parts(name: str) -> list[dict]:
         "trajectories": TRAJECTORIES,
         "criteria": CRITERIA,
         "controllers": CONTROLLERS,
-        "exporters": EXPORTERS,
+        "motion_exporters": MOTION_EXPORTERS,
         "model_exporters": MODEL_EXPORTERS,
     }
     family = families[name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import gc
 import importlib
 import os
@@ -12,7 +13,8 @@ import sys
 import traceback
 from collections.abc import MutableMapping, Sequence
 from importlib.metadata import version
-from typing import Any
+from io import TextIOWrapper
+from typing import Any, TextIO
 
 #: Commands in the order of the work; each is the module of the same name with ``SUMMARY``, ``configure`` and ``run``.
 COMMANDS = (
@@ -30,17 +32,20 @@ COLLECT_AFTER = 50_000
 
 _MODULES = {"list": "list_parts"}
 
+#: What the loader of shared libraries says where there is no memory for one.
+_NO_MEMORY = ("failed to map segment from shared object", "cannot allocate memory")
+
 #: Numbers with commas between them of which the first is negative; argparse knows only single ones.
 _NEGATIVE_LIST = re.compile(r"-[\d.][^\s=]*,")
 
 _DESCRIPTION = """\
-Dynamic model identification of robot arms: from a robot description and a motion log to a model that is
-physically consistent and says how well each parameter is known.
+Dynamic model identification of robot arms: from a robot model and motion logs to a
+physically consistent dynamic model with confidence intervals.
 
   dynident demo                                     the article's case from end to end
   dynident inspect robot.urdf                       joints, limits, base parameters
-  dynident excite robot.urdf -o plan.json           a motion that tells the parameters, within the limits
-  dynident export plan.json --to urscript -o excite.script   the motion for a controller
+  dynident excite robot.urdf -o plan.json           an excitation trajectory within the limits
+  dynident export plan.json --to urscript -o excite.script   the trajectory for a controller
   dynident init robot.urdf run.csv -o case.yaml     a commented case file to fill in
   dynident identify case.yaml run.csv --test other.csv -o estimate.json --report report.html
 """
@@ -99,11 +104,23 @@ def _done(words: list[str]) -> int:
     try:
         code = _module(options.command).run(options)
         sys.stdout.flush()
-    except (DynidentError, OSError) as error:
+    except (DynidentError, OSError, MemoryError, ImportError) as error:
+        if isinstance(error, ImportError) and _out_of_memory(error) is None:
+            raise
         if options.debug:
             traceback.print_exc()
         code = _reported(error)
     return code
+
+
+def _out_of_memory(error: BaseException | None) -> BaseException | None:
+    """Return the lack of memory that an error is or follows from; libraries that do not load say it in a text alone."""
+    while error is not None:
+        lacking = isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.ENOMEM
+        if lacking or any(sign in str(error).lower() for sign in _NO_MEMORY):
+            return error
+        error = error.__cause__ or error.__context__
+    return None
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
@@ -127,6 +144,11 @@ def _reported(error: BaseException) -> int:
     if isinstance(error, KeyboardInterrupt):
         print("stopped", file=sys.stderr)
         return 128 + signal.SIGINT
+    if (lack := _out_of_memory(error)) is not None:
+        evidence = f" ({' '.join(str(lack).split())})" if str(lack) else ""
+        step = "raise its limit (ulimit -v), end other programs, or use fewer samples"
+        print(f"error: there is not enough memory{evidence}; {step}", file=sys.stderr)
+        return 1
     # Nothing more can be said on stdout: its reader (head, less) has gone, or its disk is full.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):
@@ -140,7 +162,18 @@ def entry_point() -> None:
     """Run the command line and exit."""
     one_blas_thread_unless_stated(os.environ)
     gc.set_threshold(COLLECT_AFTER)
+    escape_unknown_characters(sys.stdout)
     sys.exit(main())
+
+
+def escape_unknown_characters(stream: TextIO | None) -> None:
+    """Have a stream escape characters that its encoding lacks, such as those of a unit or a name, by their number.
+
+    Python writes so to the standard error; on the standard output they are an error, unless PYTHONIOENCODING states
+    what to do with them.
+    """
+    if isinstance(stream, TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+        stream.reconfigure(errors="backslashreplace")
 
 
 def one_blas_thread_unless_stated(variables: MutableMapping[str, str]) -> None:

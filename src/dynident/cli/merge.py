@@ -1,4 +1,4 @@
-"""Merge triangle files of one model to one, each log once.
+"""Merge QR factor files of one model into one, each log once.
 
 dynident merge monday.tri tuesday.tri -o week.tri
 """
@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import argparse
 
-SUMMARY = "triangle files of several runs or machines to one"
+SUMMARY = "merge QR factors of several runs or machines into one file"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument("files", nargs="+", metavar="FILE", help="files that 'dynident reduce' or this has written")
-    parser.add_argument("-o", "--output", metavar="FILE", required=True, help="write the triangles (.tri) here")
+    parser.add_argument("-o", "--output", metavar="FILE", required=True, help="write the QR factors (.tri) here")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
     parser.add_argument("--quiet", action="store_true", help="no remarks")
 
@@ -22,8 +22,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.cli import console, jobs
     from dynident.cli.reduce import report
-    from dynident.estimation.streaming.triangle_file import merged_file, write_digest
     from dynident.files import check_place
+    from dynident.identification.streaming.triangle_file import merged_file, write_digest
 
     check_place(options.output)
     jobs.check_outputs((options.output,), options.files)

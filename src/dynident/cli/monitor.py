@@ -1,8 +1,8 @@
 """Look for collisions in a log: torques from outside by a momentum observer, alarms at a chosen rate of false ones.
 
 Thresholds come from clean runs, by default the logs of the fit: per joint the torque band of the estimate times a
-factor, so that the observer's residual of clean runs rises above it --rate times an hour. Beyond what the clean runs
-have seen their tails are extrapolated. Velocities and torques are used as a controller would have them, without a
+factor, so that the observer's residual of clean runs rises above it --rate times an hour. Tails beyond the
+range of the clean runs are extrapolated. Velocities and torques are used as a controller would have them, without a
 filter that knows the future. The exit code is 1 where there is an alarm.
 
   dynident monitor estimate.json run.csv --rate 1
@@ -20,8 +20,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dynident.estimation.estimate import Estimate
-    from dynident.estimation.monitor import Monitor, Monitored
+    from dynident.applications.monitor import Monitor, Monitored
+    from dynident.identification.estimate.estimate import Estimate
 
 SUMMARY = "alarms where torques from outside exceed what clean runs show"
 
@@ -46,12 +46,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.applications.monitor import MomentumObserver, calibrated, run_monitor
+    from dynident.applications.monitor.signals import signals_of
     from dynident.cli import console
+    from dynident.data.log_of_robot import read_with
     from dynident.errors import BadOption
-    from dynident.estimation.estimate_file import read_estimate
-    from dynident.estimation.monitor import MomentumObserver, calibrated, run_monitor
-    from dynident.estimation.monitor.signals import signals_of
-    from dynident.experiment.case_file.log_of_robot import read_with
+    from dynident.identification.files.estimate_file import read_estimate
 
     rates = _rates(options.rate)
     if "-" in options.logs and len(options.logs) > 1:
@@ -86,8 +86,8 @@ def _watch(monitor: Monitor, as_json: bool) -> int:
     """Tell the alarms of standard input as they begin."""
     import sys
 
+    from dynident.applications.monitor import watch
     from dynident.cli import console
-    from dynident.estimation.monitor import watch
     from dynident.results.text import counted, label
 
     names = monitor.observer.joint_names

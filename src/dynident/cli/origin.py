@@ -1,4 +1,4 @@
-"""What an estimate was fitted from, read again: logs held out, and what the doctor says of those of the fit.
+"""What an estimate was fitted from, read again: logs held out, and the log checks of those of the fit.
 
 The command that made the estimate stands in its provenance. It is repeated as far as the reading of the logs, and
 believed only where case file and logs have the content that they had then.
@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
-    from dynident.estimation.estimate import Estimate
-    from dynident.experiment.case_file.case import Case
-    from dynident.experiment.log import Log
+    from dynident.case.case import Case
+    from dynident.data.log import Log
+    from dynident.identification.estimate.estimate import Estimate
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Origin:
 
     def log_quality(self) -> list[dict[str, Any]]:
         """Return what the doctor finds in the logs of the fit; nothing where they could not be read again."""
-        from dynident.cli import jobs
+        from dynident.api.case_logs import log_quality
 
-        return [] if self.case is None else jobs.log_quality(self.case)
+        return [] if self.case is None else log_quality(self.case)
 
 
 class _Refused(Exception):
@@ -56,14 +56,16 @@ def origin_of(estimate: Estimate) -> Origin:
 
 
 def _read_again(estimate: Estimate) -> Origin:
+    from dynident.api.case_logs import read_data
     from dynident.cli import jobs
 
     options = _options(estimate.provenance.get("command"))
     if options.triangles or _is_large(estimate):
         raise _Refused("the fit was made from reduced or very large logs")
+    options.prior = options.constraints = None  # reading logs takes neither
     case = jobs.with_logs(jobs.case_from(options), options)
     _check_file(case.path, estimate.provenance.get("case"))
-    data = jobs.read_data(case)
+    data = read_data(case)
     trained = {log.get("sha256") for log in estimate.provenance.get("logs", ())}
     if {log.source.sha256 for log in data.train} != trained:
         raise _Refused("a log of the fit has another content now")
@@ -102,7 +104,7 @@ def _check_file(path: str, stated: object) -> None:
 
 def _is_large(estimate: Estimate) -> bool:
     """Say whether the logs of the fit, as far as they are there, are too large to be read into memory once more."""
-    from dynident.cli.streams import LARGE
+    from dynident.data.formats import LARGE
 
     places = [Path(str(log.get("path", ""))) for log in estimate.provenance.get("logs", ())]
     return sum(place.stat().st_size for place in places if place.is_file()) > LARGE

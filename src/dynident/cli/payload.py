@@ -3,7 +3,7 @@
 The payload is the difference to the robot that was identified without it. What the robot's own parameters are unsure
 of, friction that may have changed since, and drive gains (where their deviations are stated) are part of its intervals.
 A log in which the arm mostly stands is read posture by posture: gravity tells mass and centre of mass only. The payload
-is stated in the frame of the flange: --flange, else the tool of the description, else its last link.
+is stated in the frame of the flange: --flange, else the tool of the robot model, else its last link.
 
 The exit code is 1 where the log does not tell mass and centre of mass.
 
@@ -18,7 +18,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dynident.estimation.payload import CarriedLoad
+    from dynident.applications.payload import CarriedLoad
 
 SUMMARY = "mass, centre of mass and inertia of a tool or load from a run with it"
 
@@ -51,10 +51,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.applications.payload import BeforeRun, identify_payload, vendor_forms
     from dynident.cli import console
-    from dynident.estimation.estimate_file import read_estimate
-    from dynident.estimation.payload import identify_payload, vendor_forms
-    from dynident.experiment.case_file.log_of_robot import read_with
+    from dynident.data.log_of_robot import read_with
+    from dynident.identification.files.estimate_file import read_estimate
 
     with console.progress(6, options.quiet or options.json) as progress:
         progress.step("reading")
@@ -64,11 +64,8 @@ def run(options: argparse.Namespace) -> int:
             estimate,
             logs,
             flange=options.flange,
-            mass=options.mass,
-            mass_deviation=options.mass_std,
+            known=BeforeRun(options.mass, options.mass_std, options.friction_share, options.gain_std),
             rows=options.rows,
-            friction_share=options.friction_share,
-            gain_deviation=options.gain_std,
             level=options.level,
             progress=progress.step,
         )

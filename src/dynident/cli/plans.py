@@ -8,16 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dynident.case.case import Case
     from dynident.errors import FileError
-    from dynident.experiment.case_file.case import Case
-    from dynident.experiment.design.limits import LimitRow, ToolLimit
+    from dynident.excitation.design.limits import LimitRow, ToolLimit
     from dynident.model.robot import Robot
     from dynident.results.plan_view import PlanView
 
 
 def is_plan(path: str) -> bool:
     """Return whether a file says of itself that it is a plan."""
-    from dynident.experiment.design.plan import KIND
+    from dynident.excitation.design.plan import KIND
 
     if Path(path).suffix.lower() != ".json":
         return False
@@ -36,7 +36,7 @@ def files_of(case_path: str | None) -> list[str | Path]:
     """
     if case_path is None:
         return []
-    from dynident.experiment.case_file.case import read_case
+    from dynident.case.case import read_case
 
     return [case_path, *read_case(case_path).files]
 
@@ -61,8 +61,8 @@ def plan_view(
         DynidentError: A fault of a file, a robot with other joints, or an estimate without a case.
     """
     from dynident.errors import BadOption
-    from dynident.experiment.design.plan import read_plan
-    from dynident.experiment.design.recheck import recheck
+    from dynident.excitation.design.plan import read_plan
+    from dynident.excitation.design.recheck import recheck
     from dynident.results.plan_view import PlanView
 
     plan = read_plan(path)
@@ -71,10 +71,10 @@ def plan_view(
             if value is not None:
                 raise BadOption(name, value, "it needs --case, the robot whose torques it is about")
         return PlanView(plan, recheck(plan), robot, source=path)
+    from dynident.case.case import read_case
     from dynident.cli.knowledge import knowledge_of
-    from dynident.experiment.case_file.case import read_case
-    from dynident.experiment.design.recheck import with_friction_of
-    from dynident.experiment.room.clearance import clearance_of
+    from dynident.excitation.collision.clearance import clearance_of
+    from dynident.excitation.design.recheck import with_friction_of
 
     case = read_case(case_path)
     model = with_friction_of(plan, case.model)
@@ -84,14 +84,14 @@ def plan_view(
     clearance = None if case.workspace is None else clearance_of(case.robot, case.workspace)
     check = recheck(plan, model, theta=theta, uncertainty=known.uncertainty, clearance=clearance, tool=tool_limit(case))
     free = f", {known.uncertainty.sigmas:g} sigmas free" if known.uncertainty else ""
-    torques = "" if theta is None else f"{known.model or 'the masses of the description'}{free}"
+    torques = "" if theta is None else f"{known.model or 'the nominal masses'}{free}"
     return PlanView(plan, check, case.robot, model, theta, case.workspace, clearance, torques, path)
 
 
 def tool_limit(case: Case) -> ToolLimit | None:
     """Return the limit on the speed of the tool; None where the case states none."""
-    from dynident.experiment.design.limits import ToolLimit
-    from dynident.experiment.room.tool_speed import tool_point_of
+    from dynident.excitation.collision.tool_speed import tool_point_of
+    from dynident.excitation.design.limits import ToolLimit
 
     if case.workspace is None or case.workspace.tool_speed == float("inf"):
         return None
@@ -111,7 +111,7 @@ def check_kept(view: PlanView, path: str) -> None:
 def breached(worst: LimitRow, path: str) -> FileError:
     """Return the error to raise for a plan that passes a bound and must not be driven."""
     from dynident.errors import FileError
-    from dynident.experiment.design.plan import breach_of
+    from dynident.excitation.design.plan import breach_of
 
     return FileError(path, breach_of(worst), "do not drive it; design the motion again with these limits")
 

@@ -1,10 +1,10 @@
-"""Predict the joint torques of a motion, with bands, and write them as CSV.
+"""Predict the joint torques of a motion, with 95 % bands, and write them as CSV.
 
-The positions of the log are filtered like those of the fit. Its torques are not needed; where it has them they stand
-beside the prediction, filtered. For each joint: the model's torque, not filtered; half the width of the 95 % band by
-the covariance of the parameters; and the same with the residual of the fit, which takes in noise and what the model
-does not have. The table counts the rows inside it, both sides filtered alike. Remarks name joints whose torques do not
-lie there, and where the motion leaves what the logs of the fit have seen.
+The log is filtered as in the fit; its torques are not needed. Predicted and measured torques pass the same filter.
+Samples that the filter spoils are left out, near both ends and near gaps. Two half widths of 95 % bands stand beside
+the torque of each joint. 'half_model' is for the torque without noise: uncertainty of the parameters and noise of the
+positions. 'half_measured' is for the measured torque, with the residual of the fit. Both bands assume a model of the
+right form. Remarks name joints whose measured torques lie outside, and a motion beyond the training range.
 
   dynident predict estimate.json run.csv -o tau.csv
   dynident predict estimate.json planned.csv -o tau.csv --json
@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dynident.arrays import Array
-    from dynident.estimation.estimate import Estimate
-    from dynident.experiment.log import Log
-    from dynident.experiment.preprocessing import Prepared
+    from dynident.data.log import Log
+    from dynident.data.preprocessing import Prepared
+    from dynident.identification.estimate.estimate import Estimate
+    from dynident.identification.uncertainty.predicted_torque import PredictedTorque
 
 #: Share of the rows in the 95 % band below which the model is not that of the robot in the log.
 LEAST_INSIDE = 0.5
@@ -42,48 +43,38 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     from dynident.cli import console, jobs
-    from dynident.estimation.estimate_file import read_estimate
-    from dynident.estimation.observer import Observer
-    from dynident.estimation.uncertainty.propagation import torque_deviations
-    from dynident.estimation.validation import Z_95
-    from dynident.experiment.preprocessing import preprocess
     from dynident.files import check_place, write_atomically
+    from dynident.identification.files.estimate_file import read_estimate
+    from dynident.identification.uncertainty.predicted_torque import predict_torque
 
     check_place(options.output)
     estimate = read_estimate(options.estimate)
-    jobs.check_outputs((options.output,), (options.estimate, options.log, *jobs.files_behind(estimate)))
-    log = _motion(options.log, estimate.columns, estimate.model.robot)
-    prepared = preprocess(log.ordered(estimate.model.robot.joint_names), estimate.preprocessing)
-    moved = prepared.log
-    torque = Observer(estimate.model, estimate.base).predict(moved, estimate.beta)
-    by_parameters = Z_95 * torque_deviations(estimate, moved)
-    whole = np.hypot(by_parameters, Z_95 * np.asarray(estimate.joint_deviations))
-    write_atomically(options.output, _csv(moved, torque, by_parameters, whole))
     robot = estimate.model.robot
-    inside = np.full(robot.dof, np.nan)
-    if moved.torque is not None:
-        away = np.asarray(moved.torque) - prepared.smooth(torque.T).T  # filtered alike on both sides
-        inside = np.mean((np.abs(away) <= whole)[prepared.keep], axis=0)
-    table = zip(
-        robot.joint_names, robot.units, *(_rms(one) for one in (torque, by_parameters, whole)), inside, strict=True
-    )
+    jobs.check_outputs((options.output,), (options.estimate, options.log, *jobs.files_behind(estimate)))
+    log = _motion(options.log, estimate.columns, robot)
+    found = predict_torque(estimate, log.ordered(robot.joint_names))
+    write_atomically(options.output, _csv(found))
+    sizes = (_rms(one) for one in (found.torque, found.half_model, found.half_measured))
     joints = [
         {
             "name": name,
             "unit": unit,
             "torque": float(size),
-            "half_width_parameters": float(narrow),
-            "half_width": float(wide),
+            "half_width_model": float(narrow),
+            "half_width_measured": float(wide),
             "inside": float(share) if np.isfinite(share) else None,
         }
-        for name, unit, size, narrow, wide, share in table
+        for name, unit, size, narrow, wide, share in zip(
+            robot.joint_names, robot.units, *sizes, found.inside, strict=True
+        )
     ]
-    remarks = [*_outside(robot.joint_names, inside), *_beyond(estimate, prepared)]
+    used = found.prepared.kept
+    facts = {"log": log.name, "samples": used.samples, "left_out": found.prepared.log.samples - used.samples}
+    remarks = [*_outside(robot.joint_names, found.inside), *_beyond(estimate, found.prepared)]
     if options.json:
-        facts = {"log": log.name, "samples": moved.samples, "written": options.output}
-        console.answer_json({**facts, "joints": joints, "remarks": remarks})
+        console.answer_json({**facts, "written": options.output, "joints": joints, "remarks": remarks})
         return 0
-    _show(joints, moved)
+    _show(joints, facts)
     for remark in remarks:
         console.answer(f"remark: {remark}")
     console.remark(f"saved {options.output}", options.quiet)
@@ -95,8 +86,8 @@ def _motion(path: str, columns: object, robot: object) -> Log:
     from dataclasses import replace
     from typing import Any
 
+    from dynident.data.log_of_robot import read_with
     from dynident.errors import LogFormatError
-    from dynident.experiment.case_file.log_of_robot import read_with
 
     own: Any = columns
     arm: Any = robot
@@ -127,14 +118,14 @@ def _beyond(estimate: Estimate, prepared: Prepared) -> list[str]:
 
     import numpy as np
 
-    from dynident.estimation.observer import Observer
-    from dynident.estimation.uncertainty.envelope import departure_of
+    from dynident.identification.estimate.envelope import departure_of
+    from dynident.identification.problem.regressor_stream import RegressorStream
 
     if estimate.envelope is None:
         return []
     log = replace(prepared.log, torque=np.zeros_like(prepared.log.q))  # bands do not depend on measured torques
-    observer = Observer(estimate.model, estimate.base, estimate.beta)
-    triangles = observer.triangles(replace(prepared, log=log), np.ones((len(prepared.keep), log.q.shape[1]), bool))
+    regressor = RegressorStream(estimate.model, estimate.base, estimate.beta)
+    triangles = regressor.triangles(replace(prepared, log=log), np.ones((len(prepared.keep), log.q.shape[1]), bool))
     sentence = departure_of(estimate.envelope, [prepared.kept], triangles, estimate.covariance).sentence(
         estimate.envelope
     )
@@ -147,31 +138,33 @@ def _rms(values: Array) -> Array:
     return np.sqrt(np.mean(np.square(values), axis=0))
 
 
-def _csv(log: Log, torque: Array, narrow: Array, wide: Array) -> str:
+def _csv(found: PredictedTorque) -> str:
     """Return the table: time, then torque, half widths and measured torque of all joints."""
     import numpy as np
 
-    count = range(1, len(log.joints) + 1)
-    names = ["t", *(f"{kind}{i}" for kind in ("tau_model", "half_parameters", "half_whole") for i in count)]
-    blocks = [log.time[:, None], torque, narrow, wide]
+    log = found.prepared.kept
+    blocks = {"tau_model": found.torque, "half_model": found.half_model, "half_measured": found.half_measured}
     if log.torque is not None:
-        names += [f"tau_measured{i}" for i in count]
-        blocks.append(np.asarray(log.torque))
-    rows = np.concatenate(blocks, axis=1)
+        blocks["tau_measured"] = log.torque
+    names = ["t", *(f"{kind}{i}" for kind in blocks for i in range(1, len(log.joints) + 1))]
+    rows = np.concatenate([log.time[:, None], *blocks.values()], axis=1)
     lines = [",".join(f"{value:.9g}" for value in row) for row in rows]
     return "\n".join([",".join(names), *lines]) + "\n"
 
 
-def _show(joints: list[dict[str, object]], log: Log) -> None:
+def _show(joints: list[dict[str, object]], facts: dict[str, object]) -> None:
     from dynident.cli import console
     from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label, pretty_unit
 
     rows = []
     for one in joints:
-        sizes = (format_number(float(str(one[key])), 3) for key in ("torque", "half_width_parameters", "half_width"))
+        keys = ("torque", "half_width_model", "half_width_measured")
+        sizes = (format_number(float(str(one[key])), 3) for key in keys)
         share = MISSING if one["inside"] is None else format_percent(float(str(one["inside"])), sign=False)
         rows.append((label(one["name"]), *sizes, pretty_unit(str(one["unit"])), share))
-    headings = ("torque (rms)", "by the parameters", "with the residual")
+    headings = ("torque (rms)", "without noise", "measured")
     columns = (Column("joint"), *(Column(text, numeric=True) for text in headings), Column("unit"), Column("inside, %"))
-    console.answer(f"{label(log.name)}: {log.samples} samples; half widths of 95 % bands (rms)\n")
+    left_out = f", {facts['left_out']} that the filter spoils left out" if facts["left_out"] else ""
+    console.answer(f"{label(facts['log'])}: {facts['samples']} samples{left_out}")
+    console.answer("half widths of the 95 % bands (rms): of the torque without noise, and of the measured torque\n")
     console.answer_table(Table(columns, tuple(rows)))

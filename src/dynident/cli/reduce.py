@@ -1,8 +1,9 @@
-"""Reduce logs of any size to triangles, from which 'identify --from' gives the same estimate as from the logs.
+"""Compress logs of any size to QR factors; 'identify --from' gives the same estimate as from the logs.
 
 Memory holds one window of a log. Work that is cut short goes on where it stood when the same command is given again.
-Triangles of several runs merge: see 'dynident merge'. LOG is a file, a folder of logs, a pattern in quotes, or an
-address of a bucket. Workers reduce logs side by side, to the same bits.
+With a split, the training parts are reduced. Merge the QR factors of several runs: see 'dynident merge'. LOG is a file,
+a folder of logs, a pattern in quotes, or an address of a bucket. Workers reduce logs side by side, to the same bits.
+'identify --from' takes --friction, --cutoff, --rate and --delay from the QR factors.
 
   dynident reduce case.yaml monday.parquet -o monday.tri
   dynident merge monday.tri tuesday.tri -o week.tri
@@ -21,10 +22,10 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dynident.cli.console import Progress
     from dynident.errors import DynidentError
-    from dynident.estimation.streaming.digest import Digest
-    from dynident.estimation.streaming.reduction import Standing
+    from dynident.identification.streaming.digest import Digest
+    from dynident.identification.streaming.reduction import Standing
 
-SUMMARY = "logs larger than memory to triangles that identify takes"
+SUMMARY = "compress logs larger than memory to QR factors for identify"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     from dynident.cli.jobs import add_case_options
     from dynident.cli.pools import add_pool_option
 
-    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot description")
+    parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot model")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs; default: those of the case file that train")
     add_case_options(parser)
     how = parser.add_argument_group("how")
@@ -42,7 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--skip-bad", action="store_true", help="leave logs out that cannot be reduced; default: refuse, and name them"
     )
     output = parser.add_argument_group("output")
-    output.add_argument("-o", "--output", metavar="FILE", required=True, help="write the triangles (.tri) here")
+    output.add_argument("-o", "--output", metavar="FILE", required=True, help="write the QR factors (.tri) here")
     output.add_argument(
         "--checkpoint", type=float, default=30.0, metavar="S", help="seconds between checkpoints beside it; 0: none"
     )
@@ -52,16 +53,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dataclasses import replace
     from pathlib import Path
 
     from dynident.cli import console, jobs
     from dynident.cli.pools import cluster_of
+    from dynident.data.log_places import is_address, logs_named
     from dynident.errors import BadOption
-    from dynident.estimation.streaming.one_log import Checkpoint
-    from dynident.estimation.streaming.reduction import reduce_logs
-    from dynident.estimation.streaming.triangle_file import write_digest
-    from dynident.experiment.log_places import is_address, logs_named
     from dynident.files import check_place
+    from dynident.identification.streaming.one_log import Checkpoint
+    from dynident.identification.streaming.reduction import reduce_logs
+    from dynident.identification.streaming.triangle_file import write_digest
     from dynident.workers.pool import local_pool
 
     if not 0 <= options.checkpoint < float("inf"):
@@ -83,14 +85,15 @@ def run(options: argparse.Namespace) -> int:
     with console.progress(1, quiet) as progress:
         progress.step(f"reducing {len(names)} log{'s' if len(names) > 1 else ''}")
         digest = reduce_logs(
-            case,
-            names,
+            case.stream_setup(),
+            [case.place(name) for name in names],
             progress.update,
             checkpoint,
             pool=pool,
             skipped=bad.__setitem__ if options.skip_bad else None,
             standing=_teller(progress),
         )
+        digest = replace(digest, options=jobs.model_options(options))
         write_digest(digest, options.output)
     if checkpoint is not None:
         checkpoint.remove(len(names))
@@ -129,7 +132,7 @@ def report(digest: Digest, options: argparse.Namespace, bad: Mapping[str, str] |
         "base_parameters": digest.base.count,
         "samples": digest.samples,
         "rows": [int(joint.counts.sum()) for joint in digest.joints],
-        "stretches": len(digest.joints[0].counts),
+        "segments": len(digest.joints[0].counts),
         "filter": digest.how.statement(),
         "logs": [
             {"path": c.path, "sha256": c.sha256, "rows": c.rows, "samples": c.samples, "steps": list(c.steps)}
@@ -147,6 +150,6 @@ def report(digest: Digest, options: argparse.Namespace, bad: Mapping[str, str] |
     )
     cutoff, delay = digest.how.filter.bandwidth(), digest.how.delay_s or 0.0
     told = f"both sides at {cutoff:g} Hz" if cutoff is not None else str(digest.how.statement()["kind"])
-    console.answer(f"  filter: {told}" + f", delay of the torque {delay:.4g} s" * bool(delay))
+    console.answer(f"  filter: {told}" + f", time delay of torque {delay:.4g} s" * bool(delay))
     for chunk in digest.chunks:
         console.answer(f"  {chunk.path}: {chunk.rows:,} rows, {chunk.samples:,} used at {chunk.rate:.5g} Hz")

@@ -1,6 +1,6 @@
 """Write the report of an estimate: one HTML file that opens offline; its figures as files for a paper.
 
-Without --test it tests on what the fit has kept apart: the test logs, or the split, of its case file or command.
+Without --test it validates on the test logs, or the test part of the split, of the case file or command.
 
 dynident report estimate.json -o report.html
 dynident report estimate.json --test other-run.csv --figures figures --format pdf
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from dynident.estimation.estimate import Estimate
-    from dynident.experiment.log import Log
-    from dynident.results.report.builder import Part
+    from dynident.data.log import Log
+    from dynident.identification.estimate.estimate import Estimate
+    from dynident.results.report.builder import ReportPart
     from dynident.results.report.subject import Subject
 
 SUMMARY = "one self-contained HTML file from an estimate, and its figures for a paper"
@@ -52,8 +52,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.cli import console, jobs, plans
     from dynident.errors import BadOption
-    from dynident.estimation.estimate_file import read_estimate
     from dynident.files import check_place, write_atomically
+    from dynident.identification.files.estimate_file import read_estimate
     from dynident.results.report.builder import parts_of, report_page
 
     _check(options)
@@ -101,7 +101,7 @@ def _subject(estimate: Estimate, options: argparse.Namespace, progress: Callable
     """Return what the report is about: the estimate with its tests, the findings on its logs, the plan."""
     from dynident.cli import jobs, plans
     from dynident.cli.origin import origin_of
-    from dynident.estimation.identify import validate
+    from dynident.identification.validate import validate
     from dynident.results.report.subject import Subject
 
     origin = origin_of(estimate)
@@ -125,20 +125,20 @@ def _subject(estimate: Estimate, options: argparse.Namespace, progress: Callable
 
 def _given(estimate: Estimate, options: argparse.Namespace) -> list[Log]:
     """Return the logs of the command line, or the test part of each; none that the fit has seen."""
-    from dynident.cli import jobs
-    from dynident.experiment.case_file.log_of_robot import read_with
-    from dynident.experiment.case_file.split import Split
+    from dynident.api.case_logs import check_unseen
+    from dynident.api.validate import read_log
+    from dynident.data.split import Split
 
-    logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.test]
+    logs = [read_log(estimate, name) for name in options.test]
     if options.split:
         split = Split.parse(options.split)
         return [split.apply(log)[1] for log in logs]
-    jobs.check_unseen(estimate, logs)
+    check_unseen(estimate, logs)
     return logs
 
 
 def _figures(
-    subject: Subject, parts: tuple[Part, ...], options: argparse.Namespace, progress: Callable[[str], None]
+    subject: Subject, parts: tuple[ReportPart, ...], options: argparse.Namespace, progress: Callable[[str], None]
 ) -> tuple[Path, ...]:
     """Write the figures where that is asked for, and return their files."""
     from dynident.results.report.figure_files import report_figures, write_figures
@@ -150,7 +150,7 @@ def _figures(
 
 
 def _listed(
-    subject: Subject, parts: tuple[Part, ...], figures: tuple[Path, ...], options: argparse.Namespace
+    subject: Subject, parts: tuple[ReportPart, ...], figures: tuple[Path, ...], options: argparse.Namespace
 ) -> dict[str, Any]:
     """Return what was written, as plain data."""
     return {

@@ -1,6 +1,6 @@
 """Rehearse a run on a virtual robot before the real one moves: which parameters would be found, and how well.
 
-CASE is a case file or a robot description. The motion is a plan of 'dynident excite' (--plan), or is designed here. A
+CASE is a case file or a robot model. The motion is a plan of 'dynident excite' (--plan), or is designed here. A
 virtual cell around a robot with known, physically consistent parameters records it with noise: that of the case's
 section 'cell', as for 'dynident simulate', or a PD controller where there is none. The case's filter and estimator
 identify it without being told any masses; the result is compared with the truth. Logs of half, double and four times
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from dynident.arrays import Array
-    from dynident.estimation.selftest.rehearsal import Plan, Rehearsal
-    from dynident.experiment.case_file.case import Case
-    from dynident.experiment.case_file.cell_section import CellSetup
-    from dynident.experiment.design.plan import Plan as PlannedMotion
-    from dynident.experiment.simulation.cell import Cell
+    from dynident.case.case import Case
+    from dynident.case.cell_section import CellSetup
+    from dynident.excitation.design.plan import Plan as PlannedMotion
+    from dynident.simulation.cell import Cell
+    from dynident.studies.selftest.rehearsal import Rehearsal, RehearsalPlan
 
 SUMMARY = "rehearse a run on a virtual robot: what would be found, and how well"
 
@@ -40,7 +40,7 @@ POSITION_NOISE = 2e-5
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("case", metavar="CASE|ROBOT", help="case file, robot description or a robot that ships")
+    parser.add_argument("case", metavar="CASE|ROBOT", help="case file, robot model or built-in example robot")
     motion = parser.add_argument_group("motion")
     motion.add_argument("--plan", metavar="FILE", help="plan of 'dynident excite -o'; default: one is designed")
     motion.add_argument("--period", type=float, default=10.0, metavar="S", help="period of a designed motion in s (10)")
@@ -53,7 +53,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--truth",
         metavar="WHAT",
         help="description (default, where the cell names no other): its masses, friction that it does not state is "
-        "invented; random: a random possible robot near it; or a file: estimate, description, truth of simulate",
+        "invented; random: a random physically consistent robot near it; or a file: estimate, robot model, "
+        "truth of simulate",
     )
     robot.add_argument(
         "--noise",
@@ -100,33 +101,32 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.api.case_options import estimator_of
+    from dynident.case.case import read_case
     from dynident.cli import console, jobs
     from dynident.cli.cells import believed_parameters, cell_setup
     from dynident.errors import BadOption
-    from dynident.estimation.selftest.rehearsal import SHARES, Tolerance, rehearse
-    from dynident.experiment.case_file.case import read_case
+    from dynident.studies.selftest.rehearsal import SHARES, KnownBefore, Tolerance, rehearse
 
     if options.seed < 0:
         raise BadOption("--seed", options.seed, "give 0 or more")
     tolerance = Tolerance(options.tolerance, options.parameter_tolerance)
     case = read_case(options.case)
-    estimator = jobs.estimator_from(case, options.estimator, [])
+    estimator = estimator_of(case, options.estimator)
     setup = cell_setup(options, case)
     believed = believed_parameters(setup, case)
     theta, source = _truth(options, case, setup)
     with console.progress(3 + len(SHARES), options.quiet or options.json) as progress:
         progress.step("motion")
         plan, noise = _plan(options, case, setup)
-        guess = None if source.startswith("the description") else case.model.nominal()
+        guess = None if source.startswith("the robot model") else case.model.nominal()
         found = rehearse(
             case.model,
             theta,
             plan,
             estimator,
             tolerance,
-            guess=guess,
-            believed=believed,
-            constraints=case.constraints,
+            known=KnownBefore(guess, believed, case.constraints),
             progress=progress.step,
         )
     facts = {
@@ -148,19 +148,19 @@ def _truth(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[A
     """Return the parameters of the virtual robot, shape (p,), and where they come from."""
     from dataclasses import replace
 
-    from dynident.estimation.comparison.truth import read_truth
-    from dynident.estimation.monte_carlo.possible_robots import described_truth, random_truth
-    from dynident.experiment.simulation.truth import true_parameters
+    from dynident.simulation.truth import true_parameters
+    from dynident.studies.benchmark.possible_robots import described_truth, random_truth
+    from dynident.studies.comparison.truth import read_truth
 
     model, truth, stated = case.model, setup.truth, options.truth is not None
     name = options.truth if stated else {"nominal": _DESCRIBED}.get(truth.parameters, truth.parameters)
     if name == _DESCRIBED:
         theta, source = (
             described_truth(model, options.seed),
-            "the description; friction that it does not state is invented",
+            "the robot model; friction that it does not state is invented",
         )
     elif name == _RANDOM:
-        theta, source = random_truth(model, options.seed), f"a random possible robot, seed {options.seed}"
+        theta, source = random_truth(model, options.seed), f"a random physically consistent robot, seed {options.seed}"
     else:
         theta, source = read_truth(case.find(name), model, case.locked), name
     if stated:
@@ -169,12 +169,12 @@ def _truth(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[A
     return true_parameters(model, theta, truth, options.seed), "; ".join([source, *changed])
 
 
-def _plan(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Plan, dict[str, Any]]:
+def _plan(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[RehearsalPlan, dict[str, Any]]:
     """Return what is rehearsed, and its noise with where that comes from."""
     from dynident.cli.plans import breached
     from dynident.errors import BadOption
-    from dynident.estimation.selftest.rehearsal import Plan
-    from dynident.experiment.design.plan import read_plan, worst_breach
+    from dynident.excitation.design.plan import read_plan, worst_breach
+    from dynident.studies.selftest.rehearsal import RehearsalPlan
 
     given, source = _noise(options, case, setup)
     if options.plan:
@@ -189,13 +189,15 @@ def _plan(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Pl
     levels = planned.settings["noise"] if given is None else given.tolist()
     facts = {"noise": list(levels), "noise_source": source or planned.settings["noise_source"]}
     cell = _cell(options, case, setup, tuple(levels))
-    return Plan(planned.trajectory, planned.run_in, options.repeats, cell, case.preprocessing, options.seed), facts
+    return RehearsalPlan(
+        planned.trajectory, planned.run_in, options.repeats, cell, case.preprocessing, options.seed
+    ), facts
 
 
 def _noise(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Array | None, str]:
     """Return the torque noise that is stated, shape (n,), and by whom; None for that of the plan."""
     from dynident.cli.cells import current_scale
-    from dynident.experiment.simulation.effects import each
+    from dynident.simulation.effects import each
 
     joints = case.robot.dof
     if options.noise:
@@ -209,7 +211,7 @@ def _cell(options: argparse.Namespace, case: Case, setup: CellSetup, noise: tupl
     from dataclasses import replace
 
     from dynident.cli.cells import current_scale
-    from dynident.experiment.simulation.effects import Encoder, each
+    from dynident.simulation.effects import Encoder, each
 
     cell = setup.cell
     encoder = cell.encoder if "encoder" in setup.values else Encoder(noise=(POSITION_NOISE,))
@@ -229,9 +231,9 @@ def _cell(options: argparse.Namespace, case: Case, setup: CellSetup, noise: tupl
 def _designed(options: argparse.Namespace, case: Case, noise: Array | None) -> PlannedMotion:
     """Design a motion within the limits of the case."""
     from dynident.cli.plans import tool_limit
-    from dynident.experiment.design.excitation import design_excitation
-    from dynident.experiment.design.limits import limits_of
-    from dynident.experiment.room.clearance import clearance_of
+    from dynident.excitation.collision.clearance import clearance_of
+    from dynident.excitation.design.excitation import design_excitation
+    from dynident.excitation.design.limits import limits_of
 
     return design_excitation(
         case.model,
@@ -248,7 +250,7 @@ def _designed(options: argparse.Namespace, case: Case, noise: Array | None) -> P
 
 def _words(cell: Cell) -> str:
     """Return controller, rates and effects of a cell in words."""
-    from dynident.experiment.simulation.controllers import CONTROLLERS
+    from dynident.simulation.controllers import CONTROLLERS
 
     name = CONTROLLERS.name_of(cell.controller)
     rates = f"{name} at {cell.controller.rate:g} Hz, {cell.recorder.rate:g} rows a second"
@@ -267,10 +269,10 @@ def _per_joint(values: Sequence[float], joints: int) -> Array:
     return np.broadcast_to(np.array(values, dtype=float), (joints,)).copy()
 
 
-def _show(found: Rehearsal, plan: Plan, facts: dict[str, Any], case: Case) -> None:
+def _show(found: Rehearsal, plan: RehearsalPlan, facts: dict[str, Any], case: Case) -> None:
     from dynident.cli import console
-    from dynident.results import rehearsal_view as view
     from dynident.results.text import label
+    from dynident.studies.selftest import rehearsal_view as view
 
     robot, stage = case.robot, found.planned
     console.answer(

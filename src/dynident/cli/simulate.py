@@ -16,16 +16,16 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dynident.experiment.case_file.cell_section import CellSetup
-    from dynident.experiment.simulation.cell import CellRun
+    from dynident.case.cell_section import CellSetup
     from dynident.model.dynamic_model import DynamicModel
+    from dynident.simulation.cell import CellRun
 
 SUMMARY = "record a plan on a virtual cell, with the truth beside the log"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    parser.add_argument("case", metavar="CASE", help="case file or robot description")
+    parser.add_argument("case", metavar="CASE", help="case file or robot model")
     parser.add_argument("plan", metavar="PLAN", help="plan of 'dynident excite'")
     parser.add_argument(
         "-o",
@@ -53,16 +53,16 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from pathlib import Path
 
+    from dynident.case.case import read_case
+    from dynident.case.simulated_bag import BAGS, write_bag
+    from dynident.case.simulated_log import case_columns, wants_current, write_columns
     from dynident.cli import console, jobs
     from dynident.cli.cells import believed_parameters, cell_setup, stated_parameters
     from dynident.errors import BadOption
-    from dynident.experiment.case_file.case import read_case
-    from dynident.experiment.design.plan import breach_of, read_plan, worst_breach
-    from dynident.experiment.simulation.case_bag import BAGS, write_bag
-    from dynident.experiment.simulation.case_log import case_columns, wants_current, write_columns
-    from dynident.experiment.simulation.cell_simulation import simulate_cell
-    from dynident.experiment.simulation.truth import true_parameters
+    from dynident.excitation.design.plan import breach_of, read_plan, worst_breach
     from dynident.files import check_place
+    from dynident.simulation.cell_simulation import simulate_cell
+    from dynident.simulation.truth import true_parameters
 
     if options.seed < 0:
         raise BadOption("--seed", options.seed, "give 0 or more")
@@ -108,12 +108,12 @@ def run(options: argparse.Namespace) -> int:
 
 def _facts(options: argparse.Namespace, setup: CellSetup, model: DynamicModel, found: CellRun) -> dict[str, Any]:
     """Return what is true of the log, as plain data."""
-    from dynident.experiment.simulation.truth import FORMAT, KIND
+    from dynident.simulation.truth import KIND, VERSIONS
 
     robot = model.robot
     return {
         "kind": KIND,
-        "format": FORMAT,
+        "format": VERSIONS.current,
         "log": options.output,
         "robot": robot.name,
         "plan": options.plan,
@@ -154,9 +154,9 @@ def _show(found: CellRun, model: DynamicModel, target: str, truths: tuple[str, .
     import numpy as np
 
     from dynident.cli import console
-    from dynident.experiment.simulation.truth import without_friction
-    from dynident.results.rehearsal_view import left_behind
     from dynident.results.text import Column, Table, format_number, label, pretty_unit
+    from dynident.simulation.truth import without_friction
+    from dynident.studies.selftest.rehearsal_view import left_behind
 
     robot, log = model.robot, found.log
     console.answer(f"{log.samples} samples over {log.duration:.4g} s, {label(log.source.steps[0])}\n")

@@ -1,4 +1,4 @@
-"""Open the studio: a local web page for the whole job, from a robot description and a log to report and exports.
+"""Open the studio: a local web page for the whole job, from a robot model and a log to report and exports.
 
 It is served to this machine only, under an address with a token that is printed once. Everything that is done there is
 shown as the command that does the same. With --work the files of a folder are at hand and results stay there; without

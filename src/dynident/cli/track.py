@@ -3,7 +3,7 @@
 The parameters go with the last --memory seconds and, where the motion shows nothing, back to the estimate. The last
 --window seconds are compared with what was before them: a load on the last link, or other friction of a joint, is named
 with its time; of clean runs, by default the logs of the fit, at most --rate an hour raise such an alarm falsely. The
-log is filtered as those of the fit, to both sides; rows of a running robot go into dynident.estimation.tracking. The
+log is filtered as those of the fit, to both sides; rows of a running robot go into dynident.applications.tracking. The
 exit code is 1 where something has changed at once.
 
   dynident track estimate.json shift.csv -o course.csv
@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dynident.estimation.estimate import Estimate
-    from dynident.estimation.tracking import Tracked
+    from dynident.applications.tracking import Tracked
+    from dynident.identification.estimate.estimate import Estimate
 
 SUMMARY = "parameters that drift along a log, and loads that change"
 
@@ -44,12 +44,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.applications.tracking import Pace, thresholds_of, tracked
     from dynident.cli import console, jobs
     from dynident.cli.monitor import logs_of_fit
-    from dynident.estimation.estimate_file import read_estimate
-    from dynident.estimation.tracking import Pace, thresholds_of, tracked
-    from dynident.experiment.case_file.log_of_robot import read_with
+    from dynident.data.log_of_robot import read_with
     from dynident.files import check_place, write_atomically
+    from dynident.identification.files.estimate_file import read_estimate
 
     pace = Pace(options.memory, options.window, options.loosen)
     if options.output:
@@ -103,7 +103,7 @@ def _show(estimate: Estimate, found: Tracked, clean: Sequence[str], seconds: flo
     console.answer(
         f"{label(found.log)}: {figures['seconds']:.4g} s followed, thresholds from {seconds:.4g} s of clean runs\n"
     )
-    told = sorted(figures["parameters"], key=lambda one: -abs(one["moved_by"] or 0.0))[:SHOWN]
+    told = sorted(figures["parameters"], key=lambda one: -abs(one["t"] or 0.0))[:SHOWN]
     heads = (
         Column("base parameter"), Column("estimate", numeric=True), Column("at the end", numeric=True),
         Column("std", numeric=True), Column("moved by", "std", numeric=True), Column("unit"),
@@ -112,7 +112,7 @@ def _show(estimate: Estimate, found: Tracked, clean: Sequence[str], seconds: flo
     for one in told:
         value, std = format_value(one["value"], one["std"])
         name = shortened(label(one["name"]), console.NAME_WIDTH)
-        moved = format_number(one["moved_by"] or 0.0, 2)
+        moved = format_number(one["t"] or 0.0, 2)
         rows.append((name, format_number(one["estimate"], 4), value, std, moved, pretty_unit(one["unit"])))
     console.answer_table(Table(heads, tuple(rows)))
     if len(told) < len(figures["parameters"]):

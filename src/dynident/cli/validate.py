@@ -1,4 +1,4 @@
-"""Compare an estimate with logs that it has not seen, prepared like those of the fit.
+"""Validate an estimate on test logs, preprocessed as in training.
 
 dynident validate estimate.json other-run.csv
 dynident validate estimate.json other-run.csv --json --report report.html
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 
-SUMMARY = "compare an estimate with logs that it has not seen"
+SUMMARY = "validate an estimate on test logs"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -23,14 +23,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.api.case_logs import check_unseen, seen_logs
+    from dynident.api.validate import read_log, validate
     from dynident.cli import console, jobs
     from dynident.cli.identify import consistency_line
-    from dynident.estimation.estimate_file import read_estimate, summary
-    from dynident.estimation.identify import validate
-    from dynident.estimation.warnings import warnings_of
-    from dynident.experiment.case_file.log_of_robot import read_with
-    from dynident.experiment.case_file.split import Split
+    from dynident.data.split import Split
+    from dynident.diagnosis.warnings import warnings_of
     from dynident.files import check_place
+    from dynident.identification.files.estimate_file import read_estimate, summary
     from dynident.results.text import fits_table, statement, total_error
 
     if options.report:
@@ -39,10 +39,10 @@ def run(options: argparse.Namespace) -> int:
         progress.step("reading")
         estimate = read_estimate(options.estimate)
         jobs.check_outputs((options.report,), (options.estimate, *options.logs, *jobs.files_behind(estimate)))
-        logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
-        seen = [] if options.split else jobs.seen_logs(estimate, logs)
+        logs = [read_log(estimate, name) for name in options.logs]
+        seen = [] if options.split else seen_logs(estimate, logs)
         if options.report and seen:
-            jobs.check_unseen(estimate, logs)
+            check_unseen(estimate, logs)
         if options.split:
             split = Split.parse(options.split)
             logs = [split.apply(log)[1] for log in logs]
@@ -54,16 +54,16 @@ def run(options: argparse.Namespace) -> int:
             progress.step("writing the report")
             sources = [log.source for log in logs]
             write_report(options.report, estimate, (test,), command=jobs.repeat_command(), sources=sources)
-    warnings = [f"{name}: the fit has seen this log, so the figures flatter the model" for name in seen]
+    warnings = [f"{name}: this log was used for training, so its metrics are optimistic" for name in seen]
     warnings += warnings_of(estimate, test)
     if options.json:
-        console.answer_json({**summary(estimate, test), "warnings": warnings})
+        console.answer_json(summary(estimate, test, warnings))
         return 0
     console.answer(f"{estimate.model.robot.name}: estimator {estimate.estimator}, {test.samples} samples")
     console.answer(f"filter {statement(test.filter)}\n")
     console.answer_table(fits_table(test), f"total relative error {total_error(test)}")
     console.answer()
-    console.answer_table(fits_table(test, moving=True), "moving rows only")
+    console.answer_table(fits_table(test, moving=True), "moving samples only")
     console.answer()
     console.answer(consistency_line(estimate))
     for warning in warnings:

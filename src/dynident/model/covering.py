@@ -48,7 +48,7 @@ def covering_capsules(shape: Shape, points: Callable[[Mesh], Array] | None = Non
     if isinstance(shape, Box):
         return tuple(capsule.moved(shape.rotation, shape.translation) for capsule in _strips(shape.size))
     if points is None:
-        raise BadOption("mesh", shape.file, "say in which folder mesh files are looked for")
+        raise BadOption("mesh", shape.file, "state the folder of the mesh files")
     return (fitted_capsule(points(shape)).moved(shape.rotation, shape.translation),)
 
 

@@ -62,7 +62,7 @@ class DynamicModel:
         each = [c for part in self.friction for c in part.coefficients]
         joints = self.robot.active
         friction = tuple(
-            Parameter(c.symbol, joint.name, c.unit if joint.kind == "revolute" else c.linear_unit, c.nonnegative)
+            Parameter(c.symbol, joint.name, c.unit_of(joint.kind), c.nonnegative)
             for joint, c in ((joints[j], each[k]) for j, k in zip(*self.terms, strict=True))
         )
         return inertial_parameters(self.robot) + friction
@@ -97,14 +97,14 @@ class DynamicModel:
 
     @property
     def needs(self) -> frozenset[str]:
-        """Signals beyond the motion that friction depends on: ``torque``, ``temperature``."""
+        """Signals beyond the motion that friction depends on: ``torque``, ``temperature``, ``state``."""
         return frozenset(name for part in self.friction for name in part.needs)
 
     def friction_values(self, motion: Motion) -> Array:
         """Return the value of every friction column at its own drive, shape (N, n, k); 0 where a part does not act.
 
         Raises:
-            BadOption: A part needs a torque or a temperature that the motion has not.
+            BadOption: A part needs a torque, a temperature or a state that the motion has not.
         """
         return self._at_motors(motion, lambda part, at: (part.columns(at),))[0]
 
@@ -120,15 +120,19 @@ class DynamicModel:
         at = motion.at_motors(np.asarray(self.robot.coupling)) if self.robot.is_coupled else motion
         shape = (self.coefficients_per_joint, motion.dq.shape[1], len(motion.dq))
         found = [np.zeros(shape).T for _ in range(count)]  # the samples of a column stand side by side
-        start = 0
+        start, first = 0, 0
         for part in self.friction:
             own = slice(start, start + len(part.coefficients))
             start = own.stop
+            seen = at
+            if part.states and at.state is not None:
+                seen = replace(at, state=at.state[..., first : first + len(part.states)])
+                first += len(part.states)
             if part.joints is None:  # all: no copy of the motion, and no list of names
-                drives, seen = slice(None), at
+                drives = slice(None)
             else:
                 drives = list(self.drives_of(part))
-                seen = at.of_drives(drives)
+                seen = seen.of_drives(drives)
             for block, value in zip(found, values(part, seen), strict=True):
                 block[:, drives, own] = value
         return found
@@ -137,7 +141,7 @@ class DynamicModel:
         """Return Y, shape (N, n, p); ``once`` for a few samples, see :func:`batched.torque_regressor`.
 
         Raises:
-            BadOption: A part needs a torque or a temperature that the motion has not.
+            BadOption: A part needs a torque, a temperature or a state that the motion has not.
         """
         inertial = batched.torque_regressor(self.robot.chain, motion.q, motion.dq, motion.ddq, once=once)
         drive, column = self.terms
@@ -167,6 +171,19 @@ class DynamicModel:
             return motion, rigid
         return replace(motion, torque=rigid + self.rotor_torque(motion, self.rotors(theta))), rigid
 
+    def with_states(self, motion: Motion, step: float) -> Motion:
+        """Return samples that follow each other with the states of the friction parts, where any has some.
+
+        Args:
+            motion: The motion at the samples.
+            step: Time from one sample to the next, in s.
+        """
+        parts = [part for part in self.friction if part.states]
+        if not parts:
+            return motion
+        at = motion.at_motors(np.asarray(self.robot.coupling)) if self.robot.is_coupled else motion
+        return replace(motion, state=np.concatenate([part.states_along(at, step) for part in parts], axis=-1))
+
     def rotor_torque(self, motion: Motion, identified: Array) -> Array:
         """Return the torque of the rotors at the joints: known inertias and identified ones (n,), shape (N, n)."""
         coupling = np.asarray(self.robot.coupling)
@@ -174,7 +191,7 @@ class DynamicModel:
 
     def rotors(self, theta: Array) -> Array:
         """Return the identified rotor inertia of each drive, shape (n,), in kg m^2 or kg; 0 where none is."""
-        is_inertia = [c.unit.startswith("kg") for part in self.friction for c in part.coefficients]
+        is_inertia = [own for part in self.friction for own in part.is_inertia]
         return self.coefficient_table(theta) @ np.array(is_inertia, dtype=float)
 
     def known_torque(self, motion: Motion) -> Array:
@@ -189,18 +206,16 @@ class DynamicModel:
         inertial = self.robot.nominal
         if inertial is None:
             return None
-        stated = {"Fv": "damping", "Fc": "friction"}
-        joints = {joint.name: joint for joint in self.robot.active}
-        tail = [
-            getattr(joints[p.owner], stated[p.symbol]) or 0.0 if p.symbol in stated else 0.0
-            for p in self.parameters[self.inertial_count :]
-        ]
+        each = [c.in_simulators for part in self.friction for c in part.coefficients]
+        tables = [{"damping": joint.damping, "friction": joint.friction} for joint in self.robot.active]
+        tail = [tables[drive].get(each[column]) or 0.0 for drive, column in zip(*self.terms, strict=True)]
         return np.concatenate([inertial, tail])
 
     def random_motion(self, samples: int, seed: int = 0) -> Motion:
         """Return random states, limits left aside: any turn, +-1 m, 3 rad/s, 10 rad/s^2 (the rank is the same).
 
-        Torques and temperatures are random as well where friction depends on them: no column follows from another.
+        Torques, temperatures and states are random as well where friction depends on them: no column follows from
+        another.
         """
         generator = np.random.default_rng(seed)
         reach = np.array([np.pi if joint.kind == "revolute" else 1.0 for joint in self.robot.active])
@@ -209,4 +224,6 @@ class DynamicModel:
         motion = Motion(q, generator.uniform(-3, 3, shape), generator.uniform(-10, 10, shape))
         torque = generator.normal(0.0, 10.0, shape) if "torque" in self.needs else None
         temperature = generator.uniform(10.0, 60.0, shape) if "temperature" in self.needs else None
-        return replace(motion, torque=torque, temperature=temperature)
+        each = [state for part in self.friction for state in part.states]
+        state = np.stack([generator.uniform(own.low, own.high, shape) for own in each], axis=-1) if each else None
+        return replace(motion, torque=torque, temperature=temperature, state=state)

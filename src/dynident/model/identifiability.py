@@ -22,14 +22,10 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, SolverFailed
 from dynident.model.chain import PRISMATIC, Chain
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION
 from dynident.model.inertia import skew
 
 #: Directions below this share are no information but rounding of a description, such as an angle of 1.5708.
 TOLERANCE = 1e-5
-
-#: Friction parts whose torque may be that of an inertia or of gravity; the others are functions of their own.
-_ROTOR, _CONSTANT = "rotor_inertia", "offset"
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
@@ -97,7 +93,9 @@ def structure(model: DynamicModel) -> Structure:
 
 
 class _Tables:
-    """Which drive coefficients may hide behind inertias, and what they add to M and g.
+    """Which drive coefficients may hide behind inertias or gravity, and what they add to M and g.
+
+    The other friction columns are functions of their own.
 
     Attributes:
         positions: Their positions in theta, e of them.
@@ -107,16 +105,17 @@ class _Tables:
     """
 
     def __init__(self, model: DynamicModel, length: float) -> None:
-        names = [FRICTION.name_of(part) for part in model.friction for _ in part.coefficients]
+        inertias = [own for part in model.friction for own in part.is_inertia]
+        constants = [own for part in model.friction for own in part.is_constant]
         drive, column = model.terms
         coupling = np.asarray(model.robot.coupling)
-        chosen = [k for k, c in enumerate(column) if names[c] in (_ROTOR, _CONSTANT)]
+        chosen = [k for k, c in enumerate(column) if inertias[c] or constants[c]]
         self.positions = [model.inertial_count + k for k in chosen]
         n = model.robot.dof
         self.inertia, self.constant = np.zeros((n, n, len(chosen))), np.zeros((n, len(chosen)))
         for place, k in enumerate(chosen):
             motor = coupling[drive[k]]
-            if names[column[k]] == _ROTOR:
+            if inertias[column[k]]:
                 self.inertia[:, :, place] = np.outer(motor, motor)
             else:
                 self.constant[:, place] = motor
@@ -304,6 +303,6 @@ def _row_space(rows: Array) -> Array:
         raise SolverFailed(
             "the exact count of base parameters",
             f"singular values {values[rank - 1]:.2g} and {after:.2g} leave the rank open",
-            "check the robot description for nearly, but not exactly, parallel or intersecting axes",
+            "check the robot model for nearly, but not exactly, parallel or intersecting axes",
         )
     return directions[:rank]

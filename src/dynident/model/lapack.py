@@ -32,10 +32,10 @@ def tpqrt(factor: Array, rows: Array, block: int) -> None:
     """
     (count, size), integer = rows.shape, _integer("dtpqrt")
     if factor.shape != (size, size) or not 1 <= block <= size:
-        raise ValueError(f"a triangle of shape {factor.shape} and blocks of {block} do not fit rows of {rows.shape}")
+        raise ValueError(f"a factor R of shape {factor.shape} and blocks of {block} do not fit rows of {rows.shape}")
     for array in (factor, rows):
         if not (array.flags.f_contiguous and array.flags.writeable and array.dtype == np.float64):
-            raise ValueError("triangle and rows must be writeable float64 arrays in Fortran order")
+            raise ValueError("factor and rows must be writeable float64 arrays in Fortran order")
     if not count:
         return
     numbers = (integer * 8)(count, size, 0, block, size, count, block, 0)

@@ -11,6 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import FileError, MissingDependency
+from dynident.files import resolved
 from dynident.model.shapes import Mesh
 
 #: Largest mesh file that is read, in bytes.
@@ -43,9 +44,9 @@ def mesh_file(name: str, folders: Sequence[str | Path]) -> Path:
     Raises:
         FileError: No such file there, or a name that leads out of all folders.
     """
-    roots = [Path(folder).resolve() for folder in folders]
+    roots = [resolved(folder) for folder in folders]
     for candidate in _candidates(name, roots):
-        real = candidate.resolve()
+        real = resolved(candidate)
         if any(real.is_relative_to(root) for root in roots) and real.is_file():
             return real
     where = ", ".join(str(folder) for folder in folders) or "no folder at all"
@@ -94,7 +95,7 @@ def _stl(file: Path, data: bytes) -> Array:
         except ValueError as problem:
             raise FileError(file, f"a vertex is no three numbers ({problem})", "export the mesh again") from problem
     else:
-        evidence = f"its {len(data)} bytes are no STL of {faces} triangles" if faces >= 0 else "it is no STL"
+        evidence = f"its {len(data)} bytes are no STL of {faces} facets" if faces >= 0 else "it is no STL"
         raise FileError(file, evidence, "export the mesh again, as binary STL")
     return np.unique(corners, axis=0)
 

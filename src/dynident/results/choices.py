@@ -22,17 +22,17 @@ def choice_tables(extras: Mapping[str, Any]) -> tuple[tuple[str, Table], ...]:
     """Return the tables, each with its title, from the extras of an estimate; none where nothing was chosen."""
     tables = []
     if extras.get("delays"):
-        tables.append(("Delay of the torque behind the positions", _delays(extras["delays"])))
+        tables.append(("Time delay between torque and position signals", _delays(extras["delays"])))
     if extras.get("friction_choice"):
-        tables.append(("Friction chosen joint by joint", _friction(extras["friction_choice"])))
-        if extras["friction_choice"].get("alike"):
-            tables.append(("One friction for all joints, or each its own", _alike(extras["friction_choice"]["alike"])))
-    if extras.get("held_out_fields"):
-        tables.append(("Stated fields of friction parts on held-out rows", _held_out(extras["held_out_fields"])))
+        tables.append(("Friction model selection by joint", _friction(extras["friction_choice"])))
+        if extras["friction_choice"].get("shared"):
+            tables.append(("Shared friction model", _alike(extras["friction_choice"]["shared"])))
+    if extras.get("chosen_fields"):
+        tables.append(("Cross-validation of given friction fields", _held_out(extras["chosen_fields"])))
     if extras.get("non_linear"):
-        tables.append(("Fields of friction parts found from the logs", _fields(extras["non_linear"])))
-    if extras.get("gain_deviations"):
-        tables.append(("Drive gains that are known to a deviation", _gains(extras["gain_deviations"])))
+        tables.append(("Friction fields estimated from the logs", _fields(extras["non_linear"])))
+    if extras.get("gain_std"):
+        tables.append(("Drive gain uncertainty", _gains(extras["gain_std"])))
     return tuple(tables)
 
 
@@ -53,7 +53,7 @@ def cutoff_table(extras: Mapping[str, Any]) -> Table | None:
         moved = (
             ("the fit's own", MISSING) if own else (label(row["parameter"]), format_number(row["largest_change"], 2))
         )
-        error = format_number(100.0 * row["held_out_error"], 3)
+        error = format_number(100.0 * row["cross_validation_error"], 3)
         rows.append((format_given(row["cutoff_hz"]), error, *moved))
     note = f"Errors are those of {found['folds']} blocks of the training data, each held out once."
     return Table(columns, tuple(rows), note)
@@ -63,7 +63,7 @@ def _gains(stated: Mapping[str, Any]) -> Table:
     rows = tuple((label(joint), format_percent(value, sign=False)) for joint, value in stated["relative"].items())
     note = (
         "Parameters carry these errors beside their own deviations, which do not contain them: a gain that is 2 % off "
-        "moves what its drive determines by 2 %. extras.gain_deviations.parameters of the estimate has the figures."
+        "moves what its drive determines by 2 %. extras.gain_std.parameters of the estimate has the figures."
     )
     return Table((Column("joint"), Column("rel. std of the gain", "%", numeric=True)), rows, note)
 
@@ -78,7 +78,7 @@ def _delays(delays: list[Mapping[str, Any]]) -> Table:
     rows = tuple(
         (
             label(each["log"]),
-            *format_value(1e3 * each["seconds"], 1e3 * each["deviation"]),
+            *format_value(1e3 * each["seconds"], 1e3 * each["std"]),
             "yes" if each["applied"] else "no",
         )
         for each in delays
@@ -103,7 +103,7 @@ def _friction(choice: Mapping[str, Any]) -> Table:
             added = _change(before, step["parts"])
             before = step["parts"]
             mark = "up to here" if step["chosen"] else ""
-            rows.append((label(joint), label(added), format_number(step["held_out"], 4), error, mark))
+            rows.append((label(joint), label(added), format_number(step["cross_validation_error"], 4), error, mark))
     note = (
         f"Mean squared residual of all joints over {choice['blocks']} blocks of the training logs, each held out once, "
         "in units of the start. Chosen is the shortest list within one standard deviation of the best."
@@ -121,14 +121,15 @@ def _alike(compared: list[Mapping[str, Any]]) -> Table:
     rows = tuple(
         (
             label(" + ".join(each["parts"])),
-            format_number(each["held_out"], 4),
+            format_number(each["cross_validation_error"], 4),
             format_number(each["standard_error"], 2) if each["standard_error"] > 0 else MISSING,
             "yes" if each["chosen"] else "",
         )
         for each in compared
     )
     note = (
-        "Held out in ten blocks, this time by possible robots. One friction for all joints is taken where it is within "
+        "Cross-validation over ten blocks with physically consistent fits. The shared friction model is selected "
+        "where it is within "
         "one standard deviation of the lists of the joints: it errs less on motions that the logs do not have."
     )
     return Table(columns, rows, note)
@@ -152,11 +153,11 @@ def _held_out(found: list[Mapping[str, Any]]) -> Table:
         Column("part"),
         Column("joints"),
         Column("field"),
-        Column("stated", numeric=True),
+        Column("given", numeric=True),
         Column("best", numeric=True),
-        Column("takes off", "%", numeric=True),
+        Column("error reduction", "%", numeric=True),
         Column("std", "%", numeric=True),
-        Column("taken"),
+        Column("selected"),
     )
     rows = tuple(
         (
@@ -167,12 +168,12 @@ def _held_out(found: list[Mapping[str, Any]]) -> Table:
                 if each["error"] is None
                 else format_value(100.0 * each["gain"], 100.0 * each["error"])
             ),
-            "stated" if each["value"] == each["stated"] else "best",
+            "given" if each["value"] == each["stated"] else "best",
         )
         for each in found
     )
     note = (
-        "Share of the held-out mean squared residual that the best value takes off. The stated value stands unless "
+        "Reduction of the mean squared cross-validation residual by the best value. The given value is kept unless "
         "that is half a per cent and more than chance makes it in one of twenty logs."
     )
     return Table(columns, rows, note)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from dynident.results.model_exporters import ModelExport, Proof
+from dynident.exports.models import ModelExport, Proof
 from dynident.results.text import MISSING, Column, Table, format_number, label
 
 

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array, finite
-from dynident.experiment.criteria import CRITERIA
-from dynident.experiment.design.bounds import Label
-from dynident.experiment.design.limits import LimitRow
-from dynident.experiment.design.parametrisation import kind_of
-from dynident.experiment.design.plan import Plan
-from dynident.experiment.design.recheck import Recheck
-from dynident.experiment.room.clearance import Clearance
-from dynident.experiment.room.workspace import Workspace
+from dynident.excitation.collision.clearance import Clearance
+from dynident.excitation.collision.workspace import Workspace
+from dynident.excitation.criteria import CRITERIA
+from dynident.excitation.design.bounds import BoundLabel
+from dynident.excitation.design.limits import LimitRow
+from dynident.excitation.design.parametrisation import kind_of
+from dynident.excitation.design.plan import Plan
+from dynident.excitation.design.recheck import Recheck
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
 from dynident.results.text import (
@@ -116,7 +116,7 @@ def verdict(view: PlanView) -> str:
     if not check.rows:
         return "Nothing is bounded."
     worst = check.worst
-    what = f"the {Label(label(worst.joint), worst.quantity).text}"
+    what = f"the {BoundLabel(label(worst.joint), worst.quantity).text}"
     value = (
         f"{format_number(worst.value)} of {format_given(worst.limit)} {pretty_unit(worst.unit)} at {worst.time:.2f} s"
     )
@@ -241,7 +241,7 @@ def outlook_table(plan: Plan, width: int | None = None) -> Table | None:
     )
     count = f"the {len(rows)} least known of {len(found)} base parameters" if len(found) > len(rows) else "all"
     known = f"; known before: {label(outlook['before'])}" if before else ""
-    note = f"Expected from {outlook['rows']:.0f} independent rows of each joint, {count}{known}."
+    note = f"Expected from {outlook['effective_sample_size']:.0f} independent samples of each joint, {count}{known}."
     return Table(columns, rows, note)
 
 

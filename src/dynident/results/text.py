@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.validation import Fit, Validation
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Fit, Validation
 
 #: What stands in a cell for a figure that does not exist.
 MISSING = "–"
@@ -262,7 +262,7 @@ def total_error(validation: Validation) -> str:
     told = format_percent(every)
     if not (validation.rests and abs(moving - every) > 0.1 * every):
         return told
-    return f"{told} ({format_percent(moving)} without the rows at rest)"
+    return f"{told} ({format_percent(moving)} without the samples at rest)"
 
 
 def fits_table(validation: Validation, moving: bool = False) -> Table:
@@ -274,7 +274,7 @@ def fits_table(validation: Validation, moving: bool = False) -> Table:
     """
     columns = (
         Column("joint"),
-        Column("rows", numeric=True),
+        Column("samples", numeric=True),
         Column("unit"),
         Column("RMS error", numeric=True),
         Column("unfiltered", numeric=True),
@@ -289,7 +289,7 @@ def fits_table(validation: Validation, moving: bool = False) -> Table:
 def _fit_row(fit: Fit) -> tuple[str, ...]:
     return (
         label(fit.name),
-        str(fit.rows),
+        str(fit.samples),
         pretty_unit(fit.unit),
         format_number(fit.rmse, 3),
         format_number(fit.rmse_unfiltered, 3),

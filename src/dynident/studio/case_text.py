@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from dynident.case.case import read_case
+from dynident.case.draft.yaml_words import listed, quoted
+from dynident.case.questions import ASK
+from dynident.data.formats import open_log
+from dynident.data.formats.base import UNITS
+from dynident.data.profiles import pattern_names
+from dynident.data.profiles.base import MARKS
 from dynident.errors import BadOption, DynidentError
-from dynident.experiment.case_file.case import read_case
-from dynident.experiment.case_file.draft.yaml_words import listed, quoted
-from dynident.experiment.case_file.questions import ASK
-from dynident.experiment.formats import open_log
-from dynident.experiment.formats.base import UNITS
-from dynident.experiment.profiles import pattern_names
-from dynident.experiment.profiles.base import MARKS
 from dynident.model.descriptions import read_robot
 from dynident.model.documents.strict_yaml import load_yaml
 from dynident.studio.orders import QUANTITIES, SIGNALS

@@ -5,13 +5,17 @@ from __future__ import annotations
 import os
 import re
 import secrets
+import shutil
+import threading
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import BinaryIO
 
 from dynident.errors import FileError
-from dynident.files import write_atomically
+from dynident.files import move_to_new_name, write_atomically
 from dynident.studio.kinds import kind_of
 
 #: Files that a session holds at most.
@@ -43,15 +47,14 @@ def safe_name(name: str) -> str:
     return f"file_{kept}" if _RESERVED.match(kept) else kept
 
 
-def _made_by(outputs: tuple[str, ...]) -> re.Pattern[str]:
-    """Return what matches the names of files that a command with these outputs may write, hidden parts of them too."""
-    stems = "|".join(re.escape(name.split(".", 1)[0]) for name in outputs)
-    return re.compile(rf"(?i)\.?({stems})([.-]|$)")
+def store_of(name: str) -> str:
+    """Return the hidden folder that reserves a name, and in which a command writes it until the command is done."""
+    return f".{name.split('.', 1)[0]}.reserved"
 
 
 @dataclass(frozen=True)
 class Folder:
-    """The files of a session.
+    """The files of a session; other sessions and commands may write into the same folder at any time.
 
     Attributes:
         path: The folder; commands run in it.
@@ -61,6 +64,8 @@ class Folder:
     path: Path
     max_bytes: int = 1 << 30
     _mine: set[str] = field(default_factory=set, repr=False)
+    _coming: dict[str, int] = field(default_factory=dict, repr=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the files: ordinary ones, neither hidden nor looking like an option, sorted."""
@@ -89,16 +94,29 @@ class Folder:
             raise FileError(name[:MAX_NAME], "the session has no such file", "upload it, or choose one of the list")
         return self.path / name
 
-    def fresh(self, stem: str, suffix: str) -> str:
-        """Return a name that nothing in the folder has yet: the stem, a number and the suffix.
+    def reserve(self, stem: str, suffix: str) -> str:
+        """Reserve a name that nothing in the folder has yet: the stem, a number and the suffix.
 
-        Links, folders and hidden files count too, and names that go on after the number, such as ``plan_1-old.json``:
-        a command writes through a link, and what it leaves is known by this name.
+        Links, folders and hidden files count too, and names that go on after the number, such as ``plan_1-old.json``. A
+        folder is made for it, which only one session can do; :meth:`release` removes it.
+
+        Raises:
+            FileError: Nothing can be written here.
         """
-        taken = (*os.listdir(self.path), *self._mine)
-        number = next(k for k in range(1, 10_000) if not any(map(_made_by((f"{stem}_{k}",)).match, taken)))
-        self._mine.add(f"{stem}_{number}{suffix}")
-        return f"{stem}_{number}{suffix}"
+        taken = os.listdir(self.path)
+        numbers = count(1)
+        while True:
+            start = f"{stem}_{next(numbers)}"
+            if any(re.match(rf"(?i)\.?{re.escape(start)}([.-]|$)", known) for known in taken):
+                continue
+            try:
+                (self.path / store_of(start)).mkdir()
+            except FileExistsError:  # another session was faster
+                continue
+            except OSError as error:
+                evidence = f"cannot be written in ({error.strerror})"
+                raise FileError(self.path, evidence, "check its rights and the space left") from error
+            return start + suffix
 
     def receive(self, name: str, stream: BinaryIO, size: int) -> str:
         """Write an upload and return the name it is kept under; a file with that name stays, the new one is numbered.
@@ -111,14 +129,10 @@ class Folder:
         Raises:
             FileError: Too large, too many, or not all of it came.
         """
-        used = sum((self.path / mine).stat().st_size for mine in self.names() if mine in self._mine)
-        if size > self.max_bytes or used + size > 4 * self.max_bytes:
-            evidence = f"{size / 1e6:.1f} MB are too many beside the {used / 1e6:.1f} MB that are here"
-            raise FileError(safe_name(name), evidence, "start 'dynident studio' with a larger --max-upload, or --work")
-        if len(self.names()) >= MAX_FILES:
-            raise FileError(safe_name(name), f"the session has {MAX_FILES} files", "remove some")
-        kept = self._free(safe_name(name))
         partial = self.path / f".{secrets.token_hex(8)}.part"
+        with self._lock:
+            self._check_room(safe_name(name), size)
+            self._coming[partial.name] = size
         try:
             with open(partial, "xb") as out:
                 left = size
@@ -126,12 +140,15 @@ class Folder:
                     out.write(chunk)
                     left -= len(chunk)
             if left:
-                raise FileError(kept, f"only {size - left} of {size} bytes came", "upload it again")
-            os.replace(partial, self.path / kept)
+                raise FileError(safe_name(name), f"only {size - left} of {size} bytes came", "upload it again")
+            names = (one for one in _numbered(safe_name(name)) if not (self.path / store_of(one)).exists())
+            with self._lock:
+                kept = self._moved(partial, names)
+                del self._coming[partial.name]
+            return kept
         finally:
             partial.unlink(missing_ok=True)
-        self._mine.add(kept)
-        return kept
+            self._coming.pop(partial.name, None)
 
     def write(self, name: str, text: str) -> None:
         """Write over a text file of the session.
@@ -149,31 +166,54 @@ class Folder:
         """
         if name not in self._mine:
             raise FileError(name[:MAX_NAME], "it was there before the session", "remove it by hand if it is to go")
-        self.find(name).unlink()
+        self.find(name).unlink(missing_ok=True)
         self._mine.discard(name)
 
-    def made_by(self, outputs: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the files that a command has made: its outputs and what it wrote beside them, whole or in part."""
-        mine = _made_by(outputs)
-        with os.scandir(self.path) as entries:
-            return tuple(e.name for e in entries if e.is_file(follow_symlinks=False) and outputs and mine.match(e.name))
+    def keep(self, outputs: tuple[str, ...]) -> dict[str, str]:
+        """Give what a command has written its names in the folder, and count it among the files of the session.
 
-    def keep(self, outputs: tuple[str, ...]) -> None:
-        """Count what a command has made among the files of the session."""
-        self._mine.update(self.made_by(outputs))
+        Returns:
+            The names by those that the command wrote; another one where the first was taken meanwhile.
+        """
+        stores = [self.path / store_of(name) for name in outputs]
+        written = [file for store in stores for file in sorted(store.iterdir()) if file.name[0] != "."]
+        with self._lock:
+            return {file.name: self._moved(file, _numbered(file.name)) for file in written}
 
-    def discard(self, outputs: tuple[str, ...]) -> None:
-        """Remove what a command that was broken off has left; its outputs had names that no other file has."""
-        for name in self.made_by(outputs):
-            (self.path / name).unlink(missing_ok=True)
-            self._mine.discard(name)
+    def release(self, outputs: Iterable[str]) -> None:
+        """Give up the names that were reserved for a command, with all that it has written and that was not kept."""
+        for name in outputs:
+            shutil.rmtree(self.path / store_of(name), ignore_errors=True)
 
-    def _free(self, name: str) -> str:
+    def _check_room(self, name: str, size: int) -> None:
+        """Refuse an upload that is too much beside those that are here and those that are coming."""
+        used = sum(self._coming.values())
+        for mine in self._mine & {*self.names()}:
+            with suppress(FileNotFoundError):  # a command may have taken it away
+                used += (self.path / mine).stat().st_size
+        if size > self.max_bytes or used + size > 4 * self.max_bytes:
+            evidence = f"{size / 1e6:.1f} MB are too many beside the {used / 1e6:.1f} MB that are here or on the way"
+            raise FileError(name, evidence, "start 'dynident studio' with a larger --max-upload, or --work")
+        if len(self.names()) + len(self._coming) >= MAX_FILES:
+            raise FileError(name, f"the session has {MAX_FILES} files", "remove some")
+
+    def _moved(self, source: Path, names: Iterator[str]) -> str:
+        """Move a finished file to the first of some names that nothing has, and return it."""
         taken = {known.lower() for known in os.listdir(self.path)}  # links and folders too
-        if name.lower() not in taken:
-            return name
-        stem, dot, suffix = name.rpartition(".")
-        if not dot:
-            stem, suffix = name, ""
-        numbers = (f"{stem}_{k}{dot}{suffix}" for k in range(2, 10_000))
-        return next(one for one in numbers if one.lower() not in taken)
+        while True:
+            name = next(names)
+            if name.lower() in taken:
+                continue
+            with suppress(FileExistsError):  # written at this moment by another process
+                move_to_new_name(source, self.path / name)
+                self._mine.add(name)
+                return name
+
+
+def _numbered(name: str) -> Iterator[str]:
+    """Return a name, and then the same with numbers before its suffix."""
+    stem, dot, suffix = name.rpartition(".")
+    if not dot:
+        stem, suffix = name, ""
+    yield name
+    yield from (f"{stem}_{k}{dot}{suffix}" for k in count(2))

@@ -81,7 +81,11 @@ class StudioHandler(BaseHTTPRequestHandler):
         """Say nothing: the terminal belongs to the command."""
 
     def _answer(self, method: str) -> None:
-        parts = urllib.parse.urlsplit(self.path)
+        try:
+            parts = urllib.parse.urlsplit(self.path)
+        except ValueError:  # such as brackets around no address
+            self.close_connection = True
+            return self._send(_said(400, "the address of the request is not valid"))
         query = dict(urllib.parse.parse_qsl(parts.query, keep_blank_values=True))
         headers = {name.lower(): value for name, value in self.headers.items()}
         refusal = self.session.gate.refusal(method, parts.path, query, headers)
@@ -94,7 +98,7 @@ class StudioHandler(BaseHTTPRequestHandler):
             reply = _said(411, "the request does not say how long it is")
         else:
             reply = self._guarded(method, parts.path, query, int(size))
-        self._send(reply)
+        return self._send(reply)
 
     def _guarded(self, method: str, path: str, query: Mapping[str, str], size: int) -> Reply:
         session = self.session
@@ -121,7 +125,10 @@ class StudioHandler(BaseHTTPRequestHandler):
         if size > MAX_BODY:
             self.close_connection = True
             return _said(413, "the request is too long")
-        return route(self.session, query, _body(self.rfile.read(size)))
+        data = _plain(self.rfile.read(size)) if size else {}
+        if not isinstance(data, dict):
+            return _said(400, "the request is not one JSON object of valid Unicode text; load the page again")
+        return route(self.session, query, data)
 
     def _file(self, path: str) -> Reply:
         """Return a file of the page."""
@@ -178,13 +185,13 @@ def _said(status: int, text: str) -> Reply:
     return Reply(status, json.dumps({"error": text}).encode())
 
 
-def _body(data: bytes) -> Mapping[str, Any]:
+def _plain(text: str | bytes) -> Any:
+    """Return what a JSON text says; None where it is not JSON, or holds half a surrogate pair, which no file can."""
     try:
-        value = json.loads(data) if data else {}
+        value = json.loads(text)
+        json.dumps(value, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
-        value = None
-    if not isinstance(value, dict):
-        raise BadOption("request", "", "send one JSON object")
+        return None
     return value
 
 
@@ -210,13 +217,19 @@ def _choices(session: Session, query: Query, data: Data) -> Reply:
     return _json(views.choices())
 
 
+def _targets(session: Session, query: Query, data: Data) -> Reply:
+    return _json(views.targets_view(query.get("kind", "")))
+
+
 def _robot(session: Session, query: Query, data: Data) -> Reply:
     return _json(views.robot_view(session.folder, query.get("name", "")))
 
 
 def _log(session: Session, query: Query, data: Data) -> Reply:
-    names = json.loads(query.get("columns", "[]"))
-    columns = tuple(map(str, names)) if isinstance(names, list) else ()
+    names = _plain(query.get("columns", "[]"))
+    if not isinstance(names, list):
+        return _said(400, "the columns of the request are not a JSON list of names; load the page again")
+    columns = tuple(map(str, names))
     return _json(views.log_view(session.folder, query.get("name", ""), query.get("case", ""), columns))
 
 
@@ -287,6 +300,7 @@ _ROUTES: dict[tuple[str, str], Route] = {
     ("GET", "/api/state"): _state,
     ("GET", "/api/history"): _history,
     ("GET", "/api/choices"): _choices,
+    ("GET", "/api/targets"): _targets,
     ("GET", "/api/robot"): _robot,
     ("GET", "/api/log"): _log,
     ("GET", "/api/motion"): _motion,

@@ -55,6 +55,6 @@ def _of_yaml(path: Path, size: int) -> str:
 
 
 def _is_log(path: Path) -> bool:
-    from dynident.experiment.formats import FORMATS
+    from dynident.data.formats import FORMATS
 
     return any(FORMATS.get(name).takes(path) for name in FORMATS.names())

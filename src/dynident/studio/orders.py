@@ -9,27 +9,20 @@ import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dynident.errors import BadOption, UnknownChoice
 from dynident.studio.folder import Folder
+from dynident.studio.kinds import kind_of
+
+if TYPE_CHECKING:
+    from dynident.exports.base import Exporter
 
 #: Signals that the page maps, in the order of the file.
 SIGNALS = ("q", "dq", "torque", "current", "q_ref", "dq_ref")
 
 #: Quantities whose units the page asks for.
 QUANTITIES = ("time", "position", "velocity", "torque", "current")
-
-#: Suffix of the file that a target of ``dynident export`` writes; a controller's own name where it has one.
-SUFFIXES = {
-    "c_header": ".h", "casadi": ".py", "csv": ".csv", "drake": ".dmd.yaml", "fmu": ".fmu", "joint_trajectory": ".yaml",
-    "json": ".json", "krl": ".src", "latex": ".tex", "libfranka": ".csv", "mjcf": ".xml", "numpy": ".py",
-    "pinocchio": ".urdf", "rapid": ".mod", "ros2_friction": ".yaml", "sdf": ".sdf", "urdf": ".urdf",
-    "urscript": ".script",
-}  # fmt: skip
-
-#: Targets that write a folder: the page can only hand out files.
-FOLDERS = frozenset({"ros2_bag"})
 
 #: Largest number of names in one list.
 _MOST = 100
@@ -42,7 +35,7 @@ class Order:
     Attributes:
         verb: The command's name.
         arguments: All its arguments, the verb first.
-        outputs: Files that it writes, with names that no file has yet.
+        outputs: Files that it writes, with names that are reserved in the folder.
         good: Exit codes that are an answer.
         limit: Time in s that it works at most, where it has such a limit; 0 else.
     """
@@ -64,6 +57,12 @@ class Asked:
 
     def __init__(self, folder: Folder, data: Mapping[str, Any]) -> None:
         self.folder, self._data = folder, data
+        self.reserved: list[str] = []
+
+    def output(self, stem: str, suffix: str) -> str:
+        """Return a name that is reserved for a file which the command writes."""
+        self.reserved.append(self.folder.reserve(stem, suffix))
+        return self.reserved[-1]
 
     def file(self, key: str) -> str:
         """Return the name of a file of the session."""
@@ -111,7 +110,7 @@ class Asked:
             return ""
         try:
             value = float(given)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             value = math.nan
         if not low <= value <= high or (whole and value != round(value)):
             raise BadOption(key, given, f"give a {'whole ' * whole}number from {low:g} to {high:g}")
@@ -156,29 +155,34 @@ def order_of(folder: Folder, verb: str, data: Mapping[str, Any]) -> Order:
     """
     if verb not in _VERBS:
         raise UnknownChoice("command", verb[:60], tuple(_VERBS))
-    return _VERBS[verb](Asked(folder, data))
+    asked = Asked(folder, data)
+    try:
+        return _VERBS[verb](asked)
+    except BaseException:
+        folder.release(asked.reserved)
+        raise
 
 
 def _init(asked: Asked) -> Order:
-    from dynident.experiment.profiles import PROFILES
+    from dynident.data.profiles import PROFILES
 
     logs = asked.files("logs")
     if not logs:
         raise BadOption("logs", [], "choose a log")
     arguments = ["init", asked.robot("robot"), *logs, *_listed("--test", asked.files("test"))]
     arguments += _option("--profile", asked.choice("profile", PROFILES.names(), "profile"))
-    out = asked.folder.fresh("case", ".yaml")
+    out = asked.output("case", ".yaml")
     return Order("init", (*arguments, "-o", out, "--json"), (out,))
 
 
 def _check(asked: Asked) -> Order:
     arguments = ["check", asked.file("case"), *asked.files("logs")]
-    out = (asked.folder.fresh("mended", ".csv"),) if asked.yes("fix") else ()
+    out = (asked.output("mended", ".csv"),) if asked.yes("fix") else ()
     return Order("check", (*arguments, *_listed("--fix", out), "--json"), out, good=(0, 1))
 
 
 def _identify(asked: Asked) -> Order:
-    from dynident.estimation.estimators import ESTIMATORS
+    from dynident.identification.estimators import ESTIMATORS
     from dynident.model.friction import FRICTION
 
     arguments = ["identify", asked.file("case"), *asked.files("logs"), *_listed("--test", asked.files("test"))]
@@ -187,27 +191,27 @@ def _identify(asked: Asked) -> Order:
     arguments += _option("--cutoff", asked.number("cutoff", 0.01, 10_000))
     if asked.yes("quick"):
         arguments += ["--cross-validate", "0", "--no-sensitivity"]
-    out = asked.folder.fresh("estimate", ".json")
-    report = asked.folder.fresh("report", ".html")
+    out = asked.output("estimate", ".json")
+    report = asked.output("report", ".html")
     return Order("identify", (*arguments, "-o", out, "--report", report), (out, report))
 
 
 def _validate(asked: Asked) -> Order:
-    report = asked.folder.fresh("validation", ".html")
+    report = asked.output("validation", ".html")
     arguments = ["validate", asked.file("estimate"), *asked.files("logs"), "--report", report]
     return Order("validate", tuple(arguments), (report,))
 
 
 def _report(asked: Asked) -> Order:
-    out = asked.folder.fresh("report", ".html")
+    out = asked.output("report", ".html")
     arguments = ["report", asked.file("estimate"), *_listed("--test", asked.files("test"))]
     plan = asked.optional("plan")
     return Order("report", (*arguments, *_option("--plan", plan), "-o", out), (out,))
 
 
 def _excite(asked: Asked) -> Order:
-    from dynident.experiment.criteria import CRITERIA
-    from dynident.experiment.trajectories import TRAJECTORIES
+    from dynident.excitation.criteria import CRITERIA
+    from dynident.excitation.trajectories import TRAJECTORIES
     from dynident.model.friction import FRICTION
 
     arguments = ["excite", asked.robot("case")]
@@ -221,7 +225,7 @@ def _excite(asked: Asked) -> Order:
     starts, limit = asked.number("starts", 1, 1000, whole=True), asked.number("time_limit", 1, 86_400)
     arguments += [*_option("--starts", starts), *_option("--time-limit", limit)]
     arguments += _option("--earlier", asked.optional("earlier"))
-    out = asked.folder.fresh("plan", ".json")
+    out = asked.output("plan", ".json")
     arguments += ["-o", out]
     return Order("excite", tuple(arguments), (out,), limit=float(limit or 60.0))
 
@@ -230,28 +234,32 @@ def _diff(asked: Asked) -> Order:
     estimates = asked.files("estimates")
     if len(estimates) < 2:
         raise BadOption("estimates", estimates, "choose two or more")
-    out = asked.folder.fresh("difference", ".html")
+    out = asked.output("difference", ".html")
     return Order("diff", ("diff", *estimates, "--html", out), (out,))
 
 
 def _compare(asked: Asked) -> Order:
-    from dynident.estimation.estimators import ESTIMATORS
+    from dynident.identification.estimators import ESTIMATORS
 
     names = asked.choices("estimators", ESTIMATORS.names(), "estimator")
     if not names:
         raise BadOption("estimators", [], "choose two or more")
-    out = asked.folder.fresh("comparison", ".html")
+    out = asked.output("comparison", ".html")
     arguments = ["compare", asked.file("case"), "--estimators", ",".join(names)]
     arguments += _option("--time-limit", asked.number("time_limit", 1, 86_400))
     return Order("compare", (*arguments, "--report", out), (out,))
 
 
 def _export(asked: Asked) -> Order:
-    target = asked.choice("to", targets("plan") + targets("estimate"), "target")
+    file = asked.file("file")
+    place = asked.folder.find(file)
+    known = targets(kind_of(place, place.stat().st_mtime_ns, place.stat().st_size))
+    known = known or targets("plan") | targets("estimate")  # the command says what is wrong with the file
+    target = asked.choice("to", tuple(known), "target")
     if not target:
         raise BadOption("to", "", "choose a target")
-    out = asked.folder.fresh("exported", SUFFIXES.get(target, ".txt"))
-    arguments = ["export", asked.file("file"), "--to", target, "-o", out]
+    out = asked.output("exported", known[target].suffix)
+    arguments = ["export", file, "--to", target, "-o", out]
     arguments += _option("--speed", asked.number("speed", 10, 100))
     posture = asked.posture("posture")
     arguments += [f"--from-posture={posture}"] if posture else []
@@ -259,13 +267,17 @@ def _export(asked: Asked) -> Order:
     return Order("export", (*arguments, *_option("--description", description)), (out,))
 
 
-def targets(kind: str) -> tuple[str, ...]:
-    """Return the targets of ``dynident export`` for a ``plan`` or an ``estimate`` that write files."""
-    from dynident.results.exporters import EXPORTERS
-    from dynident.results.model_exporters import MODEL_EXPORTERS
+def targets(kind: str) -> dict[str, type[Exporter[Any, Any]]]:
+    """Return the targets of ``dynident export`` for a kind of file, by name; the page can only hand out files.
 
-    names = EXPORTERS.names() if kind == "plan" else MODEL_EXPORTERS.names()
-    return tuple(name for name in names if name not in FOLDERS)
+    Args:
+        kind: What the file is: ``plan``, ``estimate``; anything else has none.
+    """
+    from dynident.exports.models import MODEL_EXPORTERS
+    from dynident.exports.motions import MOTION_EXPORTERS
+
+    parts = ((name, family.get(name)) for family in (MOTION_EXPORTERS, MODEL_EXPORTERS) for name in family.names())
+    return {name: part for name, part in parts if part.takes == kind and not part.writes_folder}
 
 
 def _option(name: str, value: str) -> list[str]:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array, finite
+from dynident.case.case import Case
+from dynident.data.formats import ColumnMap, Table, open_log
 from dynident.errors import BadOption
-from dynident.experiment.case_file.case import Case
-from dynident.experiment.formats import ColumnMap, Table, open_log
 
 #: Columns that are looked at, and rows that are shown as numbers.
 MAX_COLUMNS, ROWS = 200, 6
@@ -106,7 +106,7 @@ def motion_of_plan(path: Path) -> dict[str, Any]:
     Raises:
         FileError: No plan.
     """
-    from dynident.experiment.design.plan import read_plan
+    from dynident.excitation.design.plan import read_plan
 
     plan = read_plan(path)
     motion = plan.motion()

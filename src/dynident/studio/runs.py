@@ -12,7 +12,7 @@ import time
 from typing import IO, Any
 
 from dynident.errors import BadOption
-from dynident.studio.folder import Folder
+from dynident.studio.folder import Folder, store_of
 from dynident.studio.orders import Order
 
 #: Commands that run at the same time at most.
@@ -39,13 +39,14 @@ class Run:
         code: Exit code; None while it runs.
         progress: Lines of its standard error.
         answer: Its standard output.
+        outputs: Files that it writes, by the names that they have in the folder.
         began: Time of the clock at which it began, in s.
         took: How long it took, in s; 0 while it runs.
     """
 
     def __init__(self, number: int, order: Order, process: subprocess.Popen[str]) -> None:
         self.number, self.order, self.process = number, order, process
-        self.state, self.answer = "running", ""
+        self.state, self.answer, self.outputs = "running", "", list(order.outputs)
         self.code: int | None = None
         self.progress: list[str] = []
         self.began, self.took = time.monotonic(), 0.0
@@ -62,7 +63,7 @@ class Run:
             "number": self.number,
             "verb": self.order.verb,
             "command": self.order.command,
-            "outputs": list(self.order.outputs),
+            "outputs": self.outputs,
             "limit_s": self.order.limit,
             "state": self.state,
             "code": self.code,
@@ -81,14 +82,25 @@ class Runs:
         self._runs: dict[int, Run] = {}
         self._lock = threading.Lock()
         self._count = 0
+        self._followers: dict[int, threading.Thread] = {}
+        self._closed = False
 
     def start(self, order: Order) -> Run:
-        """Start a command in the folder of the session.
+        """Start a command in the folder of the session; the names that it has reserved are given up where it cannot.
 
         Raises:
-            BadOption: As many run already as may.
+            BadOption: As many run already as may, or the session has ended.
         """
+        try:
+            return self._started(order)
+        except BaseException:
+            self._folder.release(order.outputs)
+            raise
+
+    def _started(self, order: Order) -> Run:
         with self._lock:
+            if self._closed:
+                raise BadOption("command", order.verb, "the session has ended")
             if sum(run.state == "running" for run in self._runs.values()) >= AT_ONCE:
                 raise BadOption("command", order.verb, f"{AT_ONCE} commands run already; wait for one, or cancel it")
             self._count += 1
@@ -97,7 +109,8 @@ class Runs:
             finished = [number for number, known in self._runs.items() if known.state != "running"]
             for number in finished[: max(0, len(self._runs) - REMEMBERED)]:
                 del self._runs[number]
-        threading.Thread(target=self._follow, args=(run,), daemon=True).start()
+            follower = self._followers[run.number] = threading.Thread(target=self._follow, args=(run,), daemon=True)
+            follower.start()
         return run
 
     @property
@@ -136,14 +149,20 @@ class Runs:
         _stop(run.process)
 
     def close(self) -> None:
-        """Break off all that run."""
+        """Break off all that run, and wait until what they have written is removed; nothing starts any more."""
+        with self._lock:
+            self._closed = True
+            followers = tuple(self._followers.values())
         for run in self.all():
             with contextlib.suppress(BadOption):
                 self.cancel(run.number)
+        for follower in followers:
+            follower.join(2 * GRACE)
 
     def _process(self, order: Order) -> subprocess.Popen[str]:
+        store = store_of(order.outputs[0]) if order.outputs else ""
         return subprocess.Popen(
-            [sys.executable, "-m", "dynident.studio.child", *order.arguments],
+            [sys.executable, "-m", "dynident.studio.child", store, *order.arguments],
             cwd=self._folder.path,
             stdin=subprocess.PIPE,  # closed when this process ends, by which the command knows
             stdout=subprocess.PIPE,
@@ -168,14 +187,25 @@ class Runs:
         for stream in (process.stdin, process.stdout, process.stderr):
             stream.close()
         with self._lock:
-            cancelled = run.state == "cancelled"
             run.answer, run.code, run.took = answer, code, time.monotonic() - run.began
-            if cancelled or code not in run.order.good:
-                self._folder.discard(run.order.outputs)
-            else:
-                self._folder.keep(run.order.outputs)
+            cancelled = run.state == "cancelled"
+            done = not cancelled and code in run.order.good and self._kept(run)
+            self._folder.release(run.order.outputs)
             if not cancelled:
-                run.state = "done" if code in run.order.good else "failed"
+                run.state = "done" if done else "failed"
+            del self._followers[run.number]
+
+    def _kept(self, run: Run) -> bool:
+        """Give the files of a command their names, and say whether that was possible."""
+        try:
+            names = self._folder.keep(run.order.outputs)
+        except OSError as error:
+            run.progress.append(f"error: its files cannot be written ({error.strerror}); check the space left")
+            return False
+        run.outputs = [names.get(name, name) for name in run.outputs]
+        other = [(name, kept) for name, kept in names.items() if name != kept]
+        run.progress += [f"{name} was written by another program meanwhile: kept as {kept}" for name, kept in other]
+        return True
 
 
 def _listen(stream: IO[str], lines: list[str]) -> None:

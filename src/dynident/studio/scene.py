@@ -11,8 +11,8 @@ import numpy as np
 
 from dynident.arrays import Array, finite
 from dynident.errors import DynidentError, FileError
-from dynident.experiment.room.robot_capsules import robot_capsules
-from dynident.experiment.room.workspace import Workspace
+from dynident.excitation.collision.robot_capsules import robot_capsules
+from dynident.excitation.collision.workspace import Workspace
 from dynident.model.covering import covering_capsules
 from dynident.model.inertia import Inertia
 from dynident.model.meshes import mesh_points

@@ -7,24 +7,22 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dynident.errors import BadOption, DynidentError
+from dynident.errors import BadOption, DynidentError, FileError
 from dynident.plugins import part_names
 from dynident.studio.folder import Folder
 from dynident.studio.kinds import kind_of
 
 if TYPE_CHECKING:
     from dynident.arrays import Array
-    from dynident.experiment.case_file.case import Case
-    from dynident.experiment.room.workspace import Workspace
+    from dynident.case.case import Case
+    from dynident.excitation.collision.workspace import Workspace
 
 _FAMILIES = {
-    "estimators": "dynident.estimation.estimators",
-    "friction": "dynident.model.friction",
-    "criteria": "dynident.experiment.criteria",
-    "profiles": "dynident.experiment.profiles",
-    "trajectories": "dynident.experiment.trajectories",
-    "exporters": "dynident.results.exporters",
-    "model_exporters": "dynident.results.model_exporters",
+    "estimators": ("dynident.identification.estimators", "dynident.identification.simulated.estimators"),
+    "friction": ("dynident.model.friction",),
+    "criteria": ("dynident.excitation.criteria",),
+    "profiles": ("dynident.data.profiles",),
+    "trajectories": ("dynident.excitation.trajectories",),
 }
 
 #: Largest text that the editor takes, in bytes.
@@ -33,17 +31,23 @@ MAX_TEXT = 1_000_000
 
 def choices() -> dict[str, Any]:
     """Return the names of the parts that the page offers; the parts themselves are not imported."""
-    from dynident.experiment.formats.base import UNITS
+    from dynident.data.formats.base import UNITS
     from dynident.model.descriptions.base import shipped_robots
-    from dynident.studio.orders import FOLDERS, QUANTITIES, SIGNALS
+    from dynident.studio.orders import QUANTITIES, SIGNALS
 
-    found: dict[str, Any] = {key: list(part_names(package)) for key, package in _FAMILIES.items()}
-    found["exporters"] = [name for name in found["exporters"] if name not in FOLDERS]
+    found: dict[str, Any] = {key: list(part_names(*folders)) for key, folders in _FAMILIES.items()}
     found["robots"] = list(shipped_robots())
     found["units"] = {quantity: list(UNITS[quantity]) for quantity in QUANTITIES}
     found["signals"] = list(SIGNALS)
     found["version"] = version("dynident")
     return found
+
+
+def targets_view(kind: str) -> dict[str, Any]:
+    """Return the names of the targets that a plan or an estimate is exported to; each is asked what it writes."""
+    from dynident.studio.orders import targets
+
+    return {"targets": list(targets(kind))}
 
 
 def robot_view(folder: Folder, name: str) -> dict[str, Any]:
@@ -63,7 +67,7 @@ def robot_view(folder: Folder, name: str) -> dict[str, Any]:
     theta: Array | None = None
     workspace: Workspace | None = None
     if kind == "estimate":
-        from dynident.estimation.estimate_file import read_estimate
+        from dynident.identification.files.estimate_file import read_estimate
 
         estimate = read_estimate(path)
         robot, theta = estimate.model.robot, estimate.theta
@@ -99,7 +103,7 @@ def motion_view(folder: Folder, name: str, case: str) -> dict[str, Any]:
     Raises:
         DynidentError: No such file, or a fault of it.
     """
-    from dynident.experiment.case_file.case import case_of_robot
+    from dynident.case.case import case_of_robot
     from dynident.model.descriptions.base import shipped_robots
     from dynident.studio.preview import motion_of_log, motion_of_plan
 
@@ -117,8 +121,8 @@ def case_view(folder: Folder, name: str) -> dict[str, Any]:
     Raises:
         FileError: No such file.
     """
-    from dynident.experiment.case_file.case import read_case
-    from dynident.experiment.case_file.questions import questions_in
+    from dynident.case.case import read_case
+    from dynident.case.questions import questions_in
     from dynident.studio.case_text import mapping_of, open_mapping
 
     path = folder.find(name)
@@ -150,7 +154,8 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
     Raises:
         DynidentError: No such file, or no estimate.
     """
-    from dynident.estimation.estimate_file import read_estimate, summary
+    from dynident.api.estimate_output import summary
+    from dynident.identification.files.estimate_file import read_estimate
     from dynident.results.text import parameters_table
     from dynident.studio.preview import decimated
 
@@ -183,7 +188,11 @@ def saved_case(folder: Folder, data: Mapping[str, Any]) -> dict[str, Any]:
         raise BadOption("case", name, "choose a case file")
     text = data.get("text")
     if text is None:
-        text = with_columns(path.read_text(encoding="utf-8"), Mapped.from_data(data))
+        mapped = Mapped.from_data(data)
+        try:
+            text = with_columns(path.read_text(encoding="utf-8"), mapped)
+        except UnicodeDecodeError as error:
+            raise FileError(name, f"byte {error.start} is not UTF-8 text", "save the file as UTF-8") from error
     if not isinstance(text, str) or len(text.encode()) > MAX_TEXT:
         raise BadOption("case", name, f"give a text of up to {MAX_TEXT:,} bytes")
     folder.write(name, text)
@@ -201,6 +210,6 @@ def _kind(path: Path) -> str:
 
 
 def _case(folder: Folder, name: str) -> Case:
-    from dynident.experiment.case_file.case import read_case
+    from dynident.case.case import read_case
 
     return read_case(folder.find(name), open_gains=True)

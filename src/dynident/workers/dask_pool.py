@@ -19,6 +19,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from dynident.errors import BadOption, MissingDependency, PoolFailed
+from dynident.workers.lifetime import uninterrupted_start
 from dynident.workers.pool import Done, Pool, Tell, Work, check_time_limit
 
 #: Packages whose versions decide about the bits of a result, or about whether pickles are understood.
@@ -109,7 +110,8 @@ def _connected(pool: DaskPool) -> tuple[Any, Any]:
         raise MissingDependency(f"--scheduler {pool.scheduler}", "distributed", "dask") from error
     if pool.is_local:
         settings: Any = {"n_workers": pool.workers or None, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
-        cluster = distributed.LocalCluster(processes=True, **settings)
+        with uninterrupted_start():
+            cluster = distributed.LocalCluster(processes=True, **settings)
         return cluster, distributed.Client(cluster)
     where: Any = {"scheduler_file": pool.scheduler} if "://" not in pool.scheduler else {"address": pool.scheduler}
     try:

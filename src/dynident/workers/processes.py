@@ -13,7 +13,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from dynident.errors import BadOption, PoolFailed
-from dynident.workers.lifetime import end_with_parent
+from dynident.workers.lifetime import end_with_parent, uninterrupted_start
 from dynident.workers.pool import Done, Pool, Tell, Work
 
 #: What a worker says: that it stands ready, something on its way, a result, or what the work raised.
@@ -61,7 +61,8 @@ class Processes(Pool):
         try:
             while True:
                 while len(workers) < self.jobs and (task := next(waiting, _NO_TASK)) is not _NO_TASK:
-                    workers.append(_Worker(work, task, self.processor_limit))
+                    with uninterrupted_start():
+                        workers.append(_Worker(work, task, self.processor_limit))
                 if not workers:
                     return
                 for worker in _with_news(workers, time_limit):
@@ -161,7 +162,8 @@ class _Worker:
 def _serve(pipe: Connection, work: Work, processor_limit: float | None) -> None:
     """Do tasks in a worker process: one thread, and Ctrl-C left to the process that the user sees.
 
-    At the limit of the processor time the system ends the process, whatever it does: nobody handles SIGPROF.
+    On POSIX it was started with Ctrl-C blocked, as a signal may come before this function runs. At the limit of the
+    processor time the system ends the process, whatever it does: nobody handles SIGPROF.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(1)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynident.data.log import Log
+from dynident.data.preprocessing.base import Filter
 from dynident.errors import LogMismatch
-from dynident.experiment.log import Log
-from dynident.experiment.preprocessing.base import Filter
 
 
 @dataclass(frozen=True)

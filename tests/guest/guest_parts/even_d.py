@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.criteria.base import Criterion, log_volume
+from dynident.excitation.criteria.base import Criterion, log_volume
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.data.formats import LogFormat, Table
+from dynident.data.formats.base import written_table
+from dynident.data.log import Log
 from dynident.errors import LogFormatError
-from dynident.experiment.formats import LogFormat, Table
-from dynident.experiment.formats.base import written_table
-from dynident.experiment.log import Log
 from dynident.files import sha256_of, unreadable, write_atomically
 
 _STEP = "write names and numbers with | between them"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.errors import BadOption
-from dynident.estimation.estimators import Estimator, Solution
-from dynident.estimation.problem import Problem
+from dynident.identification.estimators import Estimator, Solution
+from dynident.identification.problem.problem import Problem
 from dynident.model.reduction import least_squares
 
 

@@ -111,7 +111,7 @@ CASES: dict[str, Fault] = {
     "limits crossed": (
         "lower: -1",
         "lower: 2",
-        "line 8, joints.1.limits: the lower limit 2 is above the upper limit 1; exchange or mend them",
+        "line 8, joints.1.limits: the lower limit 2 is above the upper limit 1; exchange or correct them",
     ),
     "limits negative": (
         "velocity: 2",
@@ -182,7 +182,7 @@ CASES: dict[str, Fault] = {
     "both inertias": (
         "mass: 1.5",
         "parameters: [1, 0, 0, 1, 0, 1, 0, 0, 0, 1]\n        mass: 1.5",
-        "line 15, joints.1.link.inertia.mass: 'parameters' says it already; keep one of the two",
+        "line 15, joints.1.link.inertia.mass: 'parameters' states it already; keep one of the two",
     ),
     "ten count": (
         "theta: 0",

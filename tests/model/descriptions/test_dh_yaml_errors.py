@@ -46,23 +46,23 @@ CASES: dict[str, Fault] = {
     "not YAML": (
         "name: arm",
         'name: "arm',
-        "line 24: not YAML (found unexpected end of stream); mend the line; indent with spaces",
+        "line 24: not YAML (found unexpected end of stream); correct the line; indent with spaces",
     ),
     "tab": (
         "    damping: 0.5",
         "\tdamping: 0.5",
-        ("line 10: not YAML (found character '\\t' that cannot start any token); mend the line; indent with spaces"),
+        ("line 10: not YAML (found character '\\t' that cannot start any token); correct the line; indent with spaces"),
     ),
     "two documents": (
         "name: arm",
         "---\nname: b\n---\nname: arm",
-        "line 3: not YAML (but found another document); mend the line; indent with spaces",
+        "line 3: not YAML (but found another document); correct the line; indent with spaces",
     ),
     "not UTF-8": (None, b"name: \xff\xfe", "byte 6 is not UTF-8 text; save the file as UTF-8"),
     "control character": (
         None,
         b"name: \x07",
-        "not YAML (special characters are not allowed); mend the line; indent with spaces",
+        "not YAML (special characters are not allowed); correct the line; indent with spaces",
     ),
     "escape in a name": (
         "name: arm",

@@ -104,8 +104,8 @@ FAULTS: dict[str, tuple[list[str | int], Any, str]] = {
     "no schema": (["schema"], MISSING, "schema is None, not 'dynident-robot'; give a robot that dynident has written"),
     "version": (
         ["version"],
-        2,
-        "version is 2; this dynident knows version 1; update dynident, or write the robot again",
+        99,
+        "a robot of version 99; this dynident reads versions up to 1; update dynident",
     ),
     "unknown key": (
         ["gravty"],
@@ -178,7 +178,7 @@ FAULTS: dict[str, tuple[list[str | int], Any, str]] = {
     "limits crossed": (
         ["joints", 0, "limits", "lower"],
         5.0,
-        "joints.1.limits: the lower limit 5 is above the upper limit 2.3; exchange or mend them",
+        "joints.1.limits: the lower limit 5 is above the upper limit 2.3; exchange or correct them",
     ),
     "limit infinite": (
         ["joints", 0, "limits", "lower"],

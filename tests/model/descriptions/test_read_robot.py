@@ -73,18 +73,18 @@ def test_every_robot_that_ships_has_its_own_name() -> None:
 def test_no_such_file() -> None:
     message = failure("generic-6")
     assert message == (
-        "generic-6: no such file; give a file, or a robot that ships: "
+        "generic-6: no such file; give a file, or a built-in example robot: "
         f"{', '.join(shipped_robots())}; did you mean 'generic-6r'?"
     )
     assert failure("missing/arm.urdf") == (
-        f"missing/arm.urdf: no such file; give a file, or a robot that ships: {', '.join(shipped_robots())}"
+        f"missing/arm.urdf: no such file; give a file, or a built-in example robot: {', '.join(shipped_robots())}"
     )
 
 
 def test_folder() -> None:
     Path("arms").mkdir()
-    assert failure("arms") == "arms: it is a folder; give the file of the robot description in it"
-    assert failure("") == ".: it is a folder; give the file of the robot description in it"
+    assert failure("arms") == "arms: it is a folder; give the robot model file in it"
+    assert failure("") == ".: it is a folder; give the robot model file in it"
 
 
 def test_unknown_ending() -> None:
@@ -105,7 +105,7 @@ def test_empty(name: str, data: bytes) -> None:
 def test_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
     with Path("arm.urdf").open("wb") as stream:
         stream.truncate(base.MAX_BYTES + 1)
-    assert failure("arm.urdf") == "arm.urdf: it is larger than 20 MB; give the description of one robot"
+    assert failure("arm.urdf") == "arm.urdf: it is larger than 20 MB; give the model of one robot"
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes here")

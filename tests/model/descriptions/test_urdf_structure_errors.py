@@ -35,23 +35,23 @@ CASES: dict[str, Fault] = {
     "undefined entity": (
         '"1.5"',
         '"&a;"',
-        ("line 7: not XML (undefined entity); mend the line, or write the file again with the tool that made it"),
+        ("line 7: not XML (undefined entity); correct the line, or write the file again with the tool that made it"),
     ),
     "not XML": (
         '</link>\n  <link name="hand"/>',
         '<link name="hand"/>',
-        "line 24: not XML (mismatched tag); mend the line, or write the file again with the tool that made it",
+        "line 24: not XML (mismatched tag); correct the line, or write the file again with the tool that made it",
     ),
     "truncated": (
         GOOD_URDF,
         GOOD_URDF[:500],
-        "line 17: not XML (unclosed token); mend the line, or write the file again with the tool that made it",
+        "line 17: not XML (unclosed token); correct the line, or write the file again with the tool that made it",
     ),
     "text": (
         None,
         "< hello",
         (
-            "line 1: not XML (not well-formed (invalid token)); mend the line, or write the file again with "
+            "line 1: not XML (not well-formed (invalid token)); correct the line, or write the file again with "
             "the tool that made it"
         ),
     ),
@@ -94,7 +94,7 @@ CASES: dict[str, Fault] = {
     "nothing moves": (
         None,
         '<robot name="a"><link name="b"/></robot>',
-        "no joint moves; give the description of an arm with moving joints",
+        "no joint moves; give the robot model of an arm with moving joints",
     ),
     "robot name": (
         '<robot name="arm">',
@@ -165,7 +165,7 @@ CASES: dict[str, Fault] = {
         '<parent link="upper"/>',
         '<parent link="uper"/>',
         (
-            "joint 'wrist': its parent link 'uper' is not in the file; add the link, or mend the name; did "
+            "joint 'wrist': its parent link 'uper' is not in the file; add the link, or correct the name; did "
             "you mean 'upper'?"
         ),
     ),
@@ -177,7 +177,7 @@ CASES: dict[str, Fault] = {
     "child unknown": (
         '<child link="hand"/>',
         '<child link="foot"/>',
-        "joint 'wrist': its child link 'foot' is not in the file; add the link, or mend the name",
+        "joint 'wrist': its child link 'foot' is not in the file; add the link, or correct the name",
     ),
     "child missing": ('<child link="hand"/>', "", "joint 'wrist': <joint> has no <child>; add <child .../> (line 20)"),
     "two parents": (
@@ -185,7 +185,7 @@ CASES: dict[str, Fault] = {
         '<child link="upper"/>',
         (
             "link 'upper': it is the child of two joints, 'shoulder' and 'wrist'; keep one of them: each "
-            "link hangs on one joint"
+            "link is the child of one joint"
         ),
     ),
     "two roots": (

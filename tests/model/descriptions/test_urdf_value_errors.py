@@ -152,7 +152,7 @@ CASES: dict[str, Fault] = {
     "limits crossed": (
         'lower="-1"',
         'lower="2"',
-        "joint 'shoulder': the lower limit 2 is above the upper limit 1; exchange or mend them",
+        "joint 'shoulder': the lower limit 2 is above the upper limit 1; exchange or correct them",
     ),
     "limits absent": (
         'lower="-1" upper="1"',
@@ -175,7 +175,7 @@ CASES: dict[str, Fault] = {
     "limit side": (
         'lower="-1"',
         'lower="inf"',
-        "joint 'shoulder': the lower limit inf is above the upper limit 1; exchange or mend them",
+        "joint 'shoulder': the lower limit inf is above the upper limit 1; exchange or correct them",
     ),
     "velocity negative": (
         'velocity="2"',
@@ -239,7 +239,7 @@ CASES: dict[str, Fault] = {
     "mimic zero": (
         'multiplier="2"',
         'multiplier="0"',
-        "joint 'wrist': mimic multiplier 0 holds it still; make the joint fixed, or mend the multiplier",
+        "joint 'wrist': mimic multiplier 0 holds it still; make the joint fixed, or correct the multiplier",
     ),
     "mimic joint": (
         '<mimic joint="shoulder"',

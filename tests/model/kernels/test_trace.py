@@ -10,7 +10,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynident.model.kernels.trace import Number, Scalar, Trace, cosine, gradient, is_zero, sine
+from dynident.model.kernels.numpy_source import numpy_function
+from dynident.model.kernels.trace import (
+    Number,
+    Scalar,
+    Trace,
+    cosine,
+    exponential,
+    gradient,
+    is_zero,
+    larger,
+    power,
+    sign,
+    sine,
+    smaller,
+    smooth_sign,
+    tangent_hyperbolic,
+)
 
 numbers = st.one_of(st.sampled_from([0.0, 1.0, -1.0, 0.5]), st.floats(-3, 3))
 leaves = st.one_of(numbers, st.sampled_from(["x", "y", "z"]))
@@ -132,3 +148,46 @@ def test_outputs_that_are_rounding_alone_are_found() -> None:
     )
     states = {"v": np.random.default_rng(0).normal(size=(2, 12))}
     assert program.rounding_only(states) == {0, 1}
+
+
+FORMULAS = {
+    "exp": (lambda x, y: exponential(-x * y), lambda x, y: np.exp(-x * y)),
+    "tanh": (lambda x, y: tangent_hyperbolic(x + y), lambda x, y: np.tanh(x + y)),
+    "turn": (lambda x, y: y * smooth_sign(x, 0.3), lambda x, y: y * np.tanh(x / 0.3)),
+    "sharp": (lambda x, y: y * smooth_sign(x, 0.0) + sign(y), lambda x, y: y * np.sign(x) + np.sign(y)),
+    "abs": (lambda x, y: abs(x) * y, lambda x, y: np.abs(x) * y),
+    "max": (lambda x, y: larger(x, y) * x, lambda x, y: np.maximum(x, y) * x),
+    "min": (lambda x, y: smaller(x, 0.2) * y, lambda x, y: np.minimum(x, 0.2) * y),
+    "div": (lambda x, y: -x / y + 2.0 / (y * y), lambda x, y: -x / y + 2.0 / y**2),
+    "pow": (lambda x, y: (x**2 + 0.1) ** -0.3 + y**3, lambda x, y: (x**2 + 0.1) ** -0.3 + y**3),
+    "root": (lambda x, y: power(abs(x), 0.5) * y, lambda x, y: np.sqrt(np.abs(x)) * y),
+    "steep": (lambda x, y: power(abs(x), 1.7) * y, lambda x, y: np.abs(x) ** 1.7 * y),
+}
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+def test_functions_that_friction_needs_and_their_derivatives(name: str) -> None:
+    """Values beside NumPy's own, by both ways to run a program; derivatives beside central differences."""
+    traced, plain = FORMULAS[name]
+    trace = Trace()
+    scalars = [trace.input("x", 0), trace.input("y", 0)]
+    value = traced(*scalars)
+    x, y = np.random.default_rng(0).uniform(0.1, 1.5, (2, 200)) * np.random.default_rng(1).choice([-1.0, 1.0], (2, 200))
+    arrays = {"x": x[None], "y": y[None]}
+    program = trace.program({0: value})
+    np.testing.assert_allclose(program.evaluate(arrays)[0], plain(x, y), rtol=1e-13)
+    np.testing.assert_array_equal(numpy_function(program)(arrays)[0], program.evaluate(arrays)[0])
+    slopes = trace.program(dict(enumerate(gradient(trace, {0: value}, {0: 1.0}, scalars))))
+    found, step = slopes.evaluate(arrays), 1e-6
+    for slot, (dx, dy) in enumerate(((step, 0.0), (0.0, step))):
+        difference = (plain(x + dx, y + dy) - plain(x - dx, y - dy)) / (2 * step)
+        np.testing.assert_allclose(np.broadcast_to(found.get(slot, 0.0), 200), difference, rtol=1e-6, atol=1e-7)
+
+
+def test_constants_are_folded_and_slopes_at_zero_are_finite() -> None:
+    assert smooth_sign(0.3, 0.1) == pytest.approx(np.tanh(3.0)) and smooth_sign(-0.3, 0.0) == -1.0
+    assert larger(1.0, 2.0) == 2.0 and smaller(1.0, 2.0) == 1.0 and power(4.0, 0.5) == 2.0
+    trace = Trace()
+    x = trace.input("x", 0)
+    (slope,) = gradient(trace, {0: power(abs(x), 0.5) * smooth_sign(x, 0.1)}, {0: 1.0}, [x])
+    assert trace.program({0: slope}).evaluate({"x": np.zeros((1, 1))})[0] == 0.0

@@ -93,7 +93,7 @@ def assemble(
             )
         )  # fmt: skip
     if not joints:
-        raise Place(path).error("no joint moves", "give the description of an arm with moving joints")
+        raise Place(path).error("no joint moves", "give the robot model of an arm with moving joints")
     return Robot(
         name,
         tuple(Link(a, b, tuple(c), tuple(own)) for (a, b, c), own in zip(links, taken[1:], strict=True)),
@@ -119,7 +119,7 @@ def _root(path: object, bodies: Iterable[str], connections: Sequence[Connection]
         if joint.child in carried:
             raise Place(path, f"link {shown(joint.child)}").error(
                 f"it is the child of two joints, {shown(carried[joint.child])} and {shown(joint.name)}",
-                "keep one of them: each link hangs on one joint",
+                "keep one of them: each link is the child of one joint",
             )
         carried[joint.child] = joint.name
     roots = [name for name in bodies if name not in carried]

@@ -72,7 +72,7 @@ def parse_urdf(path: object, data: bytes) -> Element:
         raise builder.place().error("it has a document type (DTD) or an entity", step) from problem
     except SAXParseException as problem:
         place = Place(path, f"line {problem.getLineNumber()}")
-        step = "mend the line, or write the file again with the tool that made it"
+        step = "correct the line, or write the file again with the tool that made it"
         raise place.error(f"not XML ({problem.getMessage()})", step) from problem
     except (LookupError, ValueError) as problem:  # an encoding that Python does not know or cannot decode
         raise builder.place().error(f"not XML ({problem})", "save the file as UTF-8") from problem

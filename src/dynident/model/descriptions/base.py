@@ -18,7 +18,7 @@ from dynident.plugins import Family
 
 MAX_BYTES: Final = 20_000_000
 
-_SHIPPED: Final = "dynident.robots"
+_SHIPPED: Final = "dynident.model.robots"
 _SPACE: Final = b"\xef\xbb\xbf \t\r\n"  # with the byte order mark of UTF-8
 
 
@@ -42,7 +42,7 @@ class Description(ABC):
         """
 
 
-DESCRIPTIONS: Final = Family("dynident.model.descriptions", Description, "robot description")
+DESCRIPTIONS: Final = Family("dynident.model.descriptions", Description, "robot model format")
 
 
 def read_robot(path: str | Path) -> Robot:
@@ -87,10 +87,10 @@ def rotation_from_rpy(rpy: npt.ArrayLike) -> Array:
 def _bytes(file: Path) -> bytes:
     """Return the bytes of a file of a sane size."""
     if os.path.isdir(file):  # a name too long for the system is none, where Path.is_dir raises before Python 3.12
-        raise FileError(file, "it is a folder", "give the file of the robot description in it")
+        raise FileError(file, "it is a folder", "give the robot model file in it")
     if not os.path.exists(file):
         names = shipped_robots()
-        step = f"give a file, or a robot that ships: {', '.join(names)}{nearest(str(file), names)}"
+        step = f"give a file, or a built-in example robot: {', '.join(names)}{nearest(str(file), names)}"
         raise FileError(file, "no such file", step)
     if not os.path.isfile(file):
         raise FileError(file, "it is no regular file", "give a file")
@@ -100,7 +100,7 @@ def _bytes(file: Path) -> bytes:
     except OSError as problem:
         raise FileError(file, f"it cannot be read ({problem.strerror})", "check its permissions") from problem
     if len(data) > MAX_BYTES:
-        raise FileError(file, f"it is larger than {MAX_BYTES // 1_000_000} MB", "give the description of one robot")
+        raise FileError(file, f"it is larger than {MAX_BYTES // 1_000_000} MB", "give the model of one robot")
     return data
 
 

@@ -18,7 +18,7 @@ _ROBOT: Final = ("name", "convention", "gravity", "joints", "tool", "coupling", 
 _JOINT: Final = (
     "name", "kind", "a", "alpha", "d", "theta", "offset", "limits", "drive", "damping", "friction", "link",
 )  # fmt: skip
-_DRIVE: Final = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_deviation")
+_DRIVE: Final = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_std", "gain_deviation")
 _LINK: Final = ("name", "inertia")
 _INERTIA: Final = ("mass", "centre_of_mass", "about_centre", "parameters")
 _TOOL: Final = ("name", "translation", "rpy")
@@ -158,7 +158,7 @@ def _inertia(section: Section) -> Inertia:
     if section.has("parameters"):
         for key in _INERTIA[:3]:
             if section.has(key):
-                raise section.place(key).error("'parameters' says it already", "keep one of the two")
+                raise section.place(key).error("'parameters' states it already", "keep one of the two")
         return Inertia.from_vector(section.numbers("parameters", 10))
     mass = section.at_least_zero("mass")
     centre = section.numbers("centre_of_mass", 3)

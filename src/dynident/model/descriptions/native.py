@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Final, Literal, final
 import numpy as np
 
 from dynident.errors import DescriptionError
+from dynident.file_versions import FileVersions
 from dynident.model.descriptions._shapes import read_rotation, read_shapes, shapes_to_list
 from dynident.model.descriptions.base import Description
 from dynident.model.documents.numbers import Place, check_name, shown
@@ -18,7 +19,7 @@ from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, Joint, Link, Mimic, Robot
 
 SCHEMA: Final = "dynident-robot"
-VERSION: Final = 1
+VERSIONS: Final = FileVersions("a robot", key="version")
 
 _ROBOT: Final = (
     "schema", "version", "name", "base", "gravity", "links", "joints", "frames", "tool", "coupling", "note",
@@ -52,7 +53,7 @@ def robot_to_dict(robot: Robot) -> dict[str, Any]:
     """Return the robot as plain data for JSON; :func:`robot_from_dict` gives back the same numbers, bit by bit."""
     return {
         "schema": SCHEMA,
-        "version": VERSION,
+        "version": VERSIONS.current,
         "name": robot.name,
         "base": robot.base,
         "gravity": robot.gravity.tolist(),
@@ -91,9 +92,8 @@ def robot_from_dict(data: object, path: object = "robot") -> Robot:
     if isinstance(data, Mapping) and data.get("schema") != SCHEMA:
         evidence = f"schema is {shown(data.get('schema'))}, not {shown(SCHEMA)}"
         raise DescriptionError(path, "", evidence, "give a robot that dynident has written")
-    if isinstance(data, Mapping) and data.get("version") != VERSION:
-        evidence = f"version is {shown(data.get('version'))}; this dynident knows version {VERSION}"
-        raise DescriptionError(path, "", evidence, "update dynident, or write the robot again")
+    if isinstance(data, Mapping):
+        data = VERSIONS.migrated(data, lambda evidence, step: DescriptionError(path, "", evidence, step))
     top = Section.top(path, data, _ROBOT)
     links = tuple(_link(section) for section in top.sections("links", _LINK))
     sections = top.sections("joints", _JOINT)

@@ -180,7 +180,7 @@ class _Reader:
         for tag in ("parent", "child"):
             link = self._attribute(place, self._needed(place, element, tag), "link")
             if link not in bodies:
-                step = f"add the link, or mend the name{nearest(link, bodies)}"
+                step = f"add the link, or correct the name{nearest(link, bodies)}"
                 raise place.error(f"its {tag} link {shown(link)} is not in the file", step)
             ends.append(link)
         kind = _KINDS[word]
@@ -235,7 +235,7 @@ class _Reader:
             return None
         multiplier = self._number(place, element, "multiplier", "1")
         if multiplier == 0:
-            raise place.error("mimic multiplier 0 holds it still", "make the joint fixed, or mend the multiplier")
+            raise place.error("mimic multiplier 0 holds it still", "make the joint fixed, or correct the multiplier")
         return Mimic(self._attribute(place, element, "joint"), multiplier, self._number(place, element, "offset", "0"))
 
     def _pose(self, place: Place, element: Element) -> tuple[Array, Array]:

@@ -140,4 +140,4 @@ def check_order(place: Place, lower: float, upper: float) -> None:
         DescriptionError: The lower one is above the upper one, or one is infinite on the wrong side.
     """
     if not lower <= upper or lower == math.inf or upper == -math.inf:
-        raise place.error(f"the lower limit {lower:g} is above the upper limit {upper:g}", "exchange or mend them")
+        raise place.error(f"the lower limit {lower:g} is above the upper limit {upper:g}", "exchange or correct them")

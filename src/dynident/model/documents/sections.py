@@ -11,6 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import nearest
+from dynident.file_versions import FileVersions
 from dynident.model.documents.numbers import LARGEST, Place, check_name, check_order, expression, in_range, shown
 from dynident.model.robot import Drive, JointLimits
 
@@ -47,6 +48,19 @@ class Section:
         where = Place(path)
         section = cls(path, _mapping(where, value), "", lines or {}, lines is not None)
         return section.known(keys)
+
+    @classmethod
+    def versioned(
+        cls, path: object, value: object, keys: Sequence[str], lines: Mapping[str, int], versions: FileVersions
+    ) -> Section:
+        """Return the whole of a file that states its version, as the current version has it; see :meth:`top`.
+
+        Raises:
+            DescriptionError: As of :meth:`top`, or of a version that cannot be read.
+        """
+        data = _mapping(Place(path), value)
+        place = cls(path, data, "", lines, True).place(versions.key)
+        return cls.top(path, versions.migrated(data, place.error), keys, lines)
 
     def place(self, key: str = "") -> Place:
         """Return the place of a key, or of the section itself."""
@@ -204,7 +218,7 @@ def read_limits(section: Section) -> JointLimits:
 
 
 def read_drive(section: Section) -> Drive:
-    """Return the drive of a section with the keys gear_ratio, rotor_inertia, gain, bias and gain_deviation.
+    """Return the drive of a section with gear_ratio, rotor_inertia, gain, bias and gain_std (or gain_deviation).
 
     Raises:
         DescriptionError: No number, a ratio or gain of zero, a negative rotor inertia, a deviation that is no share.
@@ -214,9 +228,10 @@ def read_drive(section: Section) -> Drive:
     for key, value in (("gear_ratio", ratio), ("gain", gain)):
         if value == 0.0:
             raise section.place(key).error("is zero", "write the value, negative where the motor turns the other way")
-    deviation = section.at_least_zero("gain_deviation", 0.0)
+    key = "gain_std" if section.has("gain_std") else "gain_deviation"
+    deviation = section.at_least_zero(key, 0.0)
     if deviation >= 1.0:
-        raise section.place("gain_deviation").error(f"is {deviation:g}", "write a share of the gain, such as 0.02")
+        raise section.place(key).error(f"is {deviation:g}", "write a share of the gain, such as 0.02")
     return Drive(ratio, section.at_least_zero("rotor_inertia", 0.0), gain, section.number("bias", 0.0), deviation)
 
 

@@ -106,4 +106,4 @@ def _not_yaml(path: object, problem: yaml.YAMLError) -> DescriptionError:
     mark = getattr(problem, "problem_mark", None)
     reason = getattr(problem, "problem", None) or getattr(problem, "reason", None) or "it cannot be read"
     where = f"line {mark.line + 1}" if mark else ""
-    return DescriptionError(path, where, f"not YAML ({reason})", "mend the line; indent with spaces")
+    return DescriptionError(path, where, f"not YAML ({reason})", "correct the line; indent with spaces")

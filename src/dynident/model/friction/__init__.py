@@ -5,4 +5,7 @@ from dynident.plugins import Family
 
 FRICTION: Family[Friction] = Family("dynident.model.friction", Friction, "friction model")  # type: ignore[type-abstract]
 
-__all__ = ["FRICTION", "WHOLE", "Coefficient", "Friction", "Motion"]
+#: Names of the parts of a model whose friction is not stated.
+DEFAULT_FRICTION = ("coulomb", "viscous", "offset")
+
+__all__ = ["DEFAULT_FRICTION", "FRICTION", "WHOLE", "Coefficient", "Friction", "Motion"]

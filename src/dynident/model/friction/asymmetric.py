@@ -5,38 +5,49 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from dynident.arrays import Array
-from dynident.model.friction.base import Coefficient, Friction, Motion, Range, check_positive, no_slopes, smooth_sign
+from dynident.model.friction.base import (
+    Coefficient,
+    Friction,
+    Inputs,
+    Number,
+    Range,
+    SelectionCandidate,
+    check_positive,
+    larger,
+    smaller,
+    smooth_sign,
+)
+from dynident.plugins import bounded
 
 
 @dataclass(frozen=True)
 class Asymmetric(Friction):
-    """Dry friction Fc+ forwards and Fc- backwards: Fc+ max(s, 0) + Fc- min(s, 0), s = tanh(dq / width).
+    """Asymmetric Coulomb friction Fc+ forwards and Fc- backwards: Fc+ max(s, 0) + Fc- min(s, 0), s = tanh(dq / width).
 
     Stands in the place of ``coulomb``. With ``offset`` beside it only Fc+ + Fc- is well determined.
 
     Attributes:
-        width: Speed in rad/s (or m/s) over which the sign turns.
+        width: Smoothing width of the Coulomb term (tanh), in rad/s (or m/s).
     """
 
-    width: float = 0.02
+    width: float = bounded(0.02, least=1e-9, most=1e3)
 
     coefficients: ClassVar = (
         Coefficient("Fc+", "N m", "N", nonnegative=True),
         Coefficient("Fc-", "N m", "N", nonnegative=True),
     )
     ranges: ClassVar = {"width": Range(1e-3, 0.3, is_speed=True)}
+    candidates: ClassVar = (SelectionCandidate(120, width=1.0),)
+    rivals: ClassVar = ("coulomb", "offset")
 
     def __post_init__(self) -> None:
         check_positive(self.width, "width", "a speed in rad/s")
 
-    def columns(self, motion: Motion) -> Array:
-        sign, _ = smooth_sign(motion.dq, self.width)
-        return np.stack([np.maximum(sign, 0.0), np.minimum(sign, 0.0)], axis=-1)
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        sign = smooth_sign(at.dq, self.width)
+        return larger(sign, 0.0), smaller(sign, 0.0)
 
-    def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
-        sign, slope = smooth_sign(motion.dq, self.width)
-        parts = np.stack([np.where(sign > 0, slope, 0.0), np.where(sign < 0, slope, 0.0)], axis=-1)
-        return no_slopes(motion, 2), parts, no_slopes(motion, 2)
+    def in_simulators(self, values: Array) -> tuple[dict[str, float], dict[str, float]]:
+        forwards, backwards = values.tolist()
+        return {"friction": 0.5 * forwards + 0.5 * backwards}, {"(Fc+ - Fc-)/2": 0.5 * (forwards - backwards)}

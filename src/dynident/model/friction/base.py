@@ -1,16 +1,51 @@
-"""What a friction part is: columns of the regressor that belong to one drive each."""
+"""What a friction part is: one expression a coefficient, from which columns, derivatives and exported code come."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar
+from functools import cached_property
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption
+from dynident.model.friction._expression import Expression, Inputs
+from dynident.model.kernels.trace import (
+    Number,
+    Scalar,
+    cosine,
+    exponential,
+    larger,
+    power,
+    sine,
+    smaller,
+    smooth_sign,
+    tangent_hyperbolic,
+)
+
+__all__ = [
+    "WHOLE",
+    "Coefficient",
+    "Friction",
+    "Inputs",
+    "Motion",
+    "Number",
+    "Range",
+    "SelectionCandidate",
+    "State",
+    "check_positive",
+    "cosine",
+    "exponential",
+    "larger",
+    "power",
+    "sine",
+    "smaller",
+    "smooth_sign",
+    "tangent_hyperbolic",
+]
 
 
 @dataclass(frozen=True)
@@ -24,6 +59,7 @@ class Motion:
         torque: Torque of the model without friction (rigid bodies and rotors), shape (N, n), in N m or N; None where
             not known.
         temperature: Temperature of each drive, shape (N, n), in degrees Celsius; None where the log has none.
+        state: States of all friction parts in their order, shape (N, n, s); None where they are not known.
     """
 
     q: Array
@@ -31,24 +67,26 @@ class Motion:
     ddq: Array
     torque: Array | None = None
     temperature: Array | None = None
+    state: Array | None = None
 
     def at_motors(self, coupling: Array) -> Motion:
         """Return the motion of the motors: positions, velocities and accelerations times C', torques times C^-1."""
         torque = None if self.torque is None else np.linalg.solve(coupling.T, self.torque.T).T
-        return Motion(self.q @ coupling.T, self.dq @ coupling.T, self.ddq @ coupling.T, torque, self.temperature)
+        moved = (self.q @ coupling.T, self.dq @ coupling.T, self.ddq @ coupling.T)
+        return Motion(*moved, torque, self.temperature, self.state)
 
     def of_drives(self, drives: Sequence[int] | IntArray) -> Motion:
         """Return the motion of some of the drives, in the order given."""
         chosen = np.asarray(drives, dtype=np.int64)
-        torque = None if self.torque is None else self.torque[:, chosen]
-        temperature = None if self.temperature is None else self.temperature[:, chosen]
-        return Motion(self.q[:, chosen], self.dq[:, chosen], self.ddq[:, chosen], torque, temperature)
+        return self._each(lambda signal: signal[:, chosen])
 
     def rows(self, part: slice | IntArray) -> Motion:
         """Return the motion of some of the samples."""
-        torque = None if self.torque is None else self.torque[part]
-        temperature = None if self.temperature is None else self.temperature[part]
-        return Motion(self.q[part], self.dq[part], self.ddq[part], torque, temperature)
+        return self._each(lambda signal: signal[part])
+
+    def _each(self, cut: Callable[[Array], Array]) -> Motion:
+        known = (getattr(self, own.name) for own in fields(self))
+        return Motion(*(None if signal is None else cut(signal) for signal in known))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -60,12 +98,19 @@ class Coefficient:
         unit: Unit on a revolute joint.
         linear_unit: Unit on a prismatic joint.
         nonnegative: Whether physics asks for a value >= 0.
+        in_simulators: What a joint of simulators and robot models has for it, if anything: ``damping``, ``friction``
+            (dry, with a sharp sign) or ``armature``.
     """
 
     symbol: str
     unit: str
     linear_unit: str
     nonnegative: bool
+    in_simulators: Literal["", "damping", "friction", "armature"] = ""
+
+    def unit_of(self, kind: str) -> str:
+        """Return the unit on a kind of joint: ``revolute`` or ``prismatic``."""
+        return self.unit if kind == "revolute" else self.linear_unit
 
 
 @dataclass(frozen=True)
@@ -83,6 +128,44 @@ class Range:
     is_speed: bool = False
 
 
+@dataclass(frozen=True)
+class State:
+    """What a part remembers at each drive, such as the deflection of bristles or a temperature.
+
+    A log does not state it: it begins at ``start``, and may have been anywhere between the bounds.
+
+    Attributes:
+        symbol: Such as ``"z"``.
+        unit: Unit on a revolute joint.
+        linear_unit: Unit on a prismatic joint.
+        low: Least value at the first sample.
+        high: Greatest value at the first sample.
+        start: Value at the first sample.
+    """
+
+    symbol: str
+    unit: str
+    linear_unit: str
+    low: float
+    high: float
+    start: float = 0.0
+
+
+@dataclass(frozen=True)
+class SelectionCandidate:
+    """A part as the selection of friction tries it on a drive.
+
+    Attributes:
+        rank: Place among all candidates, the most usual first: of lists that are as good the lowest ranks are taken.
+        options: Options of the part.
+        width: Its width, in units of that of the model's dry friction; None for a part without one to be chosen.
+    """
+
+    rank: float
+    options: Mapping[str, Any] = field(default_factory=dict)
+    width: float | None = None
+
+
 #: What ``choose`` names where the logs decide whether a part is there at all.
 WHOLE = "part"
 
@@ -91,7 +174,7 @@ WHOLE = "part"
 class Friction(ABC):
     """Torque of each drive that is linear in a few coefficients of its own: tau_j = sum_c x_jc f_c(motion)_j.
 
-    A part is a frozen dataclass whose fields are its options.
+    A part is a frozen dataclass whose fields are its options. It states each f_c once, as an expression.
 
     Attributes:
         joints: Joints that the part acts on; None for all.
@@ -105,12 +188,25 @@ class Friction(ABC):
     #: Fields that enter the columns non-linearly, and where a good value may be.
     ranges: ClassVar[dict[str, Range]] = {}
 
-    #: Signals beyond the motion itself that the columns need: ``torque``, ``temperature``.
-    needs: ClassVar[tuple[str, ...]] = ()
+    #: How the selection of friction tries it on a drive; not at all where there is none.
+    candidates: ClassVar[tuple[SelectionCandidate, ...]] = ()
+
+    #: Whether every drive has it when the selection begins.
+    is_usual: ClassVar[bool] = False
+
+    #: Names of parts that say nearly the same in another way: the selection never puts it beside them.
+    rivals: ClassVar[tuple[str, ...]] = ()
+
+    #: Fields that the selection finds for each drive that has taken it, by variable projection.
+    refined: ClassVar[tuple[str, ...]] = ()
 
     joints: tuple[str, ...] | None = field(default=None, kw_only=True)
     vary: tuple[str, ...] | None = field(default=None, kw_only=True)
     choose: tuple[str, ...] | None = field(default=None, kw_only=True)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process needs: the fields, and nothing that is made of them."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @property
     def is_optional(self) -> bool:
@@ -118,38 +214,150 @@ class Friction(ABC):
         return WHOLE in (self.choose or ())
 
     @property
+    def dry_width(self) -> float | None:
+        """The width of dry friction that it states for the other parts of its drive; None as a rule."""
+        return None
+
+    @property
+    def cycle(self) -> float | None:
+        """Range of positions after which its torque repeats, in rad or m; None where it does not depend on position."""
+        return None
+
+    @property
     def options(self) -> dict[str, Any]:
         """Its own options by name: what its columns depend on, not for which joints it is or what the logs decide."""
         shared = {each.name for each in fields(Friction)}
         return {each.name: getattr(self, each.name) for each in fields(self) if each.name not in shared}
 
+    @property
+    def states(self) -> tuple[State, ...]:
+        """What it remembers at each drive; nothing as a rule."""
+        return ()
+
     @abstractmethod
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        """Return the expressions f_c of a drive, one for each of the k coefficients.
+
+        They may read all inputs but ``moved`` and ``step``.
+        """
+
+    def update(self, at: Inputs) -> tuple[Number, ...]:
+        """Return each of ``states`` at a sample from ``at.state``, their values at the sample before."""
+        return at.state
+
+    @cached_property
+    def expression(self) -> Expression:
+        """Its expressions, traced."""
+        return Expression(self.terms, self.update, len(self.coefficients), len(self.states))
+
+    @cached_property
+    def needs(self) -> tuple[str, ...]:
+        """Signals beyond the motion itself that it reads: ``torque``, ``temperature``, ``state``."""
+        reads = frozenset().union(*self.expression.reads)
+        return tuple(name for name, array in _SIGNALS.items() if array in reads)
+
+    @cached_property
+    def is_inertia(self) -> tuple[bool, ...]:
+        """Which coefficients are inertias of the drive: their expression is the acceleration itself."""
+        return tuple(self.expression.is_input(term, "ddq") for term in self.expression.terms)
+
+    @cached_property
+    def is_constant(self) -> tuple[bool, ...]:
+        """Which coefficients are constant torques: their expression is 1."""
+        return tuple(not isinstance(term, Scalar) and term == 1.0 for term in self.expression.terms)
+
+    def in_simulators(self, values: Array) -> tuple[dict[str, float], dict[str, float]]:
+        """Return what a joint of simulators holds of coefficients (k,), and by symbol what is left over.
+
+        A part that a joint holds only nearly says here what comes nearest.
+        """
+        held, left = {}, {}
+        for coefficient, value in zip(self.coefficients, values.tolist(), strict=True):
+            if coefficient.in_simulators:
+                held[coefficient.in_simulators] = value
+            else:
+                left[coefficient.symbol] = value
+        return held, left
+
     def columns(self, motion: Motion) -> Array:
         """Return f_c at every drive, shape (N, n, k) for the k coefficients.
 
-        A value may depend only on its own sample and its own drive.
+        Raises:
+            BadOption: The motion lacks a signal that it needs.
         """
+        found = self.expression.columns(self._inputs(motion))
+        return _stacked([found[k] for k in range(len(self.coefficients))], motion.dq.shape)
 
     def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
-        """Return the derivatives of every value of :meth:`columns` by its q, dq and ddq, each (N, n, k).
+        """Return the derivatives of every value of :meth:`columns` by its q, dq and ddq, each (N, n, k), exact.
 
-        What the gradient of an excitation criterion asks for; torque and temperature are held. This default takes
-        central differences, good to about 1e-9 where the columns are smooth; a part with a formula overrides it. A jump
-        (a sharp sign) has the derivative 0.
+        What the gradient of an excitation criterion asks for; torque, temperature and states are held. A jump (a sharp
+        sign) has the derivative 0.
+
+        Raises:
+            BadOption: The motion lacks a signal that it needs.
         """
-        return (self._difference(motion, "q"), self._difference(motion, "dq"), self._difference(motion, "ddq"))
+        found, count = self.expression.slopes(self._inputs(motion)), len(self.coefficients)
+        slopes = [[found.get(order * count + k, 0.0) for k in range(count)] for order in range(3)]
+        by_q, by_dq, by_ddq = (_stacked(own, motion.dq.shape) for own in slopes)
+        return by_q, by_dq, by_ddq
 
-    def _difference(self, motion: Motion, name: str) -> Array:
-        value = getattr(motion, name)
-        step = 1e-6 * np.maximum(1.0, np.abs(value))
-        above, below = value + step, value - step
-        rise = self.columns(replace(motion, **{name: above})) - self.columns(replace(motion, **{name: below}))
-        return rise / (above - below)[..., None]
+    def states_along(self, motion: Motion, step: float) -> Array:
+        """Return its states along samples that follow each other, shape (N, n, s), from their start on.
+
+        Args:
+            motion: The motion at the samples.
+            step: Time from one sample to the next, in s.
+        """
+        found = np.empty((*motion.dq.shape, len(self.states)))
+        found[:1] = [state.start for state in self.states]
+        moved, update = np.diff(motion.q, axis=0), self.expression.update
+        for k in range(1, len(found)):
+            inputs = self._inputs(replace(motion.rows(slice(k, k + 1)), state=found[k - 1 : k]))
+            for slot, values in update({**inputs, "moved": moved[None, k - 1 : k], "step": (step,)}).items():
+                found[k, :, slot] = values
+        return found
+
+    def _inputs(self, motion: Motion) -> Mapping[str, Any]:
+        """Return what the programs read.
+
+        Raises:
+            BadOption: The motion lacks a signal that they need.
+        """
+        for name in self.needs:
+            if getattr(motion, name) is None:
+                raise BadOption("friction", type(self).__module__.rsplit(".", 1)[-1], _LACKING[name])
+        state = () if motion.state is None else np.moveaxis(motion.state, -1, 0)
+        return {
+            "q": (motion.q,),
+            "dq": (motion.dq,),
+            "ddq": (motion.ddq,),
+            "load": (motion.torque,),
+            "temperature": (motion.temperature,),
+            "state": state,
+        }
 
 
-def no_slopes(motion: Motion, coefficients: int = 1) -> Array:
-    """Return zeros for the derivatives of ``coefficients`` columns, shape (N, n, k)."""
-    return np.zeros((*motion.dq.shape, coefficients))
+#: Input that stands for a signal beyond the motion, and what is to be done where it is not there.
+_SIGNALS = {"torque": "load", "temperature": "temperature", "state": "state"}
+_LACKING = {
+    "torque": "the torque of the rigid bodies is not known here; leave the part out",
+    "temperature": "there are no temperatures here; map them (log: columns: temperature), or leave the part out",
+    "state": "its state is not known here, only along a log or a simulation; leave the part out",
+}
+
+
+def _stacked(values: Sequence[Any], shape: tuple[int, ...]) -> Array:
+    """Return values of samples and drives, or constants, side by side, shape (N, n, k)."""
+    if len(values) == 1 and np.shape(values[0]) == shape:
+        return values[0][..., None]
+    if not any(map(np.shape, values)):  # no memory for them
+        return np.broadcast_to(np.array(values, dtype=np.float64), (*shape, len(values)))
+    found: Array = np.zeros((len(values), *shape))
+    for k, value in enumerate(values):
+        if np.shape(value) or value:
+            found[k] = value
+    return np.moveaxis(found, 0, -1)
 
 
 def check_positive(value: float, name: str, what: str) -> None:
@@ -160,26 +368,3 @@ def check_positive(value: float, name: str, what: str) -> None:
     """
     if not 0 < value < np.inf:
         raise BadOption(name, value, f"give {what} above 0")
-
-
-def smooth_sign(dq: Array, width: float) -> tuple[Array, Array]:
-    """Return tanh(dq / width) and its derivative by dq, both of the shape of dq; the sharp sign for a width of 0."""
-    if width == 0:
-        return np.sign(dq), np.zeros_like(dq)
-    sign = np.tanh(dq / width)
-    return sign, (1.0 - sign**2) / width
-
-
-def signal(motion: Motion, name: str, part: str) -> Array:
-    """Return the torque or temperature that a part needs, shape (N, n).
-
-    Raises:
-        BadOption: The motion has no such signal.
-    """
-    values = motion.torque if name == "torque" else motion.temperature
-    if values is None:
-        step = "the torque of the rigid bodies is not known here; leave the part out"
-        if name == "temperature":
-            step = "there are no temperatures here; map them (log: columns: temperature), or leave the part out"
-        raise BadOption("friction", part, step)
-    return values

@@ -7,31 +7,37 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.model.friction.base import Coefficient, Friction, Motion, Range, no_slopes, smooth_sign
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, Range, SelectionCandidate, smooth_sign
+from dynident.plugins import bounded
 
 
 @dataclass(frozen=True)
 class Coulomb(Friction):
-    """Dry friction Fc sign(dq), equation (3), the sign smoothed to tanh(dq / width).
+    """Coulomb friction Fc sign(dq), equation (3), the sign smoothed to tanh(dq / width).
 
     Attributes:
-        width: Speed in rad/s (or m/s) over which the sign turns; 0 is the sharp sign of the article.
+        width: Smoothing width of the Coulomb term (tanh), in rad/s (or m/s); 0 is the sharp sign of the article.
     """
 
-    width: float = 0.02
+    width: float = bounded(0.02, least=1e-9, most=1e3)
 
-    coefficients: ClassVar = (Coefficient("Fc", "N m", "N", nonnegative=True),)
+    coefficients: ClassVar = (Coefficient("Fc", "N m", "N", nonnegative=True, in_simulators="friction"),)
     ranges: ClassVar = {"width": Range(1e-3, 0.3, is_speed=True)}
+    candidates: ClassVar = (
+        SelectionCandidate(0, width=1.0),
+        SelectionCandidate(40, width=0.25),
+        SelectionCandidate(50, width=4.0),
+    )
+    is_usual: ClassVar = True
 
     def __post_init__(self) -> None:
         if not 0 <= self.width < np.inf:
             raise BadOption("width", self.width, "give a speed >= 0 in rad/s")
 
-    def columns(self, motion: Motion) -> Array:
-        return smooth_sign(motion.dq, self.width)[0][..., None]
+    @property
+    def dry_width(self) -> float | None:
+        return self.width or None
 
-    def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
-        slope = smooth_sign(motion.dq, self.width)[1]
-        return no_slopes(motion), slope[..., None], no_slopes(motion)
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        return (smooth_sign(at.dq, self.width),)

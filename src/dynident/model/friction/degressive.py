@@ -5,14 +5,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.model.friction.base import Coefficient, Friction, Motion, Range, check_positive, no_slopes
+from dynident.model.friction.base import (
+    Coefficient,
+    Friction,
+    Inputs,
+    Number,
+    Range,
+    SelectionCandidate,
+    check_positive,
+    power,
+)
+from dynident.plugins import bounded
 
 
 @dataclass(frozen=True)
 class Degressive(Friction):
-    """Friction Fd dq (dq^2 + width^2)^((exponent - 1) / 2): a power |dq|^exponent below 1, smooth at standstill.
+    """Sub-linear viscous friction Fd dq (dq^2 + width^2)^((exponent - 1) / 2): |dq|^exponent, smooth at standstill.
 
     Greases thin under shear: their drag grows with a power of speed below one (power-law fluid). Speeds count in units
     of 1 rad/s (1 m/s), so that Fd is the torque at that speed.
@@ -23,21 +32,16 @@ class Degressive(Friction):
     """
 
     exponent: float = 0.5
-    width: float = 0.02
+    width: float = bounded(0.02, least=1e-9, most=1e3)
 
     coefficients: ClassVar = (Coefficient("Fd", "N m", "N", nonnegative=True),)
     ranges: ClassVar = {"exponent": Range(0.2, 0.8)}
+    candidates: ClassVar = (SelectionCandidate(70),)
 
     def __post_init__(self) -> None:
         if not 0 < self.exponent < 1:
             raise BadOption("exponent", self.exponent, "give a power between 0 and 1; 1 is the part 'viscous'")
         check_positive(self.width, "width", "a speed in rad/s")
 
-    def columns(self, motion: Motion) -> Array:
-        dq = motion.dq
-        return (dq * (dq**2 + self.width**2) ** ((self.exponent - 1.0) / 2.0))[..., None]
-
-    def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
-        square, width = motion.dq**2, self.width**2
-        slope = (self.exponent * square + width) * (square + width) ** ((self.exponent - 3.0) / 2.0)
-        return no_slopes(motion), slope[..., None], no_slopes(motion)
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        return (at.dq * power(at.dq**2 + self.width**2, (self.exponent - 1.0) / 2.0),)

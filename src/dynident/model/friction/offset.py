@@ -5,20 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from dynident.arrays import Array
-from dynident.model.friction.base import Coefficient, Friction, Motion, no_slopes
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionCandidate
 
 
 @dataclass(frozen=True)
 class Offset(Friction):
-    """A constant torque F0 per drive."""
+    """Constant torque offset F0 per drive."""
 
     coefficients: ClassVar = (Coefficient("F0", "N m", "N", nonnegative=False),)
+    candidates: ClassVar = (SelectionCandidate(20),)
+    is_usual: ClassVar = True
 
-    def columns(self, motion: Motion) -> Array:
-        return np.ones((*motion.dq.shape, 1))
-
-    def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
-        return no_slopes(motion), no_slopes(motion), no_slopes(motion)
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        return (1.0,)

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from dynident.arrays import Array
-from dynident.model.friction.base import Coefficient, Friction, Motion, check_positive, no_slopes
+from dynident.model.friction.base import (
+    Coefficient,
+    Friction,
+    Inputs,
+    Number,
+    SelectionCandidate,
+    check_positive,
+    cosine,
+    sine,
+)
 
 
 @dataclass(frozen=True)
 class Periodic(Friction):
-    """Torque that repeats with position: Ps1 sin kq + Pc1 cos kq + Ps2 sin 2kq + Pc2 cos 2kq, k = cycles.
+    """Periodic torque ripple over position: Ps1 sin kq + Pc1 cos kq + Ps2 sin 2kq + Pc2 cos 2kq, k = cycles.
 
     Once and twice per turn of the joint with cycles = 1, where it may look like gravity; of a motor shaft with cycles =
     gear ratio. It can only be told where the log spans a good part of a cycle and samples it more than four times.
@@ -27,15 +34,16 @@ class Periodic(Friction):
     coefficients: ClassVar = tuple(
         Coefficient(symbol, "N m", "N", nonnegative=False) for symbol in ("Ps1", "Pc1", "Ps2", "Pc2")
     )
+    candidates: ClassVar = (SelectionCandidate(140),)
 
     def __post_init__(self) -> None:
         check_positive(self.cycles, "cycles", "cycles per turn,")
 
-    def columns(self, motion: Motion) -> Array:
-        angle = self.cycles * motion.q
-        return np.stack([np.sin(angle), np.cos(angle), np.sin(2 * angle), np.cos(2 * angle)], axis=-1)
+    @property
+    def cycle(self) -> float | None:
+        return 2.0 * math.pi / self.cycles
 
-    def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
-        angle = self.cycles * motion.q
-        found = np.stack([np.cos(angle), -np.sin(angle), 2 * np.cos(2 * angle), -2 * np.sin(2 * angle)], axis=-1)
-        return self.cycles * found, no_slopes(motion, 4), no_slopes(motion, 4)
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        angle = self.cycles * at.q
+        once, beside = sine(angle), cosine(angle)
+        return once, beside, 2.0 * once * beside, 1.0 - 2.0 * once * once

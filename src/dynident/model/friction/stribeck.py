@@ -5,27 +5,36 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from dynident.arrays import Array
-from dynident.model.friction.base import Coefficient, Friction, Motion, Range, check_positive, no_slopes, smooth_sign
+from dynident.model.friction.base import (
+    Coefficient,
+    Friction,
+    Inputs,
+    Number,
+    Range,
+    SelectionCandidate,
+    check_positive,
+    exponential,
+    power,
+    smooth_sign,
+)
+from dynident.plugins import bounded
 
 
 @dataclass(frozen=True)
 class Stribeck(Friction):
-    """Friction Fs exp(-(|dq| / velocity)^exponent) tanh(dq / width) that fades with speed (Armstrong-Helouvry 1991).
+    """Friction Fs exp(-(|dq| / velocity)^exponent) tanh(dq / width), Stribeck effect (Armstrong-Helouvry 1991).
 
     Fs is what friction at the least speed has above the Coulomb level, so ``coulomb`` stands beside it.
 
     Attributes:
         velocity: Stribeck velocity in rad/s (or m/s): the speed at which the effect has faded to 1 / e.
         exponent: How sharply it fades: 1 (Tustin) to 2 (Gauss).
-        width: Speed in rad/s (or m/s) over which the sign turns.
+        width: Smoothing width of the Coulomb term (tanh), in rad/s (or m/s).
     """
 
     velocity: float = 0.1
     exponent: float = 1.0
-    width: float = 0.02
+    width: float = bounded(0.02, least=1e-9, most=1e3)
 
     coefficients: ClassVar = (Coefficient("Fs", "N m", "N", nonnegative=True),)
     ranges: ClassVar = {
@@ -33,23 +42,18 @@ class Stribeck(Friction):
         "exponent": Range(0.5, 2.0),
         "width": Range(1e-3, 0.3, is_speed=True),
     }
+    candidates: ClassVar = (
+        SelectionCandidate(80, {"velocity": 0.1}, width=1.0),
+        SelectionCandidate(90, {"velocity": 0.03}, width=1.0),
+        SelectionCandidate(100, {"velocity": 0.3}, width=1.0),
+    )
+    refined: ClassVar = ("velocity",)
 
     def __post_init__(self) -> None:
         check_positive(self.velocity, "velocity", "a speed in rad/s")
         check_positive(self.exponent, "exponent", "a number such as 1 or 2,")
         check_positive(self.width, "width", "a speed in rad/s")
 
-    def columns(self, motion: Motion) -> Array:
-        sign, _ = smooth_sign(motion.dq, self.width)
-        return (sign * self._fading(motion.dq))[..., None]
-
-    def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
-        sign, slope = smooth_sign(motion.dq, self.width)
-        share = np.abs(motion.dq) / self.velocity
-        # |dq|^(exponent - 1) sign(dq) times a smooth sign is 0 at standstill for every exponent above 0.
-        power = np.divide(share**self.exponent, motion.dq, out=np.zeros_like(share), where=motion.dq != 0)
-        found = self._fading(motion.dq) * (slope - sign * self.exponent * power)
-        return no_slopes(motion), found[..., None], no_slopes(motion)
-
-    def _fading(self, dq: Array) -> Array:
-        return np.exp(-((np.abs(dq) / self.velocity) ** self.exponent))
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        fading = exponential(-power(abs(at.dq) / self.velocity, self.exponent))
+        return (fading * smooth_sign(at.dq, self.width),)

@@ -7,51 +7,45 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.model.friction.base import (
     Coefficient,
     Friction,
-    Motion,
+    Inputs,
+    Number,
+    SelectionCandidate,
     check_positive,
-    no_slopes,
-    signal,
     smooth_sign,
 )
+from dynident.plugins import bounded
 
 
 @dataclass(frozen=True)
 class Temperature(Friction):
-    """Change of dry and viscous friction per degree: (FcT tanh(dq / width) + FvT dq) (T - reference).
+    """Change of Coulomb and viscous friction per degree: (FcT tanh(dq / width) + FvT dq) (T - reference).
 
     Stands beside ``coulomb`` and ``viscous``, which then hold at the reference. Cold grease is stiff, so both are
     negative as a rule. The log must have a temperature of each drive.
 
     Attributes:
         reference: Temperature in degrees Celsius at which the part adds nothing.
-        width: Speed in rad/s (or m/s) over which the sign turns.
+        width: Smoothing width of the Coulomb term (tanh), in rad/s (or m/s).
     """
 
-    reference: float = 25.0
-    width: float = 0.02
+    reference: float = bounded(25.0, least=-1e4, most=1e4)
+    width: float = bounded(0.02, least=1e-9, most=1e3)
 
     coefficients: ClassVar = (
         Coefficient("FcT", "N m/K", "N/K", nonnegative=False),
         Coefficient("FvT", "N m s/(rad K)", "N s/(m K)", nonnegative=False),
     )
-    needs: ClassVar = ("temperature",)
+    candidates: ClassVar = (SelectionCandidate(130),)
 
     def __post_init__(self) -> None:
         if not -273.15 < self.reference < np.inf:
             raise BadOption("reference", self.reference, "give a temperature in degrees Celsius")
         check_positive(self.width, "width", "a speed in rad/s")
 
-    def columns(self, motion: Motion) -> Array:
-        above = signal(motion, "temperature", "temperature") - self.reference
-        sign, _ = smooth_sign(motion.dq, self.width)
-        return np.stack([above * sign, above * motion.dq], axis=-1)
-
-    def derivatives(self, motion: Motion) -> tuple[Array, Array, Array]:
-        above = signal(motion, "temperature", "temperature") - self.reference
-        _, slope = smooth_sign(motion.dq, self.width)
-        return no_slopes(motion, 2), np.stack([above * slope, above], axis=-1), no_slopes(motion, 2)
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        above = at.temperature - self.reference
+        return above * smooth_sign(at.dq, self.width), above * at.dq

@@ -47,10 +47,10 @@ class Preconditioned:
         """
         count, size = rows.shape
         if factor.shape != (size, size) or not self.takes(rows):
-            raise ValueError(f"a triangle of shape {factor.shape} does not fit rows of {rows.shape}")
+            raise ValueError(f"a factor R of shape {factor.shape} does not fit rows of {rows.shape}")
         for array in (factor, rows):
             if not (array.flags.f_contiguous and array.dtype == np.float64):
-                raise ValueError("triangle and rows must be float64 arrays in Fortran order")
+                raise ValueError("factor and rows must be float64 arrays in Fortran order")
         whole = -(-count // self._lanes) * self._lanes
         if len(self._room) < size * whole:
             self._room = np.empty(size * whole)

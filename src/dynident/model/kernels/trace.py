@@ -3,6 +3,8 @@
 Every operation is numbered by its value (the same operation on the same operands is the same node), constants fold, and
 factors 0, 1 and -1 vanish; what no output needs is never part of the program. Source of value numbering: Cocke 1970; of
 the reverse mode: Linnainmaa 1976.
+
+Bodies need sums, products, sines and cosines, which alone become compiled kernels; friction needs the rest.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.model.kernels.operations import SIZES, VALUED, VALUES, Rules
 
 
 class Source(NamedTuple):
@@ -24,7 +27,7 @@ class Source(NamedTuple):
 
 
 class Node(NamedTuple):
-    """One operation: ``add``, ``sub``, ``mul``, ``neg``, ``sin``, ``cos``, ``const`` or ``input``."""
+    """One operation of ``operations.py``, ``const`` or ``input``; ``value`` is that of a constant, or an option."""
 
     operation: str
     left: int = -1
@@ -152,6 +155,23 @@ class Scalar:
 
     __rmul__ = __mul__
 
+    def __truediv__(self, other: Number) -> Number:
+        return self if not isinstance(other, Scalar) and other == 1.0 else self._divided(self._other(other))
+
+    def __rtruediv__(self, other: float) -> Number:
+        return 0.0 if other == 0.0 else self._other(other)._divided(self)
+
+    def _divided(self, other: Scalar) -> Number:
+        if self._node.operation == "neg":
+            return -self.trace.node("div", self._node.left, other.number)
+        return self.trace.node("div", self.number, other.number)
+
+    def __pow__(self, exponent: float) -> Number:
+        return power(self, exponent)
+
+    def __abs__(self) -> Scalar:
+        return self.trace.node("abs", self.number)
+
 
 Number: TypeAlias = Scalar | float
 
@@ -163,36 +183,66 @@ def is_zero(value: Number) -> bool:
 
 def sine(angle: Number) -> Number:
     """Return the sine of a scalar or of a constant."""
-    return angle.trace.node("sin", angle.number) if isinstance(angle, Scalar) else float(np.sin(angle))
+    return _applied("sin", angle)
 
 
 def cosine(angle: Number) -> Number:
     """Return the cosine of a scalar or of a constant."""
-    return angle.trace.node("cos", angle.number) if isinstance(angle, Scalar) else float(np.cos(angle))
+    return _applied("cos", angle)
 
 
-Rules: TypeAlias = Mapping[str, Callable[..., Array]]
+def exponential(value: Number) -> Number:
+    """Return e to the power of a value."""
+    return _applied("exp", value)
 
-_VALUES: Rules = {
-    "input": np.asarray,
-    "add": np.add,
-    "sub": np.subtract,
-    "mul": np.multiply,
-    "neg": np.negative,
-    "sin": np.sin,
-    "cos": np.cos,
-}
 
-#: How large the terms are that make up a value.
-_SIZES: Rules = {
-    "input": np.abs,
-    "add": np.add,
-    "sub": np.add,
-    "mul": np.multiply,
-    "neg": np.abs,
-    "sin": np.ones_like,
-    "cos": np.ones_like,
-}
+def tangent_hyperbolic(value: Number) -> Number:
+    """Return the hyperbolic tangent of a value."""
+    return _applied("tanh", value)
+
+
+def sign(value: Number) -> Number:
+    """Return -1, 0 or 1."""
+    return _applied("sign", value)
+
+
+def smooth_sign(value: Number, width: float) -> Number:
+    """Return tanh(value / width), a sign that turns over some width; the sharp sign for a width of 0.
+
+    It is an operation of its own, so that who runs a program may turn the sign over another width.
+    """
+    return _applied("turn", value, width)
+
+
+def power(base: Number, exponent: float) -> Number:
+    """Return a base >= 0 to a constant power; of any sign for the powers 1, 2 and 3."""
+    if exponent in (1.0, 2.0, 3.0):
+        return base if exponent == 1.0 else base * base if exponent == 2.0 else base * base * base
+    return _applied("pow", base, exponent)
+
+
+def larger(one: Number, other: Number) -> Number:
+    """Return the larger one of two values."""
+    return _compared("max", one, other)
+
+
+def smaller(one: Number, other: Number) -> Number:
+    """Return the smaller one of two values."""
+    return _compared("min", one, other)
+
+
+def _applied(operation: str, value: Number, option: float = 0.0) -> Number:
+    if isinstance(value, Scalar):
+        return value.trace.node(operation, value.number, value=float(option))
+    return float(VALUES[operation](value, *([option] if operation in VALUED else [])))
+
+
+def _compared(operation: str, one: Number, other: Number) -> Number:
+    trace = next((value.trace for value in (one, other) if isinstance(value, Scalar)), None)
+    if trace is None:
+        return float(VALUES[operation](one, other))
+    left, right = (value if isinstance(value, Scalar) else trace.constant(value) for value in (one, other))
+    return trace.node(operation, left.number, right.number)
 
 
 @dataclass(frozen=True)
@@ -223,7 +273,7 @@ class Program:
         Args:
             inputs: The arrays by name; an entry is taken along the first axis, the rest are samples.
         """
-        return self._run(inputs, _VALUES)
+        return self._run(inputs, VALUES)
 
     def rounding_only(self, inputs: Mapping[str, Array]) -> set[int]:
         """Return the slots that are zero but for rounding at all given samples.
@@ -231,7 +281,7 @@ class Program:
         An output such as sin q cos q - cos q sin q is not seen to be zero by the trace. It counts as zero where it is
         never above 1e-15 of the terms that make it up.
         """
-        values, sizes = self._run(inputs, _VALUES), self._run(inputs, _SIZES)
+        values, sizes = self._run(inputs, VALUES), self._run(inputs, SIZES)
         return {slot for slot, value in values.items() if np.all(np.abs(value) <= 1e-15 * sizes[slot])}
 
     def _run(self, inputs: Mapping[str, Array], rules: Rules) -> dict[int, Array]:
@@ -242,12 +292,13 @@ class Program:
             elif node.operation == "const":
                 found.append(rules["input"](np.float64(node.value)))
             else:
-                found.append(rules[node.operation](*(found[k] for k in node.operands)))
+                options = (node.value,) if node.operation in VALUED else ()
+                found.append(rules[node.operation](*(found[k] for k in node.operands), *options))
         return {slot: found[k] for slot, k in self.outputs.items()}
 
 
 def gradient(
-    trace: Trace, outputs: Mapping[int, Number], weights: Mapping[int, Scalar], inputs: Iterable[Scalar]
+    trace: Trace, outputs: Mapping[int, Number], weights: Mapping[int, Number], inputs: Iterable[Scalar]
 ) -> list[Number]:
     """Return d(sum of weight times output)/d(input), by reverse accumulation over the trace.
 
@@ -269,14 +320,35 @@ def gradient(
 
 
 def _slopes(trace: Trace, node: Node) -> list[tuple[int, Number]]:
-    """Return the derivative of an operation by each of its operands."""
+    """Return the derivative of an operation by each of its operands; 0 at a jump, and where two sides are equal."""
     left, right = node.left, node.right
+    one, other = Scalar(trace, left), Scalar(trace, right)
+
+    def itself() -> Scalar:
+        return trace.node(node.operation, left, right, node.value)
+
     rules: dict[str, Callable[[], list[tuple[int, Number]]]] = {
         "add": lambda: [(left, 1.0), (right, 1.0)],
         "sub": lambda: [(left, 1.0), (right, -1.0)],
-        "mul": lambda: [(left, Scalar(trace, right)), (right, Scalar(trace, left))],
+        "mul": lambda: [(left, other), (right, one)],
+        "div": lambda: [(left, 1.0 / other), (right, -itself() / other)],
         "neg": lambda: [(left, -1.0)],
         "sin": lambda: [(left, trace.node("cos", left))],
         "cos": lambda: [(left, -trace.node("sin", left))],
+        "exp": lambda: [(left, itself())],
+        "tanh": lambda: [(left, 1.0 - itself() * itself())],
+        "turn": lambda: [(left, (1.0 - itself() * itself()) / node.value if node.value else 0.0)],
+        "abs": lambda: [(left, trace.node("sign", left))],
+        "pow": lambda: [(left, node.value * _lowered(trace, node, itself()))],
+        "max": lambda: [(left, trace.node("greater", left, right)), (right, trace.node("greater", right, left))],
+        "min": lambda: [(left, trace.node("greater", right, left)), (right, trace.node("greater", left, right))],
     }
     return rules[node.operation]() if node.operation in rules else []
+
+
+def _lowered(trace: Trace, node: Node, power_of: Scalar) -> Number:
+    """Return a power less one; 0 for a base of 0 where it would be infinite though the power itself is not."""
+    base = Scalar(trace, node.left)
+    if 0.0 < node.value < 1.0:
+        return trace.node("ratio", power_of.number, node.left)
+    return power_of / base if node.value < 0.0 else power(base, node.value - 1.0)

@@ -16,7 +16,7 @@ from dynident.results.figures import svg
 from dynident.results.figures.chart import WIDTH, Line, heading
 from dynident.results.figures.path import tool_path
 from dynident.results.figures.scales import round_step
-from dynident.results.figures.view import AZIMUTH, ELEVATION, Place, View, put_label
+from dynident.results.figures.view import AZIMUTH, ELEVATION, LabelPlace, View, put_label
 from dynident.results.text import format_number, label, shorten
 
 #: Of the robot's own reach, so far may an ellipsoid widen the picture.
@@ -132,7 +132,7 @@ def scene_chart(
     view = View.around(scene.points, width, 300.0, azimuth, elevation, top + 26.0)
     depth = -np.cross(view.matrix[0], view.matrix[1])  # towards the eye
     behind = sorted(scene.bodies, key=lambda body: float(depth @ body.centre))
-    taken: list[Place] = []
+    taken: list[LabelPlace] = []
     inside = [
         *[svg.stroke(view.line(bone), 0, 7.0, opacity=0.3) for bone in scene.bones if np.ptp(bone, axis=0).any()],
         *[view.dot(bone[0], 0, 3.0) for bone in scene.bones],
@@ -201,7 +201,7 @@ def _cut(view: View, top: float, body: str) -> str:
     return svg.element("svg", body, x=0, y=top, width=view.width, height=height, viewBox=box)
 
 
-def _axes(view: View, taken: list[Place]) -> str:
+def _axes(view: View, taken: list[LabelPlace]) -> str:
     """Draw the axes of the base frame, a sixth of the picture long."""
     length = view.width / 6.0 / float(np.linalg.norm(view.matrix, axis=1).max())
     step = round_step(length / 2.5)
@@ -215,14 +215,14 @@ def _axes(view: View, taken: list[Place]) -> str:
     return "".join(found)
 
 
-def _name(view: View, body: Body, taken: list[Place]) -> str:
+def _name(view: View, body: Body, taken: list[LabelPlace]) -> str:
     ((x, y),) = view.at(body.centre)
     text = shorten(body.name, 22)
     anchors = [(x + 9, y + 4.5, "start"), (x - 9, y + 4.5, "end"), (x, y - 10, "middle"), (x, y + 20, "middle")]
     return put_label(view, text, [(float(a), float(b), side) for a, b, side in anchors], taken, "ink")
 
 
-def _ruler(view: View, taken: list[Place]) -> str:
+def _ruler(view: View, taken: list[LabelPlace]) -> str:
     """Draw a bar of a round length at the lower right."""
     scale = float(np.linalg.norm(view.matrix[0]))
     length = round_step(view.width / 10.0 / scale)

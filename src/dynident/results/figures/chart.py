@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.results.figures import svg
-from dynident.results.figures.scales import Linear, Log, Scale, finite_range, round_step, upright, upright_log
+from dynident.results.figures.scales import AxisScale, Linear, LogScale, finite_range, round_step, upright, upright_log
 from dynident.results.figures.zoom import Live, LivePlot, zoom_text
 from dynident.results.text import shorten
 
@@ -43,7 +43,7 @@ class Mark(ABC):
         """Heights that the vertical axis has to reach, shape (K,)."""
         return self.y
 
-    def placed(self, rows: slice, across: Scale, upwards: Scale) -> str:
+    def placed(self, rows: slice, across: AxisScale, upwards: AxisScale) -> str:
         """Return the mark over some of its rows."""
         return self.draw(across.at(self.x[rows]), upwards.at(self.y[rows]))
 
@@ -92,7 +92,7 @@ class Line(Mark):
 
 
 @dataclass(frozen=True)
-class Band(Mark):
+class ShadedBand(Mark):
     """The area between two lines, from ``low`` (N,) up to ``y``.
 
     Attributes:
@@ -107,7 +107,7 @@ class Band(Mark):
     def extent(self) -> Array:
         return np.concatenate([self.low, self.y])
 
-    def placed(self, rows: slice, across: Scale, upwards: Scale) -> str:
+    def placed(self, rows: slice, across: AxisScale, upwards: AxisScale) -> str:
         x, low, high = across.at(self.x[rows]), upwards.at(self.low[rows]), upwards.at(self.y[rows])
         good = np.isfinite(x) & np.isfinite(low) & np.isfinite(high)
         x, low, high = x[good], low[good], high[good]
@@ -183,7 +183,7 @@ class Plot:
     log: bool = False
     levels: tuple[Level, ...] = ()
 
-    def scale(self, top: float) -> Scale:
+    def scale(self, top: float) -> AxisScale:
         """Return the vertical scale of the plot when its rectangle begins at ``top``."""
         levels = [level.value for level in self.levels]
         low, high = finite_range(*(mark.extent for mark in self.marks), np.array(levels))
@@ -208,13 +208,13 @@ class Across:
     log: bool = False
     pad: float = 0.0
 
-    def pieces(self, plots: Sequence[Plot], left: float, right: float) -> list[tuple[slice, Scale]]:
+    def pieces(self, plots: Sequence[Plot], left: float, right: float) -> list[tuple[slice, AxisScale]]:
         """Return the rows and the scale of each stretch, side by side with a gap, as long as its span of values."""
         marks = [mark for plot in plots for mark in plot.marks]
         if len(self.starts) == 1:
             low, high = finite_range(*(mark.x for mark in marks))
             free = self.pad * (high - low)
-            scale = Log(low, high, left, right) if self.log else Linear(low - free, high + free, left, right)
+            scale = LogScale(low, high, left, right) if self.log else Linear(low - free, high + free, left, right)
             return [(slice(0, None), scale)]
         rows = [slice(a, b) for a, b in zip(self.starts, [*self.starts[1:], None], strict=True)]
         ends = [finite_range(marks[0].x[part]) for part in rows]
@@ -222,7 +222,7 @@ class Across:
         length = (right - left - gap * (len(rows) - 1)) / sum(high - low for low, high in ends)
         middle = float(np.median([high - low for low, high in ends]))
         step = min(round_step(_APART / length), round_step(middle / 2.5))  # two ticks in most stretches
-        found: list[tuple[slice, Scale]] = []
+        found: list[tuple[slice, AxisScale]] = []
         place = left
         for part, (low, high) in zip(rows, ends, strict=True):
             found.append((part, Linear(low, high, place, place + (high - low) * length, step)))
@@ -271,7 +271,7 @@ def _zoom(
     plots: Sequence[Plot],
     tops: Sequence[float],
     across: Across,
-    pieces: Sequence[tuple[slice, Scale]],
+    pieces: Sequence[tuple[slice, AxisScale]],
     detail: int,
 ) -> str:
     x = plots[0].marks[0].x
@@ -303,7 +303,7 @@ def heading(title: str, marks: Sequence[Mark], width: float) -> tuple[str, float
     return "".join(body), (y if legend else 15.0) + 5
 
 
-def _grid(plot: Plot, scale: Scale, pieces: Sequence[tuple[slice, Scale]], left: float) -> str:
+def _grid(plot: Plot, scale: AxisScale, pieces: Sequence[tuple[slice, AxisScale]], left: float) -> str:
     spans = [sorted(_ends(piece)) for _, piece in pieces]
     body: list[str] = []
     for tick in scale.ticks(30.0):
@@ -313,27 +313,27 @@ def _grid(plot: Plot, scale: Scale, pieces: Sequence[tuple[slice, Scale]], left:
     return "".join(body)
 
 
-def _ends(scale: Scale) -> tuple[float, float]:
-    assert isinstance(scale, Linear | Log)
+def _ends(scale: AxisScale) -> tuple[float, float]:
+    assert isinstance(scale, Linear | LogScale)
     return scale.start, scale.end
 
 
-def _marks(mark: Mark, scale: Scale, pieces: Sequence[tuple[slice, Scale]]) -> str:
+def _marks(mark: Mark, scale: AxisScale, pieces: Sequence[tuple[slice, AxisScale]]) -> str:
     return "".join(mark.placed(rows, piece, scale) for rows, piece in pieces)
 
 
-def _levels(plot: Plot, scale: Scale, left: float, right: float) -> str:
+def _levels(plot: Plot, scale: AxisScale, left: float, right: float) -> str:
     body = []
     for level in plot.levels:
         y = float(scale.at(np.array(level.value)))
         body.append(svg.stroke(svg.track(np.array([left, right]), np.array([y, y])), 0, 1.0, dashed=True))
-        below = isinstance(scale, Linear | Log) and y + 16 < scale.start
+        below = isinstance(scale, Linear | LogScale) and y + 16 < scale.start
         if level.text:
             body.append(svg.words(level.text, left + 4, y + 15 if below else y - 5, "ink", halo=True))
     return "".join(body)
 
 
-def _ticks(pieces: Sequence[tuple[slice, Scale]], bottom: float) -> str:
+def _ticks(pieces: Sequence[tuple[slice, AxisScale]], bottom: float) -> str:
     """Draw the horizontal axis; labels that would touch are left out, the first of a stretch last."""
     body: list[str] = []
     found: list[tuple[int, float, str]] = []

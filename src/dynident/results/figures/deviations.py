@@ -9,7 +9,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.results.figures import svg
 from dynident.results.figures.chart import WIDTH
-from dynident.results.figures.scales import Log
+from dynident.results.figures.scales import LogScale
 from dynident.results.text import format_percent, label, shorten
 
 _STEP = 19.0
@@ -30,7 +30,7 @@ def deviation_chart(names: Sequence[str], fractions: Array, limits: Sequence[flo
     high = max(10.0 ** np.ceil(np.log10(min(max(finite), 1e5)) - 1e-9), 10 * low)
     shown = [shorten(label(name), int(_NAMES * width / svg.LETTER)) for name in names]
     left = 10 + max((svg.breadth(text) for text in shown), default=0.0)
-    scale = Log(float(low), float(high), left, width - 56.0)
+    scale = LogScale(float(low), float(high), left, width - 56.0)
     top, bottom = 28.0, 28.0 + _STEP * len(shown)
     body = [svg.element("g", svg.words("Relative standard deviation", 0, 15, "ink"), font_weight="600")]
     for tick in scale.ticks(56.0):

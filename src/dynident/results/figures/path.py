@@ -8,14 +8,14 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import UnknownChoice
-from dynident.experiment.room.tool_speed import ToolPoint
+from dynident.excitation.collision.tool_speed import ToolPoint
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
 from dynident.results.figures import svg
 from dynident.results.figures.chart import WIDTH
 from dynident.results.figures.scales import Tick, round_step, write_tick
 from dynident.results.figures.scenery import Scenery, draw_behind, draw_marks, plane_outline
-from dynident.results.figures.view import Place, View
+from dynident.results.figures.view import LabelPlace, View
 from dynident.results.text import format_number
 
 
@@ -88,7 +88,7 @@ def path_chart(
     floor = [[x, y, low[2]] for x in (low[0], high[0]) for y in (low[1], high[1])]
     walls = [plane_outline(plane, low, high) for plane in around.half_spaces.values()]
     view = View.around(np.concatenate([cloud, floor, [[low[0], low[1], high[2]]], *walls]), width, most)
-    taken: list[Place] = []
+    taken: list[LabelPlace] = []
     body = [
         svg.element("g", svg.words(title, 0, 15, "ink"), font_weight="600"),
         _box(view, low, high, step, taken),
@@ -115,7 +115,7 @@ def path_chart(
     return svg.drawing(width, view.height, "".join(body), title, said)
 
 
-def _box(view: View, low: Array, high: Array, step: float, taken: list[Place]) -> str:
+def _box(view: View, low: Array, high: Array, step: float, taken: list[LabelPlace]) -> str:
     """Draw the floor with its grid, the labels along its two near edges, and the height at the left."""
 
     def labels(entries: list[tuple[list[float], str]], anchor: str, away: tuple[float, float]) -> list[str]:
@@ -148,7 +148,7 @@ def _segment(view: View, start: list[float], end: list[float], strong: bool = Fa
 
 
 def _labels(
-    view: View, entries: list[tuple[list[float], str]], anchor: str, away: tuple[float, float], taken: list[Place]
+    view: View, entries: list[tuple[list[float], str]], anchor: str, away: tuple[float, float], taken: list[LabelPlace]
 ) -> list[str]:
     """Write labels beside points, and note where they stand; one that would touch the label before is left out."""
     body: list[str] = []
@@ -158,6 +158,6 @@ def _labels(
         if abs(place[0] - last[0]) > svg.breadth(text) + 6 or abs(place[1] - last[1]) > svg.SIZE + 2:
             x, y = float(place[0] + away[0]), float(place[1] + away[1])
             body.append(svg.words(text, x, y, anchor=anchor))
-            taken.append(Place.of(text, x, y, anchor))
+            taken.append(LabelPlace.of(text, x, y, anchor))
             last = place
     return body

@@ -18,7 +18,7 @@ class Tick:
     text: str
 
 
-class Scale(ABC):
+class AxisScale(ABC):
     """A range of values laid on a stretch of the drawing."""
 
     @abstractmethod
@@ -31,7 +31,7 @@ class Scale(ABC):
 
 
 @dataclass(frozen=True)
-class Linear(Scale):
+class Linear(AxisScale):
     """Equal steps of value are equal steps of place.
 
     Attributes:
@@ -59,7 +59,7 @@ class Linear(Scale):
 
 
 @dataclass(frozen=True)
-class Log(Scale):
+class LogScale(AxisScale):
     """Equal ratios of value are equal steps of place; fields as those of :class:`Linear`, ``low`` above zero."""
 
     low: float
@@ -128,11 +128,13 @@ def upright(low: float, high: float, bottom: float, top: float) -> Linear:
     return min(found, key=lambda scale: (round((scale.high - scale.low) / (high - low), 2), -scale.step))
 
 
-def upright_log(low: float, high: float, bottom: float, top: float) -> Log:
+def upright_log(low: float, high: float, bottom: float, top: float) -> LogScale:
     """Return a vertical logarithmic scale that ends at a round number: a power of ten, or 1, 2, 5 times one."""
     if high / low >= 10:
-        return Log(10.0 ** np.floor(np.log10(low) + 1e-9), 10.0 ** np.ceil(np.log10(high) - 1e-9), bottom, top)
+        return LogScale(10.0 ** np.floor(np.log10(low) + 1e-9), 10.0 ** np.ceil(np.log10(high) - 1e-9), bottom, top)
     rounds = [m * 10.0**p for p in range(int(np.floor(np.log10(low))) - 1, int(np.ceil(np.log10(high))) + 1)
               for m in (1.0, 2.0, 5.0)]  # fmt: skip
     below = max(v for v in rounds if v <= low * (1 + 1e-9))
-    return Log(below, min(v for v in [*rounds, 10 * rounds[-1]] if v >= high * (1 - 1e-9) and v > below), bottom, top)
+    return LogScale(
+        below, min(v for v in [*rounds, 10 * rounds[-1]] if v >= high * (1 - 1e-9) and v > below), bottom, top
+    )

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.experiment.room.workspace import HalfSpace, Workspace
+from dynident.excitation.collision.workspace import HalfSpace, Workspace
 from dynident.model.shapes import Box
 from dynident.results.figures import svg
-from dynident.results.figures.view import Place, View, put_label
+from dynident.results.figures.view import LabelPlace, View, put_label
 from dynident.results.text import label, shorten
 
 #: Surroundings are shown so far from the motion, as a share of its size.
@@ -107,7 +107,7 @@ def draw_behind(view: View, scenery: Scenery, low: Array, high: Array) -> str:
     return "".join(body)
 
 
-def draw_marks(view: View, scenery: Scenery, low: Array, high: Array, taken: list[Place]) -> str:
+def draw_marks(view: View, scenery: Scenery, low: Array, high: Array, taken: list[LabelPlace]) -> str:
     """Return the marks on the path and the names of what stands around, where they have room."""
     body = [view.dot(spot.point, 4, 4.5) for spot in scenery.spots]
     for text, place in _gathered(view, scenery.spots):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.results.figures.chart import WIDTH, Across, Band, Level, Line, Plot, chart
+from dynident.results.figures.chart import WIDTH, Across, Level, Line, Plot, ShadedBand, chart
 from dynident.results.figures.svg import COLOURS
 from dynident.results.text import format_number, format_percent, label, pretty_unit
 
@@ -74,11 +74,11 @@ class TorqueBands:
     whole: Array
 
 
-def _shades(time: Array, bands: TorqueBands | None) -> tuple[Band, ...]:
+def _shades(time: Array, bands: TorqueBands | None) -> tuple[ShadedBand, ...]:
     if bands is None:
         return ()
-    wide = Band("95 % band", time, bands.whole, 0, -bands.whole, 0.10)
-    return wide, Band("of the parameters", time, bands.parameters, 1, -bands.parameters, 0.45)
+    wide = ShadedBand("95 % band", time, bands.whole, 0, -bands.whole, 0.10)
+    return wide, ShadedBand("of the parameters", time, bands.parameters, 1, -bands.parameters, 0.45)
 
 
 def torque_chart(

@@ -79,7 +79,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Place:
+class LabelPlace:
     """Where a label stands: the rectangle of its letters.
 
     Attributes:
@@ -95,20 +95,20 @@ class Place:
     bottom: float
 
     @classmethod
-    def of(cls, text: str, x: float, y: float, anchor: str = "start") -> Place:
+    def of(cls, text: str, x: float, y: float, anchor: str = "start") -> LabelPlace:
         """Return the rectangle of a text that is anchored at (x, y), its base line."""
         wide = svg.breadth(text)
         left = {"start": x, "middle": x - wide / 2, "end": x - wide}[anchor]
         return cls(left - 2.0, left + wide + 2.0, y - svg.SIZE + 1.0, y + 3.0)
 
-    def meets(self, other: Place) -> bool:
+    def meets(self, other: LabelPlace) -> bool:
         """Whether two rectangles have a point in common."""
         across = self.left < other.right and other.left < self.right
         return across and self.top < other.bottom and other.top < self.bottom
 
 
 def put_label(
-    view: View, text: str, anchors: Sequence[tuple[float, float, str]], taken: list[Place], shade: str = "soft"
+    view: View, text: str, anchors: Sequence[tuple[float, float, str]], taken: list[LabelPlace], shade: str = "soft"
 ) -> str:
     """Return a label at the first of several anchors where it meets no other label and stays inside; else nothing.
 
@@ -120,7 +120,7 @@ def put_label(
         shade: ``ink`` or ``soft``.
     """
     for x, y, anchor in anchors:
-        place = Place.of(text, x, y, anchor)
+        place = LabelPlace.of(text, x, y, anchor)
         inside = place.left >= 0 and place.right <= view.width and place.top >= 18.0 and place.bottom <= view.height
         if inside and not any(place.meets(other) for other in taken):
             taken.append(place)

@@ -16,10 +16,10 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.validation import Validation
-from dynident.experiment.log import Log, Source
+from dynident.data.log import Log, Source
 from dynident.files import write_atomically
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Validation
 from dynident.plugins import added
 from dynident.results.plan_view import PlanView
 from dynident.results.report.plan_context import plan_context
@@ -138,18 +138,18 @@ def render(subject: Subject, names: Sequence[str] = ()) -> str:
     return report_page(subject, parts_of(subject, names))
 
 
-def parts_of(subject: Subject, names: Sequence[str] = ()) -> tuple[Part, ...]:
+def parts_of(subject: Subject, names: Sequence[str] = ()) -> tuple[ReportPart, ...]:
     """Return the sections of a report as data, arguments as of :func:`render`."""
     found = []
     for name in names or section_names():
         section = SECTIONS.make(name)
         context = section.context(subject)
         if context:
-            found.append(Part(name, section.title, section.template, context))
+            found.append(ReportPart(name, section.title, section.template, context))
     return tuple(found)
 
 
-def report_page(subject: Subject, parts: Sequence[Part]) -> str:
+def report_page(subject: Subject, parts: Sequence[ReportPart]) -> str:
     """Return the page of a subject from its sections.
 
     Args:
@@ -179,12 +179,12 @@ def build_plan_page(view: PlanView) -> str:
     plan = view.plan
     lead = (f"criterion {label(plan.criterion)}", f"{plan.motion().duration:g} s", *filter(None, [view.source]))
     template = SECTIONS.make("excitation").template
-    part = Part("excitation", "Motion, limits and check", template, plan_context(view))
+    part = ReportPart("excitation", "Motion, limits and check", template, plan_context(view))
     return build_page("Excitation", plan.robot, lead, [part])
 
 
 @dataclass(frozen=True)
-class Part:
+class ReportPart:
     """A part of a page: its place, its heading, and what fills its template."""
 
     name: str
@@ -193,7 +193,7 @@ class Part:
     context: Mapping[str, Any]
 
 
-def build_page(what: str, robot: str, lead: Sequence[str], parts: Sequence[Part]) -> str:
+def build_page(what: str, robot: str, lead: Sequence[str], parts: Sequence[ReportPart]) -> str:
     """Return a self-contained page about a robot.
 
     Args:

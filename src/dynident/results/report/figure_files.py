@@ -13,12 +13,12 @@ from dynident.errors import FileError
 from dynident.files import write_atomically
 from dynident.results.figures.files import figure_file
 from dynident.results.report.article import article_figures
-from dynident.results.report.builder import Part
+from dynident.results.report.builder import ReportPart
 from dynident.results.report.sections.base import Drawing
 from dynident.results.report.subject import Subject
 
 
-def report_figures(subject: Subject, parts: Iterable[Part]) -> dict[str, Drawing]:
+def report_figures(subject: Subject, parts: Iterable[ReportPart]) -> dict[str, Drawing]:
     """Return the figures of a report by the names of their files without a suffix, in the order of the report.
 
     The same report has the same names. Two figures that would share one (joints whose names differ only in signs

@@ -8,8 +8,8 @@ import numpy as np
 from markupsafe import Markup
 
 from dynident.arrays import Array
-from dynident.experiment.room.tool_speed import ToolPoint, tool_point_of
-from dynident.experiment.room.workspace import Workspace
+from dynident.excitation.collision.tool_speed import ToolPoint, tool_point_of
+from dynident.excitation.collision.workspace import Workspace
 from dynident.model.friction import Motion
 from dynident.model.robot import Robot
 from dynident.results.figures import Bounded, Scenery, Spot, limit_chart, path_chart, tool_path, trajectory_chart

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from dynident.data.log import Log, Source
 from dynident.errors import BadOption, LogMismatch
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.validation import Validation
-from dynident.experiment.log import Log, Source
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Validation
 from dynident.results.plan_view import PlanView
 from dynident.results.text import label
 

@@ -40,6 +40,13 @@ export async function get(place, query = {}) {
   return answered(await sent(`/api/${place}${text ? `?${text}` : ""}`, {}));
 }
 
+// Fill a choice of what a kind of file is exported to, once: none is chosen before the user does.
+export async function offerTargets(select, kind) {
+  if (select.options.length) return;
+  const { targets } = await get("targets", { kind });
+  select.replaceChildren(new Option("choose a target", ""), ...targets.map((name) => new Option(name)));
+}
+
 export async function post(place, data) {
   const how = { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(data) };
   return answered(await sent(`/api/${place}`, how));

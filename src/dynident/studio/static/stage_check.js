@@ -12,12 +12,12 @@ export function build() {
   const found = el("div");
   const ask = (fix) => () => ({ case: choice.value, logs: picked(logs), fix });
   const check = runner("check", "Look at the logs", ask(false), (run, place) => show(run, place, found));
-  const fix = runner("check", "Mend what is safe", ask(true), (run, place) => show(run, place, found));
+  const fix = runner("check", "Apply safe repairs", ask(true), (run, place) => show(run, place, found));
   fix.button.className = "";
   return {
     whole: [
-      el("p", { class: "lead" }, "The doctor looks at the logs before anything is fitted: time, units, signs, order of joints, delays, saturation, excitation."),
-      el("div", { class: "row" }, field("Case", choice), field("Logs", logs, "None: those of the case. To mend, choose one.")),
+      el("p", { class: "lead" }, "Log checks before a fit: time, units, signs, order of joints, delays, saturation, excitation."),
+      el("div", { class: "row" }, field("Case", choice), field("Logs", logs, "None: those of the case. To repair, choose one.")),
       check.whole, fix.whole, found,
     ],
     enter() {
@@ -42,7 +42,7 @@ function show(run, place, found) {
   fill(found,
     el("p", { class: data.sound ? "good" : "fault" }, data.sound ? "No finding stands against a fit." : "A finding stands against a fit: see the errors below."),
     data.logs.map((log) => [el("h3", {}, name(log.log ?? log.path ?? "log")), findings(log.findings)]),
-    data.mends ? el("ul", {}, data.mends.map((mend) => el("li", {}, mend))) : null);
+    data.fixes ? el("ul", {}, data.fixes.map((fix) => el("li", {}, fix))) : null);
 }
 
 function findings(list) {

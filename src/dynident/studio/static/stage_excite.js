@@ -1,6 +1,6 @@
 // Stage 5: a motion that tells the parameters, designed within the limits, watched, and written for a controller.
 
-import { choose, fileAddress, guarded, known, ofKind } from "./api.js";
+import { choose, fileAddress, guarded, known, offerTargets, ofKind } from "./api.js";
 import { el, field, fill, options, picked } from "./dom.js";
 import { Stage3D } from "./playback.js";
 import { answerText, runner } from "./runner.js";
@@ -64,9 +64,10 @@ export function build() {
     enter() {
       const { choices } = known;
       options(choice, [...ofKind("case", "robot"), ...choices.robots.map((one) => ({ value: one, text: `${one} (ships)` }))], choice.value || known.case || known.robot);
-      for (const [select, key, first] of [[criterion, "criteria", "d_optimal"], [trajectory, "trajectories", "rest_fourier"], [target, "exporters", "csv"]]) {
+      for (const [select, key, first] of [[criterion, "criteria", "d_optimal"], [trajectory, "trajectories", "rest_fourier"]]) {
         options(select, choices[key], select.value || first);
       }
+      guarded(links, () => offerTargets(target, "plan"));
       options(earlier, [{ value: "", text: "nothing" }, ...ofKind("estimate")]);
       const parts = picked(friction);
       options(friction, choices.friction);

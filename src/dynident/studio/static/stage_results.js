@@ -1,6 +1,6 @@
 // Stage 7: what an estimate says: its figures, its parameters, its torques; its report, files and exports.
 
-import { choose, fileAddress, get, guarded, known, ofKind, reportAddress } from "./api.js";
+import { choose, fileAddress, get, guarded, known, offerTargets, ofKind, reportAddress } from "./api.js";
 import { chart } from "./chart.js";
 import { el, field, fill, name, options, percent, picked, pretty, table } from "./dom.js";
 import { answerText, commandLine, runner } from "./runner.js";
@@ -49,16 +49,16 @@ export function build() {
   return {
     whole: [
       field("Estimate", choice), body,
-      el("h2", {}, "On logs that the fit has not seen"), field("Logs", logs, "Ctrl or Shift chooses several."), again.whole, report.whole,
+      el("h2", {}, "Validation on test logs"), field("Logs", logs, "Ctrl or Shift chooses several."), again.whole, report.whole,
       el("h2", {}, "Export the model"),
-      el("div", { class: "row" }, field("Target", target), field("Description to change (URDF)", description, "None: that of the identification.")), write.whole,
+      el("div", { class: "row" }, field("Target", target), field("Robot model file to write into", description, "For targets that take one; none: that of the identification.")), write.whole,
     ],
     enter() {
       options(choice, ofKind("estimate"), known.estimate || choice.value);
       const chosen = picked(logs);
       options(logs, ofKind("log"));
       for (const option of logs.options) option.selected = chosen.includes(option.value);
-      options(target, known.choices.model_exporters, target.value || "urdf");
+      guarded(null, () => offerTargets(target, "estimate"));
       options(description, [{ value: "", text: "none" }, ...ofKind("robot")]);
       if (choice.value !== shown || !shown) open(choice.value);
     },
@@ -73,7 +73,7 @@ function answers(found) {
   return el("dl", { class: "answers" },
     tile(percent(error), "relative torque error in the fit", error < 0.05 ? "good" : error < 0.15 ? "fair" : "bad"),
     tile(`${known_} of ${found.parameters.length}`, "base parameters known to better than 10 %", known_ * 2 > found.parameters.length ? "good" : "fair"),
-    tile(found.physically_consistent ? "possible" : "impossible", "bodies behind the parameters", found.physically_consistent ? "good" : "bad"));
+    tile(found.physically_consistent ? "consistent" : "inconsistent", "physical consistency", found.physically_consistent ? "good" : "bad"));
 }
 
 function parameters(found) {

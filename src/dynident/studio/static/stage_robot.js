@@ -41,7 +41,7 @@ export function build() {
 
   return {
     whole: [
-      el("p", { class: "lead" }, "Drop the description of your robot, or take one that ships. Drag the picture to look around."),
+      el("p", { class: "lead" }, "Drop the model file of your robot (URDF, MJCF, DH table), or take a built-in example robot. Drag the picture to look around."),
       dropzone("URDF, DH table in YAML, meshes, case files", taken),
       field("Robot", choice), fault, view.whole, facts,
     ],
@@ -71,7 +71,7 @@ function tell(place, scene, robot) {
     el("h3", {}, "Joints"),
     table(["joint", "kind", num("from"), num("to"), "unit", num("speed"), num("effort"), "unit"], joints, { label: "joints", note: "– stands for a limit that is not stated." }),
     el("h3", {}, "Links"),
-    table(["link", num("mass [kg]"), num("centre x [m]"), num("y"), num("z"), "possible body"], links, { label: "links" }),
+    table(["link", num("mass [kg]"), num("centre x [m]"), num("y"), num("z"), "physically consistent"], links, { label: "links" }),
     el("h3", {}, "The same as a command"), commandLine(`dynident inspect ${robot}`));
 }
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.estimation.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
+from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import TEN_UNITS
 from dynident.results.report.sections.base import Section
@@ -28,7 +28,7 @@ _INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgedBody:
     """A number with the verdict on it."""
 
     text: str
@@ -46,7 +46,7 @@ class JudgedTable:
     """
 
     columns: tuple[Column, ...]
-    rows: tuple[tuple[str, tuple[Judged, ...], str], ...]
+    rows: tuple[tuple[str, tuple[JudgedBody, ...], str], ...]
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,8 @@ def _ten(
 
 
 def _with_deviations(
-    rows: tuple[tuple[str, tuple[Judged, ...], str], ...], values: Array, deviations: Array
-) -> tuple[tuple[str, tuple[Judged, ...], str], ...]:
+    rows: tuple[tuple[str, tuple[JudgedBody, ...], str], ...], values: Array, deviations: Array
+) -> tuple[tuple[str, tuple[JudgedBody, ...], str], ...]:
     """Return rows whose cells say value and deviation with the digits that the deviation allows."""
     return tuple(
         (
@@ -137,9 +137,9 @@ def _worst(verdicts: Sequence[str]) -> str:
 
 def _judged(
     names: Sequence[str], values: Array, verdicts: Sequence[Sequence[str]], remarks: Sequence[str]
-) -> tuple[tuple[str, tuple[Judged, ...], str], ...]:
+) -> tuple[tuple[str, tuple[JudgedBody, ...], str], ...]:
     texts = [line_up([format_number(float(v), 4) for v in column], "\u2007", "\u2008") for column in values.T]
     return tuple(
-        (name, tuple(Judged(texts[k][i], SIGNS[v], v) for k, v in enumerate(verdicts[i])), remarks[i])
+        (name, tuple(JudgedBody(texts[k][i], SIGNS[v], v) for k, v in enumerate(verdicts[i])), remarks[i])
         for i, name in enumerate(names)
     )

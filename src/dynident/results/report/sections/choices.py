@@ -13,10 +13,10 @@ from dynident.results.text import Table
 
 
 @dataclass(frozen=True)
-class Choices(Section):
+class ChoicesSection(Section):
     """Cut-off, delays, the friction of each joint, fields of friction parts; left out where nothing was tried."""
 
-    title: ClassVar = "Found from the logs"
+    title: ClassVar = "Model selection"
     template: ClassVar = "choices.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:

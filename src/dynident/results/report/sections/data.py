@@ -25,7 +25,7 @@ class SourceFile:
 
 
 @dataclass(frozen=True)
-class Data(Section):
+class DataSection(Section):
     """Logs, filter and sources."""
 
     title: ClassVar = "Data and filter"

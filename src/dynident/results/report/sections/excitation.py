@@ -11,7 +11,7 @@ from dynident.results.report.subject import Subject
 
 
 @dataclass(frozen=True)
-class Excitation(Section):
+class ExcitationSection(Section):
     """A plan, where the report has one."""
 
     title: ClassVar = "Excitation"

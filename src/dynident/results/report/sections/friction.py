@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from dynident.arrays import Array
 from dynident.errors import DynidentError
-from dynident.estimation.estimate import Estimate
+from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.results.figures import friction_chart

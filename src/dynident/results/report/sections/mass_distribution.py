@@ -20,7 +20,7 @@ VIEWS = (("from above", -1.01, 0.42), ("from the front", 0.0, 0.0), ("from the s
 class MassDistribution(Section):
     """The robot at the mean posture of the fit; left out where neither estimate nor description has inertias."""
 
-    title: ClassVar = "Masses in space"
+    title: ClassVar = "Mass distribution"
     template: ClassVar = "mass_distribution.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:

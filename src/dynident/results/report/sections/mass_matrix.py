@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dynident.estimation.uncertainty.propagation import mass_matrix
+from dynident.identification.uncertainty.propagation import mass_matrix
 from dynident.results.report.sections.base import Section
 from dynident.results.report.subject import Subject
 from dynident.results.text import Column, Table, format_given, format_value, label

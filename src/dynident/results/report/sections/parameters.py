@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.errors import BadOption
-from dynident.estimation.estimate import Estimate
+from dynident.identification.estimate.estimate import Estimate
 from dynident.results.figures import deviation_chart
 from dynident.results.report.combinations import combination
 from dynident.results.report.judgement import LOST, WELL_KNOWN

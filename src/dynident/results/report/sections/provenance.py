@@ -19,8 +19,8 @@ _LONG = 12
 #: what was found from the logs.
 _ELSEWHERE = (
     "logs", "log_quality", "command", "trace",
-    "cutoff_choice", "cutoff_sensitivity", "delays", "friction_choice", "held_out_fields", "non_linear",
-    "gain_deviations",
+    "cutoff_choice", "cutoff_sensitivity", "delays", "friction_choice", "chosen_fields", "non_linear",
+    "gain_std",
 )  # fmt: skip
 
 

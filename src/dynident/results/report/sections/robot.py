@@ -68,7 +68,7 @@ def _joints(robot: Robot) -> Table:
         kind = joint.kind if joint.mimic is None else f"{joint.kind}, follows {label(joint.mimic.joint)}"
         place = "rad" if joint.kind == "revolute" else "m"
         rows.append((label(joint.name), kind, *numbers, place, *rates, pretty_unit(joint.unit)))
-    return Table(columns, tuple(rows), f"{MISSING} stands for a limit that the description does not state.")
+    return Table(columns, tuple(rows), f"{MISSING}: the robot model states no limit.")
 
 
 def _drives(robot: Robot) -> Table | None:
@@ -101,7 +101,7 @@ def _links(robot: Robot) -> Table:
         Column("centre x", "m", numeric=True),
         Column("y", "m", numeric=True),
         Column("z", "m", numeric=True),
-        Column("possible body"),
+        Column("physically consistent"),
     )
     rows = []
     for link in robot.links:
@@ -112,4 +112,4 @@ def _links(robot: Robot) -> Table:
         defect = link.inertia.defect()
         values = (link.inertia.mass, *link.inertia.centre_of_mass)
         rows.append((name, *(format_given(float(v)) for v in values), f"no: {defect}" if defect else "yes"))
-    return Table(columns, tuple(rows), "Inertias as the description states them, in link frames.")
+    return Table(columns, tuple(rows), "Nominal inertias of the robot model, in link frames.")

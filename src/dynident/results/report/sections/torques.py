@@ -73,6 +73,6 @@ def _bands(dataset: Dataset) -> Table | None:
         Column("of the parameters", "±", numeric=True),
         Column("with the noise of the fit", "±", numeric=True),
         Column("unit"),
-        Column("rows inside", "%", numeric=True),
+        Column("samples inside", "%", numeric=True),
     )
     return Table(columns, rows) if rows else None

@@ -15,7 +15,7 @@ from dynident.results.text import MISSING, Column, Table, format_number, format_
 class Trust(Section):
     """What the diagnostics say; left out where none were made and no log leaves what the fit has seen."""
 
-    title: ClassVar = "How far to trust it"
+    title: ClassVar = "Diagnostics"
     template: ClassVar = "trust.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
@@ -31,12 +31,16 @@ class Trust(Section):
 
 
 def _joints(found: Mapping[str, Any]) -> tuple[str, Table]:
-    columns = (Column("joint"), Column("noise is white: p", numeric=True), Column("noise is constant: p", numeric=True))
+    columns = (
+        Column("joint"),
+        Column("whiteness: p-value", numeric=True),
+        Column("constant variance: p-value", numeric=True),
+    )
     rows = tuple(
         (label(joint["name"]), *(format_number(joint[key], 2) for key in ("whiteness_p", "constant_variance_p")))
         for joint in found["joints"]
     )
-    return "Noise of each joint", Table(columns, rows)
+    return "Residual tests by joint", Table(columns, rows)
 
 
 def _parts(found: Mapping[str, Any]) -> tuple[str, Table]:
@@ -49,11 +53,11 @@ def _parts(found: Mapping[str, Any]) -> tuple[str, Table]:
         (f"{k} of {len(found['parts'])}", format_number(100 * part["leverage"], 2), _number(part["cook"]))
         for k, part in enumerate(found["parts"], start=1)
     )
-    return "What the estimate hangs on", Table(columns, rows)
+    return "Influence of parts of the logs", Table(columns, rows)
 
 
 def _folds(found: Mapping[str, Any]) -> tuple[str, Table]:
-    columns = (Column("left out"), Column("rows", numeric=True), Column("relative error", numeric=True))
+    columns = (Column("left out"), Column("samples", numeric=True), Column("relative error", numeric=True))
     rows = tuple((label(fold["name"]), str(fold["rows"]), _share(fold["relative_error"])) for fold in found["folds"])
     return f"Cross-validation over {found['over']} ({found['estimator']})", Table(columns, rows)
 

@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dynident.estimation.estimate import Estimate
-from dynident.estimation.warnings import warnings_of
+from dynident.diagnosis.warnings import warnings_of
+from dynident.identification.estimate.estimate import Estimate
 from dynident.results.report.judgement import GAP, LOST, WELL_KNOWN, grade, tone
 from dynident.results.report.sections.base import Section
 from dynident.results.report.subject import Subject
@@ -62,32 +62,30 @@ def _worst(subject: Subject) -> float:
 def _prediction(subject: Subject) -> Answer:
     train = subject.estimate.train.total_relative_error
     if not subject.held_out:
-        return Answer(format_percent(train), "torque error on the data of the fit", _NO_TEST, "fair")
+        return Answer(format_percent(train), "training error of the torque", _NO_TEST, "fair")
     worst = _worst(subject)
     largest = f", largest of {len(subject.held_out)} tests" if len(subject.held_out) > 1 else ""
-    meaning = f"torque error on data the fit has not seen{largest}"
-    return Answer(format_percent(worst), meaning, f"on the data of the fit: {format_percent(train)}", tone(worst))
+    meaning = f"test error of the torque{largest}"
+    return Answer(format_percent(worst), meaning, f"training error: {format_percent(train)}", tone(worst))
 
 
 def _about_prediction(subject: Subject) -> list[str]:
     train = subject.estimate.train.total_relative_error
     if not subject.held_out:
-        return [f"The model misses {format_percent(train)} of the torques it was fitted to.", _untested(subject)]
+        return [f"The training error is {format_percent(train)} of the measured torque.", _untested(subject)]
     worst = _worst(subject)
-    said = [
-        f"On motions it has not seen, the model misses {format_percent(worst)} of the measured torque: {grade(worst)}."
-    ]
+    said = [f"The test error is {format_percent(worst)} of the measured torque: {grade(worst)}."]
     tests = [dataset.validation for dataset in subject.held_out]
     moving = max((test.moving_relative_error for test in tests if test.rests), default=np.nan)
     if moving < 0.9 * worst:
         said.append(
-            f"Without the rows at rest it misses {format_percent(moving)}: what friction holds at rest depends on how "
+            f"Without the samples at rest it is {format_percent(moving)}: friction at rest depends on how "
             "the drive came there."
         )
     if np.isfinite(worst) and worst > GAP * train > 0:
         said.append(
-            f"That is {worst / train:.1f} times the error on the data of the fit: see in the residuals whether the "
-            "tests move in ways the fit did not see enough of, or only have smaller torques or more noise."
+            f"That is {worst / train:.1f} times the training error: see in the residuals whether the "
+            "tests leave the training range, or only have smaller torques or more noise."
         )
     return said
 
@@ -96,7 +94,7 @@ def _untested(subject: Subject) -> str:
     """Return why there is no test and what to do about it."""
     why = label(subject.why_no_test) if subject.why_no_test else ""
     split = _split_of(subject.estimate)
-    flatters = "the error on the data of the fit flatters a model"
+    flatters = "training error is optimistic"
     if split:
         also = f" ({why})" if why else ""
         return (
@@ -125,7 +123,7 @@ def _split_of(estimate: Estimate) -> str:
 def _consistency(estimate: Estimate) -> Answer:
     found = estimate.consistency
     if found.consistent:
-        return Answer("Yes", "physically consistent", "a possible robot stands behind the estimate", "good")
+        return Answer("Yes", "physically consistent", "pseudo-inertia positive definite for each link", "good")
     count = len(found.reasons)
     return Answer("No", "physically consistent", f"{count} condition{'s' if count != 1 else ''} broken", "bad")
 
@@ -133,15 +131,15 @@ def _consistency(estimate: Estimate) -> Answer:
 def _about_robot(subject: Subject) -> list[str]:
     estimate, found = subject.estimate, subject.estimate.consistency
     if found.consistent:
-        said = ["A robot with these parameters can exist: a simulation of it stays stable, whether it is right or not."]
+        said = ["The parameters are physically consistent: the mass matrix is positive definite in every posture."]
         seen = [warnings_of(estimate, test) for test in (None, *subject.tests)]
         return said + [f"Look into this: {label(text)}." for text in dict.fromkeys(t for texts in seen for t in texts)]
     reasons = "; ".join(label(reason) for reason in found.reasons[:_REASONS])
     more = len(found.reasons) - _REASONS
     return [
-        f"No robot can have these parameters ({reasons}{f' and {more} more' if more > 0 else ''}): use the model to "
-        "predict torques near the recorded motions, not to simulate, or identify with an estimator that keeps to "
-        "possible robots."
+        f"The parameters are physically inconsistent ({reasons}{f' and {more} more' if more > 0 else ''}): use the "
+        "model to predict torques near the recorded motions, not to simulate, or identify with a physically consistent "
+        "estimator."
     ]
 
 
@@ -150,8 +148,8 @@ def _knowledge(estimate: Estimate) -> Answer:
     known = int(np.sum(relative <= WELL_KNOWN))
     share = known / max(len(relative), 1)
     worst = int(np.argmax(relative)) if len(relative) else -1
-    detail = "" if worst < 0 else f"least known: {_short(estimate, worst)}, to {format_percent(relative[worst])}"
-    meaning = f"base parameters known to {format_percent(WELL_KNOWN)} or better"
+    detail = "" if worst < 0 else f"largest: {format_percent(relative[worst])}, {_short(estimate, worst)}"
+    meaning = f"base parameters with relative std up to {format_percent(WELL_KNOWN)}"
     return Answer(f"{known} of {len(relative)}", meaning, detail, "good" if share >= 0.8 else "fair")
 
 
@@ -159,13 +157,13 @@ def _about_parameters(estimate: Estimate) -> list[str]:
     relative = np.where(np.isnan(estimate.relative_deviations), np.inf, estimate.relative_deviations)
     lost = [int(k) for k in np.argsort(-relative, kind="stable") if relative[k] > LOST]
     if not lost:
-        return ["Every base parameter can be told from zero."]
+        return ["Every base parameter is significant at 95 %."]
     names = ", ".join(_short(estimate, k) for k in lost[:_REASONS])
     more = len(lost) - _REASONS
     return [
-        f"{len(lost)} of {len(relative)} base parameters cannot be told from zero at 95 %: {names}"
-        f"{f' and {more} more' if more > 0 else ''}. They hardly move the recorded torques, so they hardly matter for "
-        "motions like these; do not rely on their values."
+        f"{len(lost)} of {len(relative)} base parameters are not significant at 95 %: {names}"
+        f"{f' and {more} more' if more > 0 else ''}. They have little effect on the recorded torques, and on those of "
+        "similar motions. Do not rely on their values."
     ]
 
 

@@ -25,7 +25,7 @@
       this.figure.className = "live-view";
       this.svg = make(this.figure, "svg", { class: "fig turnable", role: "img",
         "font-family": "system-ui, sans-serif", "font-size": 13 });
-      this.svg.setAttribute("aria-label", "Masses in space, as turned by the sliders above");
+      this.svg.setAttribute("aria-label", "Mass distribution, as turned by the sliders above");
       box.prepend(this.figure);
       box.classList.add("turning");
       this.controls(box);

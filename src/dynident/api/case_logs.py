@@ -1,0 +1,169 @@
+"""The logs of a case: named, read and split, or compressed where they are too large for memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from dynident.case.case import Case
+from dynident.data.formats import LARGE
+from dynident.data.log import Log
+from dynident.data.log_places import logs_named, size_of
+from dynident.errors import BadOption, DescriptionError, LogMismatch
+from dynident.identification.estimators import Estimator
+
+if TYPE_CHECKING:
+    from dynident.identification.estimate.estimate import Estimate
+    from dynident.identification.streaming.digest import Digest
+
+
+@dataclass(frozen=True)
+class CaseData:
+    """Logs to learn from and logs to test on."""
+
+    train: tuple[Log, ...]
+    test: tuple[Log, ...]
+
+
+def with_logs(case: Case, train: Sequence[str] | None, test: Sequence[str] | None) -> tuple[Case, tuple[str, ...]]:
+    """Return the case with logs in place of its own, each a file or an address, and what was left out as no log.
+
+    Folders, patterns and folders of buckets are replaced by the logs that they stand for.
+
+    Args:
+        case: The case.
+        train: Logs to learn from; None for those of the case.
+        test: Logs to test on; None for those of the case.
+
+    Raises:
+        FileError: A pattern or a folder without logs, or an address that cannot be reached.
+        MissingDependency: An address, and fsspec is not installed.
+    """
+    learned, others = logs_named(case.train if train is None else train, case.find)
+    tested, more = logs_named(case.test if test is None else test, case.find)
+    return replace(case, train=tuple(learned), test=tuple(tested)), (*others, *more)
+
+
+def read_data(case: Case) -> CaseData:
+    """Read the logs of a case, and split them where that is asked.
+
+    Raises:
+        DynidentError: No log named, or any fault of a log.
+    """
+    if case.split is not None and case.test:
+        raise DescriptionError(case.path, "split", "it stands beside 'test'", "keep one of the two")
+    if not case.train:
+        raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
+    train, given = ([case.read(name) for name in names] for names in (case.train, case.test))
+    _check_distinct(train, given)
+    if given or case.split is None:
+        return CaseData(tuple(train), tuple(given))
+    parts = [case.split.apply(log) for log in train]
+    return CaseData(tuple(a for a, _ in parts), tuple(b for _, b in parts))
+
+
+def _check_distinct(train: Sequence[Log], test: Sequence[Log]) -> None:
+    """Refuse a log that counts twice: its rows would look like new ones."""
+    seen: dict[str, str] = {}
+    for log in (*train, *test):
+        if log.source.sha256 in seen:
+            step = "give each log once, and test on logs that are not trained on"
+            raise LogMismatch(log.name, f"the same content as {seen[log.source.sha256]}", step)
+        seen[log.source.sha256] = log.name
+
+
+def digest_of_large_logs(
+    case: Case, estimator: Estimator, needs_rows: str, progress: Callable[[str], None]
+) -> Digest | None:
+    """Return the logs of a case that are too large for memory, compressed; None where they are read into memory.
+
+    Args:
+        case: The case.
+        estimator: What will fit them.
+        needs_rows: What else is asked for that needs rows, in words; empty for nothing.
+        progress: Told each step in words, and why logs are read into memory although they are large.
+
+    Raises:
+        DynidentError: Any fault of a log.
+    """
+    size = sum(size_of(str(case.place(name))) for name in case.train)
+    if size <= LARGE:
+        return None
+    why = _why_not_streamed(case, estimator) or (f"{needs_rows} needs the rows" if needs_rows else "")
+    if why:
+        progress(f"logs of {size >> 20} MiB are read into memory: {why}")
+        return None
+    from dynident.identification.streaming.reduction import reduce_logs
+
+    progress("reducing the logs as a stream")
+    return reduce_logs(case.stream_setup(), [case.place(name) for name in case.train])
+
+
+def _why_not_streamed(case: Case, estimator: Estimator) -> str:
+    """Return why a stream cannot do what is asked for, and what to do; empty where it can."""
+    try:
+        case.stream_setup().check()
+    except LogMismatch as error:
+        return f"{error.evidence}; {error.step}"
+    if case.split is not None:
+        return "the test part is needed as well"
+    if case.preprocessing.filter.span(1000.0) is None:
+        return "the filter needs the whole log at once"
+    return "" if estimator.from_triangles else "the estimator needs the rows"
+
+
+def digest_of_file(case: Case, path: str, estimator: Estimator) -> Digest:
+    """Return the compressed logs of a file, once they are found to be of the model and preprocessing of a case.
+
+    Raises:
+        BadOption: The estimator needs rows.
+        DynidentError: The file is of another model, or damaged.
+    """
+    from dynident.identification.streaming.estimate import check_estimator
+    from dynident.identification.streaming.triangle_file import check_case, read_digest
+
+    check_estimator(estimator)
+    digest = read_digest(path)
+    check_case(digest, path, case.model, case.preprocessing)
+    return digest
+
+
+def test_logs(case: Case, digest: Digest) -> tuple[Log, ...]:
+    """Return the logs of a case to test on, none of which is in the digest.
+
+    Raises:
+        LogMismatch: One is.
+        DynidentError: Any fault of a log.
+    """
+    seen = {chunk.sha256: chunk.path for chunk in digest.chunks}
+    logs = tuple(case.read(name) for name in case.test)
+    for log in logs:
+        if log.source.sha256 in seen:
+            evidence = f"the same content as {seen[log.source.sha256]}"
+            raise LogMismatch(log.name, evidence, "test on logs that are not trained on")
+    return logs
+
+
+def seen_logs(estimate: Estimate, logs: Sequence[Log]) -> list[str]:
+    """Return the names of logs with the content of one that trained the estimate, whole or in part."""
+    trained = {log.get("sha256") for log in estimate.provenance.get("logs", ())} - {"", None}
+    return [log.name for log in logs if log.source.sha256 in trained]
+
+
+def check_unseen(estimate: Estimate, logs: Sequence[Log]) -> None:
+    """Refuse a log that trained the estimate where a report would call it unseen.
+
+    Raises:
+        LogMismatch: A log has the content of one of the fit.
+    """
+    for name in seen_logs(estimate, logs)[:1]:
+        step = "test on another log, or on the rest of this one with --split as in the fit"
+        raise LogMismatch(name, "the log is among the training logs", step)
+
+
+def log_quality(case: Case) -> list[dict[str, Any]]:
+    """Return what the checks find in the logs to learn from of the case."""
+    from dynident.diagnosis.checks import examine
+
+    return [examine(case, name).figures() for name in case.train]

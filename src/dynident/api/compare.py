@@ -1,0 +1,109 @@
+"""compare: several estimators on the same logs of a case, measured by logs that had no part in the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from dynident.api.case_logs import CaseData, read_data
+from dynident.api.case_options import cut, estimator_of, prior_of
+from dynident.case.case import Case
+from dynident.errors import BadOption
+from dynident.identification.build_problem import PriorKnowledge, build_problem
+from dynident.identification.estimators import ESTIMATORS
+from dynident.studies.comparison.compare import compare as compare_methods
+from dynident.studies.comparison.compare import contest_of
+from dynident.studies.comparison.contest import Contest, Method, Outcome
+from dynident.studies.comparison.truth import read_truth
+
+
+def compare(
+    case: Case,
+    estimators: str = "all",
+    data: CaseData | None = None,
+    truth: str | None = None,
+    progress: Callable[[str], None] = lambda step: None,
+) -> Iterator[Outcome]:
+    """Yield what each estimator comes to on the logs of a case.
+
+    Args:
+        case: The case.
+        estimators: Names with their options, as :func:`methods_of` reads them.
+        data: Logs to learn from and to test on; None for those of the case.
+        truth: File with the parameters of a simulated robot; None where they are not known.
+        progress: Told each step in words.
+
+    Raises:
+        DynidentError: Any fault of the case, a log or an option.
+    """
+    methods = methods_of(case, estimators)
+    contest = contest_of_case(case, data or read_data(case), truth=truth, progress=progress)
+    yield from compare_methods(contest, methods, progress=progress)
+
+
+def contest_of_case(
+    case: Case, data: CaseData, truth: str | None = None, progress: Callable[[str], None] = lambda step: None
+) -> Contest:
+    """Return what every method is given, and what it is measured by.
+
+    Args:
+        case: The case.
+        data: Logs to learn from and to test on.
+        truth: File with the parameters of a simulated robot; None where they are not known.
+        progress: Told each step in words.
+
+    Raises:
+        DynidentError: Any fault of a log or of the truth.
+    """
+    knowledge = PriorKnowledge(case.constraints, prior_of(case))
+    problem = build_problem(case.model, data.train, case.preprocessing, progress, case.choose_friction, knowledge)
+    known = read_truth(case.find(truth), problem.model, case.locked) if truth else None
+    return contest_of(problem, data.test, known)
+
+
+def methods_of(case: Case, text: str, seed: int | None = None) -> list[Method]:
+    """Return the methods that a text names, each once, in its order.
+
+    Names are separated by commas; ``all`` is the whole family. Options follow as ``:key=value``; a comma within a value
+    stands before no letter, or in brackets. Options of the case's own estimator hold for its name.
+
+    Args:
+        case: Where the options of one estimator may stand.
+        text: Such as ``all`` or ``wls,huber:bound=2,didim:kp=100,80:kd=9,7``.
+        seed: For the methods that have one and do not state it.
+
+    Raises:
+        BadOption: An empty name, a negative seed or an option that a method does not have.
+        UnknownChoice: No such estimator.
+    """
+    if seed is not None and seed < 0:
+        raise BadOption("--seed", seed, "give 0 or more")
+    found: dict[str, Method] = {}
+    for written in split_names(text):
+        for label in ESTIMATORS.names() if written == "all" else (written,):
+            name, *settings = cut(label, ":")
+            if not name:
+                raise BadOption("--estimators", text, "write names with commas between them, such as wls,consistent")
+            if name not in ESTIMATORS.names():
+                ESTIMATORS.get(name)  # says which there are
+            if not all("=" in setting for setting in settings):
+                raise BadOption("--estimators", label, "write options behind a name, such as huber:bound=2")
+            stated = [setting.partition("=")[0] for setting in settings]
+            if seed is not None and "seed" not in stated and _has_seed(name):
+                settings.append(f"seed={seed}")
+            found.setdefault(label, Method(label, estimator_of(case, name, settings)))
+    return list(found.values())
+
+
+def _has_seed(name: str) -> bool:
+    return any(option.name == "seed" for option in ESTIMATORS.options(name))
+
+
+def split_names(text: str) -> list[str]:
+    """Return the parts of a list whose items begin with a letter; a comma before anything else belongs to a value."""
+    items: list[str] = []
+    for piece in cut(text, ","):
+        if items and ":" in items[-1] and not piece[:1].isalpha():
+            items[-1] += f",{piece}"
+        else:
+            items.append(piece)
+    return items

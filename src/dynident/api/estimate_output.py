@@ -1,0 +1,34 @@
+"""An estimate as JSON, on the screen or in a file, with the warnings about it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from dynident.diagnosis.warnings import warnings_of
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Validation
+from dynident.identification.files import estimate_file
+
+
+def summary(estimate: Estimate, test: Validation | None = None) -> dict[str, Any]:
+    """Return what ``--json`` prints: documented plain data, relative figures as fractions.
+
+    Args:
+        estimate: The estimate.
+        test: Its figures on data that had no part in the fit.
+    """
+    return estimate_file.summary(estimate, test, warnings_of(estimate, test))
+
+
+def write_estimate(estimate: Estimate, path: str | Path) -> None:
+    """Write an estimate as JSON with the warnings about it; the old file or the new one is there, never half of one.
+
+    Args:
+        estimate: The estimate.
+        path: The file.
+
+    Raises:
+        FileError: The file cannot be written.
+    """
+    estimate_file.write_estimate(estimate, path, warnings_of(estimate))

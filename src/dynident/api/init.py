@@ -1,0 +1,76 @@
+"""init: the draft of a case file from a robot model and its logs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dynident.case.case_draft import Draft, draft_case
+from dynident.errors import BadOption
+from dynident.files import resolved
+
+
+@dataclass(frozen=True)
+class LogKind:
+    """What is stated of the files of logs; empty or None: found from the columns and the suffix.
+
+    Attributes:
+        profile: Profile of their vendor.
+        format: Format of the files.
+        format_options: Options of the format, as text.
+        rate_hz: Rows a second, where no column has the time.
+    """
+
+    profile: str = ""
+    format: str = ""
+    format_options: Mapping[str, str | None] = field(default_factory=dict)
+    rate_hz: float | None = None
+
+
+def init(
+    robot: str,
+    logs: str | Sequence[str],
+    folder: str | Path = ".",
+    *,
+    test: Sequence[str] = (),
+    kind: LogKind | None = None,
+) -> Draft:
+    """Return the draft of a case file: its text, what it asks, and what was recognised.
+
+    Args:
+        robot: Robot model, or the name of a built-in robot.
+        logs: Log of a motion, or several with the same columns.
+        folder: Where the case file will stand; paths in it are relative to it.
+        test: Logs to test on.
+        kind: What is stated of the files of the logs.
+
+    Raises:
+        FileError: A file cannot be read.
+        DescriptionError: A fault in the robot model.
+        LogFormatError: No sound log.
+        UnknownChoice: No such profile or format.
+        BadOption: A log that is named twice, or a profile or a rate that does not fit.
+    """
+    train, kind = (logs,) if isinstance(logs, str) else tuple(logs), kind or LogKind()
+    _check_once((*train, *test))
+    return draft_case(
+        robot,
+        train,
+        folder,
+        test=test,
+        profile=kind.profile,
+        form=kind.format,
+        form_options=kind.format_options,
+        rate_hz=kind.rate_hz,
+    )
+
+
+def _check_once(logs: Sequence[str]) -> None:
+    """Refuse a log that is named twice: it would count twice in the fit, or be tested on after it was learned from."""
+    seen: dict[Path, str] = {}
+    for log in logs:
+        place = resolved(log)
+        if place in seen:
+            raise BadOption("LOG", log, f"it is the same file as {seen[place]}: name each log once")
+        seen[place] = log

@@ -1,0 +1,106 @@
+"""A stream of rows as the monitor takes it: velocities, and each torque beside the motion that it belongs to."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.applications.monitor.monitor import Monitor, MonitorSample, MonitorState, step
+from dynident.arrays import Array
+from dynident.data.formats import live_rows
+from dynident.data.log_of_robot import with_meaning
+from dynident.errors import LogMismatch
+from dynident.identification.estimate.estimate import Estimate
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """One instant; ``dq`` is there."""
+
+    time: float
+    q: Array
+    dq: Array
+    torque: Array
+    temperature: Array | None
+
+
+def watch(monitor: Monitor, lines: Iterable[str]) -> Iterator[MonitorSample]:
+    """Yield the reading of each sample of a text that is still being written, columns and units as those of the fit.
+
+    As for a log (:func:`dynident.applications.monitor.signals.signals_of`), without velocities they are differences,
+    and positions and torques are means over the same two samples; the motion is shifted by the torque's delay in the
+    fit, linearly between samples. Time need not be uniform.
+
+    Args:
+        monitor: The monitor.
+        lines: The lines, such as ``sys.stdin``.
+
+    Raises:
+        LogFormatError: A row that is unsound, named by its number.
+        LogMismatch: No torques or temperatures, or joints that are not the robot's.
+    """
+    state = MonitorState()
+    estimate = monitor.observer.estimate
+    for one in _beside(_with_speed(_samples(estimate, lines)), estimate.preprocessing.delay_s or 0.0):
+        state, reading = step(monitor, state, one.time, one.q, one.dq, one.torque, one.temperature)
+        yield reading
+
+
+def _samples(estimate: Estimate, lines: Iterable[str]) -> Iterator[tuple[_Sample, bool]]:
+    """Yield samples, and whether they have velocities."""
+    robot, needs = estimate.model.robot, estimate.model.needs
+    for row in live_rows(lines, estimate.columns):
+        log = with_meaning(row, estimate.columns, robot).ordered(robot.joint_names)
+        if log.torque is None:
+            raise LogMismatch(
+                log.name, "no torques", "send torque columns, or currents with the drive gains of the fit"
+            )
+        if "temperature" in needs and log.temperature is None:
+            raise LogMismatch(log.name, "no temperatures of the drives", "send them: the friction depends on them")
+        warm = None if log.temperature is None else log.temperature[0]
+        speed = np.zeros_like(log.q[0]) if log.dq is None else log.dq[0]
+        yield _Sample(float(log.time[0]), log.q[0], speed, log.torque[0], warm), log.dq is not None
+
+
+def _with_speed(samples: Iterable[tuple[_Sample, bool]]) -> Iterator[_Sample]:
+    """Yield samples with velocities, those between two where they are differences."""
+    last: _Sample | None = None
+    for one, moving in samples:
+        if moving:
+            yield one
+        elif last is not None:
+            speed = (one.q - last.q) / (one.time - last.time)
+            q, torque = 0.5 * (last.q + one.q), 0.5 * (last.torque + one.torque)
+            yield _Sample(0.5 * (last.time + one.time), q, speed, torque, one.temperature)
+        last = one
+
+
+def _beside(samples: Iterable[_Sample], delay: float) -> Iterator[_Sample]:
+    """Yield torques beside the motion ``delay`` seconds before, as soon as both are there."""
+    if not delay:
+        yield from samples
+        return
+    motion: deque[_Sample] = deque()
+    waiting: deque[_Sample] = deque()
+    for one in samples:
+        motion.append(one)
+        waiting.append(one)
+        while waiting and waiting[0].time - delay <= motion[-1].time:
+            wanted = waiting[0].time - delay
+            while len(motion) > 1 and motion[1].time <= wanted:
+                motion.popleft()
+            held = waiting.popleft()
+            if motion[0].time <= wanted:
+                q, dq = (_between(motion, wanted, name) for name in ("q", "dq"))
+                yield _Sample(held.time, q, dq, held.torque, held.temperature)
+
+
+def _between(motion: deque[_Sample], time: float, name: str) -> Array:
+    """Return a signal at a time, linearly between the first two samples."""
+    first, second = motion[0], motion[min(1, len(motion) - 1)]
+    span = second.time - first.time
+    share = (time - first.time) / span if span else 0.0
+    return (1.0 - share) * getattr(first, name) + share * getattr(second, name)

@@ -1,0 +1,246 @@
+"""Monitor: thresholds for the observer's residual from clean runs, and one step of a stream."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from dynident.applications.monitor.band import BandWeights, fitted_band, lagged, shapes
+from dynident.applications.monitor.momentum_observer import MomentumObserver
+from dynident.applications.monitor.signals import Signals, residuals_of
+from dynident.applications.monitor.tails import Tail, shrunk, tail_of
+from dynident.arrays import Array, frozen
+from dynident.errors import BadOption, LogMismatch
+
+#: Time constants of the observer below the threshold after which an alarm is over.
+APART = 5.0
+
+#: A step longer than this many time constants of the observer starts it anew.
+LOST = 20.0
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """A momentum observer with a threshold for each joint.
+
+    The threshold of a joint is its factor times its torque band, the standard deviation of the residual at that state:
+    wider where the model is less sure.
+
+    Attributes:
+        observer: The observer.
+        band: The torque band.
+        factors: Shape (n,).
+        rates: False alarms a second that were asked for, shape (n,).
+        tails: Of each joint's residual over its band, by which the factors were found.
+    """
+
+    observer: MomentumObserver
+    band: BandWeights
+    factors: Array
+    rates: Array
+    tails: tuple[Tail, ...]
+
+    def __post_init__(self) -> None:
+        joints = self.observer.model.robot.dof
+        for name in ("factors", "rates"):
+            object.__setattr__(self, name, frozen(getattr(self, name), (joints,), name))
+
+    def thresholds(self, run: Signals) -> Array:
+        """Return the threshold of each joint along a run, shape (N, n), in N m or N."""
+        observer, found = self.observer, []
+        start = 0
+        for terms in observer.chunks(run.q, run.dq, run.temperature):
+            dq = run.dq[start : start + len(terms.momentum)]
+            found.append(self.band.variances(terms, observer.deviations(terms), dq))
+            start += len(dq)
+        keep = float(np.exp(-observer.gain * run.step))
+        return np.asarray(self.factors) * np.sqrt(lagged(np.concatenate(found), keep))
+
+
+@dataclass(frozen=True)
+class MonitorState:
+    """What a stream keeps from one sample to the next: a few numbers a joint, however long it runs.
+
+    Attributes:
+        time: Of the last sample, in s; None before the first.
+        momentum: Then, shape (n,).
+        push: Measured torque less the model's drift then, shape (n,).
+        residual: Torque from outside, shape (n,), in N m or N.
+        variance: Of the residual without contact, shape (n,).
+        active: Time at which each joint was last above its threshold, shape (n,); -inf for never.
+    """
+
+    time: float | None = None
+    momentum: Array | None = None
+    push: Array | None = None
+    residual: Array | None = None
+    variance: Array | None = None
+    active: Array | None = None
+
+
+@dataclass(frozen=True)
+class MonitorSample:
+    """One sample of a monitored stream.
+
+    Attributes:
+        time: In s.
+        residual: Torque from outside, shape (n,), in N m or N.
+        threshold: Shape (n,).
+        above: Joints above their threshold.
+        alarms: Those of them whose alarm begins here.
+    """
+
+    time: float
+    residual: Array
+    threshold: Array
+    above: tuple[str, ...]
+    alarms: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """A joint above its threshold.
+
+    Attributes:
+        joint: Name.
+        start: When it rose above, in s.
+        end: When it was last above, in s.
+        peak: Largest torque from outside meanwhile, with its sign, in N m or N.
+        threshold: At the peak.
+    """
+
+    joint: str
+    start: float
+    end: float
+    peak: float
+    threshold: float
+
+
+def calibrated(observer: MomentumObserver, clean: Sequence[Signals], rates: npt.ArrayLike) -> Monitor:
+    """Return a monitor whose joints raise false alarms at chosen rates, by the residuals of clean runs.
+
+    Args:
+        observer: The observer.
+        clean: Signals of runs without contact, such as the monitored robot will make.
+        rates: False alarms a second, one number or one per joint.
+
+    Raises:
+        BadOption: A rate that is not above 0.
+        LogMismatch: Too little was recorded to know how often a residual rises.
+    """
+    model = observer.model
+    wanted = np.asarray(rates, dtype=float)
+    if wanted.shape not in ((), (model.robot.dof,)) or not np.all((wanted > 0) & np.isfinite(wanted)):
+        step = f"give false alarms a second, above 0: one number, or one for each of the {model.robot.dof} joints"
+        raise BadOption("rates", wanted.tolist(), step)
+    wanted = np.broadcast_to(wanted, (model.robot.dof,))
+    if not clean:
+        raise LogMismatch("monitor", "no clean run", "give at least one log without contact")
+    band, shares = _band_and_shares(observer, clean)
+    steps = [run.step for run in clean]
+    tails = shrunk(
+        [
+            tail_of([one[:, j] for one in shares], steps, APART / observer.gain, name)
+            for j, name in enumerate(model.robot.joint_names)
+        ]
+    )
+    factors = []
+    for tail, rate, name in zip(tails, wanted, model.robot.joint_names, strict=True):
+        if rate >= tail.rate:
+            step = f"choose a rate below {3600 * tail.rate:.3g} alarms an hour for {name}"
+            raise BadOption("rates", float(rate), step)
+        factors.append(tail.threshold(float(rate)))
+    return Monitor(observer, band, np.array(factors), wanted, tails)
+
+
+def _band_and_shares(observer: MomentumObserver, clean: Sequence[Signals]) -> tuple[BandWeights, list[Array]]:
+    """Return the band of clean runs, and the residual of each over it once the start is forgotten, (N, n) each."""
+    speeds = np.maximum(np.sqrt(np.mean(np.concatenate([run.dq**2 for run in clean]), axis=0)), 1e-9)
+    residuals, moments = [], []
+    for run in clean:
+        terms = list(observer.chunks(run.q, run.dq, run.temperature))
+        ends = np.cumsum([0, *(len(one.momentum) for one in terms)])
+        parts = zip(terms, ends, ends[1:], strict=False)
+        moments.append(np.concatenate([shapes(o, observer.deviations(o), run.dq[a:b], speeds) for o, a, b in parts]))
+        residuals.append(residuals_of(observer, run))
+    keeps = [float(np.exp(-observer.gain * run.step)) for run in clean]
+    starts = [_settled(run, observer) for run in clean]
+    cut = [(one[s:], rows[s:]) for one, rows, s in zip(residuals, moments, starts, strict=True)]
+    band = fitted_band([one for one, _ in cut], [rows for _, rows in cut], keeps, speeds)
+    shares = []
+    for residual, rows, keep, start in zip(residuals, moments, keeps, starts, strict=True):
+        variance = lagged(np.einsum("sjf,jf->sj", rows, band.weights), keep)
+        shares.append((np.abs(residual) / np.sqrt(variance))[start:])
+    return band, shares
+
+
+def _settled(run: Signals, observer: MomentumObserver) -> int:
+    """Return the first sample at which the observer has forgotten its start."""
+    return min(round(APART / observer.gain / run.step), len(run.time) // 2)
+
+
+def step(
+    monitor: Monitor,
+    state: MonitorState,
+    time: float,
+    q: npt.ArrayLike,
+    dq: npt.ArrayLike,
+    torque: npt.ArrayLike,
+    temperature: npt.ArrayLike | None = None,
+) -> tuple[MonitorState, MonitorSample]:
+    """Return the next state and the reading of one sample of a stream; start with ``MonitorState()``.
+
+    The residual is that of :func:`residuals_of` on a whole log, to rounding. After a gap of many time constants of the
+    observer it starts anew.
+
+    Args:
+        monitor: The monitor.
+        state: Of the sample before.
+        time: In s.
+        q: Positions, shape (n,), in rad or m.
+        dq: Velocities, shape (n,), in rad/s or m/s.
+        torque: Measured torques, shape (n,), in N m or N, of the same instant as the positions.
+        temperature: Of the drives, shape (n,), where friction depends on it.
+
+    Raises:
+        BadOption: A shape that does not fit the robot.
+        LogMismatch: Time that does not run forward, or a value that is no finite number.
+    """
+    observer, names = monitor.observer, monitor.observer.joint_names
+    here, speed, effort = (_row(names, name, one) for name, one in (("q", q), ("dq", dq), ("torque", torque)))
+    warm = None if temperature is None else _row(names, "temperature", temperature)
+    if not np.isfinite(time) or (state.time is not None and time <= state.time):
+        raise LogMismatch("stream", f"time {time:g} s after {state.time} s", "send samples in order, each once")
+    terms = observer.equations.at(here, speed, warm)
+    momentum, push = terms.momentum, effort - terms.drift
+    fresh = monitor.band.variances(terms, observer.deviations(terms), speed)[0]
+    if state.time is None or (time - state.time) * observer.gain > LOST:
+        residual, variance = np.zeros(len(names)), fresh
+    else:
+        dt = time - state.time
+        pair = np.stack([np.asarray(state.momentum), momentum[0]]), np.stack([np.asarray(state.push), push[0]])
+        outside = observer.steps(np.array([dt]), *pair)[0]
+        keep = np.exp(-observer.gain * dt)
+        residual = keep * np.asarray(state.residual) + (1.0 - keep) * outside
+        variance = keep**2 * np.asarray(state.variance) + (1.0 - keep**2) * fresh
+    threshold = np.asarray(monitor.factors) * np.sqrt(variance)
+    above = np.abs(residual) > threshold
+    last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
+    begins = above & (time - last > APART / observer.gain)
+    following = MonitorState(float(time), momentum[0], push[0], residual, variance, np.where(above, time, last))
+    named = tuple(name for name, one in zip(names, above, strict=True) if one)
+    begun = tuple(name for name, one in zip(names, begins, strict=True) if one)
+    return following, MonitorSample(float(time), residual, threshold, named, begun)
+
+
+def _row(names: Sequence[str], what: str, values: npt.ArrayLike) -> Array:
+    row = np.asarray(values, dtype=float)
+    if row.shape != (len(names),):
+        raise BadOption(what, f"of shape {row.shape}", f"give one number for each of the {len(names)} joints")
+    if not np.all(np.isfinite(row)):
+        bad = names[int(np.argmin(np.isfinite(row)))]
+        raise LogMismatch("stream", f"{what} of {bad} is no finite number", "leave this sample out")
+    return row[None]

@@ -1,0 +1,188 @@
+"""From the payload's ten and their covariance to a statement: intervals, verdicts, the possible body behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.applications.payload.carried_load import IDENTIFIED, NOT_DETERMINED, WEAK, CarriedLoad, LoadParameter
+from dynident.applications.payload.gain_doubt import GainDoubt
+from dynident.applications.payload.possible_body import possible_body
+from dynident.arrays import Array, BoolArray
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.residuals.quantiles import chi_square_tail, student_quantile
+from dynident.model.inertia import TEN, Inertia
+
+#: By how much payloads of one mass differ: lever of the centre of mass and radius of gyration, in m.
+LENGTH = 0.1
+
+#: Half an interval may reach this share of it, for the mass of the mass itself, and still count as identified.
+SHARE = 0.5
+
+#: Torque that is left with the payload, as a multiple of that of the fit, from which on the payload explains nothing.
+FAR = 10.0
+
+#: Chance of a body as far from the ten by noise alone below which it is said.
+UNLIKELY = 0.001
+
+UNITS = (*["kg m^2"] * 6, *["kg m"] * 3, "kg")
+
+
+@dataclass(frozen=True)
+class PayloadFit:
+    """What the fit has found of a payload.
+
+    Attributes:
+        ten: In the frame of the flange, shape (10,).
+        open: Which of them no row determines, shape (10,).
+        parts: Covariance by source, shape (10, 10) each.
+        degrees: Degrees of freedom of each variance by noise, shape (10,).
+        place: Link that carries it, and the pose of the flange in its frame.
+        rows: ``motion`` or ``poses``.
+        samples: Rows used.
+        residual: Root mean square torque that is left without and with the payload, shape (n,) each.
+        gains: Doubt about drive gains; None where no torque is made of one, or they are said to be exact.
+    """
+
+    ten: Array
+    open: BoolArray
+    parts: Mapping[str, Array]
+    degrees: Array
+    place: tuple[int, Array, Array]
+    rows: str
+    samples: int
+    residual: tuple[Array, Array]
+    gains: GainDoubt | None = None
+
+
+def stated(found: PayloadFit, estimate: Estimate, flange: str, level: float, logs: tuple[str, ...]) -> CarriedLoad:
+    """Return the payload with its intervals and verdicts."""
+    robot = estimate.model.robot
+    closed = np.outer(~found.open, ~found.open)
+    covariance = np.where(closed, sum(found.parts.values()), 0.0)
+    degrees = _degrees(found, np.where(found.open, np.inf, np.maximum(np.diag(covariance), 1e-300)))
+    quantile = student_quantile(0.5 + 0.5 * level, degrees)
+    half = np.where(found.open, np.inf, np.sqrt(np.diag(covariance)) * quantile)
+    mass = float(found.ten[9])
+    sizes = abs(mass) * np.r_[np.full(6, LENGTH**2), np.full(3, LENGTH), 1.0]
+    parameters = tuple(
+        _parameter(name, value, width, unit, SHARE * size)
+        for name, value, width, unit, size in zip(TEN, found.ten, half, UNITS, sizes, strict=True)
+    )
+    body, distance = _body(found, covariance)
+    link, rotation, translation = found.place
+    placement = np.eye(4)
+    placement[:3, :3], placement[:3, 3] = rotation, translation
+    pairs = zip(robot.joint_names, *found.residual, strict=True)
+    return CarriedLoad(
+        frame=flange or robot.tool or robot.links[-1].name,
+        link=robot.links[link].name,
+        placement=placement,
+        parameters=parameters,
+        centre=_centre(found, covariance, quantile),
+        covariance=covariance,
+        parts={name: float(np.sqrt(max(part[9, 9], 0.0))) for name, part in found.parts.items()},
+        body=body,
+        distance=distance,
+        rows=found.rows,
+        samples=found.samples,
+        level=level,
+        residual={name: (float(without), float(with_it)) for name, without, with_it in pairs},
+        logs=logs,
+        remarks=_remarks(found, estimate, parameters, distance),
+    )
+
+
+def _degrees(found: PayloadFit, total: Array) -> Array:
+    """Return the degrees of freedom of variances of which that by noise and by gains are doubted (Satterthwaite)."""
+    degrees = np.inf if found.gains is None else found.gains.degrees
+    noise, gains = (np.minimum(np.diag(found.parts[name]) / total, 1.0) for name in ("noise", "gains"))
+    return 1.0 / np.maximum(noise**2 / found.degrees + gains**2 / degrees, 1e-12)
+
+
+def _parameter(name: str, value: float, half: float, unit: str, enough: float) -> LoadParameter:
+    if not np.isfinite(half):
+        return LoadParameter(name, np.nan, np.inf, unit, NOT_DETERMINED)
+    return LoadParameter(name, float(value), float(half), unit, IDENTIFIED if half <= enough else WEAK)
+
+
+def _centre(found: PayloadFit, covariance: Array, quantile: Array) -> tuple[LoadParameter, ...]:
+    """Return the centre of mass h / m with intervals to first order."""
+    mass = float(found.ten[9])
+    result = []
+    for axis in range(3):
+        k = 6 + axis
+        if found.open[k] or found.open[9] or mass <= 0:
+            result.append(_parameter(f"c{'xyz'[axis]}", np.nan, np.inf, "m", 0.0))
+            continue
+        value = float(found.ten[k]) / mass
+        slope = np.zeros(10)
+        slope[k], slope[9] = 1.0 / mass, -value / mass
+        half = float(np.sqrt(slope @ covariance @ slope) * quantile[k])
+        result.append(_parameter(f"c{'xyz'[axis]}", value, half, "m", SHARE * LENGTH))
+    return tuple(result)
+
+
+def _body(found: PayloadFit, covariance: Array) -> tuple[Inertia, float]:
+    """Return the possible body nearest to the ten, and how many standard deviations away it is in all."""
+    sizes = np.r_[np.full(6, LENGTH**2), np.full(3, LENGTH), 1.0]
+    closed = np.flatnonzero(~found.open)
+    information = np.zeros((10, 10))
+    scaled = covariance[np.ix_(closed, closed)] / sizes[closed] / sizes[closed][:, None]
+    values, vectors = np.linalg.eigh(scaled)
+    kept = values > 1e-14 * max(float(values[-1]), 1e-300) if len(values) else np.zeros(0, bool)
+    inner = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+    information[np.ix_(closed, closed)] = inner / sizes[closed] / sizes[closed][:, None]
+    spread = float(np.sqrt(covariance[9, 9]))
+    mass = 1.0 if found.open[9] else max(float(found.ten[9]), 0.1 * spread, 1e-3)
+    centre = np.where(found.open[6:9], 0.0, found.ten[6:9]) / mass
+    reach = float(np.linalg.norm(centre))
+    centre = centre * min(1.0, 5 * LENGTH / reach) if reach else centre
+    ball = Inertia.from_centre_of_mass(mass, centre, 0.4 * mass * LENGTH**2 * np.eye(3))
+    body = possible_body(np.where(found.open, 0.0, found.ten), information, ball)
+    away = np.where(found.open, 0.0, body.vector - found.ten)
+    return body, float(np.sqrt(max(away @ information @ away, 0.0)))
+
+
+def _unexplained(found: PayloadFit, estimate: Estimate) -> list[str]:
+    """Return what is to be said where the payload leaves far more torque than the fit of the robot did."""
+    without, left = found.residual
+    usual = np.maximum(np.asarray(estimate.joint_deviations), 1e-300)
+    worst = int(np.argmax(left / usual))
+    if found.rows != "motion" or left[worst] <= FAR * max(usual[worst], 1e-3 * without[worst]):
+        return []
+    joint = estimate.model.robot.active[worst]
+    text = f"no payload explains the torque of {joint.name}: {left[worst]:.3g} {joint.unit} are left, "
+    return [text + f"{usual[worst]:.3g} by the fit of the robot; intervals do not hold then"]
+
+
+def _remarks(
+    found: PayloadFit, estimate: Estimate, parameters: tuple[LoadParameter, ...], distance: float
+) -> tuple[str, ...]:
+    remarks = []
+    mass = parameters[9]
+    if np.isfinite(mass.half_width) and mass.value + mass.half_width < 0:
+        text = (
+            "no payload has a mass below 0: the log may be of another robot or mounting, or the robot was identified "
+        )
+        remarks.append(text + "with a load; look at units, signs and order of its columns")
+    elif np.isfinite(mass.half_width) and mass.value - mass.half_width <= 0:
+        remarks.append("the mass is not significant at 95 %: no payload is evident")
+    remarks += _unexplained(found, estimate)
+    count = int(np.sum(~found.open))
+    if count and chi_square_tail(distance**2, count) < UNLIKELY:
+        text = f"no body is as found: the nearest is {distance:.3g} standard deviations away; friction or drive gains "
+        remarks.append(text + "may have changed, or the payload may have moved")
+    drives = [joint.drive for joint in estimate.model.robot.active]
+    if found.gains is None and any(drive.gain is not None for drive in drives):
+        remarks.append("drive gains are taken for exact: one that is 10 % off makes the mass up to 10 % wrong; "
+                       "see 'dynident gains'")  # fmt: skip
+    elif found.gains is not None and np.isfinite(found.gains.degrees):
+        share = 100.0 * float(found.gains.deviations.max())
+        text = f"joints disagree about the payload as drive gains do that are off by {share:.2g} % each; "
+        remarks.append(text + "what all gains have in common is not seen: 'dynident gains' finds it with a known mass")
+    if found.rows == "poses":
+        remarks.append("postures tell mass and centre of mass only; a motion tells the inertia as well")
+    return tuple(remarks)

@@ -1,0 +1,358 @@
+"""The case file: the one place where a user describes their robot, their log and how the two are used.
+
+YAML. Keys: case (the version of the format), robot, gravity, limits, locked, joints, coupling, drives, friction, log
+(profile, format, columns, units, ...), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, train,
+test, split, workspace, cell, note. Unknown keys are errors that name the nearest known one. docs/case-file.md describes
+each.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dynident.case.case_values import find_file, find_robot, guarded, part_of, texts
+from dynident.case.constraints_file import KEYS as CONSTRAINT_KEYS
+from dynident.case.constraints_file import constraints_of
+from dynident.case.log_section import read_columns
+from dynident.case.questions import check_answered, without_open_gains
+from dynident.case.workspace_section import robot_with_limits
+from dynident.data.formats import ColumnMap
+from dynident.data.log import Log
+from dynident.data.log_of_robot import read_signals, read_with
+from dynident.data.log_places import is_address
+from dynident.data.preprocessing import FILTERS, Preprocessing, default_preprocessing
+from dynident.data.preprocessing.base import Filter
+from dynident.data.split import Split
+from dynident.errors import FileError
+from dynident.file_versions import Document, FileVersions, renamed
+from dynident.files import unreadable
+from dynident.model.body_constraints import Constraints
+from dynident.model.descriptions import read_robot
+from dynident.model.documents.numbers import Place
+from dynident.model.documents.sections import Section
+from dynident.model.documents.strict_yaml import load_yaml
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import DEFAULT_FRICTION, FRICTION, Friction
+from dynident.model.robot import Drive, Robot
+from dynident.plugins import Family
+
+if TYPE_CHECKING:
+    from dynident.case.cell_section import CellSetup
+    from dynident.excitation.collision.workspace import Workspace
+    from dynident.identification.streaming.stream_setup import StreamSetup
+
+
+def _to_2(data: Document) -> Document:
+    return renamed(data, {"drives.*.gain_deviation": "gain_std"})
+
+
+#: Case files.
+VERSIONS = FileVersions("a case", (_to_2,), key="case")
+
+#: What stands for a friction or a delay that is to be found from the logs.
+AUTO = "auto"
+
+_KEYS = (
+    "case",
+    "robot",
+    "gravity",
+    "limits",
+    "locked",
+    "joints",
+    "coupling",
+    "drives",
+    "friction",
+    "log",
+    "preprocessing",
+)
+_KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "workspace", "cell", "note")
+
+#: Keys of a joint under ``drives``.
+DRIVE_KEYS = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_std")
+
+_PREPROCESSING_KEYS = ("filter", "rate_hz", "trim_s", "standstill", "rest", "delay_s", "longest_gap_s")
+
+
+@dataclass(frozen=True)
+class PartChoice:
+    """A part by name with its options as text."""
+
+    name: str
+    options: Mapping[str, str | None] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot, how its logs are read and prepared, and what is asked.
+
+    Attributes:
+        robot: With locked joints, gravity, drives and coupling applied.
+        friction: Friction parts.
+        choose_friction: Whether the parts of each joint are to be chosen from the logs in their place.
+        columns: How columns become signals.
+        preprocessing: How logs become rows.
+        estimator: Name and options.
+        train: Logs to learn from, as written.
+        test: Logs to test on, as written.
+        split: How a single log is split; None where it is not.
+        locked: Positions of the joints that do not move, by name.
+        workspace: What the robot must keep clear of; None where the case does not say.
+        constraints: What is known about bodies beforehand.
+        prior: Robot description or estimate file with inertias known beforehand, as written; empty for none.
+        cell: The virtual cell in which the case is simulated; None where the case does not say.
+        path: The case file; empty for a case made from a robot alone.
+        robot_path: The robot description.
+    """
+
+    robot: Robot
+    friction: tuple[Friction, ...]
+    columns: ColumnMap
+    preprocessing: Preprocessing
+    estimator: PartChoice = field(default_factory=lambda: PartChoice("consistent"))
+    train: tuple[str, ...] = ()
+    test: tuple[str, ...] = ()
+    split: Split | None = None
+    locked: Mapping[str, float] = field(default_factory=dict)
+    workspace: Workspace | None = None
+    path: str = ""
+    robot_path: str = ""
+    choose_friction: bool = False
+    constraints: Constraints = field(default_factory=Constraints)
+    prior: str = ""
+    cell: CellSetup | None = None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files of this machine that the case stands on: itself, its robot and the logs it names."""
+        own = [Path(name) for name in (self.path, self.robot_path) if name]
+        named = (*self.train, *self.test, *filter(None, [self.prior]))
+        return (*own, *(self.find(name) for name in named if not is_address(name)))
+
+    @property
+    def model(self) -> DynamicModel:
+        """The dynamic model of the case."""
+        return DynamicModel(self.robot, self.friction)
+
+    def find(self, name: str) -> Path:
+        """Return a file named in the case: as it is, beside the case file, or under the folder DYNIDENT_DATA.
+
+        Raises:
+            FileError: It is an address, and no file of this machine.
+        """
+        if is_address(name):
+            step = "copy it to this machine; reduce, identify and validate read logs at addresses"
+            raise FileError(name, "it is an address, and a file of this machine is needed here", step)
+        return find_file(name, self.path)
+
+    def stream_setup(self) -> StreamSetup:
+        """Return what a stream of logs needs to know of the case."""
+        from dynident.identification.streaming.stream_setup import StreamSetup  # few cases need it
+
+        return StreamSetup(
+            model=self.model,
+            columns=self.columns,
+            preprocessing=self.preprocessing,
+            locked=self.locked,
+            case_path=self.path,
+            choose_friction=self.choose_friction,
+            split=self.split,
+        )
+
+    def place(self, name: str | Path) -> str | Path:
+        """Return where a log is: its address, or the file of this machine.
+
+        Raises:
+            FileError: No such file.
+        """
+        return name if is_address(str(name)) else self.find(str(name))
+
+    def read(self, name: str | Path) -> Log:
+        """Return a log with torques, from its currents where it has no torques.
+
+        Raises:
+            LogMismatch: A joint is missing, currents have no gain, or a locked joint moves.
+        """
+        return read_with(self.place(name), self.columns, self.robot, self.locked)
+
+    def read_currents(self, name: str | Path) -> Log:
+        """Return a log as it came: its currents are turned into no torques, and need no gains.
+
+        Raises:
+            LogMismatch: A joint is missing, or a locked joint moves.
+        """
+        return read_signals(self.place(name), self.columns, self.robot, self.locked)
+
+
+def case_of_robot(path: str) -> Case:
+    """Return the case that stands for a robot description alone: its joints, default friction and filter."""
+    robot = read_robot(path)
+    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing(), robot_path=path)
+
+
+def read_case(path: str | Path, open_gains: bool = False) -> Case:
+    """Read a case file, or a robot description as a case with all defaults.
+
+    Args:
+        path: The file.
+        open_gains: Read a case that still asks for drive gains, as one without them.
+
+    Raises:
+        FileError: No such file.
+        DescriptionError: A fault in the case file or the robot description, with the key.
+        UnknownChoice: A part that does not exist.
+        BadOption: An option of a part with a value it cannot take.
+    """
+    file = Path(path)
+    if file.suffix.lower() not in (".yaml", ".yml") or not os.path.isfile(file):
+        return case_of_robot(str(path))
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if open_gains:
+        data = without_open_gains(data)
+    check_answered(path, data)
+    value, lines = load_yaml(path, data)
+    if isinstance(value, dict) and not {"case", "robot"} & value.keys():
+        return case_of_robot(str(path))  # a DH table, or meant to be one
+    top = Section.versioned(path, value, _KEYS, lines, VERSIONS)
+    robot_path = str(find_robot(top.text("robot"), str(path)))
+    full = read_robot(robot_path)
+    choose = top.has("friction") and top.value("friction") == AUTO
+    robot, locked = _robot(top, full)
+    return Case(
+        robot=robot,
+        friction=tuple(map(FRICTION.make, DEFAULT_FRICTION)) if choose else _friction(top, robot),
+        choose_friction=choose,
+        columns=read_columns(top, full),
+        preprocessing=_preprocessing(top),
+        estimator=_choice(top, "estimator", "consistent"),
+        train=texts(top, "train"),
+        test=texts(top, "test"),
+        split=guarded(top.place("split"), lambda: Split.parse(top.text("split"))) if top.has("split") else None,
+        locked=locked,
+        workspace=_workspace_of(top, robot, robot_path),
+        constraints=constraints_of(top.section("constraints", CONSTRAINT_KEYS), robot),
+        prior=top.text("prior", ""),
+        cell=_cell_of(top),
+        path=str(path),
+        robot_path=robot_path,
+    )
+
+
+def _workspace_of(top: Section, robot: Robot, robot_path: str) -> Workspace | None:
+    if not top.has("workspace"):
+        return None
+    from dynident.case.workspace_section import read_workspace  # few cases need it
+
+    return read_workspace(top, robot, robot_path)
+
+
+def _cell_of(top: Section) -> CellSetup | None:
+    if not top.has("cell"):
+        return None
+    from dynident.case.cell_section import KEYS, cell_of  # few cases need it
+
+    return cell_of(top.section("cell", KEYS))
+
+
+def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:
+    """Apply gravity, limits, drives, coupling and locked joints, in this order; return also the locked positions."""
+    if top.has("gravity"):
+        robot = robot.with_gravity(top.numbers("gravity", 3))
+    if top.has("limits"):
+        robot = robot_with_limits(top, robot)
+    names = robot.joint_names
+    drives: dict[str, Drive] = {}
+    if top.has("drives"):
+        section = top.section("drives", names)
+        for name, joint in zip(names, robot.active, strict=True):
+            if section.has(name):
+                own = section.section(name, DRIVE_KEYS)
+                drives[name] = guarded(section.place(name), lambda own=own, joint=joint: _drive(own, joint.drive))
+    coupling = top.matrix("coupling", len(names), len(names)) if top.has("coupling") else None
+    robot = guarded(top.place("coupling"), lambda: robot.with_drives(drives, coupling))
+    if not top.has("locked"):
+        return robot, {}
+    if top.value("locked") == "rest":
+        positions = dict.fromkeys((name for name in names if name not in texts(top, "joints")), 0.0)
+    else:
+        section = top.section("locked", names)
+        positions = {name: section.number(name) for name in names if section.has(name)}
+    return guarded(top.place("locked"), lambda: robot.locked(positions)), positions
+
+
+def _drive(section: Section, stated: Drive) -> Drive:
+    return replace(
+        stated,
+        gear_ratio=section.number("gear_ratio", stated.gear_ratio),
+        rotor_inertia=section.number("rotor_inertia", stated.rotor_inertia),
+        gain=section.number("gain") if section.has("gain") else stated.gain,
+        bias=section.number("bias", stated.bias),
+        gain_deviation=section.number("gain_std", 0.0 if section.has("gain") else stated.gain_deviation),
+    )
+
+
+def _preprocessing(top: Section) -> Preprocessing:
+    stated = default_preprocessing()
+    if not top.has("preprocessing"):
+        return stated
+    section = top.section("preprocessing", _PREPROCESSING_KEYS)
+    how = Preprocessing(
+        filter=_part(section, "filter", FILTERS) if section.has("filter") else stated.filter,
+        rate_hz=stated.rate_hz,
+    )
+    delay = section.value("delay_s") if section.has("delay_s") else "0"
+    rate = section.value("rate_hz") if section.has("rate_hz") else AUTO
+    return guarded(
+        section.place(),
+        lambda: replace(
+            how,
+            rate_hz=None if rate in (None, "all", AUTO) else section.number("rate_hz"),
+            rows_per_period=stated.rows_per_period if rate == AUTO else None,
+            trim_s=section.number("trim_s", stated.trim_s),
+            standstill=section.number("standstill", stated.standstill),
+            rest=section.choice("rest", ("mask", "keep"), stated.rest),
+            delay_s=None if delay == AUTO else section.number("delay_s", 0.0),
+            longest_gap_s=section.number("longest_gap_s", stated.longest_gap_s),
+        ),
+    )
+
+
+def _friction(top: Section, robot: Robot) -> tuple[Friction, ...]:
+    """Return the friction parts; the joints that they name are those of the robot."""
+    parts = tuple(_parts(top, "friction", FRICTION, DEFAULT_FRICTION))
+    guarded(top.place("friction"), lambda: DynamicModel(robot, parts))
+    return parts
+
+
+def _parts(top: Section, key: str, family: Family[Any], default: Sequence[str]) -> list[Any]:
+    if not top.has(key):
+        return [family.make(name) for name in default]
+    value = top.value(key)
+    if not isinstance(value, list):
+        raise top.place(key).error("not a list", f"write a list such as [{', '.join(default)}]")
+    return [_made(top.place(f"{key}.{i}"), item, family) for i, item in enumerate(value, start=1)]
+
+
+def _part(section: Section, key: str, family: Family[Filter]) -> Any:
+    return _made(section.place(key), section.value(key), family)
+
+
+def _made(place: Place, value: object, family: Family[Any]) -> Any:
+    choice = _choice_of(place, value)
+    return guarded(place, lambda: family.make_from_text(choice.name, choice.options))
+
+
+def _choice(top: Section, key: str, default: str) -> PartChoice:
+    return _choice_of(top.place(key), top.value(key)) if top.has(key) else PartChoice(default)
+
+
+def _choice_of(place: Place, value: object) -> PartChoice:
+    """Return a part written as ``name`` or as ``name: {option: value}``."""
+    return PartChoice(*part_of(place, value))

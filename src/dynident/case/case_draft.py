@@ -1,0 +1,284 @@
+"""A case file drafted from a robot description and logs: columns by profiles and names, facts and doubts as comments.
+
+Nothing is converted on a guess: a unit that neither the profile nor the header states, and that the values do not
+support, is asked for with the likely answer; so is what no log can tell (drive gains, mounting, couplings).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynident.case.draft.case_text import Files, case_text
+from dynident.case.draft.column_groups import split_time
+from dynident.case.draft.found import Recognised
+from dynident.case.draft.joint_choice import outside_limits
+from dynident.case.draft.profile_fit import fitting_profiles
+from dynident.case.draft.readings import long_gap, opened
+from dynident.case.draft.recognise import cutoff_of, recognised
+from dynident.case.draft.told_units import position_factors
+from dynident.case.questions import Question, questions_in
+from dynident.data.formats import FORMATS, LARGE, LogFormat, Table, bytes_of
+from dynident.data.formats._clocked_table import with_clock, with_sum
+from dynident.data.preprocessing import BRIDGED, SPLIT
+from dynident.data.profiles import PROFILES
+from dynident.errors import BadOption, DynidentError, LogFormatError
+from dynident.model.descriptions import read_robot
+
+#: Rows by which two columns of a time are told to be one.
+_FIRST_ROWS = 1 << 12
+
+#: What to do where a file holds one signal.
+_ELSEWHERE = "; where each signal has a file of its own, put their columns side by side into one"
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A drafted case file.
+
+    Attributes:
+        text: The YAML text.
+        remarks: What the user has to check.
+        questions: What the file asks for.
+        found: What was recognised, and how.
+    """
+
+    text: str
+    remarks: tuple[str, ...]
+    questions: tuple[Question, ...]
+    found: Recognised
+
+    @property
+    def needed(self) -> tuple[Question, ...]:
+        """The questions that have to be answered before the file can be used."""
+        return tuple(question for question in self.questions if question.needed)
+
+
+def draft_case(
+    robot: str,
+    logs: str | Sequence[str],
+    folder: str | Path = ".",
+    *,
+    test: Sequence[str] = (),
+    profile: str = "",
+    form: str = "",
+    form_options: Mapping[str, str | None] | None = None,
+    rate_hz: float | None = None,
+) -> Draft:
+    """Draft the case file of a robot and its logs.
+
+    Args:
+        robot: Robot description, or the name of a robot that ships.
+        logs: Log of a motion, or several with the same columns; the first says what the columns are.
+        folder: Where the case file will stand; paths in it are relative to it.
+        test: Logs to test on.
+        profile: Profile of the logs; empty for the one that their columns fit.
+        form: Format of the logs; empty for the one by their suffix.
+        form_options: Options of the format as text.
+        rate_hz: Rows a second of logs that have no column of the time; None where one is there.
+
+    Raises:
+        FileError: A file cannot be read.
+        DescriptionError: A fault in the robot description.
+        LogFormatError: No sound log.
+        UnknownChoice: No such profile or format.
+        BadOption: A profile that does not fit the columns, or is named beside a rate; a rate that is none.
+    """
+    described = read_robot(robot)
+    train = (logs,) if isinstance(logs, str) else tuple(logs)
+    if not train:
+        raise BadOption("LOG", "", "name at least one log")
+    if profile:
+        PROFILES.get(profile)
+    tables, written = _tables((*train, *test), form, dict(form_options or {}))
+    if rate_hz is not None:
+        if profile or not 0 < rate_hz < np.inf:
+            step = (
+                "leave the profile out, it names a column of the time" if profile else "give the rows a second, above 0"
+            )
+            raise BadOption("rate", f"{rate_hz:g}", step)
+        clock = f"{np.format_float_positional(rate_hz, trim='-')} Hz"
+        tables = [with_clock(table, clock, rate_hz) for table in tables]
+    elif not fitting_profiles(tables[0].header, described.joint_names):
+        tables = _summed(tables)
+    found = recognised(described, tables, profile)
+    if profile and not found.profiles:
+        reads = ", ".join(channel.pattern for channel in PROFILES.make(profile).read_channels().values())
+        step = f"it reads {PROFILES.make(profile).time}, {reads}, for each joint of the robot; leave the profile out"
+        raise BadOption("profile", profile, step)
+    found = replace(found, form=written, is_large=sum(bytes_of(Path(log)) for log in train) > LARGE)
+    remarks = tuple(_remarks(found))
+    files = Files(robot, train, tuple(test), Path(folder))
+    text = case_text(found, files, remarks)
+    return Draft(text, remarks, questions_in(text), found)
+
+
+def draft_summary(draft: Draft) -> dict[str, Any]:
+    """Return what was recognised, with how sure it is in words, as plain data for JSON."""
+    found = draft.found
+    units = {
+        quantity: {"unit": told.text, "confidence": _word(told.certain, told.text), "evidence": told.why}
+        for quantity, told in found.units.items()
+    }
+    signals = {
+        signal: {"columns": list(source.columns), "side": source.side, "evidence": source.how}
+        for signal, source in found.sources.items()
+    }
+    logs = [
+        {"path": r.path, "rows": r.rows, "duration_s": r.duration * found.to_seconds,
+         "rate_hz": 1 / (r.step * found.to_seconds), "faults": list(r.notes)}
+        for r in found.readings
+    ]  # fmt: skip
+    joints = found.joints
+    return {
+        "robot": found.robot.name,
+        "profiles": [{"name": fit.name, "known_columns": fit.known, "evidence": fit.why()} for fit in found.profiles],
+        "time": found.time,
+        "joints": {
+            "names": list(joints.names), "confidence": _word(joints.certain, bool(joints.names)), "evidence": joints.why
+        },
+        "signals": signals,
+        "units": units,
+        "left_out": dict(found.left_out),
+        "refused": {group.shown(): why for group, why in found.refused},
+        "logs": logs,
+        "band_hz": found.band_hz,
+        "cutoff_hz": cutoff_of(found),
+        "remarks": list(draft.remarks),
+        "questions": [{"line": q.line, "asks_for": q.text, "needed": q.needed} for q in draft.questions],
+    }  # fmt: skip
+
+
+def _word(certain: bool, likely: object) -> str:
+    return "certain" if certain else "likely, asked" if likely else "asked"
+
+
+def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> tuple[list[Table], str]:
+    """Return the opened logs, and the line of the case file that says how, where the suffix does not."""
+    if form:
+        made = FORMATS.make_from_text(form, options)
+        inside = ", ".join(f"{key}: {value}" for key, value in options.items())
+        return [opened(log, made) for log in logs], f"format: {f'{{{form}: {{{inside}}}}}' if options else form}"
+    first: LogFormatError
+    try:
+        tables = [opened(log) for log in logs]
+        numbers = _numbers(tables[0])
+        if _is_table(tables[0]) and (numbers == len(tables[0].header) or _numbers_with_commas(logs[0]) <= numbers):
+            return tables, ""
+        first = LogFormatError(logs[0], tables[0].line, "no rows of numbers", "is it a log?")
+    except LogFormatError as error:
+        first = error
+    if Path(logs[0]).suffix.lower() in FORMATS.get("csv").suffixes:
+        for line, kind in (('decimal: ","', FORMATS.make("csv", decimal=",")), ("format: twincat_scope", _scope())):
+            tables = _readable(logs, kind)
+            if tables:
+                return tables, f"{line}   # the file reads as this only"
+    raise first
+
+
+def _summed(tables: Sequence[Table]) -> list[Table]:
+    """Return the tables with a time that is the sum of two columns, where whole seconds and parts of one say so."""
+    parts = split_time(tables[0].header)
+    if parts is None or any(not {name for name, _ in parts} <= set(table.header) for table in tables):
+        return list(tables)
+    (whole, _), (part, unit) = parts
+    for table in tables:
+        first = next(table.batches([whole, part], _FIRST_ROWS), np.empty((0, 2)))
+        if np.any(first[:, 0] % 1) or np.any((first[:, 1] < 0) | (first[:, 1] >= {"us": 1e6, "ns": 1e9}[unit])):
+            return list(tables)  # each of them is the whole time, or none is
+    return [with_sum(table, f"{whole} s + {part} {unit}", parts) for table in tables]
+
+
+def _scope() -> LogFormat:
+    return FORMATS.make("twincat_scope")
+
+
+def _readable(logs: Sequence[str], form: LogFormat) -> list[Table]:
+    try:
+        tables = [opened(log, form) for log in logs]
+        return tables if _is_table(tables[0]) else []
+    except DynidentError:
+        return []
+
+
+def _numbers_with_commas(log: str) -> int:
+    """Return how many columns of a text hold numbers where commas are decimal signs."""
+    if Path(log).suffix.lower() not in FORMATS.get("csv").suffixes:
+        return 0
+    try:
+        return _numbers(opened(log, FORMATS.make("csv", decimal=",")))
+    except DynidentError:
+        return 0
+
+
+def _numbers(table: Table) -> int:
+    """Return how many columns hold a number in the first row; all of a file that is no text."""
+    if table.line is None:
+        return len(table.header)
+    found = 0
+    for name in table.header:
+        try:
+            next(table.batches([name], 1), None)
+            found += 1
+        except LogFormatError:
+            continue
+    return found
+
+
+def _is_table(table: Table) -> bool:
+    """Return whether the first column holds numbers; a header alone is no proof that a text was read rightly."""
+    if table.line is None:
+        return True
+    table.columns(table.header[:1])
+    return True
+
+
+def _remarks(found: Recognised) -> list[str]:
+    remarks = [note for reading in found.readings for note in reading.notes]
+    remarks = [
+        f"{note}: dynident check names the rows, and --fix repairs what is safe" for note in dict.fromkeys(remarks)
+    ]
+    for reading in found.readings:
+        gap = long_gap(reading.time * found.to_seconds)
+        if gap:
+            told = f"{Path(reading.path).name} has gaps in time, the longest of {gap:.3g} s"
+            remarks.append(f"{told}: {SPLIT if gap > BRIDGED else 'rows near them are left out'}")
+    if not found.time or "q" not in found.sources:
+        what = "time" if not found.time else "positions"
+        rate = "; where the log has none, draft again with --rate, its rows a second, and units are looked at"
+        step = f"fill them in, or draft again with --profile{'' if found.time else rate}"
+        remarks.append(f"the columns of the {what} are not recognised: {step}{_ELSEWHERE if found.time else ''}")
+        return remarks
+    moving, told = found.moving, found.units["position"]
+    if moving is not None and told.certain and found.joints.certain:
+        order = [found.joints.names.index(joint.name) for joint in moving.active]
+        q = np.concatenate([reading.signals["q"] for reading in found.readings])
+        q = (q * position_factors(told, q.shape[1]))[:, order]
+        outside = outside_limits(moving.active, q)
+        remarks += [f"{text}: check units, sign and order of the columns" for text in outside]
+    for name in found.still:
+        remarks.append(
+            f"{name} never moves; it is locked where it stands; record a motion of all joints to identify it"
+        )
+    if not found.effort and not {"torque", "current"} & found.rivals.keys():
+        remarks.append(f"no torques and no currents: nothing can be identified without one of them{_ELSEWHERE}")
+    return remarks + _against(found)
+
+
+def _against(found: Recognised) -> list[str]:
+    evidence, moving = found.evidence, found.moving
+    if found.effort != "torque" or evidence is None or moving is None:
+        return []
+    against = [
+        name
+        for name, ratio, telling in zip(moving.joint_names, evidence.ratios, evidence.telling, strict=True)
+        if telling and ratio < 0
+    ]
+    if not against:
+        return []
+    step = "check the sign and the order of the columns, and the direction of gravity"
+    return [f"the torque of {', '.join(against)} has the opposite sign of the robot model's gravity torque: {step}"]

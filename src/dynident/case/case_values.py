@@ -1,0 +1,106 @@
+"""Values that keys of a case file share: texts, parts, files that it names, and errors that name their place."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from dynident.errors import DescriptionError, DynidentError, FileError
+from dynident.files import expanded
+from dynident.model.documents.numbers import Place
+from dynident.model.documents.sections import Section
+
+Made = TypeVar("Made")
+
+#: The folder under which logs and robots are looked for when they are neither beside the case file nor where it says.
+DATA_VARIABLE = "DYNIDENT_DATA"
+
+
+def texts(section: Section, key: str) -> tuple[str, ...]:
+    """Return the texts under a key, one or many; none where it is missing.
+
+    Raises:
+        DescriptionError: Neither a text nor a list of texts.
+    """
+    if not section.has(key):
+        return ()
+    value = one_or_many(section, key)
+    return (value,) if isinstance(value, str) else value
+
+
+def one_or_many(section: Section, key: str) -> str | tuple[str, ...]:
+    """Return a text, or the texts of a list.
+
+    Raises:
+        DescriptionError: Neither a text nor a list of texts.
+    """
+    value = section.value(key)
+    if isinstance(value, str):
+        return value
+    if isinstance(value, list) and value and all(isinstance(item, str) for item in value):
+        return tuple(value)
+    raise section.place(key).error("neither a text nor a list of texts", "write one, or a list [a, b]")
+
+
+def guarded(place: Place, make: Callable[[], Made]) -> Made:
+    """Return ``make()``; an error about a value then also names its place in the case file.
+
+    Raises:
+        DescriptionError: ``make`` failed.
+    """
+    try:
+        return make()
+    except DescriptionError:
+        raise
+    except (DynidentError, ValueError) as error:
+        raise DescriptionError(place.path, place.where, str(error), "see docs/case-file.md") from error
+
+
+def part_of(place: Place, value: object) -> tuple[str, dict[str, str | None]]:
+    """Return name and options, as text, of a part written as ``name`` or as ``name: {option: value}``.
+
+    Raises:
+        DescriptionError: Neither of these.
+    """
+    if isinstance(value, str):
+        return value, {}
+    if isinstance(value, dict) and len(value) == 1:
+        ((name, options),) = value.items()
+        if options is None or (isinstance(options, dict) and all(_is_plain(v) for v in options.values())):
+            return str(name), {k: _text_of(v) for k, v in (options or {}).items()}
+    raise place.error("neither a name nor one name with its options", "write name, or name: {option: value}")
+
+
+def _is_plain(value: object) -> bool:
+    return value is None or isinstance(value, str) or (isinstance(value, list) and all(map(_is_plain, value)))
+
+
+def _text_of(value: object) -> str | None:
+    return ",".join(str(item) for item in value) if isinstance(value, list) else None if value is None else str(value)
+
+
+def find_file(name: str, case: str) -> Path:
+    """Return where a file named in a case file is; the name itself where it is nowhere, for the reader to refuse."""
+    written = expanded(name)
+    if written.is_absolute():
+        return written
+    data = os.environ.get(DATA_VARIABLE)
+    roots = [*([Path(case).parent] if case else []), Path(), *([Path(data)] if data else [])]
+    return next((root / written for root in roots if os.path.exists(root / written)), written)
+
+
+def find_robot(name: str, case: str) -> Path:
+    """Return where the robot of a case file is, or its name as it stands, which may be that of a robot that ships.
+
+    Raises:
+        FileError: It is named with a folder, and is nowhere.
+    """
+    found = find_file(name, case)
+    if len(found.parts) > 1 and not os.path.exists(found):
+        data = os.environ.get(DATA_VARIABLE)
+        places = f"beside the case file, here or under {data}" if data else "beside the case file or here"
+        unset = "" if data else f", or name the folder of the data in {DATA_VARIABLE}, which is not set"
+        raise FileError(found, f"there is no such file {places}", f"check the path{unset}")
+    return found

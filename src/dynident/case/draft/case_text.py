@@ -1,0 +1,234 @@
+"""The text of a drafted case file: what is known as values with their evidence, what is not as questions."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dynident.case.case import VERSIONS
+from dynident.case.draft.drive_text import drive_lines
+from dynident.case.draft.found import Recognised
+from dynident.case.draft.log_text import log_lines
+from dynident.case.draft.readings import long_gap
+from dynident.case.draft.recognise import cutoff_of, facts_of
+from dynident.case.draft.told_units import position_factors
+from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
+from dynident.data.evidence.torques import agrees
+from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
+from dynident.model.descriptions.base import shipped_robots
+
+#: Logs that are described one by one at the head of the file.
+_MOST_LOGS = 12
+
+#: A log without more rows a second than this keeps all of them.
+_SLOW_HZ = 250.0
+
+#: Width of the smoothed sign of dry friction in rad/s or m/s: the filter smooths more than that at most reversals.
+_WIDTH = 0.01
+
+#: Speed in rad/s over which friction at rest fades, where held-out rows find some and no other speed of it.
+_FADES = 0.1
+
+#: A joint slower than this, in rad/s or m/s, is at rest.
+_STANDSTILL = 0.02
+
+
+@dataclass(frozen=True)
+class Files:
+    """The files of a case as they were given.
+
+    Attributes:
+        robot: Robot description, or the name of a robot that ships.
+        train: Logs to learn from.
+        test: Logs to test on.
+        folder: Where the case file will stand.
+    """
+
+    robot: str
+    train: tuple[str, ...]
+    test: tuple[str, ...]
+    folder: Path
+
+    def relative(self, path: str) -> str:
+        """Return a path relative to the folder of the case file."""
+        return Path(os.path.relpath(path, self.folder)).as_posix()
+
+
+def case_text(found: Recognised, files: Files, remarks: Sequence[str]) -> str:
+    """Return the text of the case file.
+
+    Args:
+        found: What was recognised.
+        files: The files it names.
+        remarks: What has to be checked.
+    """
+    lines = [
+        *_head(found, files, remarks),
+        f"case: {VERSIONS.current}",
+        f"robot: {quoted(files.robot if files.robot in shipped_robots() else files.relative(files.robot))}",
+        *_gravity(found),
+        *_joints(found),
+        *drive_lines(found),
+        *_friction(found),
+        *log_lines(found),
+        *_preprocessing(found),
+        "estimator: consistent",
+        *_data(found, files),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _head(found: Recognised, files: Files, remarks: Sequence[str]) -> list[str]:
+    lines = ["# Case file of dynident; docs/case-file.md describes every key."]
+    logs = [*files.train, *files.test]
+    for path, reading in zip(logs[:_MOST_LOGS], found.readings, strict=False):
+        notes = f"; {'; '.join(reading.notes)}" if reading.notes else ""
+        lines.append(f"# Drafted from {plain(Path(path).name)}: {facts_of(reading, found.to_seconds)}{plain(notes)}")
+    if not found.readings:
+        lines.append(f"# The columns of {plain(Path(logs[0]).name)}: {few(found.header, 100)}")
+    if len(logs) > _MOST_LOGS:
+        lines.append(f"# ... and {len(logs) - _MOST_LOGS} more logs")
+    lines.append(
+        "# '# ask' marks a value that cannot be estimated from a log; where the value is the word ask, it is required."
+    )
+    return lines + [f"# CHECK: {plain(remark)}" for remark in remarks]
+
+
+def _gravity(found: Recognised) -> list[str]:
+    value = f"gravity: [{', '.join(f'{g:g}' for g in found.robot.gravity)}]"
+    evidence = found.evidence
+    if evidence is not None and found.effort == "torque" and any(evidence.telling):
+        seen = evidence.ratios[np.array(evidence.telling)]
+        if all(map(agrees, seen.tolist())):
+            return [f"# {value}   # m/s^2 in the base frame; the log's torques agree with it"]
+    return [offered(f"# {value}", "does the base stand upright? For a wall, a ceiling or a slope turn this vector")]
+
+
+def _joints(found: Recognised) -> list[str]:
+    robot, joints = found.robot, found.joints
+    missing = [name for name in robot.joint_names if name not in joints.names]
+    lines = []
+    if not joints.certain:
+        count = len(found.sources["q"].columns) if "q" in found.sources else 0
+        what = f"the joints of the {count} columns {found.sources['q'].shown()}, in their order" if count else (
+            "the joints in the log, in the order of its columns"
+        )  # fmt: skip
+        likely = listed(joints.names) if joints.names else ""
+        why = f" ({joints.why})" if joints.why else ""
+        lines.append(asked("joints", f"{what}{why}", likely) if count else f"joints: {listed(robot.joint_names)}")
+    else:
+        lines.append(f"joints: {listed(joints.names)}   # {plain(joints.why)}")
+    if found.still and not missing:
+        values = ", ".join(f"{quoted(name)}: {value:.6g}" for name, value in found.still.items())
+        lines.append(f"locked: {{{values}}}   # they stand still in the log, here")
+    elif found.still:
+        values = {**dict.fromkeys(missing, 0.0), **found.still}
+        written = ", ".join(f"{quoted(name)}: {value:.6g}" for name, value in values.items())
+        lines.append(offered(f"locked: {{{written}}}", "where do the joints stand that the log lacks? Taken at 0"))
+    elif missing and (joints.names or not joints.certain) and found.readings:
+        count = robot.dof - (len(joints.names) or len(found.sources["q"].columns))
+        if count > 0:
+            text = (
+                f"where do the {count} joints stand that the log lacks? rest is all at 0; else locked: {{joint: 0.3}}"
+            )
+            lines.append(offered("locked: rest", text))
+    return lines
+
+
+def _friction(found: Recognised) -> list[str]:
+    width, say = f"width: {_WIDTH:g}", "smoothing width of the Coulomb term (tanh), rad/s"
+    if found.is_large:
+        coulomb = f"  - coulomb: {{{width}}}   # {say}; choose: width needs all samples at once"
+    else:
+        coulomb = f"  - coulomb: {{{width}, choose: width}}   # {say}; held-out data may choose another"
+    lines = ["friction:", coulomb, "  - viscous", "  - offset"]
+    if not _behind_the_gear(found):
+        rotor = "  - rotor_inertia"
+        if found.effort == "torque" and "torque" not in found.on_motors:
+            text = "does a sensor behind the gear measure the torque? Then take this line out; it comes out small there"
+            lines.append(offered(rotor, text))
+        else:
+            lines.append(f"{rotor}            # of the motors, seen at the joints")
+    lines.append("  - degressive               # gears: sub-linear viscous friction")
+    if found.is_large:
+        lines.append("  # load: friction that grows with the torque takes several passes; logs this large get one")
+    else:
+        lines += [
+            f"  - load: {{{width}, choose: width}}      # load-dependent friction",
+            f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
+            "   # Stribeck effect: kept only if it improves held-out data",
+        ]
+    return lines
+
+
+def _behind_the_gear(found: Recognised) -> bool:
+    """Return whether the profile says that the torque is that of a sensor behind the gear."""
+    effort = found.profiles[0].effort if found.profiles else None
+    return effort is not None and effort.signal == "torque" and "sensor" in effort.note
+
+
+def _preprocessing(found: Recognised) -> list[str]:
+    cutoff = cutoff_of(found)
+    if not cutoff:
+        return []
+    rates = [1.0 / (reading.step * found.to_seconds) for reading in found.readings]
+    duration = min(reading.duration * found.to_seconds for reading in found.readings)
+    trim = min(max(0.5, 2.5 / cutoff), duration / 10)
+    rate = "all" if max(rates) <= _SLOW_HZ else f"{max(200.0, 10 * cutoff):g}"
+    rest = _rest_share(found)
+    return [
+        "preprocessing:",
+        "  filter:",
+        f"    butterworth: {{cutoff_hz: {cutoff:g}}}   # ten times the band of the motion, {found.band_hz:.2g} Hz "
+        "(99.9 % of the positions' power)",
+        f"  rate_hz: {rate}               # rows that are used; the log has {max(rates):.4g} a second",
+        f"  trim_s: {trim:.2g}",
+        f"  standstill: {_STANDSTILL:g}            # rad/s; rows at rest are left out: {rest:.0%} of the first log",
+        "  delay_s: auto               # found from the log; applied where it is significant",
+        *_bridged(found),
+    ]
+
+
+def _bridged(found: Recognised) -> list[str]:
+    """Return how long a gap in time may be, where the logs have longer ones than are bridged without a word."""
+    gap = max(long_gap(reading.time * found.to_seconds) for reading in found.readings)
+    if not 0 < gap <= BRIDGED:
+        return []
+    return [
+        f"  longest_gap_s: {bridge_over(gap):g}         # rows so near a gap that the line over it shows are left out"
+    ]
+
+
+def _rest_share(found: Recognised) -> float:
+    """Return the share of the rows in which a joint rests, over all joints."""
+    reading = found.readings[0]
+    time = reading.time * found.to_seconds
+    even = np.linspace(time[0], time[-1], min(len(time), 20_000))
+    positions = reading.signals["q"]
+    factors = position_factors(found.units["position"], positions.shape[1])
+    q = np.column_stack([np.interp(even, time, column) for column in positions.T]) * factors
+    return float(at_rest(np.gradient(q, even[1] - even[0], axis=0), _STANDSTILL, 1 / (even[1] - even[0])).mean())
+
+
+def _data(found: Recognised, files: Files) -> list[str]:
+    train, test = files.train, files.test
+    if test:
+        return [_paths("train", files, train), _paths("test", files, test)]
+    if len(train) > 1:
+        text = f"which logs train and which test? Taken: the last of {len(train)} tests"
+        return [_paths("train", files, train[:-1]), offered(_paths("test", files, train[-1:]), text)]
+    if found.is_large:
+        text = "is there another log to test on? One this large is reduced as a whole, no part of it is kept for a test"
+        return [_paths("train", files, train), offered("# test: other-run.csv", text)]
+    text = "another log tests better: test: other-run.csv in place of the last third of this one"
+    return [_paths("train", files, train), offered("split: first:0.67", text)]
+
+
+def _paths(key: str, files: Files, paths: Sequence[str]) -> str:
+    if len(paths) == 1:
+        return f"{key}: {quoted(files.relative(paths[0]))}"
+    return "\n".join([f"{key}:", *(f"  - {quoted(files.relative(path))}" for path in paths)])

@@ -1,0 +1,218 @@
+"""Columns that belong together: one per joint, told by a number in their names or by the names of the joints."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from dynident.case.draft.column_words import Meaning, meaning_of, split_unit, tokens_of, words_of
+
+#: Numbers in one name that may be that of the joint; a name with more is no joint's.
+_MOST_NUMBERS = 4
+
+#: Words for a second and its parts, and what else the names of the two columns of a time say.
+_SECONDS: Mapping[str, str] = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("us", "usec", "usecs", "microsecond", "microseconds"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds"), "ns"),
+}
+_CLOCKS = frozenset("t tv time timestamp stamp header".split())
+_PARTS_OF_A_SECOND = re.compile(r"(nano|micro)[_ ]?sec(?:ond)?(?=s?\b|s?_)")
+
+#: Words of joint names that columns often leave out.
+_GENERIC = frozenset(("joint", "jnt", "j"))
+
+
+@dataclass(frozen=True)
+class Group:
+    """Columns of one signal.
+
+    Attributes:
+        meaning: What their names say.
+        columns: Column by joint: its place in the robot, counted from 0, or its number in the names.
+        named: Whether the joints are told by their names; else by numbers.
+        pattern: How the case file writes the columns, such as ``q_{0}``; empty where only a list says them.
+        units: Unit in the name of each column, in the order of their joints, where they differ; else empty.
+    """
+
+    meaning: Meaning
+    columns: Mapping[int, str]
+    named: bool
+    pattern: str = ""
+    units: tuple[str, ...] = ()
+
+    @property
+    def count(self) -> int:
+        """Number of columns."""
+        return len(self.columns)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns, in the order of their joints."""
+        return tuple(self.columns[key] for key in sorted(self.columns))
+
+    def shown(self) -> str:
+        """Return the group in words, such as ``q1 to q6``."""
+        names = self.names
+        return names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}"
+
+
+def groups_of(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
+    """Return the groups of joint columns in a header, those told by names of joints first.
+
+    Args:
+        header: Names of the columns.
+        joints: Names of the joints of the robot, in order.
+    """
+    return [*_named_groups(header, joints), *_numbered_groups(header)]
+
+
+def time_columns(header: Sequence[str]) -> list[str]:
+    """Return the columns that may be the time, the most telling names first: a stamp of a header, then short ones."""
+    found, container = [], _container(header)
+    for name in header:
+        base, unit = split_unit(name)
+        tokens = words_of(base, container)
+        words = [word for word in tokens if not word.isdigit()]
+        if words and len(words) == len(tokens) and meaning_of(words, unit).signal == "time":
+            found.append((words[-2:] != ["header", "stamp"], len(words), name))
+    return [name for *_, name in sorted(found, key=lambda item: item[:2])]
+
+
+def split_time(header: Sequence[str]) -> tuple[tuple[str, str], tuple[str, str]] | None:
+    """Return two columns that are the time together, with the unit of each, such as seconds and nanoseconds."""
+    found: dict[tuple[str, ...], dict[str, str]] = {}
+    for name in header:
+        words = _PARTS_OF_A_SECOND.sub(r"\1second", name.lower())
+        tokens = tokens_of(words)
+        units = [k for k, word in enumerate(tokens) if word in _SECONDS]
+        rest = tuple(word for k, word in enumerate(tokens) if k not in units)
+        if len(units) == 1 and (not rest or _CLOCKS.intersection(rest)):
+            found.setdefault(rest, {}).setdefault(_SECONDS[tokens[units[0]]], name)
+    for columns in found.values():
+        part = next((unit for unit in ("ns", "us") if unit in columns), "")
+        if part and "s" in columns:
+            return (columns["s"], "s"), (columns[part], part)
+    return None
+
+
+def unit_of_time(name: str, header: Sequence[str] = ()) -> str:
+    """Return the unit that the name of a time column of a header states; empty where it states none."""
+    base, unit = split_unit(name)
+    return meaning_of([word for word in words_of(base, _container(header)) if not word.isdigit()], unit).unit
+
+
+def _named_groups(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
+    """Return groups whose columns have the names of joints, whole or without words such as 'joint'."""
+    found: dict[Meaning, dict[int, str]] = {}
+    forms, container = _joint_forms(joints), _container(header)
+    for name in header:
+        base, unit = split_unit(name)
+        words = words_of(base, container)
+        place = _joint_in(words, forms)
+        if place is None:
+            continue
+        joint, start, length = place
+        rest = words[:start] + words[start + length :]
+        if any(word.isdigit() for word in rest):
+            continue
+        meaning = meaning_of(rest, unit, at_end=start + length < len(words))
+        if meaning.signal and meaning.signal != "time":
+            found.setdefault(meaning, {}).setdefault(joint, name)
+    return [
+        Group(meaning, columns, True, _joint_pattern(columns, joints))
+        for meaning, columns in found.items()
+        if len(columns) > 1 or len(joints) == 1
+    ]
+
+
+def _joint_forms(joints: Sequence[str]) -> dict[tuple[str, ...], int]:
+    """Return the words that stand for each joint; those that stand for two of them are left out."""
+    forms: dict[tuple[str, ...], int] = {}
+    doubtful: set[tuple[str, ...]] = set()
+    for k, joint in enumerate(joints):
+        words = tuple(tokens_of(joint))
+        short = tuple(word for word in words if word not in _GENERIC)
+        for form in {words, short}:
+            if not form or all(word.isdigit() for word in form):
+                continue
+            if forms.get(form, k) != k:
+                doubtful.add(form)
+            forms[form] = k
+    return {form: joint for form, joint in forms.items() if form not in doubtful}
+
+
+def _joint_in(words: Sequence[str], forms: Mapping[tuple[str, ...], int]) -> tuple[int, int, int] | None:
+    """Return the joint whose words stand in a name, where, and how many; the longest form wins."""
+    for length in range(len(words), 0, -1):
+        for start in range(len(words) - length + 1):
+            joint = forms.get(tuple(words[start : start + length]))
+            if joint is not None:
+                return joint, start, length
+    return None
+
+
+def _joint_pattern(columns: Mapping[int, str], joints: Sequence[str]) -> str:
+    patterns = {name.replace(joints[k], "{joint}", 1) if joints[k] in name else "" for k, name in columns.items()}
+    pattern = patterns.pop() if len(patterns) == 1 else ""
+    return pattern if pattern.count("{") == 1 else ""
+
+
+def _numbered_groups(header: Sequence[str]) -> list[Group]:
+    """Return groups whose names differ in one number that runs from 0 or 1, and perhaps in their units."""
+    holes: dict[tuple[str, str], dict[int, str]] = {}
+    twice: set[tuple[str, str]] = set()
+    for name in header:
+        numbers = list(re.finditer(r"\d+", name))
+        if not 0 < len(numbers) <= _MOST_NUMBERS:
+            continue
+        base = split_unit(name)[0]
+        for number in numbers:
+            for text in dict.fromkeys((name, base)):
+                key = (text[: number.start()], text[number.end() :])
+                if text != name and int(number[0]) in holes.get(key, {}):
+                    twice.add(key)  # the unit alone tells these columns apart
+                holes.setdefault(key, {}).setdefault(int(number[0]), name)
+    holes = {key: columns for key, columns in holes.items() if key not in twice}
+    found, container = [], _container(header)
+    taken: set[str] = set()
+    for (before, after), columns in sorted(holes.items(), key=lambda item: -len(item[1])):
+        run = _run(columns)
+        if not run or taken.intersection(run.values()):
+            continue
+        units = tuple(split_unit(run[number])[1] for number in sorted(run))
+        base, unit = split_unit(f"{before}\0{after}")
+        unit = units[0] if len(set(units)) == 1 else unit
+        words = [word for word in words_of(base.replace("\0", " "), container) if not word.isdigit()]
+        meaning = meaning_of(words, unit, at_end=bool(tokens_of(base.partition("\0")[2])))
+        bare = len(run) == 1 and not meaning_of(words).signal  # the unit alone says what one column is
+        if meaning.signal and meaning.signal != "time" and not bare:
+            taken.update(run.values())
+            several = units if len(set(units)) > 1 else ()
+            found.append(Group(meaning, run, False, _number_pattern(before, after, run), several))
+    order = {name: k for k, name in enumerate(header)}
+    return sorted(found, key=lambda group: order[group.names[0]])
+
+
+def _container(header: Sequence[str]) -> str:
+    """Return what all columns begin with up to a dot or a slash, such as the name of a struct; empty for nothing."""
+    low, high = min(header, default=""), max(header, default="")
+    same = next((k for k, signs in enumerate(zip(low, high, strict=False)) if signs[0] != signs[1]), len(low))
+    return low[: max(low.rfind(".", 0, same), low.rfind("/", 0, same)) + 1] if len(header) > 1 else ""
+
+
+def _run(columns: Mapping[int, str]) -> dict[int, str]:
+    """Return the columns whose numbers run from 0, or from 1, without a gap."""
+    first = 0 if 0 in columns else 1
+    run = {}
+    while first + len(run) in columns:
+        run[first + len(run)] = columns[first + len(run)]
+    return run if len(run) == len(columns) else {}
+
+
+def _number_pattern(before: str, after: str, run: Mapping[int, str]) -> str:
+    mark = "{0}" if 0 in run else "{}"
+    if any(sign in before + after for sign in "{}"):
+        return ""
+    return f"{before}{mark}{after}" if all(name == f"{before}{k}{after}" for k, name in run.items()) else ""

@@ -1,0 +1,90 @@
+"""Which joints of the robot the columns of a log are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.case.draft.column_groups import Group
+from dynident.data.evidence.positions import is_within
+from dynident.model.robot import Joint, Robot
+
+
+@dataclass(frozen=True)
+class JointChoice:
+    """The joints of the columns.
+
+    Attributes:
+        names: In the order of the columns; the likely ones where they are asked for, empty where none is likely.
+        certain: Whether the names of the columns, or their number, say so.
+        why: What speaks for it.
+        in_si: Whether the limits of some joints in a row hold the positions as rad or m.
+    """
+
+    names: tuple[str, ...]
+    certain: bool
+    why: str
+    in_si: bool = False
+
+
+def choose_joints(robot: Robot, group: Group, q: Array) -> JointChoice:
+    """Return the joints of the positions' columns.
+
+    Args:
+        robot: With all its joints.
+        group: The positions.
+        q: Their values, shape (N, k), in rad or m if they are in SI units.
+    """
+    if group.named:
+        names = tuple(robot.joint_names[k] for k in sorted(group.columns))
+        missing = robot.dof - len(names)
+        return JointChoice(names, True, "by their names" + (f"; the log lacks {missing} others" if missing else ""))
+    if group.count == robot.dof:
+        return JointChoice(robot.joint_names, True, f"{group.shown()} in the order of the chain")
+    if group.count > robot.dof:
+        likely = robot.joint_names
+        return JointChoice(likely, False, f"{group.count} columns for the {robot.dof} joints of the robot")
+    windows = _windows(robot, group.count)
+    fitting = [joints for joints in windows if _within(joints, q)]
+    if len(fitting) == 1:
+        names = tuple(joint.name for joint in fitting[0])
+        return JointChoice(names, False, "the only joints in a row whose limits hold the positions", True)
+    runs = " or ".join(f"{run[0].name} to {run[-1].name}" for run in fitting[:4])
+    many = f"the limits of {len(fitting) or 'no'} runs of {group.count} joints hold the positions"
+    return JointChoice((), False, f"{many}{f': {runs}' if runs else ''}", bool(fitting))
+
+
+def outside_limits(joints: Sequence[Joint], q: Array) -> list[str]:
+    """Return in words which joints leave the limits of the description, q of shape (N, n) in rad or m."""
+    found = []
+    for joint, low, high in zip(joints, q.min(axis=0), q.max(axis=0), strict=True):
+        if not is_within(joint, float(low), float(high)):
+            limits = f"limits {joint.limits.lower:.4g} to {joint.limits.upper:.4g}"
+            found.append(f"{joint.name} leaves its limits ({low:.4g} to {high:.4g}, {limits})")
+    return found
+
+
+def _windows(robot: Robot, count: int) -> list[tuple[Joint, ...]]:
+    """Return the runs of ``count`` moving joints that follow each other from the base to a leaf."""
+    parents = {joint.parent for joint in robot.joints}
+    found: list[tuple[Joint, ...]] = []
+    for leaf in range(len(robot.joints)):
+        if leaf in parents:
+            continue
+        path: list[Joint] = []
+        k = leaf
+        while k >= 0:
+            if robot.joints[k].mimic is None:
+                path.append(robot.joints[k])
+            k = robot.joints[k].parent
+        path.reverse()
+        found += [tuple(path[start : start + count]) for start in range(len(path) - count + 1)]
+    unique = {tuple(joint.name for joint in window): window for window in found}
+    return list(unique.values())
+
+
+def _within(joints: Sequence[Joint], q: Array) -> bool:
+    return bool(np.all(np.isfinite(q))) and not outside_limits(joints, q)

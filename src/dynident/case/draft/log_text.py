@@ -1,0 +1,184 @@
+"""The key ``log`` of a drafted case file: profile, columns, units, side."""
+
+from __future__ import annotations
+
+from dynident.case.draft.found import Recognised
+from dynident.case.draft.profile_fit import equally_good
+from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
+from dynident.case.questions import MARK
+
+#: What the signals are called in questions.
+_WORDS = {
+    "q": "the measured positions",
+    "dq": "the measured velocities",
+    "torque": "the measured joint torques",
+    "current": "the motor currents",
+    "temperature": "the temperatures of the drives",
+}
+
+
+def log_lines(found: Recognised) -> list[str]:
+    """Return the key log."""
+    lines = ["log:"]
+    if found.form:
+        lines.append(f"  {found.form}")
+    if found.profiles:
+        return [*lines, *_profile(found), *_profile_gaps(found), *_side(found), *_wrapped(found), *_repeats(found)]
+    return [*lines, *_columns(found), *_units(found), *_side(found), *_wrapped(found), *_repeats(found)]
+
+
+def _repeats(found: Recognised) -> list[str]:
+    most = max((reading for reading in found.readings), key=lambda reading: reading.repeated, default=None)
+    if most is None or not most.repeated:
+        return []
+    return [f"  repeats: drop   # {most.repeated} of {most.rows} rows repeat the previous row"]
+
+
+def _wrapped(found: Recognised) -> list[str]:
+    if not found.wrapped:
+        return []
+    return [
+        f"  wrapped: {listed(found.wrapped)}   # positions start again after {found.turn:.4g}; turns are counted on"
+    ]
+
+
+def _profile(found: Recognised) -> list[str]:
+    best, *others = found.profiles
+    equal = equally_good(found.profiles)
+    if len(equal) > 1:
+        kinds = " or ".join(f"{fit.name} ({_effort(found, fit.name)})" for fit in equal)
+        return [asked("  profile", f"the kind of log: {kinds}; both have these columns", best.name)]
+    also = f"; less well: {', '.join(fit.name for fit in others)}" if others else ""
+    line = f"  profile: {best.name}   # {plain(best.why())}{also}"
+    if not found.drivers_differ or not found.units["torque"].certain:
+        return [line]
+    told = found.units["torque"].why
+    return [line, f"  {MARK} is the effort a torque in N m? Drivers differ, see the manual; seen: {plain(told)}"]
+
+
+def _effort(found: Recognised, name: str) -> str:
+    channel = next(fit.effort for fit in found.profiles if fit.name == name)
+    if channel is None:
+        return "no torque"
+    note = f", {channel.note}" if channel.note else ""
+    return f"{channel.pattern} is a {channel.signal}{note}"
+
+
+def _profile_gaps(found: Recognised) -> list[str]:
+    """Return what the profile does not say: units that only the user knows, and the missing effort."""
+    lines = []
+    if not found.effort:
+        lines += ["  columns:", f"    {_missing_effort(found)}"]
+    told = found.units.get("position")
+    channel = next(c for c in found.profiles[0].channels if c.signal == "q")
+    if told is not None and not channel.unit:
+        note = f"the unit of {found.sources['q'].shown()} (deg, rad, m, mm; {channel.note}): {told.why}"
+        lines += ["  units:", asked("    position", note, told.text)]
+    torque = found.units.get("torque")
+    if found.drivers_differ and torque is not None and not torque.certain:
+        effort = found.sources["torque"]
+        names = quoted(effort.pattern) if effort.pattern else listed(effort.columns)
+        note = (
+            f"the unit of {effort.shown()} (N m, mN m, N, percent, permille), drivers differ: {torque.why}; where they "
+            f"are motor currents, write columns: {{torque: none, current: {names}}} in place of units, and gains "
+            "(drives: {JOINT: {gain: ...}})"
+        )
+        lines += [*(["  units:"] if "  units:" not in lines else []), asked("    torque", note)]
+    return lines
+
+
+def _columns(found: Recognised) -> list[str]:
+    lines = ["  columns:"]
+    if found.time:
+        lines.append(f"    time: {quoted(found.time)}")
+    else:
+        text = f"the column of the time; the log has {few(found.header)}; where none is, draft again with --rate"
+        lines.append(asked("    time", text))
+    for signal in ("q", "dq", "torque", "current", "q_ref", "dq_ref"):
+        if signal in found.sources:
+            lines.append(_column(found, signal))
+        elif signal in found.rivals:
+            lines.append(_rivals(found, signal))
+    if "q" not in found.sources and "q" not in found.rivals:
+        lines.append(asked("    q", f"{_WORDS['q']}, one column per joint{_refused(found, 'q')}{_listing(found)}"))
+    effort = {"torque", "current"}
+    if not found.effort and not effort & found.rivals.keys():
+        lines.append(f"    {_missing_effort(found)}")
+    if found.effort == "current":
+        lines.append("    torque: none")
+    if "dq" not in found.sources and "dq" not in found.rivals:
+        lines.append("    dq: none")
+    lines += [f"    # {key}: {plain(why)}" for key, why in found.left_out.items()]
+    lines += [f"    # not read: {plain(group.shown())}, {plain(why)}" for group, why in found.refused]
+    return lines
+
+
+def _column(found: Recognised, signal: str) -> str:
+    """Return the line of a signal; what is not understood of the name of an effort is asked."""
+    source = found.sources[signal]
+    value = quoted(source.pattern) if source.pattern else listed(source.columns)
+    line = f"    {signal}: {value}"
+    if signal not in ("torque", "current") or not source.unknown:
+        return f"{line}   # {plain(source.how)}"
+    text = f"are {source.shown()} {_WORDS[signal]}? The word {' '.join(map(repr, source.unknown))} is not known"
+    return offered(line, text) if signal == "current" or found.torques_agree else asked(f"    {signal}", text, value)
+
+
+def _missing_effort(found: Recognised) -> str:
+    text = f"{_WORDS['torque']} in N m (else state units: torque), one column per joint"
+    return asked("torque", f"{text}; or write current: for motor currents{_refused(found, 'torque')}{_listing(found)}")
+
+
+def _listing(found: Recognised) -> str:
+    known = {found.time, *(name for source in found.sources.values() for name in source.columns)}
+    free = [name for name in found.header if name not in known]
+    if found.likely_effort:
+        return f"; likely {found.likely_effort}"
+    return f"; the log also has {few(free)}" if free else "; the log has no other columns"
+
+
+def _refused(found: Recognised, signal: str) -> str:
+    mine = [f"{g.shown()} are {why}" for g, why in found.refused if g.meaning.signal == signal]
+    return f" ({'; '.join(mine)})" if mine else ""
+
+
+def _rivals(found: Recognised, signal: str) -> str:
+    groups = found.rivals[signal]
+    names = [group.pattern or f"{group.shown()}" for group in groups]
+    return asked(f"    {signal}", f"which columns are {_WORDS[signal]}: {' or '.join(map(repr, names))}")
+
+
+def _units(found: Recognised) -> list[str]:
+    lines = ["  units:"]
+    choices = {"time": "s, ms, us, ns", "position": "rad, deg, m, mm", "torque": "N m, mN m, N, percent, permille"}
+    for key in ("time", "position", "velocity", "torque", "current"):
+        told = found.units.get(key)
+        if told is None:
+            if key in choices and (key != "torque" or found.effort == "torque" or "torque" in found.rivals):
+                lines.append(_unseen(key, choices[key]))
+            continue
+        if told.certain:
+            lines.append(f"    {key}: {told.text}   # {plain(told.why)}")
+        else:
+            signal = {"time": "time", "position": "q", "torque": "torque"}.get(key, key)
+            what = found.time if key == "time" else found.sources[signal].shown()
+            lines.append(asked(f"    {key}", f"the unit of {what} ({choices[key]}): {told.why}", told.text))
+    return lines if len(lines) > 1 else []
+
+
+def _unseen(key: str, choices: str) -> str:
+    """Return the question for a unit of columns that the draft could not tell, or the default would be taken for it."""
+    which = {"time": "the time", "position": "the positions", "torque": "the torques"}[key]
+    return asked(f"    {key}", f"the unit of {which} ({choices}): it could not be looked at")
+
+
+def _side(found: Recognised) -> list[str]:
+    if not found.on_motors or found.profiles:
+        return []
+    sides = ", ".join(f"{signal}: motor" for signal in found.on_motors)
+    count = len(found.sources["q"].columns)
+    zero = f"  # zero: [{', '.join(['0'] * count)}]"
+    return [
+        f"  side: {{{sides}}}   # by the names of the columns",
+        offered(zero, "at which position, in rad or m, does each joint stand where its motor says 0?"),
+    ]

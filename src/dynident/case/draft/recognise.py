@@ -1,0 +1,375 @@
+"""From a robot and the tables of its logs to what was recognised in them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray
+from dynident.case.draft.column_groups import Group, groups_of, time_columns, unit_of_time
+from dynident.case.draft.found import Recognised, SignalSource
+from dynident.case.draft.joint_choice import JointChoice, choose_joints
+from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
+from dynident.case.draft.readings import LogReading, band, read_rows
+from dynident.case.draft.signal_choice import choose_signals
+from dynident.case.draft.told_units import (
+    HEADER,
+    Told,
+    position_factors,
+    position_unit,
+    time_unit,
+    torque_unit,
+)
+from dynident.case.draft.yaml_words import listed, quoted
+from dynident.data.evidence.positions import STILL, strays, travel
+from dynident.data.evidence.torques import torque_evidence
+from dynident.data.evidence.velocities import is_near, velocity_pair
+from dynident.data.formats import Table
+from dynident.data.formats._clocked_table import SUM, TimedTable
+from dynident.data.formats.base import UNITS
+from dynident.data.turns import jumps_of_a_turn, turns_counted
+from dynident.model.robot import Robot
+
+#: The cut-off is this many times the band of the motion; see the part on filters in docs/how-to-choose.md.
+CUTOFF_FACTOR = 10.0
+
+#: Limits of the cut-off: in Hz, and as a share of the sampling rate.
+LEAST_CUTOFF, LARGEST_SHARE = 2.0, 0.2
+
+
+def recognised(robot: Robot, tables: Sequence[Table], profile: str = "") -> Recognised:
+    """Return what is recognised in the logs of a robot.
+
+    Args:
+        robot: With all its joints.
+        tables: The opened logs; the first one says what the columns are.
+        profile: Name of a profile that is to be taken; empty for the one that fits.
+
+    Raises:
+        LogFormatError: A log lacks a column of the first, or a cell is no number.
+    """
+    clock = tables[0].clock if isinstance(tables[0], TimedTable) else ""
+    header = tuple(name for name in tables[0].header if name != clock)
+    fits = [] if clock else fitting_profiles(header, robot.joint_names)  # a profile knows its column of the time
+    fits = [fit for fit in fits if not profile or fit.name == profile]
+    found = Recognised(robot, header, time=clock, is_clocked=bool(clock), profiles=tuple(fits))
+    found = _by_profile(found, fits) if fits else _by_names(found)
+    if not found.time or "q" not in found.sources:
+        return found
+    columns = {signal: source.columns for signal, source in found.sources.items()}
+    readings = tuple(read_rows(table, found.time, columns) for table in tables)
+    return _by_values(replace(found, readings=readings))
+
+
+def cutoff_of(found: Recognised) -> float:
+    """Return the cut-off in Hz that a draft proposes; 0 where the band of the motion is not known."""
+    if not found.band_hz:
+        return 0.0
+    rate = min(1.0 / (reading.step * found.to_seconds) for reading in found.readings)
+    return float(f"{min(max(CUTOFF_FACTOR * found.band_hz, LEAST_CUTOFF), LARGEST_SHARE * rate):.2g}")
+
+
+def _by_profile(found: Recognised, fits: Sequence[ProfileFit]) -> Recognised:
+    fit = fits[0]
+    how = f"profile {fit.name}" if len(equally_good(fits)) == 1 else "a profile that is asked for"
+    sources = {
+        channel.signal: SignalSource(channel.names(fit.joints), channel.pattern, channel.side, how)
+        for channel in fit.channels
+        if channel.signal != "temperature"
+    }
+    missing = found.robot.dof - len(fit.joints)
+    named = any("{joint}" in channel.pattern for channel in fit.channels)
+    why = "by their names" if named else "in the order of the chain"
+    joints = JointChoice(fit.joints, True, why + (f"; the log lacks {missing} others" if missing else ""))
+    likely = ""
+    if fit.effort is None:
+        groups = choose_signals(groups_of(found.header, found.robot.joint_names), found.robot.dof, True).groups
+        group = groups.get("torque") or groups.get("current")
+        likely = "" if group is None else quoted(group.pattern) if group.pattern else listed(group.names)
+    return replace(found, time=fit.profile.time, sources=sources, joints=joints, likely_effort=likely)
+
+
+def _by_names(found: Recognised) -> Recognised:
+    choice = choose_signals(groups_of(found.header, found.robot.joint_names), found.robot.dof)
+    times = [found.time] if found.is_clocked else time_columns(found.header)
+    sources = {signal: _source(group) for signal, group in choice.groups.items() if signal not in choice.rivals}
+    left_out = {}
+    if "torque" in sources and "current" in sources:
+        left_out["current"] = f"{sources.pop('current').shown()} are there as well; the torques are read"
+    if "temperature" in sources:
+        left_out["temperature"] = f"{sources.pop('temperature').shown()}: for the friction part temperature"
+    rivals = dict(choice.rivals)
+    if "dq" in rivals:
+        both = " or ".join(group.shown() for group in rivals.pop("dq"))
+        left_out["dq"] = f"{both}: only the filter as_given reads velocities"
+    if "q" in choice.groups and "q" not in sources:
+        sources = {}
+    group = choice.groups.get("q")
+    if "q" in sources and group is not None and group.count == found.robot.dof:
+        found = replace(found, joints=choose_joints(found.robot, group, np.zeros((1, group.count))))
+    return replace(
+        found,
+        time=times[0] if times else "",
+        sources=sources,
+        rivals=rivals,
+        refused=choice.refused,
+        left_out=left_out,
+    )
+
+
+def _source(group: Group) -> SignalSource:
+    how = "by the names of the joints" if group.named else "by the numbers in their names"
+    return SignalSource(group.names, group.pattern, group.meaning.side or "link", how, group.meaning.strange)
+
+
+def _by_values(found: Recognised) -> Recognised:
+    """Return what is recognised once the rows are read: joints, units, band, joints that stand still."""
+    first = found.readings[0]
+    units = _profile_units(found)
+    if found.is_clocked:
+        made = "the sum of two columns" if SUM.fullmatch(found.time) else f"made of the rate, {found.time}"
+        units["time"] = Told(("s",), True, made)
+    elif "time" not in units:
+        units["time"] = time_unit(first.step, unit_of_time(found.time, found.header))
+    stated = {signal: _stated_unit(found, signal) for signal in found.sources}
+    if not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
+        found = _first_columns(found)
+    found = _with_turns(found)
+    q = np.concatenate([reading.signals["q"] for reading in found.readings])
+    if not found.profiles:
+        group = next(g for g in _groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
+        found = replace(found, joints=choose_joints(found.robot, group, _likely_si(q, stated["q"])))
+    found = replace(found, units=units)
+    moving = found.moving
+    found = _with_wrapped(found)
+    if found.turn and "position" not in units:
+        units["position"] = _unit_of_turn(found, stated["q"])
+    if "position" not in units and "q" in found.on_motors:
+        units["position"] = _motor_unit(stated["q"])
+    elif "position" not in units and moving is not None and len(found.joints.names) == q.shape[1]:
+        own = {joint.name: joint for joint in moving.active}
+        told = position_unit(q, [own[name] for name in found.joints.names], stated["q"])
+        units["position"] = _as_header(told, _units_of(found, "q"))
+    elif "position" not in units and found.joints.in_si:
+        units["position"] = Told(("SI",), True, found.joints.why)
+    elif "position" not in units:
+        units["position"] = Told((), False, "the joints are not known")
+    if found.profiles and "q" in found.sources and not found.profiles[0].states("q"):
+        units["position"] = replace(units["position"], certain=False)
+    factors = position_factors(units["position"], q.shape[1])
+    travel = np.ptp(q, axis=0).max() if "q" in found.on_motors else 1.0  # of a motor a turn says nothing of the joint
+    bands = [band(r.time * found.to_seconds, r.signals["q"] * factors / max(travel, 1e-300)) for r in found.readings]
+    found = replace(found, band_hz=max(bands))
+    found = _with_effort(replace(found, units=units), moving, factors, stated)
+    return _with_motion(found, q, factors)
+
+
+def _with_turns(found: Recognised) -> Recognised:
+    """Return what was found with positions whose counters start again counted on, in the units of the file."""
+    for turn in (2 * np.pi, 360.0):
+        again = np.any([_start_again(reading, turn) for reading in found.readings], axis=0)
+        if again.any():
+            readings = tuple(
+                replace(reading, signals=_counted(reading.signals, again, turn)) for reading in found.readings
+            )
+            return replace(found, readings=readings, turn=turn)
+    return found
+
+
+def _start_again(reading: LogReading, turn: float) -> BoolArray:
+    """Return which positions jump by a turn and stay within one: a slip of a few degrees is no counter."""
+    q = reading.signals["q"]
+    return (jumps_of_a_turn(q, turn, reading.time) > 0) & (np.ptp(q, axis=0) <= 1.01 * turn)
+
+
+def _counted(signals: Mapping[str, Array], again: BoolArray, turn: float) -> dict[str, Array]:
+    """Return signals with positions counted on where they start ``again``, shape (n,)."""
+    found = dict(signals)
+    for key in ("q", "q_ref"):
+        if key in signals and signals[key].shape[1] == len(again):
+            found[key] = np.where(again, turns_counted(signals[key], turn=turn), signals[key])
+    return found
+
+
+def _with_wrapped(found: Recognised) -> Recognised:
+    """Return what was found with the joints whose turns are counted on: all that turn, as they have one electronics."""
+    if not found.turn:
+        return found
+    kinds = {joint.name: joint.kind for joint in found.robot.active}
+    return replace(found, wrapped=tuple(name for name in found.joints.names if kinds[name] == "revolute"))
+
+
+def _unit_of_turn(found: Recognised, stated: str) -> Told:
+    """Return the unit of positions that start again after a turn: that of the turn, where all joints turn."""
+    word = "deg" if found.turn > 2 * np.pi else "rad"
+    fits = len(found.wrapped) == len(found.joints.names) and stated in ("", word)
+    return Told((word,), fits, f"they start again after {found.turn:.4g}, a whole turn")
+
+
+def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated: Mapping[str, str]) -> Recognised:
+    units = dict(found.units)
+    effort = found.effort
+    if not effort:
+        return found
+    evidence = None
+    reading = max(found.readings, key=lambda one: one.duration)
+    fits_joints = moving is not None and moving.dof == reading.signals["q"].shape[1]
+    if moving is not None and fits_joints and not found.on_motors:
+        order = [found.joints.names.index(name) for name in moving.joint_names]
+        q = (reading.signals["q"] * factors)[:, order]
+        cutoff = min(cutoff_of(found), 0.2 / (reading.step * found.to_seconds))
+        evidence = torque_evidence(
+            moving, reading.time * found.to_seconds, q, reading.signals[effort][:, order], cutoff
+        )
+    if effort == "current" and "current" not in units:
+        unit = stated["current"]
+        why = f"{HEADER} {unit}, gains are per A" if unit else "gains are per unit of these columns"
+        units["current"] = Told((unit or "A",), True, why)
+    if effort == "torque" and ("torque" not in units or found.drivers_differ):
+        joints = () if moving is None or not fits_joints else moving.active
+        count = len(joints)
+        ratios = np.full(count, np.nan) if evidence is None else evidence.ratios
+        telling = (False,) * count if evidence is None else evidence.telling
+        largest = np.abs(np.concatenate([r.signals["torque"] for r in found.readings])).max(axis=0)
+        if count and not found.on_motors:
+            told = torque_unit(joints, stated["torque"], ratios, telling, largest)
+            if found.drivers_differ:  # what the profile says stands, unless the description's masses are against it
+                told = Told(units["torque"].words, told.certain or not any(telling), told.why)
+            units["torque"] = told
+        elif "torque" not in units:
+            certain = stated["torque"] in ("N m", "N")
+            units["torque"] = Told(("SI",), certain, "the header states so" if certain else "no evidence in the log")
+    return replace(found, units=units, evidence=evidence)
+
+
+def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
+    """Return which velocities and commanded positions are read, and which joints stand still."""
+    sources, left_out, units = dict(found.sources), dict(found.left_out), dict(found.units)
+    first = found.readings[0]
+    if "dq" in sources and "velocity" not in units:
+        seconds = found.to_seconds
+        ratio = _velocity_ratio(first.time * seconds, first.signals["q"] * factors, first.signals["dq"])
+        stated = _stated_unit(found, "dq")
+        certain, in_stated = found.units["position"].certain, ratio * _velocity_factor(stated)
+        if is_near(ratio) and certain:
+            words = {"m": "m/s", "mm": "m/s"}
+            told = tuple(words.get(word, "rad/s") for word in found.units["position"].words)
+            units["velocity"] = Told(told, True, f"{ratio:.3g} times the derivative of the positions")
+        elif is_near(in_stated) and certain and _all_of_a_kind(found):
+            why = f"the header states {stated}, and so they are {in_stated:.3g} times the derivative of the positions"
+            units["velocity"] = Told((stated,), True, why)
+        else:
+            said = f"{ratio:.3g} times the derivative of the positions" + (
+                f", the header states {stated}" * bool(stated)
+            )
+            left_out["dq"] = f"{sources.pop('dq').shown()}: {said}; only the filter as_given reads velocities"
+    if "q_ref" in sources:
+        if np.any(strays(first.signals["q"], first.signals["q_ref"])):
+            left_out["q_ref"] = f"{sources.pop('q_ref').shown()} stray from the measured positions"
+            sources.pop("dq_ref", None)
+    if "dq_ref" in sources and ("q_ref" not in sources or "velocity" not in units):
+        sources.pop("dq_ref")
+    still = {}
+    if found.joints.certain and found.units["position"].certain and not found.on_motors:
+        si = q * factors
+        way = travel(si)
+        still = {name: float(np.median(si[:, k])) for k, name in enumerate(found.joints.names) if way[k] < STILL}
+        still = still if len(still) < len(found.joints.names) else {}
+    return replace(found, sources=sources, left_out=left_out, units=units, still=still)
+
+
+def _velocity_ratio(time: Array, q: Array, dq: Array) -> float:
+    """Return logged velocities over the derivative of the positions, over joints that move; NaN for none."""
+    pair = velocity_pair(time, q, dq)
+    return float("nan") if pair is None or not pair.moving.any() else float(np.median(pair.ratios[pair.moving]))
+
+
+def _velocity_factor(stated: str) -> float:
+    (numerator, denominator), _ = UNITS["velocity"].get(stated, ((np.nan, 1.0), ""))
+    return numerator / denominator
+
+
+def _all_of_a_kind(found: Recognised) -> bool:
+    return found.moving is not None and len({joint.kind for joint in found.moving.active}) == 1
+
+
+def _profile_units(found: Recognised) -> dict[str, Told]:
+    """Return the units that the profile states."""
+    if not found.profiles:
+        return {}
+    fit = found.profiles[0]
+    why = f"profile {fit.name}"
+    units = {"time": Told((fit.profile.time_unit,), True, why)}
+    for channel in fit.channels:
+        quantity = {"q": "position", "dq": "velocity", "torque": "torque", "current": "current"}.get(channel.signal)
+        if quantity and channel.unit:
+            units[quantity] = Told((channel.unit,), True, why)
+    return units
+
+
+def _groups(found: Recognised) -> list[Group]:
+    return groups_of(found.header, found.robot.joint_names)
+
+
+def _stated_unit(found: Recognised, signal: str) -> str:
+    """Return the unit in the names of the columns of a signal; empty where they state none."""
+    if set(_units_of(found, signal)) == {"N m", "N"}:
+        return "N m"
+    columns = found.sources[signal].columns
+    return next((g.meaning.unit for g in _groups(found) if g.names[: len(columns)] == columns), "")
+
+
+def _units_of(found: Recognised, signal: str) -> tuple[str, ...]:
+    """Return the units in the names of the columns of a signal where they differ; else nothing."""
+    columns = found.sources[signal].columns
+    return next((g.units for g in _groups(found) if g.names == columns), ())
+
+
+def _as_header(told: Told, units: tuple[str, ...]) -> Told:
+    """Return the units that the header states column by column; asked where the limits of the joints say others."""
+    if not units:
+        return told
+    if told.words == units:
+        return Told(units, True, f"the header states so; {told.why}")
+    return Told(told.words, False, f"the header states [{', '.join(units)}]; {told.why}")
+
+
+def _first_columns(found: Recognised) -> Recognised:
+    """Return what was found with as many columns of each signal as the robot has joints, the first ones."""
+    count = found.robot.dof
+    sources = {key: replace(source, columns=source.columns[:count]) for key, source in found.sources.items()}
+    readings = tuple(
+        replace(reading, signals={key: values[:, :count] for key, values in reading.signals.items()})
+        for reading in found.readings
+    )
+    return replace(found, sources=sources, readings=readings)
+
+
+def _motor_unit(stated: str) -> Told:
+    if stated:
+        return Told((stated,), True, f"the header states {stated}")
+    return Told((), False, "positions of motors, which no limit of a joint bounds")
+
+
+def _likely_si(q: Array, stated: str) -> Array:
+    if stated in UNITS["position"]:
+        return q * _factor(stated)
+    return q
+
+
+def _factor(word: str) -> float:
+    (numerator, denominator), _ = UNITS["position"][word]
+    return numerator / denominator
+
+
+def facts_of(reading: LogReading, seconds: float) -> str:
+    """Return a log in words: samples, duration, rate.
+
+    Args:
+        reading: The log.
+        seconds: Factor of its time's unit.
+    """
+    rows = f"the first {reading.rows} rows" if reading.is_head else f"{reading.rows} rows"
+    return f"{rows}, {reading.duration * seconds:.4g} s, {1 / (reading.step * seconds):.5g} Hz"

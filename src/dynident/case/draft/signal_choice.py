@@ -1,0 +1,103 @@
+"""Which group of columns is which signal: what is measured before what is told, and two that fit equally are asked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from dynident.case.draft.column_groups import Group
+from dynident.data.profiles import unmeasured
+
+#: Signals that are looked for.
+SIGNALS = ("q", "dq", "torque", "current", "temperature")
+
+
+@dataclass(frozen=True)
+class SignalChoice:
+    """The columns of the signals.
+
+    Attributes:
+        groups: Group by signal; ``q_ref`` and ``dq_ref`` are commanded ones.
+        rivals: Groups that fit as well as the first, by signal; the user has to say which.
+        refused: Groups that hold commands or values of a model where a measurement is wanted, with the reason.
+    """
+
+    groups: Mapping[str, Group] = field(default_factory=dict)
+    rivals: Mapping[str, tuple[Group, ...]] = field(default_factory=dict)
+    refused: tuple[tuple[Group, str], ...] = ()
+
+
+def choose_signals(groups: Sequence[Group], joints: int, effort_only: bool = False) -> SignalChoice:
+    """Return which groups are which signals.
+
+    Args:
+        groups: All groups of the header.
+        joints: Number of joints of the robot.
+        effort_only: Whether the positions are known already, and only torques and currents are looked for.
+    """
+    refused = tuple((group, why) for group in groups if (why := _why_refused(group)))
+    sound = [group for group in groups if group not in [bad for bad, _ in refused]]
+    if effort_only:
+        efforts = {signal: _best([g for g in sound if g.meaning.signal == signal], joints) for signal in SIGNALS[2:4]}
+        return SignalChoice({signal: best[0] for signal, best in efforts.items() if len(best) == 1})
+    positions = _best([group for group in sound if group.meaning.signal == "q"], joints)
+    if not positions:
+        return SignalChoice(refused=refused)
+    first = positions[0]
+    chosen, rivals = {"q": first}, {"q": tuple(positions)} if len(positions) > 1 else {}
+    for signal in SIGNALS[1:]:
+        alike = [g for g in sound if g.meaning.signal == signal and _same_joints(g, first)]
+        best = _best(alike, joints)
+        if best:
+            chosen[signal] = best[0]
+        if len(best) > 1:
+            rivals[signal] = tuple(best)
+    for signal in ("q", "dq"):
+        told = [g for g, _ in refused if g.meaning.signal == signal and g.meaning.kind == "commanded"]
+        best = _best([g for g in told if _same_joints(g, first)], joints)
+        if len(best) == 1:
+            chosen[f"{signal}_ref"] = best[0]
+    read = list(chosen.values())
+    return SignalChoice(chosen, rivals, tuple((group, why) for group, why in refused if group not in read))
+
+
+def _why_refused(group: Group) -> str:
+    """Return why a group is no measurement; empty where it may be one."""
+    known = unmeasured(group.names[0])
+    if known is not None:
+        return f"{known[1].kind} ({known[0]})"
+    if group.meaning.kind in ("commanded", "model"):
+        return f"{group.meaning.kind} by its name"
+    return ""
+
+
+def _best(groups: Sequence[Group], joints: int) -> list[Group]:
+    """Return the best of some groups of one signal, and those that are as good."""
+    if not groups:
+        return []
+
+    def rank(group: Group) -> tuple[int, ...]:
+        meaning = group.meaning
+        covers = 0 if group.count == joints else 1 if group.count < joints else 2
+        side = {"link": 0, "": 1, "motor": 2}[meaning.side]
+        return (covers, 0 if meaning.kind == "measured" else 1, side, len(meaning.strange))
+
+    least = min(map(rank, groups))
+    found = [group for group in groups if rank(group) == least]
+    named = [group for group in found if group.named]
+    return _distinct(named or found)
+
+
+def _distinct(groups: Sequence[Group]) -> list[Group]:
+    """Return groups without those that share columns with an earlier one."""
+    found: list[Group] = []
+    for group in groups:
+        if not any(set(group.names) & set(other.names) for other in found):
+            found.append(group)
+    return found
+
+
+def _same_joints(group: Group, first: Group) -> bool:
+    if group.named != first.named:
+        return group.count == first.count
+    return set(group.columns) == set(first.columns) or group.count == first.count

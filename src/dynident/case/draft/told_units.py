@@ -1,0 +1,138 @@
+"""The unit of each signal: what the header states, what the values support, and what has to be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.data.evidence.positions import is_plausible
+from dynident.data.evidence.rows import time_units
+from dynident.data.evidence.torques import agrees
+from dynident.data.formats.base import UNITS
+from dynident.model.robot import Joint
+
+#: How the evidence begins where the name of a column has its unit.
+HEADER = "the header states"
+
+#: Positions of less span than this, in rad or m, say nothing about their unit.
+_TELLING = 0.05
+
+
+@dataclass(frozen=True)
+class Told:
+    """A unit.
+
+    Attributes:
+        words: One word of the case file per joint (one for the time); empty where nothing is likely.
+        certain: Whether it can be written down; else it is asked, and the words are the likely answer.
+        why: The evidence.
+    """
+
+    words: tuple[str, ...]
+    certain: bool
+    why: str
+
+    @property
+    def text(self) -> str:
+        """The words as the case file writes them; empty where none is likely."""
+        if len(set(self.words)) <= 1:
+            return self.words[0] if self.words else ""
+        return f"[{', '.join(self.words)}]"
+
+
+def time_unit(step: float, stated: str) -> Told:
+    """Return the unit of the time from the median step in the file's unit and from what the header states."""
+    fitting = time_units(step)
+    rates = ", ".join(f"{1 / (step * _factor('time', word)):.4g} Hz in {word}" for word in fitting[:2])
+    if stated and stated in fitting:
+        return Told((stated,), True, f"the header states {stated}: {rates.split(',')[0]}")
+    if not stated and "s" in fitting:
+        return Told(("s",), True, f"{1 / step:.5g} Hz")
+    said = f"the header states {stated}, but steps are {step:.4g}" if stated else f"steps are {step:.4g}"
+    return Told(fitting[:1], False, f"{said}{f', which is {rates}' if rates else ''}")
+
+
+def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> Told:
+    """Return the unit of positions, shape (N, n), from the limits of their joints and from what the header states."""
+    words, certain, reasons = [], True, []
+    spans = np.ptp(q, axis=0)
+    for kind, si, other in (("revolute", "rad", "deg"), ("prismatic", "m", "mm")):
+        mine = [k for k, joint in enumerate(joints) if joint.kind == kind]
+        if not mine:
+            continue
+        own = [joints[k] for k in mine]
+        fits = {word: _fits(q[:, mine] * _factor("position", word), own) for word in (si, other)}
+        telling = float(spans[mine].max()) >= _TELLING
+        said = stated if stated in fits else ""
+        if said and fits[said]:
+            word, sure, why = said, True, f"the header states {said}, and the limits of the joints agree"
+        elif fits[si] and not said and telling:
+            word, sure = si, True
+            why = f"within the limits as {si}; as {other} the largest motion would be {spans[mine].max():.3g} {other}"
+        elif fits[si] and not said:
+            word, sure = si, False
+            why = f"within the limits as {si}, but the positions change by {spans[mine].max():.2g} only"
+        else:
+            away = f"values reach {np.abs(q[:, mine]).max():.4g}"
+            word = other if fits[other] and said != si else ""
+            sure, why = False, f"{away}, beyond the limits as {si}{f', within them as {other}' if fits[other] else ''}"
+        certain &= sure
+        reasons.append(why)
+        words.append((mine, word))
+    named = {k: word for mine, word in words for k in mine}
+    likely = tuple(named[k] for k in range(len(joints))) if all(named.values()) else ()
+    return Told(likely, certain, "; ".join(reasons))
+
+
+def position_factors(told: Told, count: int) -> Array:
+    """Return the factor of each of the columns of positions to SI by its unit, the likely one where it is asked."""
+    words = told.words if len(told.words) == count else told.words[:1] * count or ("SI",) * count
+    return np.array([_factor("position", word) for word in words])
+
+
+def torque_unit(joints: Sequence[Joint], stated: str, ratios: Array, telling: Sequence[bool], largest: Array) -> Told:
+    """Return the unit of torques.
+
+    Args:
+        joints: Their joints.
+        stated: What the header states; empty for nothing.
+        ratios: Logged torque over that of the description's inertias, by joint, shape (n,).
+        telling: For which joints that ratio says something.
+        largest: Largest torque of each joint in the file's unit, shape (n,).
+    """
+    si = tuple("N m" if joint.kind == "revolute" else "N" for joint in joints)
+    seen = ratios[np.asarray(telling, bool)]
+    limits = np.array([joint.limits.effort for joint in joints])
+    over = bool(np.any(largest > 1.5 * limits))
+    middle = float(np.median(np.abs(seen))) if len(seen) else float("nan")
+    why = (
+        f"{np.abs(seen).min():.2g} to {np.abs(seen).max():.2g} times the torque of the robot model's masses "
+        f"on {len(seen)} of {len(joints)} joints"
+        if len(seen)
+        else "the robot model's masses give no evidence"
+    )
+    if stated:
+        if stated in ("percent", "permille"):
+            return Told((stated,) * len(joints), False, f"the header states {stated}; rated torques are then needed")
+        fitting = not len(seen) or agrees(middle * (1e-3 if stated == "mN m" else 1.0))
+        words = si if stated in ("N m", "N") else (stated,) * len(joints)
+        return Told(words, fitting, f"the header states {stated}; {why}")
+    if len(seen) and agrees(middle):
+        return Told(si, True, why)
+    if len(seen) and agrees(1e-3 * middle) and all(joint.kind == "revolute" for joint in joints):
+        return Told(("mN m",) * len(joints), False, why)
+    if len(seen) == 0 and np.all(np.isfinite(limits)) and not over and np.any(largest > 0.1 * limits):
+        return Told(si, False, f"{why}; the values lie within the effort limits as N m")
+    return Told(() if over or len(seen) else si, False, why + ("; the values exceed the effort limits" if over else ""))
+
+
+def _fits(q: Array, joints: Sequence[Joint]) -> bool:
+    return all(map(is_plausible, joints, q.min(axis=0).tolist(), q.max(axis=0).tolist()))
+
+
+def _factor(quantity: str, word: str) -> float:
+    (numerator, denominator), _ = UNITS[quantity][word]
+    return numerator / denominator

@@ -1,0 +1,118 @@
+"""The keys ``joints`` and ``log`` of a case file: which columns are which signals, and in which units."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from dynident.case.case_values import guarded, one_or_many, part_of, texts
+from dynident.case.profile_columns import SIDED, profile_columns
+from dynident.data.formats import FORMATS, ColumnMap, Units
+from dynident.data.formats.base import UNITS
+from dynident.data.profiles import pattern_names
+from dynident.data.profiles.base import MARKS, SIDES
+from dynident.errors import BadOption
+from dynident.model.documents.sections import Section
+from dynident.model.robot import Robot
+
+_LOG_KEYS = ("profile", "format", "columns", "units", "decimal", "rated", "side", "zero")
+_LOG_KEYS += ("wrapped", "repeats", "force")
+_COLUMN_KEYS = ("time", "q", "dq", "ddq", "torque", "current", "temperature", "q_ref", "dq_ref")
+_UNIT_KEYS = ("time", "position", "velocity", "acceleration", "torque", "current")
+
+
+def read_columns(top: Section, robot: Robot) -> ColumnMap:
+    """Return how the columns of the logs become signals.
+
+    Args:
+        top: The whole case.
+        robot: The robot with all its joints.
+
+    Raises:
+        DescriptionError: A fault in one of the keys, with the key.
+    """
+    joints = texts(top, "joints") or robot.joint_names
+    unknown = [name for name in joints if name not in robot.joint_names]
+    if unknown:
+        step = f"the robot has {', '.join(robot.joint_names)}"
+        raise top.place("joints").error(f"no joint called '{unknown[0]}'", step)
+    if not top.has("log"):
+        return guarded(top.place("joints"), lambda: ColumnMap(joints=joints))
+    log = top.section("log", _LOG_KEYS)
+    found: dict[str, Any] = {"joints": joints, "decimal": log.choice("decimal", (".", ","), ".")}
+    found["repeats"] = log.choice("repeats", ("refuse", "drop"), "refuse")
+    if log.has("columns"):
+        columns = log.section("columns", _COLUMN_KEYS)
+        for key in _COLUMN_KEYS:
+            if columns.has(key):
+                found[key] = columns.text("time") if key == "time" else _column_names(columns, key, joints)
+    words: dict[str, Any] = {}
+    if log.has("units"):
+        units = log.section("units", _UNIT_KEYS)
+        words = {key: one_or_many(units, key) for key in _UNIT_KEYS if units.has(key)}
+    for key in ("rated", "zero"):
+        if log.has(key):
+            found[key] = tuple(log.numbers(key, len(joints)))
+    if log.has("wrapped"):
+        found["wrapped"] = _wrapped(log, joints, robot)
+    if log.has("force"):
+        found["force"] = texts(log, "force")
+    if log.has("format"):
+        found["form"], options = part_of(log.place("format"), log.value("format"))
+        found["form_options"] = tuple(options.items())
+        guarded(log.place("format"), lambda: FORMATS.make_from_text(found["form"], options))
+    if log.has("side"):
+        found["motor"] = _motor(log)
+    guarded(log.place("units"), lambda: _check_units(Units(**words), joints, robot))
+    return guarded(log.place(), lambda: _map(log, words, found))
+
+
+def _map(log: Section, words: dict[str, Any], found: dict[str, Any]) -> ColumnMap:
+    """Return the map of a log section, with what its profile says where the section does not."""
+    if not log.has("profile"):
+        return ColumnMap(units=Units(**words), **found)
+    joints = found.pop("joints")
+    return profile_columns(log.text("profile"), joints, words, **found)
+
+
+def _motor(log: Section) -> tuple[str, ...]:
+    """Return the signals on the motors' side: of a word for all, or of signals and their words."""
+    if isinstance(log.value("side"), str):
+        return SIDED if log.choice("side", SIDES) == "motor" else ()
+    side = log.section("side", SIDED)
+    return tuple(key for key in SIDED if side.has(key) and side.choice(key, SIDES) == "motor")
+
+
+def _wrapped(log: Section, joints: Sequence[str], robot: Robot) -> tuple[str, ...]:
+    """Return the joints whose turns are counted on, which must turn and be in the log."""
+    wrapped = texts(log, "wrapped")
+    turning = [joint.name for joint in robot.active if joint.kind == "revolute" and joint.name in joints]
+    strange = [name for name in wrapped if name not in turning]
+    if strange:
+        step = f"name joints of the log that turn: {', '.join(turning)}"
+        raise log.place("wrapped").error(f"no turning joint called '{strange[0]}'", step)
+    return wrapped
+
+
+def _check_units(units: Units, joints: Sequence[str], robot: Robot) -> None:
+    """Refuse a unit that does not fit the kind of its joint, and lists of another length than the joints."""
+    kinds = {joint.name: joint.kind for joint in robot.active}
+    for quantity in ("position", "velocity", "acceleration", "torque"):
+        for name, word in zip(joints, units.of(quantity, len(joints)), strict=True):
+            kind = UNITS[quantity][word][1]
+            if kind not in ("", kinds[name]):
+                step = f"{name} is {kinds[name]}; give a unit that fits, one per joint where they differ"
+                raise BadOption(f"units.{quantity}", word, step)
+
+
+def _column_names(section: Section, key: str, joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the columns of a signal: a list, or one text with a mark for the joint (see :func:`pattern_names`)."""
+    value = one_or_many(section, key)
+    if not isinstance(value, str):
+        return value
+    if value == "none":
+        return ()
+    if not any(mark in value for mark in MARKS):
+        step = "write a list, or a pattern as q{}"
+        raise section.place(key).error(f"one name '{value}' for {len(joints)} joints", step)
+    return pattern_names(value, joints)

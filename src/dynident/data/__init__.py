@@ -1,0 +1,1 @@
+"""Logs: formats, vendors' profiles, units and preprocessing."""

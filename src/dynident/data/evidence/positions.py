@@ -1,0 +1,42 @@
+"""Positions against the limits of their joints, joints that do not move, and commanded positions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray
+from dynident.model.robot import Joint
+
+#: How far a joint may leave its limits, in rad or m.
+SLACK = 0.05
+
+#: A joint that travels less than this, in rad or m, over a whole log does not move.
+STILL = 1e-3
+
+#: Positions of a joint without limits beyond these, in rad and m, are of another unit: three turns, ten metres.
+LARGEST_TURN, LARGEST_SLIDE = 6 * np.pi, 10.0
+
+#: Root mean square of q - q_ref as a share of the motion's own above which a joint does not follow.
+STRAYS = 0.2
+
+
+def is_within(joint: Joint, low: float, high: float) -> bool:
+    """Return whether a range of positions in rad or m is within the limits of a joint."""
+    return low >= joint.limits.lower - SLACK and high <= joint.limits.upper + SLACK
+
+
+def is_plausible(joint: Joint, low: float, high: float) -> bool:
+    """Return whether a range of positions can be in rad or m: within the limits; not too far where there are none."""
+    if np.isfinite(joint.limits.lower) or np.isfinite(joint.limits.upper):
+        return is_within(joint, low, high)
+    return max(abs(low), abs(high)) <= (LARGEST_TURN if joint.kind == "revolute" else LARGEST_SLIDE)
+
+
+def travel(q: Array) -> Array:
+    """Return how far each joint travels, shape (n,), single values far off left out."""
+    return np.quantile(q, 0.995, axis=0) - np.quantile(q, 0.005, axis=0)
+
+
+def strays(q: Array, q_ref: Array) -> BoolArray:
+    """Return which joints do not follow their commanded positions, shape (n,)."""
+    return np.sqrt(np.mean((q - q_ref) ** 2, axis=0)) > STRAYS * np.maximum(q_ref.std(axis=0), STILL)

@@ -1,0 +1,77 @@
+"""Logged velocities beside the derivative of the positions: the same motion, its sign, and the ratio of the two."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray
+from dynident.data.preprocessing._zero_phase import low_passed
+
+#: Both are compared below this frequency, in Hz, where arms move.
+BAND_HZ = 5.0
+
+#: Fewest samples of a comparison.
+FEWEST = 50
+
+#: A unit explains a ratio within this share of its factor; a filter or a poor encoder explains less.
+NEAR = 0.1
+
+
+@dataclass(frozen=True)
+class VelocityPair:
+    """Velocities and the derivative of the positions on equal steps, low-passed alike, less their means.
+
+    Attributes:
+        stated: The logged velocities, shape (M, n).
+        slope: The derivative of the positions, shape (M, n).
+    """
+
+    stated: Array
+    slope: Array
+
+    @cached_property
+    def moving(self) -> BoolArray:
+        """Which joints move enough for a comparison, shape (n,)."""
+        stated, slope = self._sizes
+        return (stated > 1e-9) & (slope > 1e-3 * max(float(slope.max()), 1e-12))
+
+    @cached_property
+    def correlations(self) -> Array:
+        """Correlation of the velocity of each joint with the derivative of each position, shape (n, n)."""
+        return self.stated.T @ self.slope / np.maximum(np.outer(*self._sizes), 1e-300)
+
+    @cached_property
+    def ratios(self) -> Array:
+        """Velocity over derivative of each joint, shape (n,)."""
+        return np.sum(self.stated * self.slope, axis=0) / np.maximum(np.sum(self.slope**2, axis=0), 1e-300)
+
+    @property
+    def _sizes(self) -> tuple[Array, Array]:
+        return np.linalg.norm(self.stated, axis=0), np.linalg.norm(self.slope, axis=0)
+
+
+def velocity_pair(time: Array, q: Array, dq: Array) -> VelocityPair | None:
+    """Return velocities beside the derivative of positions, shape (N, n) each; None where the log is too short."""
+    if len(time) < FEWEST or not np.ptp(time):
+        return None
+    rate = 1.0 / float(np.median(np.diff(time)))
+    band = min(BAND_HZ, 0.2 * rate)
+    count = int(float(time[-1] - time[0]) * rate) + 1
+    if count < 6 * rate / band:
+        return None
+    even = time[0] + np.arange(count) / rate
+    columns = [np.interp(even, time, column) for column in np.concatenate([q, dq], axis=1).T]
+    smooth = low_passed(np.column_stack(columns), 3, band, rate)
+    joints = q.shape[1]
+    edge = int(rate / band)
+    slope = np.gradient(smooth[:, :joints], 1.0 / rate, axis=0)
+    stated = smooth[edge:-edge, joints:] - smooth[edge:-edge, joints:].mean(axis=0)
+    return VelocityPair(stated, slope[edge:-edge] - slope[edge:-edge].mean(axis=0))
+
+
+def is_near(ratio: float, factor: float = 1.0) -> bool:
+    """Return whether a unit of this factor explains a ratio."""
+    return abs(ratio / factor - 1) < NEAR

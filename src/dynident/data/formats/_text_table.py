@@ -1,0 +1,301 @@
+"""A table of numbers in a text file: read fast where it is sound, and named line by line where it is not."""
+
+from __future__ import annotations
+
+import codecs
+import hashlib
+import os
+import re
+import stat
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import ClassVar, TextIO
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.data.formats._table import TOO_LARGE, Blocks, Table
+from dynident.data.formats._text_header import (
+    DELIMITERS,
+    ENCODING,
+    NUMBER,
+    Layout,
+    cells_of,
+    find_header,
+    headless,
+)
+from dynident.data.formats.base import shown
+from dynident.errors import FileError, LogFormatError
+from dynident.files import unreadable
+
+#: Larger files are not read at once, and larger ones still are no logs.
+MAX_BYTES, MOST_BYTES = 2 << 30, 1 << 44
+MAX_COLUMNS = 4096
+_CHUNK = 1 << 20
+
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
+
+#: A date or a time of day, which is not read: its zone and its steps are anyone's guess.
+_DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}[./]\d{1,2}[./]\d{2,4}|\d{1,2}:\d\d:\d\d", re.ASCII)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TextTable(Table):
+    """A text file whose bytes are sound and whose header is known; the rows are read by :meth:`columns`.
+
+    Attributes:
+        delimiter: What separates the cells; None for blanks.
+        decimal: The decimal sign, ``"."`` or ``","``.
+        before: Lines up to the rows: those before the header, and the header.
+    """
+
+    delimiter: str | None
+    decimal: str
+    before: int
+
+    rereads: ClassVar = False
+
+    def columns(self, names: Sequence[str]) -> Array:
+        """Return some columns, shape (N, len(names)); every row must have as many cells as the header.
+
+        Raises:
+            LogFormatError: No rows, a row with another number of cells, or a cell that is no number.
+        """
+        _check_size(self.path, MAX_BYTES, TOO_LARGE)
+        wanted = [self.header.index(name) for name in names]
+        try:
+            values = self._fast()[:, wanted]
+        except (ValueError, IndexError):  # some cell or row is unsound, or only a column that is not asked for
+            values = self._careful(wanted, self._rows())
+        if not len(values):
+            raise LogFormatError(self.path, self.line, "a header and no rows", "record the log again")
+        return values
+
+    def batches(self, names: Sequence[str], rows: int) -> Blocks:
+        """Yield some columns in blocks; see :meth:`Table.batches`."""
+        wanted = [self.header.index(name) for name in names]
+        some = False
+        with _opened(self.path) as stream:
+            for _ in islice(stream, self.before):
+                pass
+            number = self.before
+            while lines := list(islice(stream, rows)):
+                values = self._parsed(lines, number, wanted)
+                number += len(lines)
+                if len(values):
+                    some = True
+                    yield values
+        if not some:
+            raise LogFormatError(self.path, self.line, "a header and no rows", "record the log again")
+        return ()
+
+    def _parsed(self, lines: Sequence[str], before: int, wanted: Sequence[int]) -> Array:
+        """Return the wanted columns of some lines, of which ``before`` stand before them in the file."""
+        try:
+            points = lines if self.decimal == "." else self._with_points(lines)
+            with warnings.catch_warnings():
+                warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
+                values = np.loadtxt(points, delimiter=self.delimiter, ndmin=2)
+            return self._whole(values)[:, wanted]
+        except (ValueError, IndexError):
+            return self._careful(wanted, self._held(enumerate(lines, before + 1)))
+
+    def _whole(self, values: Array) -> Array:
+        """Return cells of as many columns as the header has, or raise ValueError."""
+        if len(values) and values.shape[1] != len(self.header):
+            raise ValueError(f"{values.shape[1]} cells, {len(self.header)} names")
+        return values if len(values) else np.empty((0, len(self.header)))
+
+    def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
+        """Return the error to raise for a row, with its line; see :meth:`Table.fault`."""
+        return LogFormatError(self.path, self.line_of(row), evidence, step)
+
+    def line_of(self, row: int) -> int:
+        """Return the line of the file, counted from 1, of a row counted from 0."""
+        for index, (line, _) in enumerate(self._rows()):
+            if index == row:
+                return line
+        raise IndexError(f"row {row} of {self.path}")
+
+    def _fast(self) -> Array:
+        """Return all cells, or raise ValueError for the first that is not a number or a ragged row."""
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="loadtxt: input contained no data")
+            if self.decimal == ".":
+                values = np.loadtxt(
+                    os.fspath(Path(self.path)),
+                    delimiter=self.delimiter,
+                    skiprows=self.before,
+                    encoding=ENCODING,
+                    ndmin=2,
+                )
+            else:
+                with _opened(self.path) as stream:
+                    lines = self._with_points(islice(stream, self.before, None))
+                    values = np.loadtxt(lines, delimiter=self.delimiter, ndmin=2)
+        return self._whole(values)
+
+    def _with_points(self, lines: Iterable[str]) -> Iterator[str]:
+        for line in lines:
+            if "." in line:  # 1.234,5 or a file of two minds: the careful reader says which
+                raise ValueError(line)
+            yield line.replace(",", ".")
+
+    def _rows(self) -> Iterator[tuple[int, str]]:
+        """Yield number and text of the lines that hold a row: not blank, not only a comment."""
+        with _opened(self.path) as stream:
+            yield from self._held(islice(enumerate(stream, 1), self.before, None))
+
+    def _held(self, lines: Iterable[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+        """Yield the lines that hold a row."""
+        for number, line in lines:
+            text = line.partition("#")[0].rstrip("\r\n")
+            if text.strip():
+                yield number, text
+
+    def _careful(self, wanted: Sequence[int], lines: Iterable[tuple[int, str]]) -> Array:
+        """Return the wanted columns, or raise the error that names the first unsound cell."""
+        rows = []
+        for number, text in lines:
+            cells = cells_of(text, self.delimiter)
+            if len(cells) != len(self.header):
+                raise LogFormatError(self.path, number, *self._ragged(len(cells)))
+            rows.append([self._number(cells[k], self.header[k], number) for k in wanted])
+        return np.array(rows, dtype=np.float64).reshape(len(rows), len(wanted))
+
+    def _ragged(self, count: int) -> tuple[str, str]:
+        word = DELIMITERS[self.delimiter]
+        evidence = f"{count} {word}-separated cells, the header in line {self.line} has {len(self.header)}"
+        if self.delimiter == "," and count == 2 * len(self.header):
+            return evidence, "decimal commas need another separator; write decimal points or separate by semicolons"
+        return evidence, "correct the line, or write the header with the separator of the rows"
+
+    def _number(self, text: str, name: str, line: int) -> float:
+        cell = text.strip()
+        plain = cell if self.decimal == "." else cell.replace(",", ".")
+        if NUMBER.fullmatch(plain) and not (self.decimal == "," and "." in cell):
+            return float(plain)
+        if not cell:
+            raise LogFormatError(self.path, line, f"column '{shown(name)}' is empty", "fill it or leave the row out")
+        evidence = f"column '{shown(name)}' holds '{shown(cell)}', which is not a number"
+        if self.decimal == "." and _DECIMAL_COMMA.fullmatch(cell):
+            raise LogFormatError(self.path, line, evidence, 'if the commas are decimal signs, declare decimal: ","')
+        raise LogFormatError(self.path, line, evidence, self._step(cell, line))
+
+    def _step(self, cell: str, line: int) -> str:
+        """Return what to do about a cell that is no number."""
+        if _DATE.match(cell):
+            return "write the time as a number, such as seconds from the first row on; no date is read"
+        if self.line is not None and line == self.line + 1 and not any(sign.isdigit() for sign in cell):
+            return "if the row holds units, remove it and put them into the names, such as q1 [rad]"
+        return 'with decimal: "," points are refused' if "." in cell and self.decimal == "," else "correct the cell"
+
+
+def open_table(path: str | Path, decimal: str = ".", names: Sequence[str] = ()) -> TextTable:
+    """Return the table in a text file once its bytes and its header are found sound.
+
+    Args:
+        path: The file.
+        decimal: The decimal sign.
+        names: Names of the columns where the file has no header.
+
+    Raises:
+        FileError: The file cannot be read at all.
+        LogFormatError: It is too large, binary, not UTF-8 or empty, or its first row is no header of unique names.
+    """
+    digest = check_text(path, MOST_BYTES)
+    try:
+        layout = headless(path, decimal, names) if names else find_header(path, decimal)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    _check_header(path, layout)
+    how = f"{DELIMITERS[layout.delimiter]}-separated text, decimal '{decimal}'"
+    return TextTable(
+        path=str(path),
+        sha256=digest,
+        header=layout.header,
+        how=how + layout.note,
+        line=layout.line,
+        delimiter=layout.delimiter,
+        decimal=decimal,
+        before=layout.before,
+    )
+
+
+def check_text(path: str | Path, most: int = MAX_BYTES) -> str:
+    """Return the hash of an ordinary file of UTF-8 text of at most ``most`` bytes.
+
+    Raises:
+        FileError: It cannot be read at all.
+        LogFormatError: It is too large, binary or not UTF-8.
+    """
+    try:
+        _check_place(path, most, "split it into several logs")
+        return _check_bytes(path)
+    except OSError as error:
+        raise unreadable(path, error) from error
+
+
+def _check_place(path: str | Path, most: int, step: str) -> None:
+    found = os.stat(path)
+    if stat.S_ISDIR(found.st_mode):
+        raise FileError(path, "this is a folder", "give a file")
+    if not stat.S_ISREG(found.st_mode):
+        raise FileError(path, "this is no ordinary file", "save the data to a file first")
+    _check_size(path, most, step)
+
+
+def _check_size(path: str | Path, most: int, step: str) -> None:
+    size = os.stat(path).st_size
+    if size > most:
+        evidence = f"{size / 2**30:.3g} GiB, more than the {most / 2**30:.3g} GiB that are read at once"
+        raise LogFormatError(path, None, evidence, step)
+
+
+def _check_bytes(path: str | Path) -> str:
+    """Return the hash of a file that holds UTF-8 text."""
+    digest, decoder, line = hashlib.sha256(), codecs.getincrementaldecoder("utf-8")(), 1
+    chunk = b"start"
+    with open(path, "rb") as stream:
+        start = stream.read(4)
+        if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            raise LogFormatError(path, 1, "UTF-16 text, not UTF-8", "save it as CSV UTF-8")
+        stream.seek(0)
+        while chunk:  # the empty last one tells the decoder that nothing follows
+            chunk = stream.read(_CHUNK)
+            digest.update(chunk)
+            at = chunk.find(b"\0")
+            if at >= 0:
+                where = line + chunk.count(b"\n", 0, at)
+                raise LogFormatError(path, where, "a binary file, not text", "give a text file, or name its format")
+            try:
+                decoder.decode(chunk, final=not chunk)
+            except UnicodeDecodeError as error:
+                before = len(error.object) - len(chunk)  # bytes kept from the chunk before
+                where = line + chunk.count(b"\n", 0, max(0, error.start - before))
+                evidence = f"the byte 0x{error.object[error.start]:02x} is not UTF-8 text"
+                raise LogFormatError(path, where, evidence, "save it as CSV UTF-8") from error
+            line += chunk.count(b"\n")
+    return digest.hexdigest()
+
+
+def _check_header(path: str | Path, layout: Layout) -> None:
+    header, line = layout.header, layout.line
+    if len(header) > MAX_COLUMNS:
+        raise LogFormatError(path, line, f"{len(header)} columns", f"at most {MAX_COLUMNS} are read")
+    if all(NUMBER.fullmatch(name.replace(",", ".")) for name in header if name):
+        step = "add a header row such as t,q1,q2,tau1,tau2, or name the columns (log: format: {csv: {names: [...]}})"
+        if layout.comment:
+            step = f"if the comment '{shown(layout.comment)}' is the header, remove its '#'"
+        raise LogFormatError(path, line, "numbers where the names of the columns should stand", step)
+    for name in header:
+        if name and header.count(name) > 1:
+            evidence = f"{header.count(name)} columns are called '{shown(name)}'"
+            raise LogFormatError(path, line, evidence, "give each column a name of its own")
+
+
+def _opened(path: str | Path) -> TextIO:
+    return open(path, encoding=ENCODING)

@@ -1,0 +1,81 @@
+"""A zero-phase filter at one sample in so many, without the samples between: a finite window, then a slow recursion.
+
+A pole p of the filter is a pole p^M of every M-th sample: 1 / (1 - p/z) = (1 + p/z + ... + (p/z)^(M-1)) /
+(1 - (p/z)^M). The sums of all poles and the zeros of the filter, forwards and backwards, make one symmetric window of
+2 M P + 1 samples for P poles, evaluated at the wanted samples alone; what is left is a recursion over those (Martinez
+and Parks 1979; Crochiere and Rabiner 1983, section 3.4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.data.preprocessing._low_pass import LowPass, butterworth
+from dynident.data.preprocessing._zero_phase import zero_phase
+
+
+@dataclass(frozen=True)
+class Thinning:
+    """A Butterworth run forwards and backwards, at one sample in ``every``.
+
+    Attributes:
+        window: Weights about a wanted sample, shape (2 h + 1,), of sum one.
+        recursion: What is left of the filter, over the wanted samples.
+        every: Samples from one wanted sample to the next.
+    """
+
+    window: Array
+    recursion: LowPass
+    every: int
+
+    @property
+    def half(self) -> int:
+        """Samples to either side of a wanted one that the window takes, h."""
+        return len(self.window) // 2
+
+    def fold(self, signals: Array, out: Array, first: int, count: int) -> None:
+        """Write the windowed samples h, h + every, ... of signals into columns first to first + count of ``out``.
+
+        Args:
+            signals: Shape (k, (count - 1) every + 2 h + 1).
+            out: Shape (k, m).
+            first: Column of the first.
+            count: Number of them.
+        """
+        early, late = self._products
+        blocks, (span, outputs) = -(-count // early.shape[1]), early.shape
+        padded = np.zeros((len(signals), (blocks + 1) * span))
+        padded[:, : signals.shape[1]] = signals[:, : padded.shape[1]]
+        parts = padded.reshape(len(signals), blocks + 1, span)
+        found = parts[:, :-1] @ early
+        found += parts[:, 1:] @ late
+        out[:, first : first + count] = found.reshape(len(signals), blocks * outputs)[:, :count]
+
+    @cached_property
+    def _products(self) -> tuple[Array, Array]:
+        """From the samples of a block, and those of the next, to its outputs: as many as two blocks hold the window."""
+        size, every = len(self.window), self.every
+        outputs = max(1, -(-(size - 1) // every))
+        found = np.zeros((2 * outputs * every, outputs))
+        for k in range(outputs):
+            found[k * every : k * every + size, k] = self.window
+        return np.ascontiguousarray(found[: outputs * every]), np.ascontiguousarray(found[outputs * every :])
+
+    def settle(self, folded: Array) -> Array:
+        """Return the filter of windowed samples, shape (k, m); wrong near both ends, where the past is not known."""
+        return zero_phase(folded, self.recursion, 0)
+
+
+def thinning(cutoff: float, order: int, rate: float, every: int) -> Thinning:
+    """Return the filter of a cut-off in Hz and an order at one sample in ``every`` of ``rate`` samples a second."""
+    filter = butterworth(order, cutoff, rate)
+    window = np.poly(-np.ones(order))
+    for pole in filter.poles:
+        window = np.convolve(window, pole ** np.arange(every))
+    window = np.real(window)
+    window = np.convolve(window, window[::-1])
+    return Thinning(window / window.sum(), LowPass(filter.poles**every, zeros=False), every)

@@ -1,0 +1,1 @@
+"""Checks of logs, causes of what they find, and warnings about an estimate."""

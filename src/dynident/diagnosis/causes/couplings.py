@@ -1,0 +1,236 @@
+"""Motors that turn with a neighbouring joint as well: a log read with such a coupling.
+
+With motor speed = C joint speed, tau = C' tau_motor at the joints, and friction acts at the speed of the motors (Khalil
+and Dombre 2002, section 9.3.2). The friction columns are made anew for each entry of C that is tried; those of the
+bodies stay. The torques of the log may be those of the joints already, or still those of the motors: both are tried,
+and scores are compared in the torques of the log, hence the determinant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.diagnosis.causes.quick_fit import EXACT, QuickFit, Solved, weighted_products
+from dynident.identification.problem.regressor_stream import motion_of
+
+#: Relative residual above which a joint is not explained, so that a coupling of its motor is looked for.
+UNEXPLAINED = 0.1
+
+#: Sizes of the entries of C that are tried, of either sign, for the first one and beside others.
+SIZES, FINE_SIZES = 0.05 * 2.0 ** np.arange(7.0), 0.05 * 1.5 ** np.arange(12.0)
+
+#: Motors of a differential: both turn with both joints.
+DIFFERENTIALS = tuple(np.array([[1.0, a], [-a * b, b]]) for a in (1.0, -1.0) for b in (1.0, -1.0))
+
+#: Places at which the best value of an entry is looked for.
+REFINED = 2
+
+#: Gain of the score for which an entry is kept, and entries found at most.
+KEPT, MOST = 1.5, 3
+
+
+#: Gain, rank among equal ones, C, and the motors and joints of the entries that are new.
+Trial: TypeAlias = tuple[float, int, Array, tuple[tuple[int, int], ...]]
+
+
+@dataclass(frozen=True)
+class Coupled:
+    """A coupling under which a log agrees far better.
+
+    Attributes:
+        matrix: C with motor speed = C joint speed, shape (n, n).
+        entries: Motor, joint, value and deviation of each entry that was found; a deviation of 0 for a differential.
+        gain: By how much the score falls.
+        at_motors: Whether the torques of the log are those of the motors; else those of the joints.
+        before: Relative residual of each joint as the case reads the log, shape (n,).
+        after: The same under the coupling, shape (n,).
+    """
+
+    matrix: Array
+    entries: tuple[tuple[int, int, float, float], ...]
+    gain: float
+    at_motors: bool
+    before: Array
+    after: Array
+
+
+def best_coupling(fit: QuickFit) -> Coupled | None:
+    """Return the coupling of neighbouring joints that a log asks for; None where it asks for none."""
+    if not np.any(fit.relative > UNEXPLAINED):
+        return None
+    rows = _CoupledRows(fit)
+    found = [each for at_motors in (False, True) if (each := _found(_Scan(rows, at_motors))) is not None]
+    return max(found, key=lambda each: each.gain, default=None)
+
+
+def _found(scan: _Scan) -> Coupled | None:
+    """Return the coupling that is found entry by entry."""
+    matrix, entries, best = scan.stated, list[tuple[int, int, float, float]](), 0.0
+    while len(entries) < MOST:
+        trials = [*scan.single(matrix), *scan.differentials(matrix)]
+        gain, _, tried, places = max(trials, key=lambda trial: trial[:2], default=(0.0, 0, matrix, ()))
+        if gain - best < KEPT:
+            break
+        single = len(places) == 1
+        entries += [(*place, float(tried[place]), scan.deviation(tried, place) if single else 0.0) for place in places]
+        matrix, best = tried, gain
+    after = scan.relative(matrix)
+    return Coupled(matrix, tuple(entries), best, scan.at_motors, scan.rows.fit.relative, after) if entries else None
+
+
+class _Scan:
+    """Couplings, and how well the log agrees under each, its torques taken for those of motors or of joints."""
+
+    def __init__(self, rows: _CoupledRows, at_motors: bool) -> None:
+        self.rows, self.at_motors, self.stated = rows, at_motors, rows.stated
+        self._score = self._solved(self.stated).score
+
+    def single(self, matrix: Array) -> Iterator[Trial]:
+        """Yield the best entry of C at the places where one promises most."""
+        sizes = SIZES if np.array_equal(matrix, self.stated) else FINE_SIZES
+        values = np.concatenate([-sizes[::-1], sizes])
+        table = {
+            place: [self.gain(_with(matrix, place, value)) for value in values]
+            for place in self.rows.pairs
+            if not matrix[place]
+        }
+        for place in sorted(table, key=lambda place: -max(table[place]))[:REFINED]:
+            k = int(np.clip(np.argmax(table[place]), 1, len(values) - 2))
+            gain, value = self._refined(matrix, place, values[k - 1 : k + 2])
+            yield gain, 1, _with(matrix, place, value), (place,)
+
+    def differentials(self, matrix: Array) -> Iterator[Trial]:
+        """Yield couplings in which two motors share two joints."""
+        for motor, joint in self.rows.pairs:
+            both = np.ix_((joint, motor), (joint, motor))
+            if motor - joint == 1 and np.array_equal(matrix[both], np.eye(2)):
+                for block in DIFFERENTIALS:
+                    tried = matrix.copy()
+                    tried[both] = block
+                    yield self.gain(tried), 0, tried, ((joint, motor), (motor, joint), (motor, motor))
+
+    def gain(self, matrix: Array) -> float:
+        """Return by how much a coupling betters the score, residuals counted in the torques of the log."""
+        scale = abs(float(np.linalg.det(matrix) / np.linalg.det(self.stated))) if self.at_motors else 1.0
+        return self._score - self._solved(matrix).score + 2 * float(np.log(scale)) if scale > 1e-3 else -np.inf
+
+    def relative(self, matrix: Array) -> Array:
+        """Return the root mean square of the residual over that of the torque less its mean, shape (n,)."""
+        torque, masks = self.rows.torques(matrix)[int(self.at_motors)], self.rows.fit.rows.masks
+        size = [float(np.std(column[mask])) for column, mask in zip(torque.T, masks.T, strict=True)]
+        return np.sqrt(self._solved(matrix).variances) / np.maximum(size, 1e-300)
+
+    def deviation(self, matrix: Array, place: tuple[int, int]) -> float:
+        """Return the standard deviation of an entry of C, by the curvature of the likelihood of independent rows."""
+        value = float(matrix[place])
+        step = 1e-2 * abs(value)
+        low, middle, high = (self.gain(_with(matrix, place, value + shift)) for shift in (-step, 0.0, step))
+        curvature = (2 * middle - low - high) / step**2
+        rows = float(np.median(self.rows.fit.independent_rows))
+        return float(np.sqrt(2.0 / (rows * curvature))) if curvature > 0 else float("inf")
+
+    def _refined(self, matrix: Array, place: tuple[int, int], values: Array) -> tuple[float, float]:
+        """Return gain and value of the best entry between the first and the last of three values."""
+        low, value, high = values.tolist()
+        best = self.gain(_with(matrix, place, value)), value
+        for _ in range(2):  # the peak of a good log is narrower than what one search of the whole stretch sees
+            import scipy.optimize  # loads slowly, and few logs come here
+
+            solved: Any = scipy.optimize.minimize_scalar(
+                lambda value: -self.gain(_with(matrix, place, value)),
+                bounds=(low, high),
+                method="bounded",
+                options={"xatol": 1e-4 * abs(best[1])},
+            )
+            best = max(best, (-float(solved.fun), float(solved.x)))
+            low, high = sorted((0.98 * best[1], 1.02 * best[1]))
+        return best
+
+    def _solved(self, matrix: Array) -> Solved:
+        joints = [self.rows.products(matrix, i) for i in range(len(matrix))]
+        grams = np.array([gram for gram, _, _ in joints])
+        sides = np.array([each[:, int(self.at_motors)] for _, each, _ in joints])
+        squares = np.array([each[int(self.at_motors)] for *_, each in joints])
+        counts = self.rows.fit.counts
+        return weighted_products(grams, sides, squares, counts, np.maximum(EXACT**2 * squares / counts, 1e-300))
+
+
+class _CoupledRows:
+    """The rows of a quick fit with friction columns that can be made for any coupling."""
+
+    def __init__(self, fit: QuickFit) -> None:
+        self.fit, self.stated = fit, np.array(fit.model.robot.coupling, dtype=float)
+        bodies = fit.base.independent < fit.model.inertial_count
+        place = np.cumsum(bodies) - 1
+        self._inertial = []
+        for block, own in zip(fit.rows.blocks, fit.rows.columns, strict=True):
+            full = np.zeros((len(block), int(bodies.sum())))
+            full[:, place[own[bodies[own]]]] = block[:, bodies[own]]
+            self._inertial.append(full)
+        self._motion = motion_of(fit.rows.prepared.log)
+        self._last: tuple[Array, Array] | None = None
+        self._made: dict[tuple[int, bytes], tuple[Array, Array, Array]] = {}
+        self.pairs = tuple(self._neighbours())
+
+    def torques(self, matrix: Array) -> tuple[Array, Array]:
+        """Return the filtered torques at the joints, (N, n), if the log's are those, and if they are the motors'."""
+        torque = self.fit.rows.torque
+        return torque, torque @ np.linalg.solve(self.stated, matrix)
+
+    def products(self, matrix: Array, i: int) -> tuple[Array, Array, Array]:
+        """Return W_i' W_i of a joint, and W_i' tau_i and tau_i' tau_i of both torques; its motors settle them."""
+        drives = np.flatnonzero(matrix[:, i])
+        key = (i, matrix[drives].tobytes())
+        if key not in self._made:
+            mask = self.fit.rows.masks[:, i]
+            friction = self._friction(matrix)
+            columns = np.zeros_like(friction)
+            columns[:, drives] = friction[:, drives] * matrix[drives, i, None]
+            block = np.column_stack([self._inertial[i], columns.reshape(len(columns), -1)])[mask]
+            known = self.fit.rows.known[mask, i]
+            own = np.stack([torque[mask, i] - known for torque in self.torques(matrix)], axis=1)
+            self._made[key] = block.T @ block, block.T @ own, np.sum(own**2, axis=0)
+        return self._made[key]
+
+    def _friction(self, matrix: Array) -> Array:
+        """Return the friction columns of each motor at its own speed, filtered, shape (N, n, k)."""
+        if self._last is None or not np.array_equal(self._last[0], matrix):
+            prepared = self.fit.rows.prepared
+            model = replace(self.fit.model, robot=self.fit.model.robot.with_drives({}, matrix))
+            values = model.friction_values(self._motion)
+            smooth = prepared.smooth(np.ascontiguousarray(values.reshape(len(values), -1).T))[:, prepared.keep]
+            self._last = matrix.copy(), smooth.T.reshape(-1, *values.shape[1:])
+        return self._last[1]
+
+    def _neighbours(self) -> Iterator[tuple[int, int]]:
+        """Yield motors and joints: one or two joints before that of the motor, or the next one behind it."""
+        above = _ancestors(self.fit)
+        for motor in range(len(above)):
+            for joint in range(len(above)):
+                before = joint in above[motor] and motor - joint <= 2
+                behind = motor in above[joint] and joint - motor == 1
+                if (before or behind) and max(self.fit.relative[[motor, joint]]) > UNEXPLAINED:
+                    yield motor, joint
+
+
+def _with(matrix: Array, place: tuple[int, int], value: float) -> Array:
+    changed = matrix.copy()
+    changed[place] = value
+    return changed
+
+
+def _ancestors(fit: QuickFit) -> list[frozenset[int]]:
+    """Return the places of the moving joints between the base and each of them."""
+    robot = fit.model.robot
+    places = {joint.name: k for k, joint in enumerate(robot.active)}
+    above: list[frozenset[int]] = []
+    for joint in robot.joints:
+        found = frozenset[int]() if joint.parent < 0 else above[joint.parent]
+        parent = None if joint.parent < 0 else places.get(robot.joints[joint.parent].name)
+        above.append(found if parent is None else found | {parent})
+    return [above[k] for k, joint in enumerate(robot.joints) if joint.name in places]

@@ -1,0 +1,310 @@
+"""A fit of few rows, and of what the rows would be if a sign, an order or the gravity were another.
+
+Weighted least squares with Coulomb, viscous and offset friction on a thinned log. The rows of each joint are reduced to
+a triangle that keeps the torques of all joints as columns, so that a torque with another sign, scale or joint costs no
+new rows. Two readings of a log are compared by the sum over the joints of the logarithm of the residual variance, which
+is their log-likelihood up to the number of independent rows (Seber and Wild 2003, section 2.1.3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray, IntArray
+from dynident.case.case import Case
+from dynident.data.log import Log
+from dynident.data.preprocessing import FILTERS, Prepared, Preprocessing, preprocess, resample
+from dynident.data.preprocessing._zero_phase import low_passed
+from dynident.errors import DynidentError
+from dynident.identification.problem.problem import counting_rows
+from dynident.identification.problem.regressor_stream import RegressorStream, motion_of, target_torque
+from dynident.identification.residuals.covariance import correlation_factors
+from dynident.model.base_parameters import BaseParameters, base_parameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
+from dynident.model.reduction import triangle_of
+from dynident.model.robot import Robot
+
+#: Cut-off of both sides in Hz at most, and rows kept a second per Hz of it.
+CUTOFF_HZ, ROWS_PER_HZ = 5.0, 8.0
+
+#: Samples a second per Hz of the cut-off before the filter.
+SAMPLES_PER_HZ = 20.0
+
+#: Friction parts that the quick fit has.
+PLAIN = ("coulomb", "viscous", "offset", "rotor_inertia")
+
+#: Passes of weighting.
+PASSES = 6
+
+#: Rows of a joint below which nothing is said.
+FEWEST_ROWS = 30
+
+#: Pull to zero, as a share of the strongest column: directions that no row tells stay at zero.
+RIDGE = 1e-11
+
+#: A residual below this share of the joint's torque is none.
+EXACT = 1e-4
+
+
+@dataclass(frozen=True)
+class FitRows:
+    """The rows of one reading of a log.
+
+    Attributes:
+        blocks: Observation matrix of each joint over all kept rows, shape (N, K_i).
+        columns: Positions in beta of those columns, shape (K_i,) each.
+        torque: Measured torque, filtered, shape (N, n).
+        known: Known torque of the drives that is taken off, shape (N, n).
+        masks: Which rows count, shape (N, n).
+        prepared: The log behind them.
+    """
+
+    blocks: tuple[Array, ...]
+    columns: tuple[IntArray, ...]
+    torque: Array
+    known: Array
+    masks: BoolArray
+    prepared: Prepared
+
+
+#: Of each joint: columns of W_i, and the triangle of [W_i, all torques, known torque].
+Triangles: TypeAlias = tuple[tuple[IntArray, Array], ...]
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A weighted fit.
+
+    Attributes:
+        beta: Shape (b,); further columns follow the base parameters where there are any.
+        variances: Residual variance of each joint, shape (n,).
+        score: Sum of their logarithms; lower is likelier.
+        covariance: Of beta for independent rows.
+        surprise: Squared distance from what was known of beta before, in its deviations; 0 where nothing was.
+    """
+
+    beta: Array
+    variances: Array
+    score: float
+    covariance: Array
+    surprise: float = 0.0
+
+
+@dataclass(frozen=True)
+class QuickFit:
+    """A log thinned out, and the model that it is fitted with.
+
+    Attributes:
+        model: Robot with plain friction.
+        base: Its base parameters.
+        log: Positions and torques on equal steps, thinned.
+        how: How they become rows.
+        counting: Which of the rows count, shape (N,); None for all.
+    """
+
+    model: DynamicModel
+    base: BaseParameters
+    log: Log
+    how: Preprocessing
+    counting: BoolArray | None = None
+
+    def part(self, counting: BoolArray) -> QuickFit:
+        """Return the fit of some of the rows, shape (N,)."""
+        return replace(self, counting=counting)
+
+    @cached_property
+    def rows(self) -> FitRows:
+        """The rows as the case reads them."""
+        return self.rows_of(self.log)
+
+    @cached_property
+    def regressor(self) -> RegressorStream:
+        """What makes the rows of the robot as the case has it."""
+        return RegressorStream(self.model, self.base, any_gravity=True)
+
+    @cached_property
+    def gravity_observers(self) -> tuple[RegressorStream, ...]:
+        """What makes the rows without gravity, and with one of 1 m/s^2 along each axis: rows are linear in it."""
+        fields = np.vstack([np.zeros(3), np.eye(3)])
+        robots = [self.model.robot.with_gravity(gravity) for gravity in fields]
+        return tuple(RegressorStream(replace(self.model, robot=robot), self.base, any_gravity=True) for robot in robots)
+
+    def rows_of(self, log: Log, regressor: RegressorStream | None = None) -> FitRows:
+        """Return the rows of another reading of the log, or of a robot that differs in its gravity alone."""
+        prepared = preprocess(log, self.how)
+        regressor, model = regressor or self.regressor, self.model
+        blocks = tuple(np.asarray(part[:-1]).T for part in regressor.rows(prepared))
+        torque = np.asarray(prepared.log.torque)[prepared.keep]
+        known = torque - target_torque(model, prepared)[prepared.keep]
+        masks = counting_rows(model, prepared)
+        if self.counting is not None:
+            masks = masks & self.counting[:, None]
+        return FitRows(blocks, regressor.columns, torque, known, masks, prepared)
+
+    @cached_property
+    def triangles(self) -> Triangles:
+        """Triangles of the declared reading."""
+        return self.triangles_of(self.rows)
+
+    def triangles_of(self, rows: FitRows) -> Triangles:
+        """Return the triangle of [W_i, all torques, known torque] of each joint, and the columns of W_i."""
+        return tuple(
+            (own, triangle_of(np.column_stack([block, rows.torque, rows.known[:, i]])[rows.masks[:, i]]))
+            for i, (own, block) in enumerate(zip(rows.columns, rows.blocks, strict=True))
+        )
+
+    @cached_property
+    def plain(self) -> Solved:
+        """The fit of the log as the case reads it."""
+        return self.solve(self.triangles)
+
+    def solve(self, triangles: Triangles, mixing: Array | None = None) -> Solved:
+        """Return the fit with torques mixing @ (measured ones), mixing of shape (n, n); None for the measured ones."""
+        joints = self.model.robot.dof
+        mixing = np.eye(joints) if mixing is None else mixing
+        size = self.base.count
+        parts, targets, counts, floors = [], [], self.counts, []
+        for i, (own, triangle) in enumerate(triangles):
+            full = np.zeros((len(triangle), size))
+            full[:, own] = triangle[:, : len(own)]
+            parts.append(full)
+            target = triangle[:, len(own) : -1] @ mixing[i]
+            floors.append(max(EXACT**2 * float(target @ target) / counts[i], 1e-300))
+            targets.append(target - triangle[:, -1])
+        return weighted(parts, targets, counts, np.array(floors))
+
+    @cached_property
+    def counts(self) -> Array:
+        """Rows of each joint that count, shape (n,), at least 1."""
+        return np.maximum(self.rows.masks.sum(axis=0), 1).astype(float)
+
+    @cached_property
+    def residual(self) -> Array:
+        """Measured torque less that of the plain fit, shape (N, n)."""
+        return self.residual_of(self.rows, self.plain.beta)
+
+    def residual_of(self, rows: FitRows, beta: Array) -> Array:
+        """Return the residual of a reading at beta, shape (N, n)."""
+        predicted = [block @ beta[own] for block, own in zip(rows.blocks, rows.columns, strict=True)]
+        return rows.torque - rows.known - np.stack(predicted, axis=1)
+
+    def mean_squares(self, rows: FitRows, beta: Array) -> Array:
+        """Return the mean square of the residual of a reading at beta over the rows that count here, shape (n,)."""
+        return np.sum(np.where(self.rows.masks, self.residual_of(rows, beta), 0.0) ** 2, axis=0) / self.counts
+
+    @cached_property
+    def relative(self) -> Array:
+        """Root mean square of the residual over that of the torque less its mean, shape (n,)."""
+        masks = self.rows.masks
+        size = [
+            float(np.std(column[mask])) if mask.any() else 0.0
+            for column, mask in zip(self.rows.torque.T, masks.T, strict=True)
+        ]
+        return np.sqrt(self.plain.variances) / np.maximum(size, 1e-300)
+
+    @cached_property
+    def independent_rows(self) -> Array:
+        """Rows of each joint that count, less those that hang together, shape (n,)."""
+        return self.counts / correlation_factors([self.residual], [self.rows.masks])
+
+    def friction_power(self, solved: Solved) -> tuple[Array, Array]:
+        """Return the power that friction takes as a share of rms torque times rms speed, and its z-score, (n,) each."""
+        robot = self.model.robot
+        speed = motion_of(self.rows.prepared.kept).dq @ np.asarray(robot.coupling).T
+        share, score = np.zeros(robot.dof), np.zeros(robot.dof)
+        for i, name in enumerate(robot.joint_names):
+            mask = self.rows.masks[:, i]
+            if mask.sum() < FEWEST_ROWS:
+                continue
+            weights = np.zeros(self.base.count)
+            for k, index in enumerate(self.base.independent):
+                parameter = self.base.parameters[index]
+                if parameter.owner == name and parameter.symbol in ("Fc", "Fv"):
+                    size = np.abs(speed[mask, i])
+                    weights[k] = float(np.mean(size if parameter.symbol == "Fc" else size**2))
+            power = float(weights @ solved.beta[: self.base.count])
+            factor = self.counts[i] / max(self.independent_rows[i], 1.0)
+            covariance = solved.covariance[: self.base.count, : self.base.count]
+            deviation = float(np.sqrt(max(weights @ covariance @ weights * factor, 1e-300)))
+            scale = float(np.sqrt(np.mean(self.rows.torque[mask, i] ** 2) * np.mean(speed[mask, i] ** 2)))
+            share[i], score[i] = power / max(scale, 1e-300), power / deviation
+        return share, score
+
+
+def weighted(parts: list[Array], targets: list[Array], counts: Array, floors: Array) -> Solved:
+    """Return the fit in which each joint's rows weigh by their own residual variance.
+
+    The products of the triangles are summed, which costs half the digits: enough for a comparison, not for a rank.
+    """
+    squares = np.array([float(target @ target) for target in targets])
+    grams = np.array([part.T @ part for part in parts])
+    sides = np.array([part.T @ target for part, target in zip(parts, targets, strict=True)])
+    return weighted_products(grams, sides, squares, counts, floors)
+
+
+def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Solved:
+    """Return the fit of :func:`weighted` from the products of each joint's rows: (n, k, k), (n, k) and (n,)."""
+    norms = np.sqrt(np.einsum("ikk->ik", grams).sum(axis=0))
+    scale = np.where(norms > 0, norms, 1.0)
+    grams, sides = grams / np.outer(scale, scale), sides / scale
+    variances = squares / counts + floors
+    beta = inverse = np.zeros(0)
+    for _ in range(PASSES):
+        gram = np.tensordot(1.0 / variances, grams, 1)
+        gram += RIDGE * np.diag(np.maximum(np.diag(gram), 1e-300 + np.diag(gram).max(initial=0.0)))
+        inverse = np.linalg.inv(gram)
+        beta = inverse @ ((1.0 / variances) @ sides)
+        left = squares - 2 * sides @ beta + np.einsum("k,ikl,l->i", beta, grams, beta)
+        variances = np.maximum(left, 0.0) / counts + floors
+    covariance = inverse / np.outer(scale, scale)
+    return Solved(beta / scale, variances, float(np.sum(np.log(variances))), covariance)
+
+
+def quick_fit(case: Case, log: Log) -> QuickFit | None:
+    """Return the fit of a sound log; None where it has no torques or is too short for one."""
+    if log.torque is None:
+        return None
+    known = bool(np.any(case.robot.reflected_inertia))
+    wanted = known or any(FRICTION.name_of(part) == "rotor_inertia" for part in case.friction)
+    asked = [FRICTION.make("rotor_inertia")] if wanted else []
+    coulomb = [part for part in case.friction if FRICTION.name_of(part) == "coulomb" and part.joints is None]
+    first = coulomb or [FRICTION.make("coulomb", width=0.02)]
+    friction = (*first, FRICTION.make("viscous"), FRICTION.make("offset"), *asked)
+    model = DynamicModel(_without_rotors(case.robot) if known else case.robot, friction)
+    cutoff = min(CUTOFF_HZ, case.preprocessing.filter.bandwidth() or CUTOFF_HZ)
+    how = Preprocessing(
+        FILTERS.make("butterworth", cutoff_hz=cutoff),
+        rate_hz=ROWS_PER_HZ * cutoff,
+        trim_s=max(case.preprocessing.trim_s, 1.0 / cutoff),
+        standstill=max(case.preprocessing.standstill, 0.01),
+    )
+    try:
+        thin = thinned_log(log, SAMPLES_PER_HZ * cutoff, case.preprocessing.longest_gap_s)
+        found = QuickFit(model, base_parameters(model), thin, how)
+        enough = found.rows.masks.sum() > 2 * found.base.count
+    except DynidentError:
+        return None
+    return found if enough else None
+
+
+def _without_rotors(robot: Robot) -> Robot:
+    """Return the robot with no known rotor inertia: a known torque would not go with torques of another unit."""
+    drives = {joint.name: replace(joint.drive, rotor_inertia=0.0) for joint in robot.active}
+    return robot.with_drives(drives, robot.coupling)
+
+
+def thinned_log(log: Log, rate: float, longest_gap: float | None = None) -> Log:
+    """Return positions and torques on equal steps at about ``rate`` a second, low-passed; see :func:`resample`."""
+    plain = Log(log.joints, log.time, log.q, torque=log.torque, source=log.source)
+    even = resample(plain, longest_gap)
+    every = max(1, int(even.rate / rate))
+    if every == 1:
+        return even
+    cutoff = 0.4 * even.rate / every
+    smooth = {name: low_passed(values, 4, cutoff, even.rate) for name, values in even.signals().items()}
+    return replace(even, **smooth).rows(slice(None, None, every), f"one sample in {every}")  # type: ignore[arg-type]

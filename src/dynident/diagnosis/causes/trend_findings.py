@@ -1,0 +1,130 @@
+"""What is said of causes that the residual of a quick fit follows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from dynident.diagnosis.causes.cause_search import Blame
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.trends import across_gravity
+from dynident.diagnosis.finding import Finding, Severity
+
+#: Share of a joint's residual variance that a cause explains, and share of the joint's torque, or of all torques where
+#: it acts on the whole arm, that it has, from which the result suffers.
+EXPLAINED, MATTERS, MATTERS_ALL = 0.5, 0.1, 0.03
+
+#: A scale further off one is that of another check: a column for it is a straight line through a curve.
+FAR_SCALE = 0.5
+
+
+def rival_findings(blame: Blame, fit: QuickFit) -> list[Finding]:
+    """Return what is said of causes that explain about as well, each a note."""
+    of = f" ({blame.cause.joint})" * bool(blame.cause.joint)
+    found = [trend_finding(rival, fit) for rival in blame.rivals if rival.cause.name in _TEXTS and believable(rival)]
+    told = f"not distinguishable from {blame.cause.name}{of}: "
+    return [replace(finding, severity="note", evidence=told + finding.evidence) for finding in found]
+
+
+def believable(blame: Blame) -> bool:
+    """Return whether a cause is in the range in which its column holds."""
+    return blame.cause.name != "torque scale" or abs(float(blame.values[0])) < FAR_SCALE
+
+
+def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
+    """Return what is said of a cause."""
+    evidence, remedy = _TEXTS[blame.cause.name](blame, fit)
+    large = _size(blame) > (MATTERS if blame.cause.joint else MATTERS_ALL)
+    grave = blame.share > EXPLAINED and large and blame.cause.name != "friction curve"
+    severity: Severity = "warning" if grave else "note"
+    counted = f" (t = {blame.certainty:.0f}, {100 * blame.share:.0f} % of a joint's residual variance)"
+    numbers = {
+        "value": float(blame.values[int(np.argmax(np.abs(blame.values)))]),
+        "t": blame.certainty,
+        "share": blame.share,
+        "torque": float((blame.taken if blame.cause.name == "friction curve" else blame.torque).max()),
+    }
+    return Finding(severity, blame.cause.name, blame.cause.joint, evidence + counted, remedy, numbers)
+
+
+def _size(blame: Blame) -> float:
+    """Return the share of the torque that a cause has; of a tilt, the share of the weight that acts across."""
+    return float(np.hypot(*blame.values[:2])) if blame.cause.name == "tilt" else blame.size
+
+
+def _spring(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    stiffness = f"{blame.values[0]:.3g} +- {blame.deviations[0]:.2g} N m/rad (or N/m)"
+    evidence = f"the residual is proportional to the position, {stiffness}"
+    return (
+        evidence,
+        "a spring or hose: model it, or subtract its torque before the fit (drives: bias subtracts a constant)",
+    )
+
+
+def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    size = float(np.hypot(*blame.values))
+    phase = float(np.arctan2(blame.values[1], blame.values[0]))
+    evidence = f"the residual follows {size:.3g} N m sin(q {'-' if phase < 0 else '+'} {abs(phase):.2f} rad)"
+    return evidence, "a counterbalance, or a body fixed to the joint: model it, or subtract its torque before the fit"
+
+
+def _drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    evidence = f"the torque drifts by {blame.values[0]:.3g} +- {blame.deviations[0]:.2g} N m (or N) over the log"
+    return evidence, "check the zero of the sensor; warm it up first, or record a shorter log"
+
+
+def _friction_drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    names = fit.model.robot.joint_names
+    told = ", ".join(f"{name} {value:+.2g}" for name, value in zip(names, blame.values, strict=True))
+    evidence = f"Coulomb friction changes from start to end of the log by (N m or N): {told}"
+    return evidence, "warm the arm up first, or map temperatures (log: columns: temperature) and add friction"
+
+
+def _friction_curve(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    evidence = f"sub-linear viscous or load-dependent friction, {blame.taken.max():.3g} N m (or N) rms"
+    return evidence, "use friction model selection (friction: auto), or add degressive and load"
+
+
+def _time_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    fast = float(blame.values[0])
+    word = "fast" if fast > 0 else "slow"
+    evidence = (
+        f"inertial against gravity torques: the clock runs {100 * abs(fast):.2g} +- {100 * blame.deviations[0]:.1g} %"
+    )
+    return f"{evidence} too {word}", "check the clock of the log: log the time of the measurement"
+
+
+def _torque_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    value, deviation = 100 * float(blame.values[0]), 100 * float(blame.deviations[0])
+    evidence = f"its torque is {value:+.2g} +- {deviation:.1g} % off the value that agrees with the other joints"
+    if not blame.cause.joint:
+        evidence = f"torques are {value:+.2g} +- {deviation:.1g} % off the robot model"
+    return evidence, "check gain and gear ratio (drives: {JOINT: {gain: ...}}), or the masses of the robot model"
+
+
+def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:
+    gravity = np.asarray(fit.model.robot.gravity)
+    size = float(np.linalg.norm(gravity))
+    across = across_gravity(gravity)
+    lean = blame.values[:2]
+    wanted = gravity + size * lean @ across
+    wanted *= size / np.linalg.norm(wanted)
+    angle = np.degrees(np.arctan(np.linalg.norm(lean)))
+    spread = np.degrees(np.linalg.norm(blame.deviations[:2]))
+    text = ", ".join(f"{value + 0.0:.4g}" for value in wanted)
+    evidence = f"the base is tilted by {angle:.2g} +- {spread:.1g} degrees against the stated gravity"
+    return evidence, f"level the base, or state its tilt (gravity: [{text}])"
+
+
+_TEXTS: dict[str, Callable[[Blame, QuickFit], tuple[str, str]]] = {
+    "spring": _spring,
+    "counterbalance": _counterbalance,
+    "drift": _drift,
+    "friction drift": _friction_drift,
+    "friction curve": _friction_curve,
+    "time scale": _time_scale,
+    "torque scale": _torque_scale,
+    "tilt": _tilt,
+}

@@ -1,0 +1,130 @@
+"""Causes of a residual that need no description of the bodies: springs, drift, friction curves, tilt, clock, scales."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseRows, CauseSearch
+from dynident.diagnosis.causes.quick_fit import ROWS_PER_HZ, QuickFit
+from dynident.identification.problem.regressor_stream import RegressorStream
+
+#: Step of the finite difference by the clock, a share.
+CLOCK_STEP = 1e-3
+
+#: Rows of the quick fit for each that is independent: a band of f Hz has 2 f values a second.
+OVERSAMPLING = ROWS_PER_HZ / 2.0
+
+#: Smoothing of the sign of a velocity, in rad/s or m/s.
+WIDTH = 0.02
+
+
+class Trends:
+    """What the residual of a quick fit follows."""
+
+    def __init__(self, fit: QuickFit, gravity_observers: Sequence[RegressorStream] | None = None) -> None:
+        self.fit = fit
+        self._gravity = gravity_observers or fit.gravity_observers
+        self._log = fit.rows.prepared.log
+        coupling = np.asarray(fit.model.robot.coupling)
+        self._coupling = coupling
+        self._speed = np.asarray(self._log.dq) @ coupling.T
+
+    @cached_property
+    def blames(self) -> tuple[Blame, ...]:
+        """The causes that are sure, the one that explains most first."""
+        rows = self.fit.rows
+        target = rows.torque - rows.known
+        found = CauseRows(rows.blocks, rows.columns, self.fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
+        return CauseSearch(found, self.causes).blames()
+
+    @cached_property
+    def causes(self) -> tuple[Cause, ...]:
+        """The causes that are tried."""
+        return tuple(self._causes())
+
+    def _causes(self) -> Iterator[Cause]:
+        """Yield the causes that are tried."""
+        names = self.fit.model.robot.joint_names
+        clock = np.asarray(self._log.time)
+        clock = (clock - clock.mean()) / max(float(np.ptp(clock)), 1e-9)
+        sign, q = np.tanh(self._speed / WIDTH), np.asarray(self._log.q)
+        load = np.abs(self._predicted)
+        for i, (name, joint) in enumerate(zip(names, self.fit.model.robot.active, strict=True)):
+            yield self._cause("drift", name, self._at_joint(i, clock))
+            yield self._cause("spring", name, self._at_joint(i, q[:, i] - q[:, i].mean()))
+            if joint.kind == "revolute":
+                yield self._cause(
+                    "counterbalance", name, self._at_joint(i, np.sin(q[:, i])), self._at_joint(i, np.cos(q[:, i]))
+                )
+            speed = self._speed[:, i]
+            size = np.abs(speed)
+            curves = (speed * size, sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i], size)
+            yield self._cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
+            yield Cause("torque scale", name, self._own_torque(i)[None])
+        warm = [self._at_drive(i, clock * column) for i in range(len(names)) for column in (sign[:, i],)]
+        yield self._cause("friction drift", "", *warm)
+        yield self._cause("time scale", "", self._clock())
+        yield from self._tilts()
+
+    @cached_property
+    def _predicted(self) -> Array:
+        return self.fit.regressor.predict(self._log, self.fit.plain.beta)
+
+    def _cause(self, name: str, joint: str, *columns: Array) -> Cause:
+        """Return a cause whose columns (N, n) over all rows are filtered as the torques are."""
+        prepared = self.fit.rows.prepared
+        return Cause(name, joint, np.stack([prepared.smooth(column.T).T[prepared.keep] for column in columns]))
+
+    def _at_joint(self, joint: int, values: Array) -> Array:
+        """Return values (N,) as a torque of one joint, shape (N, n)."""
+        column = np.zeros((len(values), self.fit.model.robot.dof))
+        column[:, joint] = values
+        return column
+
+    def _at_drive(self, drive: int, values: Array) -> Array:
+        """Return values (N,) as a torque of one drive, at the joints, shape (N, n)."""
+        return values[:, None] * self._coupling[drive]
+
+    def _own_torque(self, joint: int) -> Array:
+        """Return what is predicted at one joint, shape (N, n): with the measured torque its noise would count."""
+        column = np.zeros_like(self.fit.rows.torque)
+        column[:, joint] = self.fit.rows.torque[:, joint] - self.fit.residual[:, joint]
+        return column
+
+    def _clock(self) -> Array:
+        """Return the derivative of the bodies' torque by the speed of the clock, shape (N, n).
+
+        Friction is left out: what a clock does to it, its own columns take in, but for the width of its sign, and a
+        wrong width would be taken for a wrong clock.
+        """
+        log, speed, model = self._log, 1.0 + CLOCK_STEP, self.fit.model
+        of_bodies = [
+            k < model.inertial_count or model.parameters[k].unit.startswith("kg") for k in self.fit.base.independent
+        ]
+        beta = np.where(of_bodies, self.fit.plain.beta, 0.0)
+        faster = replace(log, dq=np.asarray(log.dq) * speed, ddq=np.asarray(log.ddq) * speed**2)
+        return (self.fit.regressor.predict(faster, beta) - self.fit.regressor.predict(log, beta)) / CLOCK_STEP
+
+    def _tilts(self) -> Iterator[Cause]:
+        """Yield the lean of the base about both axes across gravity; the first joint then carries its own link too."""
+        model = self.fit.model
+        gravity = np.asarray(model.robot.gravity)
+        size = float(np.linalg.norm(gravity))
+        if not size:
+            return
+        beta = self.fit.plain.beta
+        still, *along = (regressor.predict(self._log, beta) for regressor in self._gravity)
+        pulls = np.stack(along) - still
+        columns = [size * np.tensordot(axis, pulls, 1) for axis in across_gravity(gravity)]
+        first = np.asarray(self._log.q)[:, 0]
+        yield self._cause("tilt", "", *columns, self._at_joint(0, np.sin(first)), self._at_joint(0, np.cos(first)))
+
+
+def across_gravity(gravity: Array) -> Array:
+    """Return two unit vectors across gravity and each other, shape (2, 3)."""
+    return np.linalg.svd(gravity[None] / np.linalg.norm(gravity))[2][1:]

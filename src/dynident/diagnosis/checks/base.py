@@ -1,0 +1,92 @@
+"""What a check of a log is, and what it sees."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+from dynident.case.case import Case
+from dynident.diagnosis.causes.against_estimate import KnownBodies, known_bodies
+from dynident.diagnosis.causes.quick_fit import PLAIN, QuickFit, quick_fit
+from dynident.diagnosis.causes.trends import Trends
+from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.recording import Recording
+from dynident.errors import DynidentError
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.selection.delay import Delay, find_delays
+from dynident.model.base_parameters import base_parameters
+from dynident.model.friction import FRICTION
+
+#: A delay counts from this many of its standard deviations on.
+SURE_DELAY = 5.0
+
+
+@dataclass(frozen=True)
+class CheckedLog:
+    """A log under examination.
+
+    Attributes:
+        case: Robot, columns and preparation.
+        raw: The log as its file has it.
+        sound: The same after the safe repairs: time runs forward, every value is finite.
+        earlier: An estimate of the same robot that bodies are held against; None for the description.
+    """
+
+    case: Case
+    raw: Recording
+    sound: Recording
+    earlier: Estimate | None = None
+
+    @cached_property
+    def fit(self) -> QuickFit | None:
+        """A fit of few rows by weighted least squares; None where the log has no torques or too few rows."""
+        return quick_fit(self.case, self.sound.log)
+
+    @cached_property
+    def delay(self) -> Delay | None:
+        """The delay of the torque; ``applied`` is 0 where it may well be none."""
+        if self.fit is None:
+            return None
+        more = [part for part in self.case.friction if FRICTION.name_of(part) not in PLAIN and not part.needs]
+        model = replace(self.fit.model, friction=(*self.fit.model.friction, *more))  # a bend passes for a lead
+        base = base_parameters(model) if more else self.fit.base
+        try:
+            (found,), _ = find_delays(model, base, [self.fit.log], self.fit.how)
+        except DynidentError:
+            return None
+        sure = abs(found.seconds) > SURE_DELAY * found.deviation
+        return replace(found, applied=found.seconds if sure else 0.0)
+
+    @cached_property
+    def trends(self) -> Trends | None:
+        """What the residual follows once the delay of the torque is taken out; None where there is no fit."""
+        if self.fit is None:
+            return None
+        late = 0.0 if self.delay is None else self.delay.applied
+        fit = replace(self.fit, how=replace(self.fit.how, delay_s=late)) if late else self.fit
+        return Trends(fit, self.fit.gravity_observers)
+
+    @cached_property
+    def known(self) -> KnownBodies | None:
+        """What the earlier estimate knows of the bodies; None where there is none, or it knows nothing of them."""
+        if self.fit is None or self.earlier is None:
+            return None
+        return known_bodies(self.earlier, self.fit.model, self.fit.base)
+
+
+class Check(ABC):
+    """A look at one side of a log; pure, never changes anything.
+
+    Attributes:
+        stage: 0 looks at the raw file, 1 at the repaired signals, 2 at a quick fit. A stage is left out after an error
+            in an earlier one that no repair removes.
+    """
+
+    stage: ClassVar[int] = 1
+
+    @abstractmethod
+    def findings(self, subject: CheckedLog) -> Sequence[Finding]:
+        """Return what was found, nothing where all is well."""

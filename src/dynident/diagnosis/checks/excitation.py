@@ -1,0 +1,51 @@
+"""What the motion does not tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.finding import Finding
+
+#: Condition number with unit columns and weighted rows above which noise decides some parameters, and above which
+#: they are not determined.
+POOR, NONE = 1000.0, 1e7
+
+#: Names of parameters that are told.
+TOLD = 3
+
+
+@dataclass(frozen=True)
+class Excitation(Check):
+    """Condition number of the observation matrix and parameters that the motion does not excite."""
+
+    stage: ClassVar[int] = 2
+
+    def findings(self, subject: CheckedLog) -> Sequence[Finding]:
+        fit = subject.fit
+        if fit is None:
+            return []
+        weights = 1.0 / np.sqrt(fit.plain.variances)
+        size = fit.base.count
+        parts = []
+        for (own, triangle), weight in zip(fit.triangles, weights, strict=True):
+            full = np.zeros((len(triangle), size))
+            full[:, own] = weight * triangle[:, : len(own)]
+            parts.append(full)
+        matrix = np.concatenate(parts)
+        norms = np.linalg.norm(matrix, axis=0)
+        _, values, directions = np.linalg.svd(matrix / np.where(norms > 0, norms, 1.0), full_matrices=False)
+        condition = float(values[0] / max(values[-1], 1e-300))
+        if condition <= POOR:
+            return []
+        weak = values < values[0] / POOR
+        share = np.abs(directions[weak]).max(axis=0)
+        names = "; ".join(fit.base.names[k] for k in np.argsort(-share)[:TOLD])
+        evidence = f"condition number {condition:.3g} ({int(weak.sum())} poorly excited directions), above all {names}"
+        remedy = "record a motion that moves all joints fast and far at once (dynident excite)"
+        name, grave = ("poor excitation", condition > NONE)
+        return [Finding("error" if grave else "warning", name, "", evidence, remedy, {"condition": condition})]

@@ -1,0 +1,35 @@
+"""What the residual of a quick fit still follows: springs, drift, friction curves, a tilt, the clock, a scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dynident.diagnosis.causes.quick_fit import PLAIN
+from dynident.diagnosis.causes.trend_findings import believable, rival_findings, trend_finding
+from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.finding import Finding
+from dynident.model.friction import FRICTION
+
+
+@dataclass(frozen=True)
+class ResidualTrends(Check):
+    """Springs, counterbalances, drift, friction drift, sub-linear friction, tilt, time scale, torque scales."""
+
+    stage: ClassVar[int] = 2
+
+    def findings(self, subject: CheckedLog) -> Sequence[Finding]:
+        trends = subject.trends
+        if trends is None:
+            return []
+        # a case with friction that the quick fit has not has chosen its friction already
+        chosen = subject.case.choose_friction or any(
+            FRICTION.name_of(part) not in PLAIN for part in subject.case.friction
+        )
+        return [
+            finding
+            for blame in trends.blames
+            if not (chosen and blame.cause.name == "friction curve") and believable(blame)
+            for finding in (trend_finding(blame, trends.fit), *rival_findings(blame, trends.fit))
+        ]

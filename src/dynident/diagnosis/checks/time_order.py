@@ -1,0 +1,52 @@
+"""Time that runs back or stands still."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.repair import out_of_order, repeated_rows, sortable
+
+
+@dataclass(frozen=True)
+class TimeOrder(Check):
+    """Rows that repeat the one before, rows out of order, a clock that starts again, equal time stamps."""
+
+    stage: ClassVar[int] = 0
+
+    def findings(self, subject: CheckedLog) -> Sequence[Finding]:
+        log = subject.raw.log
+        finite = np.isfinite(log.time)
+        found = []
+        repeated = repeated_rows(log)
+        if repeated.any():
+            first = subject.raw.place(int(np.argmax(repeated)))
+            evidence = f"{repeated.sum()} of {log.samples} rows repeat the row before them, the first in {first}"
+            remedy = "leave them out (log: {repeats: drop}; --fix OUT writes the log without them)"
+            found.append(Finding("error", "repeated rows", "", evidence, remedy, {"rows": int(repeated.sum())}))
+        keep = finite & ~repeated
+        time, samples = log.time[keep], np.flatnonzero(keep)
+        back = np.flatnonzero(np.diff(time) < 0)
+        if len(back):
+            first = subject.raw.place(int(samples[back[0] + 1]))
+            count = out_of_order(time)
+            evidence = f"time runs back at {len(back)} places, the first in {first}; {count} rows are out of order"
+            numbers = {"places": len(back), "rows": count}
+            if sortable(time):
+                remedy = "sort the rows (--fix OUT writes them sorted)"
+                found.append(Finding("error", "rows out of order", "", evidence, remedy, numbers))
+            else:
+                remedy = "split the file there into separate logs: the clock restarts, or two logs are in one file"
+                found.append(Finding("error", "time runs back", "", evidence, remedy, numbers))
+        same = np.flatnonzero(np.diff(time) == 0)
+        if len(same):
+            first = subject.raw.place(int(samples[same[0] + 1]))
+            evidence = f"{len(same)} rows have the time of the row before and other values, the first in {first}"
+            remedy = "write the time with more digits, or keep one of two publishers of the signal"
+            found.append(Finding("error", "equal time stamps", "", evidence, remedy, {"rows": len(same)}))
+        return found

@@ -1,0 +1,78 @@
+"""Steps of the time: its unit, gaps and jitter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.data.evidence.rows import POSSIBLE_STEPS, is_step, time_units
+from dynident.data.formats._units import UNITS
+from dynident.data.preprocessing import gap_remedy, longest_step
+from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.finding import Finding
+
+#: Median steps from which a step is a gap.
+LONG = 10.0
+
+#: Share of the median step by which steps scatter (root mean square) before interpolation shows in the derivatives.
+JITTER = 0.5
+
+
+@dataclass(frozen=True)
+class TimeSteps(Check):
+    """The unit of the time, gaps that cannot be bridged, and jitter."""
+
+    stage: ClassVar[int] = 0
+
+    def findings(self, subject: CheckedLog) -> Sequence[Finding]:
+        log = subject.sound.log
+        steps = np.diff(log.time)
+        steps = steps[np.isfinite(steps) & (steps > 0)]
+        if len(steps) < 9:
+            evidence = f"{log.samples} rows with a time of their own"
+            return [Finding("error", "too few rows", "", evidence, "record seconds of motion", {"rows": log.samples})]
+        middle = float(np.median(steps))
+        if not is_step(middle):
+            return [_unit(subject, middle)]
+        return [*_gaps(subject, middle), *_jitter(steps[steps <= LONG * middle], middle)]
+
+
+def _unit(subject: CheckedLog, middle: float) -> Finding:
+    unit = subject.raw.columns.units.time
+    plain = middle * UNITS["time"][unit][0][1]
+    usual = time_units(plain) or time_units(plain, POSSIBLE_STEPS)
+    remedy = f"state the unit of the time column (log: units: {{time: {usual[0]}}})" if usual else "check the column"
+    evidence = f"the median step is {plain:.4g} {unit}, {1 / middle:.4g} rows a second"
+    return Finding("error", "time unit", "", evidence, remedy, {"median_step_s": middle})
+
+
+def _gaps(subject: CheckedLog, middle: float) -> list[Finding]:
+    log = subject.sound.log
+    steps = np.diff(log.time)
+    long = np.flatnonzero(steps > LONG * middle)
+    if not len(long):
+        return []
+    worst = int(long[np.argmax(steps[long])])
+    where = subject.sound.place(worst)
+    many = f"{len(long)} gaps, the longest" if len(long) > 1 else "a gap"
+    evidence = f"{many} of {steps[worst]:.4g} s after {where}; the median step is {middle:.4g} s"
+    numbers = {"gaps": len(long), "longest_s": float(steps[worst])}
+    if steps[worst] > longest_step(middle, subject.case.preprocessing.longest_gap_s):
+        return [Finding("error", "gap in time", "", evidence, gap_remedy(float(steps[worst])), numbers)]
+    remedy = "rows near them are left out of the fit; look for what stopped the recorder"
+    return [Finding("warning", "gap in time", "", evidence, remedy, numbers)]
+
+
+def _jitter(steps: np.ndarray, middle: float) -> list[Finding]:
+    scatter = float(np.sqrt(np.mean((steps - middle) ** 2))) / middle
+    if scatter <= 0.05:
+        return []
+    low, high = 1e3 * steps.min(), 1e3 * steps.max()
+    evidence = f"steps of {low:.3g} to {high:.3g} ms around {1e3 * middle:.4g} ms ({100 * scatter:.0f} % rms)"
+    remedy = "log the time of the measurement, not of its arrival; the rows are interpolated to equal steps"
+    return [
+        Finding("warning" if scatter > JITTER else "note", "time jitter", "", evidence, remedy, {"rms_share": scatter})
+    ]

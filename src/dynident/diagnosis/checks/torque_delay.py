@@ -1,0 +1,41 @@
+"""Torques that lag behind positions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.finding import Finding
+
+#: Share of the torque that the delay displaces, root mean square over the joints, above which the result suffers.
+HARM = 0.05
+
+
+@dataclass(frozen=True)
+class TorqueDelay(Check):
+    """Time delay between torque and position signals, to a fraction of a sample."""
+
+    stage: ClassVar[int] = 2
+
+    def findings(self, subject: CheckedLog) -> Sequence[Finding]:
+        fit, delay, stated = subject.fit, subject.delay, subject.case.preprocessing.delay_s
+        if fit is None or delay is None or not delay.applied:
+            return []
+        rate, away = subject.sound.log.rate, delay.seconds - (stated or 0.0)
+        slope = np.gradient(fit.rows.torque, np.asarray(fit.rows.prepared.kept.time), axis=0)
+        harm = abs(away) * float(np.median(slope.std(axis=0) / np.maximum(fit.rows.torque.std(axis=0), 1e-12)))
+        evidence = (
+            f"torques {'lag' if delay.seconds > 0 else 'lead'} {1e3 * abs(delay.seconds):.3g} ms "
+            f"(+-{1e3 * delay.deviation:.2g} ms, {delay.seconds * rate:.2f} samples) against positions"
+        )
+        numbers = {"delay_s": delay.seconds, "std_s": delay.deviation, "displaced": harm}
+        if stated is None:
+            return [Finding("note", "torque delay", "", evidence, "the case compensates it (delay_s: auto)", numbers)]
+        if abs(away) < 3 * delay.deviation:
+            return []
+        remedy = "compensate it (preprocessing: delay_s: auto)"
+        return [Finding("warning" if harm > HARM else "note", "torque delay", "", evidence, remedy, numbers)]

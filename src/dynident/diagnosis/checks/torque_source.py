@@ -1,0 +1,28 @@
+"""Whether there is a torque at all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.finding import Finding, listed
+
+
+@dataclass(frozen=True)
+class TorqueSource(Check):
+    """Currents without drive gains, and logs without torques and currents."""
+
+    stage: ClassVar[int] = 1
+
+    def findings(self, subject: CheckedLog) -> Sequence[Finding]:
+        log = subject.sound.log
+        if log.torque is not None:
+            return []
+        if log.current is None:
+            remedy = "record torques or motor currents: positions alone give no masses (log: columns: torque)"
+            return [Finding("error", "no torque", "", "the log has neither torques nor currents", remedy)]
+        bare = [joint.name for joint in subject.case.robot.active if joint.drive.gain is None]
+        remedy = "state gain in N m/A at the joint (drives: {JOINT: {gain: ...}})"
+        return [Finding("error", "no drive gain", listed(bare), "currents and no gain", remedy)]

@@ -1,0 +1,54 @@
+"""One thing that was seen in a log: severity, evidence and next step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+Severity = Literal["error", "warning", "note"]
+
+#: The severities, the gravest first.
+SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was seen in a log.
+
+    Attributes:
+        severity: ``error``: the log is refused or the result would be wrong; ``warning``: the result suffers;
+            ``note``: worth knowing.
+        name: What it is, such as ``torque sign``.
+        joint: Joints that it is about, separated by commas; empty where it is the whole log.
+        evidence: What was seen, with figures.
+        remedy: What to do, with the key of the case file where there is one.
+        numbers: The figures of the evidence.
+        explains: Names of findings that follow from this one and are not told beside it.
+    """
+
+    severity: Severity
+    name: str
+    joint: str
+    evidence: str
+    remedy: str
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    explains: tuple[str, ...] = ()
+
+    def figures(self) -> dict[str, Any]:
+        """Return the finding as plain data for JSON; a number that does not exist is None."""
+        numbers = {key: float(value) if np.isfinite(value) else None for key, value in self.numbers.items()}
+        texts = ("severity", "name", "joint", "evidence", "remedy")
+        return {**{text: getattr(self, text) for text in texts}, "numbers": numbers}
+
+    def line(self) -> str:
+        """Return the finding in one line."""
+        of = f" ({self.joint})" if self.joint else ""
+        return f"{self.severity}: {self.name}{of}: {self.evidence}; {self.remedy}"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return the names of joints as one text."""
+    return ", ".join(names)

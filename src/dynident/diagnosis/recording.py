@@ -1,0 +1,82 @@
+"""A log as its file has it: values that are not finite and time that runs back are kept, not refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.arrays import BoolArray, IntArray
+from dynident.case.case import Case
+from dynident.data.formats import ColumnMap, Table, open_log
+from dynident.data.formats._text_table import TextTable
+from dynident.data.log import Log, Source, torque_from_current
+from dynident.data.motor_side import joint_side, with_zero
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Rows of a file under the names and units of a case, nothing checked.
+
+    Attributes:
+        log: The signals of the joints of the robot in SI units; torques from currents where there are gains.
+        table: The file.
+        columns: The map of its columns, resolved.
+        rows: Row of the file behind each sample, counted from 0, shape (N,).
+    """
+
+    log: Log
+    table: Table
+    columns: ColumnMap
+    rows: IntArray
+
+    def place(self, sample: int) -> str:
+        """Return where in the file a sample stands, such as ``line 17``."""
+        row = int(self.rows[sample])
+        return f"line {self.table.line_of(row)}" if isinstance(self.table, TextTable) else f"row {row + 1}"
+
+    def kept(self, keep: BoolArray | IntArray, step: str) -> Recording:
+        """Return some samples only; ``step`` says which in words."""
+        return Recording(self.log.rows(keep, step), self.table, self.columns, self.rows[keep])
+
+
+def read_recording(case: Case, name: str) -> Recording:
+    """Return a log of a case with its faults.
+
+    Raises:
+        LogFormatError: The file is no table, a column is missing or a cell is no number.
+        LogMismatch: A joint is missing.
+        FileError: The file cannot be read at all.
+    """
+    path = case.find(name)
+    table = open_log(path, case.columns)
+    columns = case.columns.resolved(table.header, table.path, table.line)
+    stated = columns.stated()
+    names = [columns.time, *(column for signal in stated.values() for column in signal)]
+    values, _ = table.read(names)
+    count = len(columns.joints)
+    with np.errstate(all="ignore"):
+        signals = {
+            signal: columns.counted(signal, columns.to_si(signal, values[:, 1 + k * count : 1 + (k + 1) * count]))
+            for k, signal in enumerate(stated)
+        }
+        time = columns.time_to_si(values[:, 0])
+    source = Source(table.path, table.sha256, len(values))
+    log = Log(columns.joints, time, source=source, **signals)
+    with np.errstate(all="ignore"):
+        log = _at_joints(case, log)
+    return Recording(log, table, columns, np.arange(len(values)))
+
+
+def _at_joints(case: Case, log: Log) -> Log:
+    """Return the log at the joints of the robot, in its order, as ``read_with`` of the case does."""
+    zero = dict(zip(log.joints, case.columns.zero, strict=True)) if case.columns.zero else {}
+    log = log.ordered(case.robot.joint_names)
+    if case.columns.motor:
+        log = joint_side(log, case.robot, case.columns.motor)
+    if zero:
+        log = with_zero(log, zero)
+    gains = {joint.name: joint.drive.gain for joint in case.robot.active if joint.drive.gain is not None}
+    if log.torque is not None or log.current is None or len(gains) < case.robot.dof:
+        return log
+    return torque_from_current(log, gains, case.robot.coupling if case.robot.is_coupled else None)

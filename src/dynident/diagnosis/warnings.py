@@ -1,0 +1,129 @@
+"""Warnings about an estimate: wrong unit, sign, order of joints, gravity or filter, and poor excitation.
+
+A warning changes nothing. It states the evidence and what to check; the limits are rules of thumb.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Validation
+from dynident.identification.selection.cutoff.sensitivity import sensitivity_warning
+
+#: Total relative error of the fit above which a model explains too little.
+POOR_FIT = 0.25
+
+#: R2 of a joint below which its channel says little.
+POOR_JOINT = 0.5
+
+#: How far a joint may leave its limits, in rad or m.
+BEYOND_LIMITS = 0.05
+
+#: Condition number with unit columns above which noise decides single parameters.
+POOR_CONDITION = 1000.0
+
+
+def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str, ...]:
+    """Return the warnings, the most important first, each with what to check."""
+    found = [*_gaps(estimate), *_limits(estimate), *_torques(estimate.train)]
+    total = estimate.train.total_relative_error
+    if total > POOR_FIT:
+        found.append(f"relative error {100 * total:.0f} % on the training data: check units, gains and gravity")
+    found += _gains(estimate)
+    found += _one_sided(estimate)
+    moved = sensitivity_warning(estimate.extras.get("cutoff_sensitivity") or {})
+    if moved:
+        found.append(moved)
+    if estimate.extras.get("constraints_not_kept"):
+        name = estimate.extras["constraints_not_kept"]
+        found.append(f"'{name}' violates the stated constraints: use the estimator 'consistent' to enforce them")
+    if estimate.condition_number > POOR_CONDITION:
+        size = f"{estimate.condition_number:.3g}"
+        found.append(f"condition number {size}: single parameters are poorly determined; excite all joints")
+    found += _weak(estimate)
+    if test is not None:
+        found += _torques(test)
+        if test.departure is not None and estimate.envelope is not None and test.departure.leaves():
+            found.append(test.departure.sentence(estimate.envelope))
+    return tuple(dict.fromkeys(found))
+
+
+def _gaps(estimate: Estimate) -> list[str]:
+    """Name the logs with gaps in time whose rows were left out."""
+    return [
+        f"{log.get('path') or 'a log'}: {step}"
+        for log in estimate.provenance.get("logs", ())
+        for step in log.get("steps", ())
+        if "near gaps in time" in step
+    ]
+
+
+def _weak(estimate: Estimate) -> list[str]:
+    """Name the base parameters that no motion excites."""
+    base = estimate.base
+    if not len(base.weak):
+        return []
+    most = ", ".join(base.names[k] for k in base.weak[:3]) + (", ..." if len(base.weak) > 3 else "")
+    return [
+        f"{len(base.weak)} of {base.count} base parameters are nearly unidentifiable in any motion: axes are nearly, "
+        "but not exactly, parallel, intersecting or vertical, or friction parts are nearly collinear. Use the torques, "
+        f"not the values of {most} (all: dynident inspect)"
+    ]
+
+
+def _gains(estimate: Estimate) -> list[str]:
+    """Warn of uncertain drive gains, where their uncertainty is stated: residuals do not contain their errors."""
+    stated = estimate.extras.get("gain_std")
+    if not stated:
+        return []
+    known = [value for value in stated["relative"].values() if value > 0]
+    more = int(np.sum(np.asarray(stated["parameters"]) > estimate.deviations))
+    span = f"{100 * min(known):.2g} to {100 * max(known):.2g} %" if len(known) > 1 else f"{100 * known[0]:.2g} %"
+    return [
+        f"drive gains have a relative std of {span}: it shifts {more} of {estimate.base.count} parameters by more than "
+        "their stated standard deviations, which do not contain it (extras.gain_std)"
+    ]
+
+
+def _one_sided(estimate: Estimate) -> list[str]:
+    """Warn where a filter acts on the torque and not on the regressor: the intervals do not contain its bias."""
+    filter = estimate.preprocessing.filter
+    kind, torque = (str(filter.statement()[key]) for key in ("kind", "torque"))
+    if torque in ("none", "as given") or filter.reach(1000.0):
+        return []
+    return [
+        f"'{kind}' filters the torque and not the regressor: the intervals contain the random error, not the bias of "
+        "this and of noisy accelerations; compare with butterworth"
+    ]
+
+
+def _limits(estimate: Estimate) -> list[str]:
+    found: list[str] = []
+    if not len(estimate.train.q):
+        return found
+    span = zip(estimate.model.robot.active, estimate.train.q.min(axis=0), estimate.train.q.max(axis=0), strict=True)
+    for joint, low, high in span:
+        if low < joint.limits.lower - BEYOND_LIMITS or high > joint.limits.upper + BEYOND_LIMITS:
+            limits = f"limits {joint.limits.lower:.4g} to {joint.limits.upper:.4g}"
+            found.append(
+                f"{joint.name} moves from {low:.4g} to {high:.4g}, {limits}: check units, zero, sign and order"
+            )
+    return found
+
+
+def _torques(validation: Validation) -> list[str]:
+    found = []
+    for fit in validation.joints:
+        if np.isfinite(fit.correlation) and fit.correlation < 0:
+            found.append(
+                f"{fit.name}: negative correlation of predicted and measured torque: check its sign and column"
+            )
+        elif np.isfinite(fit.r2) and fit.r2 < 0:
+            found.append(f"{fit.name}: the model is worse than a constant (R2 {fit.r2:.2f}): check its column and gain")
+        elif np.isfinite(fit.r2) and fit.r2 < POOR_JOINT:
+            share = f"{100 * fit.r2:.0f} %"
+            found.append(
+                f"{fit.name}: the model explains {share} of its torque variance (R2): check torque signal and friction"
+            )
+    return found

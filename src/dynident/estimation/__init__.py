@@ -1,1 +1,0 @@
-"""The estimation: problem, estimators, estimate, validation."""

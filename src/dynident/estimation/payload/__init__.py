@@ -1,6 +1,0 @@
-"""Payload: mass, centre of mass and inertia of a tool or load from a run with it, with intervals and verdicts."""
-
-from dynident.estimation.payload.carried_load import CarriedLoad as CarriedLoad
-from dynident.estimation.payload.carried_load import LoadParameter as LoadParameter
-from dynident.estimation.payload.identify_payload import identify_payload as identify_payload
-from dynident.estimation.payload.vendor_forms import vendor_forms as vendor_forms

@@ -1,3 +1,0 @@
-"""Least squares that takes rows as they come and forgets old ones."""
-
-from dynident.estimation.recursive.recursive_least_squares import RecursiveLeastSquares as RecursiveLeastSquares

@@ -1,1 +1,0 @@
-"""The experiment: trajectories, logs, preprocessing, the case file, the virtual robot."""

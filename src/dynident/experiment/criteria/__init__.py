@@ -1,8 +1,0 @@
-"""Excitation criteria, a family: what makes one motion better than another, one measure per part."""
-
-from dynident.experiment.criteria.base import Criterion
-from dynident.plugins import Family
-
-CRITERIA: Family[Criterion] = Family("dynident.experiment.criteria", Criterion, "criterion")  # type: ignore[type-abstract]
-
-__all__ = ["CRITERIA", "Criterion"]

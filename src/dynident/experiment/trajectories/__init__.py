@@ -1,8 +1,0 @@
-"""Trajectories, a family: one kind of motion per part."""
-
-from dynident.experiment.trajectories.base import Trajectory
-from dynident.plugins import Family
-
-TRAJECTORIES: Family[Trajectory] = Family("dynident.experiment.trajectories", Trajectory, "trajectory")  # type: ignore[type-abstract]
-
-__all__ = ["TRAJECTORIES", "Trajectory"]

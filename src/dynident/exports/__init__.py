@@ -1,0 +1,1 @@
+"""Models and motions as files of other programs, each loaded again as proof."""

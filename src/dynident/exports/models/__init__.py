@@ -1,0 +1,93 @@
+"""Exporters of models, a family: one target per part, and the verb that writes an estimate for it and proves the files.
+
+The proof: the files are loaded again in every engine that is installed and reads them, and torques are compared on
+1000 random states. Nothing is written where they differ by more than a millionth of the largest torque of a joint.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from dynident.errors import BadOption
+from dynident.exports.base import Proof, write_files
+from dynident.exports.models._summary import ModelExport, model_export_data, neglected_torque
+from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
+from dynident.exports.models.subject.identified import Identified, identified
+from dynident.exports.models.subject.source import find_source
+from dynident.identification.estimate.estimate import Estimate
+from dynident.plugins import Family
+
+MODEL_EXPORTERS: Family[ModelExporter] = Family(
+    "dynident.exports.models",
+    ModelExporter,  # type: ignore[type-abstract]
+    "model exporter",
+)
+
+__all__ = [
+    "MODEL_EXPORTERS",
+    "Identified",
+    "ModelContent",
+    "ModelExport",
+    "ModelExporter",
+    "Proof",
+    "Reloaded",
+    "export_model",
+    "model_export_data",
+]
+
+
+def export_model(
+    estimate: Estimate,
+    exporter: str | ModelExporter,
+    path: str | Path,
+    *,
+    description: str | Path | None = None,
+    proof: bool = True,
+    write: bool = True,
+    **options: Any,
+) -> ModelExport:
+    """Write an identified model for a simulator, a controller or a paper: every file whole, none unproved.
+
+    Base parameters become physically consistent standard parameters with the same base parameters first.
+
+    Args:
+        estimate: The estimate.
+        exporter: Name of an exporter, or a part with its options.
+        path: The file to write; further files stand beside it.
+        description: The robot description to put the model into, for targets that are one; None takes the one that
+            the estimate's provenance names, where it is unchanged.
+        proof: Whether the files are loaded again and torques compared.
+        write: False checks and tells what would be written.
+        options: Options of the exporter.
+
+    Raises:
+        UnknownChoice: No such exporter.
+        BadOption: An option or a name that cannot be, or a description where the target takes none.
+        NotConsistent: No possible robot has these base parameters; the message names the worst body and what to do.
+        DescriptionError: The robot description is faulty, or of another robot.
+        FileError: The proof fails, or a file cannot be written.
+    """
+    target, part = Path(path), MODEL_EXPORTERS.make(exporter, **options)
+    if part.takes != "estimate":
+        name = MODEL_EXPORTERS.name_of(part)
+        raise BadOption("exporter", name, "it does not export models; see 'dynident list model_exporters'")
+    if description is not None and not part.edits_description:
+        step = f"the target {MODEL_EXPORTERS.name_of(part)} is written from the estimate alone; leave it out"
+        raise BadOption("description", str(description), step)
+    subject = identified(estimate, find_source(estimate, description), part.needs_bodies)
+    content = part.content(subject, target)
+    proofs = part.prove(subject, content, target) if proof else ()
+    if write:
+        write_files(content.files, target)
+    return ModelExport(
+        exporter=MODEL_EXPORTERS.name_of(part),
+        robot=subject.model.robot.name,
+        estimator=estimate.estimator,
+        parameters=subject.origin,
+        files=tuple(str(file) for file in content.files),
+        proofs=proofs,
+        left_out=content.left_out,
+        neglected=neglected_torque(subject, content.left_out),
+        notes=(*subject.notes, *content.notes),
+    )

@@ -1,0 +1,70 @@
+"""What was exported: files, proofs, what the format cannot hold and the torque of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.exports.base import Proof
+from dynident.exports.models.subject.drives import Term, drives_of, rigid_torque
+from dynident.exports.models.subject.identified import NONE, Identified
+from dynident.exports.models.subject.states import states_of
+
+
+@dataclass(frozen=True)
+class ModelExport:
+    """What an export of a model wrote, or would write.
+
+    Attributes:
+        exporter: Name of the exporter.
+        robot: Name of the robot.
+        estimator: Method of the estimate.
+        parameters: Where the standard parameters are from: of the estimate, chosen behind its base parameters, none.
+        files: The files, the one that was named first.
+        proofs: What each engine made of them.
+        left_out: Coefficients that the first file cannot hold; the file beside it has them.
+        neglected: Largest torque of what the first file cannot hold, smooth signs included, by joint, in N m or N, on
+            the states of the proof; empty where it holds everything.
+        notes: What the reader has to know.
+    """
+
+    exporter: str
+    robot: str
+    estimator: str
+    parameters: str
+    files: tuple[str, ...]
+    proofs: tuple[Proof, ...]
+    left_out: tuple[Term, ...]
+    neglected: Mapping[str, float]
+    notes: tuple[str, ...]
+
+
+def model_export_data(export: ModelExport) -> dict[str, Any]:
+    """Return an export as plain data: what ``dynident export --json`` prints."""
+    data = asdict(export)
+    for key in ("files", "notes", "proofs", "left_out"):
+        data[key] = list(data[key])
+    return data | {"neglected": dict(export.neglected)}
+
+
+def neglected_torque(subject: Identified, left_out: tuple[Term, ...]) -> dict[str, float]:
+    """Return the largest torque of each joint that a format with some coefficients missing does not give."""
+    if subject.origin == NONE or not left_out:
+        return {}
+    motion = states_of(subject.model).motion
+    drives = drives_of(subject)
+    symbols = {(term.joint, term.part) for term in left_out}
+    rotors = any(part == "rotor_inertia" and drives.alone[drives.joints.index(j)] for j, part in symbols)
+    coupled = not any(term in left_out for term in drives.coupled_rest())
+    dry = not any(part == "coulomb" and drives.alone[drives.joints.index(j)] for j, part in symbols)
+    held = rigid_torque(subject, motion) + drives.torque(motion, armature=not rotors, coupled=coupled, dry=dry)
+    rest = _largest(subject.model.torque(motion, subject.theta) - held)
+    return dict(zip(subject.model.robot.joint_names, rest, strict=True))
+
+
+def _largest(torque: Array) -> list[float]:
+    return np.abs(torque).max(axis=0).tolist()

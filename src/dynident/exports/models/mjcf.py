@@ -1,0 +1,200 @@
+"""MJCF: the model of MuJoCo, with armature, damping, Coulomb friction and the drives that turn several joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
+from dynident.exports.models.proving.engines import mujoco_torque, mujoco_version, pinocchio_torque, pinocchio_version
+from dynident.exports.models.subject.drives import Drives, drives_of, rigid_torque
+from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.states import States
+from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
+from dynident.exports.models.writing.xml_text import checked_names, number, numbers, quaternion, unused_name
+from dynident.model.parameters import to_mujoco_fullinertia
+from dynident.model.robot import Joint, Robot
+from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
+
+
+@dataclass(frozen=True)
+class Mjcf(ModelExporter):
+    """MJCF for MuJoCo: bodies, armature, damping, frictionloss, a motor a joint; coupled drives as fixed tendons.
+
+    Attributes:
+        motors: Whether each joint that moves on its own gets a motor, with its effort limit where that is known.
+    """
+
+    motors: bool = True
+
+    suffix: ClassVar[str] = ".xml"
+    proof: ClassVar[str] = "bodies, armature, damping and Coulomb friction by MuJoCo and Pinocchio"
+    needs_bodies: ClassVar[bool] = True
+
+    def content(self, subject: Identified, path: Path) -> ModelContent:
+        drives = drives_of(subject)
+        files = {path: self._text(subject, drives), place_beside(path): document_bytes(subject, drives)}
+        left = left_out(drives, armature=True, coupled=True)
+        notes = ["shapes are drawn and do not touch; meshes are left out"]
+        if any(joint.mimic is not None for joint in subject.model.robot.joints):
+            notes.append("joints that follow another are held to it by a soft equality constraint of MuJoCo")
+        if drives.dry.any():
+            notes.append("frictionloss is regularised by MuJoCo's solver: solreffriction and solimpfriction set how")
+        return ModelContent(files, left, (*notes, *sharp_note(drives, "MJCF")))
+
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+        path = folder / next(iter(content.files)).name
+        drives = drives_of(subject)
+        rigid = rigid_torque(subject, states.motion)
+        what = "bodies, armature, damping, Coulomb friction"
+        if name := mujoco_version():
+            expected = rigid + drives.torque(states.motion, armature=True, coupled=True)
+            yield Reloaded(name, what, mujoco_torque(path, "mjcf", states), expected)
+        else:
+            yield Reloaded("MuJoCo", why_not="not installed")
+        if not (name := pinocchio_version()):
+            yield Reloaded("Pinocchio", why_not="not installed")
+        elif not drives.alone.all():
+            yield Reloaded(name, why_not="it does not read the tendons of drives that turn several joints")
+        elif sum(joint.parent < 0 for joint in subject.model.robot.joints) > 1:
+            yield Reloaded(name, why_not="it reads only the first of several bodies on the base")
+        else:
+            expected = rigid + drives.torque(states.motion, armature=True, coupled=False)
+            yield Reloaded(name, what, pinocchio_torque(path, "mjcf", states), expected)
+
+    def _text(self, subject: Identified, drives: Drives) -> bytes:
+        robot = subject.model.robot
+        checked_names("link", [link.name for link in robot.links])
+        checked_names("joint", [joint.name for joint in robot.joints])
+        checked_names("robot", [robot.name])
+        lines = [
+            f"<mujoco model={quoteattr(robot.name)}>",
+            '  <compiler angle="radian" autolimits="true" inertiafromgeom="false" boundmass="0" boundinertia="0"/>',
+            f'  <option gravity="{numbers(robot.gravity)}"/>',
+            "  <worldbody>",
+            *geoms(robot.base_shapes, "    "),
+            *sites(robot, -1, "    "),
+        ]
+        values = drives.at_joints()
+        lines += _bodies(subject, values, -1, "    ")
+        lines += ["  </worldbody>", *_tendons(drives), *_followers(robot)]
+        if self.motors:
+            lines += _motors(robot)
+        return ("\n".join([*lines, "</mujoco>"]) + "\n").encode("utf-8")
+
+
+def _bodies(subject: Identified, values: tuple[Array, Array, Array], parent: int, indent: str) -> Iterator[str]:
+    """Yield the bodies on a link, and all on them."""
+    robot = subject.model.robot
+    for i, (link, joint) in enumerate(zip(robot.links, robot.joints, strict=True)):
+        if joint.parent != parent:
+            continue
+        body, inner = subject.bodies[i], indent + "  "
+        yield f"{indent}<body name={quoteattr(link.name)} {pose(joint.rotation, joint.translation)}>"
+        full = to_mujoco_fullinertia(np.array([body.about_centre[a] for a in _SIX]))
+        yield (
+            f'{inner}<inertial pos="{numbers(body.centre_of_mass)}" mass="{number(body.mass)}" '
+            f'fullinertia="{numbers(full)}"/>'
+        )
+        own = (0.0, 0.0, 0.0)
+        if joint.mimic is None:
+            column = robot.joint_names.index(joint.name)
+            own = (float(values[0][column]), float(values[1][column]), float(values[2][column]))
+        yield inner + joint_line(joint, *own)
+        yield from geoms(link.shapes, inner)
+        yield from sites(robot, i, inner)
+        yield from _bodies(subject, values, i, inner)
+        yield f"{indent}</body>"
+
+
+#: Entries of a tensor in the order of the first six of TEN.
+_SIX = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+def _tendons(drives: Drives) -> Iterator[str]:
+    """Yield a fixed tendon, whose length is the motor's position, for each drive that turns several joints."""
+    coupled = np.flatnonzero(~drives.alone)
+    if not len(coupled):
+        return
+    yield "  <tendon>"
+    taken: set[str] = set()
+    for j in coupled:
+        name = unused_name(f"drive of {drives.joints[j]}", taken)
+        taken.add(name)
+        yield (
+            f'    <fixed name={quoteattr(name)} armature="{number(drives.armature[j])}" '
+            f'damping="{number(drives.damping[j])}" frictionloss="{number(drives.dry[j])}">'
+        )
+        for k in np.flatnonzero(drives.coupling[j]):
+            yield f'      <joint joint={quoteattr(drives.joints[k])} coef="{number(drives.coupling[j, k])}"/>'
+        yield "    </fixed>"
+    yield "  </tendon>"
+
+
+def _followers(robot: Robot) -> Iterator[str]:
+    lines = [
+        f"    <joint joint1={quoteattr(joint.name)} joint2={quoteattr(joint.mimic.joint)} "
+        f'polycoef="{number(joint.mimic.offset)} {number(joint.mimic.multiplier)} 0 0 0"/>'
+        for joint in robot.joints
+        if joint.mimic is not None
+    ]
+    if lines:
+        yield from ("  <equality>", *lines, "  </equality>")
+
+
+def _motors(robot: Robot) -> Iterator[str]:
+    yield "  <actuator>"
+    for joint in robot.active:
+        effort = joint.limits.effort
+        bound = f' ctrlrange="{number(-effort)} {number(effort)}"' if np.isfinite(effort) and effort > 0 else ""
+        yield f"    <motor name={quoteattr(joint.name)} joint={quoteattr(joint.name)}{bound}/>"
+    yield "  </actuator>"
+
+
+_UNTOUCHED = 'contype="0" conaffinity="0"'
+
+
+def pose(rotation: Array, translation: Array) -> str:
+    """Return the attributes pos and quat of a pose."""
+    return f'pos="{numbers(translation)}" quat="{numbers(quaternion(rotation))}"'
+
+
+def joint_line(joint: Joint, armature: float, damping: float, dry: float) -> str:
+    """Return the element of a joint; a range is written where both ends are known."""
+    kind = "hinge" if joint.kind == "revolute" else "slide"
+    lower, upper = joint.limits.lower, joint.limits.upper
+    bound = f' range="{number(lower)} {number(upper)}"' if np.isfinite([lower, upper]).all() and lower < upper else ""
+    values = (("armature", armature), ("damping", damping), ("frictionloss", dry))
+    text = "".join(f' {name}="{number(value)}"' for name, value in values if value)
+    return f'<joint name={quoteattr(joint.name)} type="{kind}" axis="{numbers(joint.axis)}"{bound}{text}/>'
+
+
+def geoms(shapes: Sequence[Shape], indent: str) -> Iterator[str]:
+    """Yield the shapes that MJCF has without a file."""
+    for shape in shapes:
+        if isinstance(shape, Sphere):
+            text = f'type="sphere" pos="{numbers(shape.centre)}" size="{number(shape.radius)}"'
+        elif isinstance(shape, Box):
+            text = f'type="box" {pose(shape.rotation, shape.translation)} size="{numbers(0.5 * shape.size)}"'
+        elif isinstance(shape, Cylinder):
+            size = f"{number(shape.radius)} {number(0.5 * shape.length)}"
+            text = f'type="cylinder" {pose(shape.rotation, shape.translation)} size="{size}"'
+        elif isinstance(shape, Capsule) and shape.length > 0 and shape.radius > 0:
+            ends = f"{numbers(shape.start)} {numbers(shape.end)}"
+            text = f'type="capsule" fromto="{ends}" size="{number(shape.radius)}"'
+        else:
+            continue
+        yield f"{indent}<geom {text} {_UNTOUCHED}/>"
+
+
+def sites(robot: Robot, link: int, indent: str) -> Iterator[str]:
+    """Yield a site for each named frame on a link."""
+    for name, frame in robot.frames.items():
+        if frame.link == link and name.isprintable() and name.strip():
+            yield f"{indent}<site name={quoteattr(name)} {pose(frame.rotation, frame.translation)}/>"

@@ -1,0 +1,129 @@
+"""A Python module that needs NumPy only: inverse dynamics, gravity, Coriolis, mass matrix, friction, a self-test."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Final
+
+import numpy as np
+
+from dynident.arrays import Array, IntArray
+from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
+from dynident.exports.models.subject.drives import drives_of
+from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.states import States, states_of
+from dynident.exports.models.writing.c_friction import drive_terms
+from dynident.exports.models.writing.expressions import Dialect
+from dynident.exports.models.writing.numpy_template import SOURCE
+from dynident.exports.names_in_files import module_notes
+from dynident.model.chain import PRISMATIC
+from dynident.model.friction import FRICTION
+
+_NUMPY: Final = Dialect(
+    "{}", "np.{}", "np.tanh({value} / {width})", "np.sign({value})", "", "the NumPy module", {"pow": "power"}
+)
+
+#: Inputs of the expressions by the arrays that hold them.
+_READINGS: Final = {"x": "at", "v": "speed", "load": "loads", "warm": "temperature"}
+
+#: Samples of the self-test.
+REFERENCES = 5
+
+
+@dataclass(frozen=True)
+class Numpy(ModelExporter):
+    """Python module that needs NumPy only: inverse dynamics, gravity, Coriolis, mass matrix, friction, a self-test."""
+
+    suffix: ClassVar[str] = ".py"
+    proof: ClassVar[str] = "everything by NumPy, as a whole and as the sum of its parts"
+    needs_bodies: ClassVar[bool] = True
+
+    def content(self, subject: Identified, path: Path) -> ModelContent:
+        model = subject.model
+        heated = "temperature" in model.needs
+        chain = model.robot.chain
+        moments = np.array([body.first_moment for body in subject.bodies])
+        values: dict[str, Any] = {
+            "JOINTS": model.robot.dof,
+            "NAMES": f"({', '.join(ascii(name) for name in model.robot.joint_names)},)",
+            "GRAVITY": _text(chain.gravity),
+            "PARENT": _text(chain.parent),
+            "SLIDES": str([bool(kind == PRISMATIC) for kind in chain.kind]),
+            "COLUMN": _text(chain.joint),
+            "MULTIPLIER": _text(chain.multiplier),
+            "OFFSET": _text(chain.offset),
+            "ROTATION": _text(chain.rotation),
+            "TRANSLATION": _text(chain.translation),
+            "AXIS": _text(chain.axis),
+            "MASS": _text(np.array([body.mass for body in subject.bodies])),
+            "MOMENT": _text(moments),
+            "TENSOR": _text(np.array([body.rotational for body in subject.bodies])),
+            "COUPLING": _text(np.asarray(model.robot.coupling)),
+            "ARMATURE": _text(drives_of(subject).armature),
+            "BIAS": _text(model.robot.bias),
+            "TEMPERATURE_ARGUMENT": ", temperature" if heated else "",
+            "TEMPERATURE_PASSED": ", temperature" if heated else "",
+            "FRICTION": "\n".join(_friction(subject)) or "    # The model has none.",
+            "REFERENCE": _reference(subject, heated),
+        }
+        text = SOURCE
+        for name, value in values.items():
+            text = text.replace(f"@{name}@", str(value))
+        return ModelContent({path: text.encode("ascii")}, (), module_notes(path, "numpy"))
+
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+        path = folder / next(iter(content.files)).name
+        space: dict[str, Any] = {"__name__": "dynident_export"}
+        exec(compile(path.read_bytes(), str(path.name), "exec"), space)  # what was just written, names as literals
+        motion = states.motion
+        more = () if motion.temperature is None else (motion.temperature,)
+        found = space["inverse_dynamics"](motion.q, motion.dq, motion.ddq, *more)
+        expected = subject.model.torque(motion, subject.theta)
+        yield Reloaded(f"NumPy {np.__version__}", "everything", found, expected)
+        few = replace(motion, q=motion.q[:50], dq=motion.dq[:50], ddq=motion.ddq[:50])
+        warm = None if motion.temperature is None else motion.temperature[:50]
+        parts = np.einsum("nij,nj->ni", space["mass_matrix"](few.q), few.ddq) + space["gravity"](few.q)
+        parts = parts + space["coriolis"](few.q, few.dq)
+        parts = parts + space["friction"](few.q, few.dq, few.ddq, *(() if warm is None else (warm,)))
+        yield Reloaded(f"NumPy {np.__version__}", "M ddq + Coriolis + gravity + friction", parts, expected[:50])
+
+
+def _friction(subject: Identified) -> Iterator[str]:
+    """Yield the lines that add the friction of each part.
+
+    Raises:
+        BadOption: A part that has a state.
+    """
+    model = subject.model
+    terms, first = drive_terms(model, subject.theta, _NUMPY), 0
+    columns = np.asarray(model.terms[1])
+    for part in model.friction:
+        drives = list(model.drives_of(part))
+        own = [
+            [t for t, c in zip(terms, columns, strict=True) if c == first + k] for k in range(len(part.coefficients))
+        ]
+        first += len(own)
+        own = [each for each in own if each and not each[0].is_inertia]
+        if not own:
+            continue
+        yield f"    # {FRICTION.name_of(part)}: {', '.join(each[0].symbol for each in own)}"
+        for name, array in _READINGS.items():
+            if any(each[0].uses(name) for each in own):
+                yield f"    {name} = {array}[:, {drives}]"
+        for each in own:
+            values = _text(np.array([term.value for term in each]))
+            yield f"    torque[:, {drives}] += np.array({values}) * ({each[0].expression})"
+
+
+def _text(values: Array | IntArray) -> str:
+    """Return numbers as Python writes them, to the last bit."""
+    return repr((np.asarray(values) + 0).tolist())
+
+
+def _reference(subject: Identified, heated: bool) -> str:
+    whole = states_of(subject.model).motion.rows(slice(0, REFERENCES))
+    torque = subject.model.torque(whole, subject.theta)
+    rows = [whole.q, whole.dq, whole.ddq, *([whole.temperature] if heated else []), torque]
+    return "[\n" + "".join(f"    {_text(np.asarray(row))},\n" for row in rows) + "]"

@@ -1,0 +1,165 @@
+"""Torques by Pinocchio, MuJoCo and Drake, each where it is installed, from a file as the engine reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.exports.models.subject.states import States
+from dynident.exports.models.writing.xml_edit import without_elements
+
+
+def pinocchio_version() -> str:
+    """Return the name with its version; empty where it is not installed."""
+    try:
+        import pinocchio  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        return ""
+    return f"Pinocchio {getattr(pinocchio, '__version__', '')}".strip()
+
+
+def pinocchio_torque(
+    path: Path, kind: Literal["urdf", "mjcf"], states: States, settings: Mapping[str, Any] | None = None
+) -> Array:
+    """Return the torques of a file on the states, shape (N, n), in N m or N.
+
+    ``rnea`` has the armature; damping and friction, which the parser loads but ``rnea`` passes over, are added from the
+    loaded model with the sharp sign.
+
+    Args:
+        path: The file.
+        kind: Its format.
+        states: The states; those of all joints of the file follow from them.
+        settings: ``armature``, ``damping`` and ``friction`` by joint name that are set first, as a user of a pair does.
+    """
+    import pinocchio as pin  # pyright: ignore[reportMissingImports]
+
+    api: Any = pin
+    model = api.buildModelFromUrdf(str(path)) if kind == "urdf" else api.buildModelFromMJCF(str(path))
+    model.gravity.linear = np.asarray(states.gravity)  # a URDF has none, and that of an MJCF is passed over
+    joints = list(model.names)[1:]
+    place = [int(model.joints[i + 1].idx_v) for i in range(len(joints))]
+    for what, values in (settings or {}).items():
+        vector = getattr(model, what).copy()
+        for name, value in values.items():
+            vector[place[joints.index(name)]] = value
+        setattr(model, what, vector)
+    q, dq, ddq = states.of(joints)
+    found = np.empty_like(q)
+    data = model.createData()
+    spots = [(int(m.idx_q), int(m.nq)) for m in list(model.joints)[1:]]
+    velocity, acceleration = np.zeros(model.nv), np.zeros(model.nv)
+    position = np.zeros(model.nq)
+    for k in range(len(q)):
+        for j, (start, width) in enumerate(spots):
+            position[start : start + width] = (np.cos(q[k, j]), np.sin(q[k, j])) if width == 2 else q[k, j]
+        velocity[place], acceleration[place] = dq[k], ddq[k]
+        found[k] = api.rnea(model, data, position, velocity, acceleration)[place]
+    friction = dq * np.asarray(model.damping)[place] + np.sign(dq) * np.asarray(model.friction)[place]
+    return states.gather(joints, found + friction)
+
+
+def mujoco_version() -> str:
+    """Return the name with its version; empty where it is not installed."""
+    try:
+        import mujoco
+    except ImportError:
+        return ""
+    return f"MuJoCo {mujoco.__version__}"
+
+
+def mujoco_torque(path: Path, kind: Literal["urdf", "mjcf"], states: States) -> Array:
+    """Return the torques of a URDF or MJCF on the states, shape (N, n), in N m or N.
+
+    ``mj_inverse`` has armature and damping of joints and tendons. Dry friction is a constraint of its solver: it is
+    added from the loaded model with the sharp sign, the other constraints are off. Shapes of a URDF are left out, so
+    that no mesh is looked for, and gravity is set, which a URDF has none of.
+    """
+    import mujoco
+
+    api: Any = mujoco
+    data = path.read_bytes()
+    is_urdf = kind == "urdf"
+    if is_urdf:
+        data = without_elements(data, ("visual", "collision"))
+        stripped = path.with_name(f"stripped-{path.name}")
+        stripped.write_bytes(data)
+        path = stripped
+    model = api.MjModel.from_xml_path(str(path))
+    if is_urdf:
+        model.opt.gravity = states.gravity
+    model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_CONSTRAINT)
+    joints = [model.joint(i).name for i in range(model.njnt)]
+    q, dq, ddq = states.of(joints)
+    state, found = api.MjData(model), np.empty_like(q)
+    for k in range(len(q)):
+        state.qpos, state.qvel, state.qacc = q[k], dq[k], ddq[k]
+        api.mj_inverse(model, state)
+        found[k] = state.qfrc_inverse
+    found += np.sign(dq) * model.dof_frictionloss
+    for tendon in range(model.ntendon):
+        part = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+        row = np.zeros(len(joints))
+        row[model.wrap_objid[part]] = model.wrap_prm[part]
+        found += np.sign(dq @ row)[:, None] * row * model.tendon_frictionloss[tendon]
+    return states.gather(joints, found)
+
+
+def drake_version() -> str:
+    """Return the name with its version; empty where it is not installed."""
+    if find_spec("pydrake") is None:
+        return ""
+    try:
+        return f"Drake {metadata.version('drake')}"
+    except metadata.PackageNotFoundError:  # built from its sources
+        return "Drake"
+
+
+def drake_torque(path: Path, states: States, base: str, package: str = "") -> Array:
+    """Return the torques of an SDF or of a file of model directives on the states, shape (N, n), in N m or N.
+
+    Inverse dynamics has reflected inertia and, from the force elements, damping. Drake has no Coulomb friction.
+
+    Args:
+        path: The file.
+        states: The states.
+        base: Name of the base link, which is welded to the world unless directives do it.
+        package: Name of the package that directives speak of; it is the folder of the file.
+    """
+    from pydrake.multibody.parsing import (  # pyright: ignore[reportMissingImports]
+        LoadModelDirectives,
+        Parser,
+        ProcessModelDirectives,
+    )
+    from pydrake.multibody.plant import MultibodyPlant  # pyright: ignore[reportMissingImports]
+    from pydrake.multibody.tree import MultibodyForces  # pyright: ignore[reportMissingImports]
+
+    plant: Any = MultibodyPlant(0.0)
+    parser: Any = Parser(plant)
+    if package:
+        parser.package_map().Add(package, str(path.parent))
+        ProcessModelDirectives(LoadModelDirectives(str(path)), plant, parser=parser)
+    else:
+        parser.AddModelsFromString(path.read_text(encoding="utf-8"), "sdf")  # whatever the file is called
+        plant.WeldFrames(plant.world_frame(), plant.GetBodyByName(base).body_frame())
+    plant.mutable_gravity_field().set_gravity_vector(np.asarray(states.gravity))
+    plant.Finalize()
+    moving = [joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities() == 1]
+    joints = [joint.name() for joint in moving]
+    places = [int(joint.velocity_start()) for joint in moving]
+    q, dq, ddq = (values[:, np.argsort(places)] for values in states.of(joints))
+    order = [joints[k] for k in np.argsort(places)]
+    context, found = plant.CreateDefaultContext(), np.empty_like(q)
+    for k in range(len(q)):
+        plant.SetPositions(context, q[k])
+        plant.SetVelocities(context, dq[k])
+        forces = MultibodyForces(plant)
+        plant.CalcForceElementsContribution(context, forces)
+        found[k] = plant.CalcInverseDynamics(context, ddq[k], forces)
+    return states.gather(order, found)

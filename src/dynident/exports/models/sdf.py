@@ -1,0 +1,46 @@
+"""SDF: the model of Gazebo and Drake."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
+from dynident.exports.models.proving.sdf_proof import sdf_by_drake, sdf_by_reader
+from dynident.exports.models.subject.drives import drives_of
+from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.states import States
+from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
+from dynident.exports.models.writing.sdf_text import base_note, sdf_text
+
+
+@dataclass(frozen=True)
+class Sdf(ModelExporter):
+    """SDF 1.7 for Gazebo and Drake: bodies, damping and friction; rotor inertia by Drake's own elements."""
+
+    suffix: ClassVar[str] = ".sdf"
+    proof: ClassVar[str] = (
+        "bodies, armature and damping by Drake, and with Coulomb friction by dynident; not run in Gazebo"
+    )
+    needs_bodies: ClassVar[bool] = True
+
+    def content(self, subject: Identified, path: Path) -> ModelContent:
+        drives = drives_of(subject)
+        files = {path: sdf_text(subject, drives), place_beside(path): document_bytes(subject, drives)}
+        notes = [
+            "gravity is that of the world, not of the model; the base link is free until the world holds it",
+            "Gazebo passes over Drake's rotor inertia, Drake over friction; meshes are left out",
+        ]
+        notes += base_note(subject)
+        if any(joint.mimic is not None for joint in subject.model.robot.joints):
+            notes.append("joints that follow another move freely: SDF 1.7 cannot say that they follow")
+        left = left_out(drives, armature=True, coupled=False)
+        return ModelContent(files, left, (*notes, *sharp_note(drives, "SDF")))
+
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+        path = folder / next(iter(content.files)).name
+        yield sdf_by_reader(subject, path, states)
+        yield sdf_by_drake(subject, path, states)
+        yield Reloaded("Gazebo", why_not="not a Python package; Drake reads with its parser, libsdformat")

@@ -1,0 +1,142 @@
+"""What simulators hold of the drives, one number each: armature, damping, Coulomb friction; and what is left over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray
+from dynident.exports.models.subject.identified import Identified
+from dynident.model.friction import FRICTION, Motion
+from dynident.model.kernels import batched
+
+
+@dataclass(frozen=True)
+class Term:
+    """One coefficient of a drive that a joint of a simulator cannot hold.
+
+    Attributes:
+        joint: The drive's joint.
+        part: Friction part, or ``drive`` for a known bias.
+        symbol: Such as ``F0``.
+        value: Its value.
+        unit: Its unit.
+        options: Options of the part.
+    """
+
+    joint: str
+    part: str
+    symbol: str
+    value: float
+    unit: str
+    options: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Drives:
+    """The drives of a robot as simulators have them, all at motor speed, C dq of the joints.
+
+    Attributes:
+        joints: Names of the n joints.
+        coupling: C, shape (n, n).
+        armature: Reflected rotor inertia, known and identified, shape (n,), in kg m^2 or kg.
+        damping: Viscous friction, shape (n,), in N m s/rad or N s/m.
+        dry: Coulomb friction, shape (n,), in N m or N.
+        has_friction: Whether the model of the estimate has friction on the drive, shape (n,).
+        rest: What is left over.
+    """
+
+    joints: tuple[str, ...]
+    coupling: Array
+    armature: Array
+    damping: Array
+    dry: Array
+    has_friction: BoolArray
+    rest: tuple[Term, ...]
+
+    @property
+    def alone(self) -> BoolArray:
+        """Whether a drive turns one joint only, shape (n,)."""
+        return np.count_nonzero(self.coupling, axis=1) == 1
+
+    def at_joints(self) -> tuple[Array, Array, Array]:
+        """Return armature, damping and Coulomb friction of each joint from the drives that turn one joint only."""
+        rows = self.coupling * self.alone[:, None]
+        square = rows**2
+        return self.armature @ square, self.damping @ square, self.dry @ np.abs(rows)
+
+    def coupled_rest(self) -> tuple[Term, ...]:
+        """Return what a format loses that has no drive for several joints."""
+        lost = []
+        for j in np.flatnonzero(~self.alone):
+            values = (("Ia", self.armature[j], "rotor_inertia"), ("Fv", self.damping[j], "viscous"))
+            for symbol, value, part in (*values, ("Fc", self.dry[j], "coulomb")):
+                if value:
+                    lost.append(Term(self.joints[j], part, symbol, float(value), "at the motor", {}))
+        return tuple(lost)
+
+    def torque(self, motion: Motion, *, armature: bool, coupled: bool, dry: bool = True) -> Array:
+        """Return the torque of armature, damping and Coulomb friction (sharp sign) at the joints, shape (N, n).
+
+        Args:
+            motion: The joints' motion.
+            armature: Whether the rotors are in it.
+            coupled: Whether drives that turn several joints are in it.
+            dry: Whether Coulomb friction is in it.
+        """
+        rows = np.asarray(self.coupling) * (np.ones(len(self.joints)) if coupled else self.alone)[:, None]
+        speed = motion.dq @ rows.T
+        force = speed * self.damping + (np.sign(speed) * self.dry if dry else 0.0)
+        return (force + (motion.ddq @ rows.T * self.armature if armature else 0.0)) @ rows
+
+
+def drives_of(subject: Identified) -> Drives:
+    """Return the drives of an identified model."""
+    model = subject.model
+    robot = model.robot
+    table = model.coefficient_table(subject.theta)
+    size = robot.dof
+    held = {word: np.zeros(size) for word in ("armature", "damping", "friction")}
+    has_friction = np.zeros(size, dtype=bool)
+    rest: list[Term] = []
+    column = 0
+    for part in model.friction:
+        name, drives = FRICTION.name_of(part), model.drives_of(part)
+        has_friction[list(drives)] |= not all(part.is_inertia)
+        own = table[:, column : column + len(part.coefficients)]
+        column += len(part.coefficients)
+        for j in drives:
+            kept, left = part.in_simulators(own[j])
+            for word, value in kept.items():
+                held[word][j] += value
+            units = {c.symbol: c.unit_of(robot.active[j].kind) for c in part.coefficients}
+            rest += [
+                Term(robot.joint_names[j], name, symbol, value, units.get(symbol, robot.active[j].unit), part.options)
+                for symbol, value in left.items()
+                if value
+            ]
+    known = np.array([joint.drive.reflected_inertia for joint in robot.active])
+    bias = [
+        Term(joint.name, "drive", "bias", joint.drive.bias, joint.unit, {})
+        for joint in robot.active
+        if joint.drive.bias
+    ]
+    return Drives(
+        robot.joint_names,
+        np.asarray(robot.coupling),
+        known + held["armature"],
+        held["damping"],
+        held["friction"],
+        has_friction,
+        (*rest, *bias),
+    )
+
+
+def rigid_torque(subject: Identified, motion: Motion) -> Array:
+    """Return the torque of the bodies alone, shape (N, n), in N m or N."""
+    model = subject.model
+    theta = subject.theta[: model.inertial_count]
+    return batched.inverse_dynamics(model.robot.chain, theta, motion.q, motion.dq, motion.ddq)

@@ -1,0 +1,79 @@
+"""The robot description that a model goes back into: found, read, and kept byte by byte."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from dynident.errors import DynidentError, FileError
+from dynident.files import sha256_of, unreadable
+from dynident.identification.estimate.estimate import Estimate
+
+#: Largest description that is read.
+MAX_BYTES = 20_000_000
+
+
+@dataclass(frozen=True)
+class OwnDescription:
+    """A robot description.
+
+    Attributes:
+        path: Its file.
+        data: Its bytes.
+        note: What is to be said about how it was found; empty for nothing.
+    """
+
+    path: Path
+    data: bytes
+    note: str = ""
+
+    @property
+    def is_urdf(self) -> bool:
+        """Whether it is XML, which of all descriptions only a URDF is; by its name or its first sign."""
+        head = self.data[:4096].lstrip(b"\xef\xbb\xbf \t\r\n")
+        return head.startswith(b"<") or self.path.suffix.lower() in (".urdf", ".xacro")
+
+
+def find_source(estimate: Estimate, path: str | Path | None) -> OwnDescription | None:
+    """Return the robot description of a user: the one given, or the one that the estimate's provenance names.
+
+    The provenance names the description itself or the case file that does. One that is not there any more, or has
+    changed, is passed over: the model is then exported without it.
+
+    Raises:
+        FileError: The file given cannot be read.
+    """
+    if path is not None:
+        return OwnDescription(Path(path), _bytes(Path(path)))
+    facts = estimate.provenance.get("robot")
+    if isinstance(facts, dict) and _unchanged(facts):
+        return OwnDescription(Path(facts["path"]), _bytes(Path(facts["path"])), f"robot model: {facts['path']}")
+    case = estimate.provenance.get("case")
+    if not isinstance(case, dict) or not _unchanged(case):
+        return None
+    from dynident.case.case import read_case
+
+    try:
+        found = Path(read_case(case["path"]).robot_path)
+        return OwnDescription(found, _bytes(found), f"robot model: {found}, named by {case['path']}")
+    except DynidentError:  # a shipped robot, a file that was moved: there is nothing to go back into
+        return None
+
+
+def _unchanged(facts: dict[str, str]) -> bool:
+    file = Path(str(facts.get("path", "")))
+    try:
+        return file.is_file() and sha256_of(file) == facts.get("sha256")
+    except DynidentError:
+        return False
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if len(data) > MAX_BYTES:
+        raise FileError(path, f"it is larger than {MAX_BYTES // 1_000_000} MB", "give the model of one robot")
+    return data

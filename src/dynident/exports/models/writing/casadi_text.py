@@ -1,0 +1,164 @@
+"""An identified model -> a Python module that builds CasADi functions, unrolled from the trace."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+
+from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.writing.c_friction import combination, drive_terms, motor_lines
+from dynident.exports.models.writing.c_programs import programs_of
+from dynident.exports.models.writing.expressions import Dialect
+from dynident.model.kernels.trace import Program
+
+#: Functions of CasADi and NumPy go by the same names.
+_PYTHON: Final = Dialect(
+    "{}",
+    "m.{}",
+    "_sign(m, {value}, {width}, scale)",
+    "_sign(m, {value}, 0.0, scale)",
+    "{name} = {value}",
+    "the CasADi module",
+    {"pow": "power"},
+)
+
+#: Traced functions and what they read.
+_TRACED: Final = {
+    "rigid": ("q", "dq", "ddq"),
+    "gravity": ("q",),
+    "coriolis": ("q", "dq"),
+    "mass_matrix": ("q",),
+}
+
+_SOURCE: Final = '''"""Dynamics of an identified robot arm as CasADi functions; written by dynident.
+
+SI units; q, dq, ddq, tau are columns of @JOINTS@ in the order of JOINTS.
+
+    functions = build()
+    functions["inverse_dynamics"](q, dq, ddq@TEMPERATURE@)  torque of the drives: M ddq + c + g + friction
+    functions["forward_dynamics"](q, dq, tau@TEMPERATURE@)  acceleration@LOAD_NOTE@
+    functions["friction"](q, dq, ddq@TEMPERATURE@)          torque of friction and offsets
+    functions["gravity"](q), ["coriolis"](q, dq)  parts of the torque, without friction
+    functions["mass_matrix"](q)                   M, rotors included
+
+build(scale) turns signs of Coulomb friction over a speed of at least ``scale``, in rad/s or m/s: optimisers want them
+smooth. The formulas under an underscore take any module with the functions of NumPy.
+"""
+
+JOINTS = @NAMES@
+
+
+def _sign(m, v, width, scale):
+    width = max(width, scale)
+    return m.tanh(v / width) if width > 0 else m.sign(v)
+
+
+@FUNCTIONS@
+
+def _friction(m, q, dq, rigid@TEMPERATURE@, scale=0.0):
+@FRICTION@
+
+
+def _inverse_dynamics(m, q, dq, ddq@TEMPERATURE@, scale=0.0):
+    rigid = _rigid(m, q, dq, ddq)
+    return [a + b for a, b in zip(rigid, _friction(m, q, dq, rigid@TEMPERATURE@, scale))]
+
+
+def build(scale=0.0, symbol=None):
+    """Return the CasADi functions by name; symbol is casadi.SX.sym or casadi.MX.sym."""
+    import casadi as m
+
+    n, sym = len(JOINTS), symbol or m.SX.sym
+    q, dq, ddq, tau = (sym(name, n) for name in ("q", "dq", "ddq", "tau"))
+    more = [@MORE@]
+    words = [@WORDS@]
+    col = lambda values: m.vertcat(*values)
+    mass = m.reshape(col(_mass_matrix(m, q)), n, n)
+    asked = ["q", "dq", "ddq", *words]
+    found = [
+        m.Function("inverse_dynamics", [q, dq, ddq, *more], [col(_inverse_dynamics(m, q, dq, ddq, *more, scale))],
+                   asked, ["tau"]),
+        m.Function("friction", [q, dq, ddq, *more],
+                   [col(_friction(m, q, dq, _rigid(m, q, dq, ddq), *more, scale))], asked, ["tau"]),
+        m.Function("gravity", [q], [col(_gravity(m, q))], ["q"], ["tau"]),
+        m.Function("coriolis", [q, dq], [col(_coriolis(m, q, dq))], ["q", "dq"], ["tau"]),
+        m.Function("mass_matrix", [q], [mass], ["q"], ["mass_matrix"]),
+@FORWARD@
+    ]
+    return {function.name(): function for function in found}
+'''
+
+_FORWARD: Final = """        m.Function("forward_dynamics", [q, dq, tau, *more],
+                   [m.solve(mass, tau - col(_inverse_dynamics(m, q, dq, [0.0] * n, *more, scale)))],
+                   ["q", "dq", "tau", *words], ["ddq"]),"""
+
+
+def casadi_text(subject: Identified) -> str:
+    """Return the source of the module.
+
+    Raises:
+        BadOption: Friction or a robot that the module cannot hold.
+    """
+    model = subject.model
+    heated, loaded = "temperature" in model.needs, "torque" in model.needs
+    programs = programs_of(model, subject.theta, None)
+    size = model.robot.dof
+    functions = [
+        "\n".join(_python_function(programs[name], name, arrays, size * size if name == "mass_matrix" else size))
+        for name, arrays in _TRACED.items()
+    ]
+    values = {
+        "JOINTS": str(size),
+        "NAMES": f"({', '.join(ascii(name) for name in model.robot.joint_names)},)",
+        "FUNCTIONS": "\n\n".join(functions),
+        "FRICTION": "\n".join(f"    {line}" for line in _friction_lines(subject)),
+        "FORWARD": "" if loaded else _FORWARD,
+        "LOAD_NOTE": ": left out, friction depends on the load" if loaded else ", from M ddq = tau - c - g - friction",
+        "TEMPERATURE": ", temperature" if heated else "",
+        "MORE": 'sym("temperature", n)' if heated else "",
+        "WORDS": '"temperature"' if heated else "",
+    }
+    text = _SOURCE
+    for name, value in values.items():
+        text = text.replace(f"@{name}@", value)
+    return text
+
+
+def _python_function(program: Program, name: str, arrays: Sequence[str], width: int) -> Iterator[str]:
+    """Yield the lines of one traced function; it returns a list."""
+    signs = {"add": "+", "sub": "-", "mul": "*"}
+    yield f"def _{name}(m, {', '.join(arrays)}):"
+    terms: list[str] = []
+    for number, node in enumerate(program.nodes):
+        if node.operation == "const":
+            terms.append(repr(node.value))
+            continue
+        operands = [terms[k] for k in node.operands]
+        if node.source is not None:
+            term = f"{node.source.array}[{node.source.entry}]"
+        elif node.operation in signs:
+            term = f"{operands[0]} {signs[node.operation]} {operands[1]}"
+        else:
+            term = f"-{operands[0]}" if node.operation == "neg" else f"m.{node.operation}({operands[0]})"
+        yield f"    v{number} = {term}"
+        terms.append(f"v{number}")
+    ends = program.outputs
+    yield f"    return [{', '.join(terms[ends[k]] if k in ends else '0.0' for k in range(width))}]"
+    yield ""
+
+
+def _friction_lines(subject: Identified) -> Iterator[str]:
+    model = subject.model
+    size, coupling = model.robot.dof, np.asarray(model.robot.coupling)
+    terms = drive_terms(model, subject.theta, _PYTHON)
+    yield f"motor = [0.0] * {size}"
+    for drive in range(size):
+        own = [t for t in terms if t.drive == drive and not t.is_inertia and t.value]
+        yield from motor_lines(model, drive, own, _PYTHON)
+        for term in own:
+            yield f"motor[{drive}] = motor[{drive}] + {term.value!r} * ({term.expression})  # {term.symbol}"
+    bias = model.robot.bias.tolist()
+    rows = [f"{combination(coupling[:, i], 'motor', _PYTHON)} - {bias[i]!r}" for i in range(size)]
+    yield f"return [{', '.join(rows)}]"

@@ -1,0 +1,1 @@
+"""From preprocessed logs to an estimate with its uncertainty."""

@@ -1,0 +1,150 @@
+"""Preprocessed logs and a model to the problem that every estimator can be asked to solve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from dynident.data.log import Log
+from dynident.data.preprocessing import Prepared, Preprocessing, default_preprocessing, preprocess
+from dynident.errors import LogMismatch
+from dynident.identification.problem.prior import BodyPrior
+from dynident.identification.problem.problem import Problem
+from dynident.identification.selection.cutoff.choice import with_cutoff
+from dynident.identification.selection.friction.held_out_fields import choose_fields, has_choices, without_optional
+from dynident.identification.selection.friction.load import problem_of, without_load
+from dynident.identification.selection.friction.variable_projection import has_varying, vary_fields
+from dynident.model.base_parameters import base_parameters
+from dynident.model.body_constraints import Constraints
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import DEFAULT_FRICTION, FRICTION
+
+
+@dataclass(frozen=True)
+class PriorKnowledge:
+    """What is known about the bodies beforehand.
+
+    Attributes:
+        constraints: Masses, centres and hulls; estimators that keep them say so.
+        prior: Standard parameters, in place of those of the robot model; None for those of the robot model.
+    """
+
+    constraints: Constraints = field(default_factory=Constraints)
+    prior: BodyPrior | None = None
+
+
+def build_problem(
+    model: DynamicModel,
+    logs: Sequence[Log],
+    preprocessing: Preprocessing | None = None,
+    progress: Callable[[str], None] = lambda step: None,
+    choose_friction: bool = False,
+    knowledge: PriorKnowledge | None = None,
+) -> Problem:
+    """Return the problem that every estimator can be asked to solve.
+
+    The order: cut-off, delay, fields of friction parts that held-out rows choose, friction parts, fields that vary.
+
+    Args:
+        model: Robot, drives and friction; fields that its friction parts vary are found first.
+        logs: Raw logs with positions and torques; each is preprocessed on its own.
+        preprocessing: How logs become rows; default: ``default_preprocessing``.
+        progress: Told each step in words.
+        choose_friction: Choose the friction of each joint from the logs, in place of the model's.
+        knowledge: What is known about the bodies beforehand.
+
+    Raises:
+        ContradictoryConstraints: No robot meets the constraints.
+        LogMismatch: A log does not fit the robot, or is too short.
+        PoorExcitation: The logs do not determine all base parameters.
+    """
+    if not logs:
+        raise LogMismatch("identify", "no log", "give at least one log")
+    preprocessing, knowledge = preprocessing or default_preprocessing(), knowledge or PriorKnowledge()
+    ordered = [log.ordered(model.robot.joint_names) for log in logs]
+    simple = without_optional(model)
+    if choose_friction:
+        simple = replace(model, friction=tuple(FRICTION.make(name) for name in DEFAULT_FRICTION))
+    preprocessing, cutoff = with_cutoff(simple, ordered, preprocessing, progress)
+    if choose_friction:  # the delay is found with a full list: it passes for what a shorter one lacks
+        from dynident.identification.selection.friction.alike import USUAL  # few need it
+
+        model = replace(model, friction=USUAL)
+    prepared, facts = _prepared(without_optional(model), ordered, preprocessing, progress)
+    if has_choices(model):
+        model, prepared, chosen = _with_chosen_fields(model, ordered, preprocessing, prepared, progress)
+        facts = {**facts, **chosen}
+    if choose_friction:
+        model, choice = _with_chosen_friction(model, prepared, preprocessing.delay_s is None, progress)
+        facts = {**facts, "friction_choice": choice}
+    if has_varying(model):
+        model, varied = vary_fields(model, prepared, progress)
+        facts = {**facts, "non_linear": [asdict(field) for field in varied]}
+    progress("base parameters")
+    base = base_parameters(model)
+    progress("reduction")
+    problem = problem_of(model, base, prepared)
+    knowledge.constraints.check(model.robot, model.parameters)
+    return replace(
+        problem,
+        facts={**facts, **cutoff},
+        constraints=knowledge.constraints,
+        prior=knowledge.prior and knowledge.prior.for_model(model),
+    )
+
+
+def _with_chosen_fields(
+    model: DynamicModel,
+    logs: Sequence[Log],
+    preprocessing: Preprocessing,
+    prepared: Sequence[Prepared],
+    progress: Callable[[str], None],
+) -> tuple[DynamicModel, Sequence[Prepared], dict[str, Any]]:
+    """Return the model with the fields that held-out rows ask for, the logs with their delay, and the facts of both.
+
+    A delay that is to be found is free at first, so that neither it nor friction passes for the other. A free delay
+    also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found.
+    """
+    facts: dict[str, Any] = {}
+    delay_is_free = preprocessing.delay_s is None
+    chosen, held = choose_fields(model, prepared, progress, delay_is_free)
+    if delay_is_free:
+        if any(choice.value != choice.stated for choice in held):
+            prepared, facts = _prepared(chosen, logs, preprocessing, progress)
+        first, (chosen, held) = chosen, choose_fields(model, prepared, progress)
+        if chosen != first:
+            prepared, facts = _prepared(chosen, logs, preprocessing, progress)
+    return chosen, prepared, {**facts, "chosen_fields": [asdict(choice) for choice in held]}
+
+
+def _with_chosen_friction(
+    model: DynamicModel, logs: Sequence[Prepared], delay_is_free: bool, progress: Callable[[str], None]
+) -> tuple[DynamicModel, dict[str, Any]]:
+    """Return the model with the friction that the logs ask for, in place of the usual one if better, and how."""
+    from dynident.identification.selection.friction.alike import same_for_all  # few need it
+    from dynident.identification.selection.friction.friction_choice import choose_friction
+
+    choice = choose_friction(model, logs, progress, delay_is_free)
+    own = replace(model, friction=choice.friction)
+    shared, compared = same_for_all(own, logs, progress, model.friction, choice.pays)
+    return shared, {**choice.figures(), "shared": [comparison.figures() for comparison in compared]}
+
+
+def _prepared(
+    model: DynamicModel, logs: Sequence[Log], preprocessing: Preprocessing, progress: Callable[[str], None]
+) -> tuple[Sequence[Prepared], dict[str, Any]]:
+    """Return the preprocessed logs, and the delay of each where that is asked for."""
+    progress("preprocessing")
+    if preprocessing.delay_s is not None:
+        return [preprocess(log, preprocessing) for log in logs], {}
+    from dynident.identification.selection.delay import common_delay, find_delays  # few need it
+
+    progress("time delay between torque and position")
+    simple = without_load(model)
+    delays, prepared = find_delays(simple, base_parameters(simple), logs, preprocessing)
+    table = [
+        {"log": log.name, "seconds": delay.seconds, "std": delay.deviation, "applied": delay.applied}
+        for log, delay in zip(logs, delays, strict=True)
+    ]
+    return prepared, {"delays": table, "delay_s": common_delay(delays)}

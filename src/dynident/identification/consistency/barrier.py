@@ -1,0 +1,235 @@
+"""The third path of the consistent fit, and the first of the entropic prior: Newton on a log-det barrier.
+
+minimise f(phi) - mu (sum_k log s_k + sum_i log det (P_i(phi) - margin I)) over the equations, for mu falling to zero
+(Boyd and Vandenberghe 2004, 11.3 and 11.6). Each Newton step is a least-squares problem in the rows of the Hessian's
+root, solved by QR: nothing is squared, so data of any condition pass.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+
+from dynident.arrays import Array
+from dynident.identification.consistency.conditions import IDENTITY_VECTOR, Conditions, stack_vectors
+from dynident.identification.consistency.conic import Candidate
+from dynident.identification.consistency.program import Multipliers, Program, along_basis, whitened_rows
+from dynident.model.reduction import triangle_of
+
+#: The gap that ends the descent of mu, as a share of f + 1/2.
+TOLERANCE = 1e-9
+
+#: By how much mu falls when its minimum is near.
+_FALL = 0.1
+
+#: Squared Newton decrement, in units of mu, below which a minimum is near.
+_NEAR = 0.25
+
+_MOST_STEPS = 400
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A point inside all conditions with what Newton needs of it.
+
+    Attributes:
+        phi: Shape (p,).
+        signs: Slack of the inequalities, shape (k,).
+        roots: Lower roots of P_i - margin I, shape (l, 4, 4).
+        bodies: Lower roots of P_i, shape (l, 4, 4).
+    """
+
+    phi: Array
+    signs: Array
+    roots: Array
+    bodies: Array
+
+
+def solve_barrier(program: Program, start: Array, tolerance: float = TOLERANCE) -> Candidate:
+    """Return the optimum from a point strictly inside all conditions that meets the equations.
+
+    Args:
+        program: The program.
+        start: Such a point, shape (p,); see :func:`inside`.
+        tolerance: Gap that is enough, as a share of f + 1/2.
+
+    Raises:
+        ValueError: ``start`` is not inside.
+    """
+    rules = program.conditions
+    place = _place(program, start)
+    if place is None:
+        raise ValueError("the start breaks a condition")
+    free = scipy.linalg.null_space(rules.zero) if len(rules.zero) else np.eye(rules.size)
+    degree = max(len(rules.sign) + 4 * program.links, 1)
+    quadratic = np.vstack([program.data, program.pull])
+    whole = triangle_of(np.column_stack([quadratic, np.concatenate([program.target, program.pull_target])]))
+    fixed, aim = whole[:, :-1], whole[:, -1]
+    level = max(program.objective(place.phi) + 0.5, 1e-12)
+    mu = 0.1 * level / degree
+    steps, said = 0, "stopped after its most steps"
+    while steps < _MOST_STEPS:
+        level = program.objective(place.phi) + 0.5
+        last = mu * degree <= tolerance * level
+        rows, rest = _newton_rows(program, place, mu, fixed, aim)
+        step, decrement = _least_squares(rows @ free, rest)
+        place, length = _stepped(program, place, free @ step, mu, decrement)
+        steps += 1
+        if decrement**2 <= (_NEAR if not last else 1e-6) * mu or length == 0.0:
+            if last or (length == 0.0 and mu * degree <= 1e-6 * level):
+                said = "converged"
+                break
+            mu *= _FALL
+    prices = Multipliers(
+        _equation_prices(program, place, mu), mu / place.signs if len(rules.sign) else np.zeros(0), _prices(place, mu)
+    )
+    return Candidate(place.phi, prices, said, steps)
+
+
+def inside(program: Program) -> Array | None:
+    """Return a point strictly inside all conditions, shape (p,); None where the search finds none.
+
+    Minimises (t + 1)^2 / 2 + 1e-6 |phi - prior|^2 / 2 with every slack + t > 0 by the same Newton, from a t that is
+    large enough: a point inside has t < 0.
+    """
+    rules = program.conditions
+    size = rules.size
+    start = program.start
+    if len(rules.zero):
+        start = start - np.linalg.lstsq(rules.zero, rules.equations(start))[0]
+        if np.max(np.abs(rules.equations(start))) > 1e-9 * (1 + np.max(np.abs(rules.zero_offset))):
+            return None
+    if _place(program, start) is not None:
+        return start
+    nudged = start + np.where(np.abs(rules.sign).sum(axis=0) > 0, 1e-3, 0.0) if len(rules.sign) else start
+    if not len(rules.zero) and _place(program, nudged) is not None:
+        return nudged
+    high = 1.0 + 2.0 * rules.shortfall(start)
+    lift = _lift(rules)
+    found = solve_barrier(_relaxed(program, start, lift), np.append(start + high * lift, high), 1e-6)
+    phi = found.phi[:size] - found.phi[size] * lift
+    return phi if found.phi[size] < 0 and _place(program, phi) is not None else None
+
+
+def _lift(rules: Conditions) -> Array:
+    """Return the scaled parameters that add I to the pseudo-inertia of every link, shape (p,)."""
+    lift = np.zeros(rules.size)
+    lift[: 10 * len(rules.links)] = np.tile([2.0, 0, 0, 2.0, 0, 2.0, 0, 0, 0, 1.0], len(rules.links))
+    return lift
+
+
+def _relaxed(program: Program, start: Array, lift: Array) -> Program:
+    """Return the program over (psi, t), psi = phi + lift t, whose optimum lies deepest inside.
+
+    The cones of psi are those of P_i(phi) + t I; the inequalities get + t.
+    """
+    rules, size = program.conditions, program.conditions.size
+    turn = np.hstack([np.eye(size), -lift[:, None]])
+    conditions = Conditions(
+        rules.zero @ turn,
+        rules.zero_offset,
+        rules.zero_words,
+        np.hstack([rules.sign, 1.0 - (rules.sign @ lift)[:, None]]),
+        rules.sign_offset,
+        rules.sign_words,
+        rules.links,
+        rules.margin,
+    )
+    depth = np.zeros((1, size + 1))
+    depth[0, size] = 1.0
+    return replace(
+        program,
+        data=depth,
+        target=np.array([-1.0]),
+        pull=1e-3 * turn,
+        pull_target=1e-3 * start,
+        weight=0.0,
+        conditions=conditions,
+        start=np.append(start, 0.0),
+    )
+
+
+def _place(program: Program, phi: Array) -> _Place | None:
+    rules = program.conditions
+    signs = rules.signs(phi)
+    if len(signs) and np.min(signs) <= 0:
+        return None
+    try:
+        return _Place(phi, signs, np.linalg.cholesky(rules.pseudo(phi)), np.linalg.cholesky(program.inertias(phi)))
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _newton_rows(program: Program, place: _Place, mu: float, fixed: Array, aim: Array) -> tuple[Array, Array]:
+    """Return (J, r) with J'J the Hessian and J'r the gradient of the barrier function."""
+    rules = program.conditions
+    size = rules.size
+    rows, rest = [fixed], [fixed @ place.phi - aim]
+    if len(rules.sign):
+        rows.append(np.sqrt(mu) * rules.sign / place.signs[:, None])
+        rest.append(np.full(len(rules.sign), -np.sqrt(mu)))
+    if program.links:
+        rows.append(np.sqrt(mu) * whitened_rows(place.roots, size))
+        rest.append(np.tile(-np.sqrt(mu) * IDENTITY_VECTOR, program.links))
+    if program.weight:
+        rows.append(np.sqrt(program.weight) * whitened_rows(place.bodies, size))
+        turned = program.whitening @ place.bodies
+        pulled = stack_vectors(turned.transpose(0, 2, 1) @ turned) - IDENTITY_VECTOR
+        rest.append(np.sqrt(program.weight) * pulled.ravel())
+    return np.vstack(rows), np.concatenate(rest)
+
+
+def _least_squares(rows: Array, rest: Array) -> tuple[Array, float]:
+    """Return the step s that minimises |rows s + rest| and its size |rows s|, the Newton decrement."""
+    width = rows.shape[1]
+    factor = triangle_of(np.column_stack([rows, -rest]))
+    root, aim = factor[:width, :width], factor[:width, width]
+    diagonal = np.abs(np.diag(root))
+    if np.min(diagonal, initial=1.0) <= 1e-15 * np.max(diagonal, initial=1.0):  # directions that nothing holds
+        return np.linalg.lstsq(root, aim)[0], float(np.linalg.norm(aim))
+    return scipy.linalg.solve_triangular(root, aim), float(np.linalg.norm(aim))
+
+
+def _stepped(program: Program, place: _Place, step: Array, mu: float, decrement: float) -> tuple[_Place, float]:
+    """Return the place after a step that stays inside and makes the barrier function fall, and the step's length."""
+    length, before = 1.0, _barrier(program, place, mu)
+    for _ in range(60):
+        after = _place(program, place.phi + length * step)
+        if after is not None:
+            fall = before - _barrier(program, after, mu)
+            rounding = 1e-14 * (abs(before) + program.objective(after.phi))
+            if fall >= 0.1 * length * decrement**2 or (length == 1.0 and abs(fall) <= rounding):
+                return after, length
+        length *= 0.6
+    return place, 0.0
+
+
+def _barrier(program: Program, place: _Place, mu: float) -> float:
+    value = program.objective(place.phi)
+    if len(place.signs):
+        value -= mu * float(np.sum(np.log(place.signs)))
+    if len(place.roots):
+        value -= 2 * mu * float(np.sum(np.log(np.einsum("lii->li", place.roots))))
+    return value
+
+
+def _prices(place: _Place, mu: float) -> Array:
+    if not len(place.roots):
+        return np.zeros((0, 4, 4))
+    inverse = np.linalg.inv(place.roots)
+    return mu * inverse.transpose(0, 2, 1) @ inverse
+
+
+def _equation_prices(program: Program, place: _Place, mu: float) -> Array:
+    """Return the multipliers of the equations: what is left of the gradient lies in their span."""
+    rules = program.conditions
+    if not len(rules.zero):
+        return np.zeros(0)
+    rest = program.gradient(place.phi)
+    if len(rules.sign):
+        rest = rest - rules.sign.T @ (mu / place.signs)
+    if program.links:
+        rest[: 10 * program.links] -= along_basis(_prices(place, mu))
+    return np.linalg.lstsq(rules.zero.T, rest)[0]

@@ -1,0 +1,238 @@
+"""The conditions on standard parameters as rows of a convex program, each with its words.
+
+In scaled variables phi = theta / scale: zero @ phi + zero_offset = 0, sign @ phi + sign_offset >= 0, and for every link
+i the scaled pseudo-inertia P_i(phi) - margin I >= 0 (Wensing, Kim and Slotine 2018, (12)). With D = diag(1/L, 1/L,
+1/L, 1), P(phi) = D P(theta) D / m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.identification.problem.prior import Scale
+from dynident.model.body_constraints import AXES, BodyConstraints, Box, Constraints, box_quadrics, halfspaces
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.inertia import PSEUDO_BASIS
+
+ROOT2 = float(np.sqrt(2.0))
+
+#: Clarabel's order of a symmetric 4 x 4 matrix: upper triangle by columns; entries off the diagonal times sqrt(2).
+UPPER = tuple((i, j) for j in range(4) for i in range(j + 1))
+
+#: The ten entries of P(phi) in that order, for the ten parameters of a link, shape (10, 10).
+VECTOR_BASIS = np.array([PSEUDO_BASIS[:, i, j] * (1.0 if i == j else ROOT2) for i, j in UPPER])
+
+_IDENTITY = np.array([1.0 if i == j else 0.0 for i, j in UPPER])
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """All conditions on the p scaled parameters phi.
+
+    Attributes:
+        zero: Rows of the equations, shape (z, p), of unit size each.
+        zero_offset: Shape (z,).
+        zero_words: What each equation says.
+        sign: Rows of the inequalities, shape (k, p), of unit size each.
+        sign_offset: Shape (k,).
+        sign_words: What each inequality says.
+        links: Names of the links, one pseudo-inertia each, the ten parameters of link i at 10 i.
+        margin: Smallest eigenvalue of each scaled pseudo-inertia.
+        sign_sizes: What a slack of 1 is worth, and its unit (empty where it has none that says much), per inequality.
+    """
+
+    zero: Array
+    zero_offset: Array
+    zero_words: tuple[str, ...]
+    sign: Array
+    sign_offset: Array
+    sign_words: tuple[str, ...]
+    links: tuple[str, ...]
+    margin: float
+    sign_sizes: tuple[tuple[float, str], ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of scaled parameters, p."""
+        return self.sign.shape[1]
+
+    @property
+    def cone_words(self) -> tuple[str, ...]:
+        """What the condition of each link says."""
+        return tuple(f"{name}: a body of positive density" for name in self.links)
+
+    def equations(self, phi: Array) -> Array:
+        """Return what the equations miss, shape (z,)."""
+        return self.zero @ phi + self.zero_offset
+
+    def signs(self, phi: Array) -> Array:
+        """Return the slack of the inequalities, shape (k,)."""
+        return self.sign @ phi + self.sign_offset
+
+    def pseudo(self, phi: Array) -> Array:
+        """Return P_i(phi) - margin I, shape (l, 4, 4)."""
+        tens = phi[: 10 * len(self.links)].reshape(-1, 10)
+        return np.einsum("lk,kij->lij", tens, PSEUDO_BASIS) - self.margin * np.eye(4)
+
+    def shortfall(self, phi: Array) -> float:
+        """Return by how much phi breaks its worst condition, in natural sizes; 0 where it breaks none."""
+        worst = [
+            0.0,
+            -float(np.min(self.signs(phi), initial=0.0)),
+            float(np.max(np.abs(self.equations(phi)), initial=0)),
+        ]
+        if self.links:
+            worst.append(-float(np.min(np.linalg.eigvalsh(self.pseudo(phi)))))
+        return max(worst)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """One linear condition on theta: row @ theta + offset >= 0, or = 0."""
+
+    row: Array
+    offset: float
+    words: str
+    equation: bool = False
+    unit: str = ""
+
+
+def conditions_of(
+    model: DynamicModel, scale: Scale, margin: float, constraints: Constraints | None = None
+) -> Conditions:
+    """Return the conditions of a model: every link possible, friction and rotors >= 0, and what is known beside.
+
+    Args:
+        model: Robot, drives and friction.
+        scale: Natural sizes.
+        margin: Smallest eigenvalue of each scaled pseudo-inertia.
+        constraints: What is known about bodies beforehand.
+
+    Raises:
+        UnknownChoice: The constraints name a link or a parameter that is not there.
+    """
+    known = constraints or Constraints()
+    known.check(model.robot, model.parameters)
+    rows = [*_signs(model), *_stated(model, known)]
+    zero, sign = ([row for row in rows if row.equation is kind] for kind in (True, False))
+    return Conditions(
+        *_scaled(zero, scale),
+        tuple(row.words for row in zero),
+        *_scaled(sign, scale),
+        tuple(row.words for row in sign),
+        tuple(link.name for link in model.robot.links),
+        margin,
+        tuple((float(np.max(np.abs(row.row * scale.parameters))), row.unit) for row in sign),
+    )
+
+
+def _scaled(rows: list[_Row], scale: Scale) -> tuple[Array, Array]:
+    """Return rows on phi of unit size, shape (k, p), and their offsets, shape (k,)."""
+    scaled = np.array([row.row for row in rows]).reshape(-1, len(scale.parameters)) * scale.parameters
+    sizes = np.max(np.abs(scaled), axis=1)
+    return scaled / sizes[:, None], np.array([row.offset for row in rows]) / sizes
+
+
+def _signs(model: DynamicModel) -> Iterator[_Row]:
+    for k, parameter in enumerate(model.parameters):
+        if parameter.nonnegative:
+            yield _Row(_unit(model, k), 0.0, f"{parameter.name} >= 0", unit=parameter.unit)
+
+
+def _unit(model: DynamicModel, k: int) -> Array:
+    row = np.zeros(len(model.parameters))
+    row[k] = 1.0
+    return row
+
+
+def _stated(model: DynamicModel, known: Constraints) -> Iterator[_Row]:
+    size = len(model.parameters)
+    for i, link in enumerate(model.robot.links):
+        if link.name in known.links:
+            for ten, offset, words, equation in _link_rows(known.links[link.name]):
+                row = np.zeros(size)
+                row[10 * i : 10 * i + 10] = ten
+                yield _Row(row, offset, f"{link.name}: {words}", equation, "kg" if words.startswith("mass") else "")
+    total = np.zeros(size)
+    total[9 : model.inertial_count : 10] = 1.0
+    for sign, offset, words, equation in _range_rows(known.total_mass.low, known.total_mass.high, "total mass", "kg"):
+        yield _Row(sign * total, offset, words, equation, "kg")
+    for k, parameter in enumerate(model.parameters):
+        if parameter.name in known.fixed:
+            value = float(known.fixed[parameter.name])
+            yield _Row(_unit(model, k), -value, f"{parameter.name} = {value:g} {parameter.unit}", True)
+
+
+def _range_rows(low: float, high: float, what: str, unit: str) -> Iterator[tuple[float, float, str, bool]]:
+    if low == high:
+        yield 1.0, -low, f"{what} = {low:g} {unit}", True
+        return
+    if np.isfinite(low):
+        yield 1.0, -low, f"{what} >= {low:g} {unit}", False
+    if np.isfinite(high):
+        yield -1.0, high, f"{what} <= {high:g} {unit}", False
+
+
+def _link_rows(known: BodyConstraints) -> Iterator[tuple[Array, float, str, bool]]:
+    """Yield (ten, offset, words, equation) of a link: conditions ten @ (parameters of the link) + offset."""
+    mass, moment = np.eye(10)[9], np.eye(10)[6:9]
+    for sign, offset, words, equation in _range_rows(known.mass.low, known.mass.high, "mass", "kg"):
+        yield sign * mass, offset, words, equation
+    if known.centre_box is not None:
+        yield from _box_rows(known.centre_box, mass, moment)
+    if known.centre_hull is not None:
+        normals, limits, equations, values = halfspaces(known.centre_hull)
+        for normal, limit in zip(normals, limits, strict=True):
+            yield limit * mass - normal @ moment, 0.0, "centre of mass in the hull of its points", False
+        for normal, value in zip(equations, values, strict=True):
+            yield normal @ moment - value * mass, 0.0, "centre of mass in the plane or line of its points", True
+    if known.body_ellipsoid is not None:
+        yield _trace_row(known.body_ellipsoid.quadric), 0.0, "all matter in the ellipsoid", False
+    if known.body_box is not None:
+        for axis, quadric in zip(AXES, box_quadrics(known.body_box), strict=True):
+            yield _trace_row(quadric), 0.0, f"all matter in the box along {axis}", False
+    for axis, place in known.symmetry.items():
+        k = AXES.index(axis)
+        words = f"symmetric about the plane {axis} = {place:g} m"
+        yield moment[k] - place * mass, 0.0, words, True
+        for other in {0, 1, 2} - {k}:  # the mirrored products vanish: int (x - place) y = 0
+            quadric = np.zeros((4, 4))
+            quadric[k, other] = quadric[other, k] = 0.5
+            quadric[other, 3] = quadric[3, other] = -0.5 * place
+            yield _trace_row(quadric), 0.0, words, True
+
+
+def _box_rows(box: Box, mass: Array, moment: Array) -> Iterator[tuple[Array, float, str, bool]]:
+    for axis, row, low, high in zip(AXES, moment, box.lower, box.upper, strict=True):
+        what = f"centre of mass {axis}"
+        if low == high:
+            yield row - low * mass, 0.0, f"{what} = {low:g} m", True
+        else:
+            yield row - low * mass, 0.0, f"{what} >= {low:g} m", False
+            yield high * mass - row, 0.0, f"{what} <= {high:g} m", False
+
+
+def _trace_row(quadric: Array) -> Array:
+    """Return the ten numbers c with c @ (parameters of the link) = tr(P Q)."""
+    return np.einsum("kij,ij->k", PSEUDO_BASIS, quadric)
+
+
+def stack_vectors(matrices: Array) -> Array:
+    """Return symmetric matrices (l, 4, 4) as vectors with the same inner product, shape (l, 10)."""
+    return np.stack([matrices[:, i, j] * (1.0 if i == j else ROOT2) for i, j in UPPER], axis=-1)
+
+
+def unstack_vectors(vectors: Array) -> Array:
+    """Return the inverse of :func:`stack_vectors`: (l, 10) to (l, 4, 4)."""
+    matrices = np.zeros((len(vectors), 4, 4))
+    for k, (i, j) in enumerate(UPPER):
+        matrices[:, i, j] = matrices[:, j, i] = vectors[:, k] / (1.0 if i == j else ROOT2)
+    return matrices
+
+
+#: The identity of a link's cone as a vector.
+IDENTITY_VECTOR = _IDENTITY

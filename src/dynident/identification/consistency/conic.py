@@ -1,0 +1,198 @@
+"""The first and the second path of the consistent fit: Clarabel, on the triangle as it is and in whitened variables."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from dynident.arrays import Array, IntArray
+from dynident.identification.consistency.conditions import (
+    IDENTITY_VECTOR,
+    ROOT2,
+    VECTOR_BASIS,
+    Conditions,
+    unstack_vectors,
+)
+from dynident.identification.consistency.program import Multipliers, Program, whitened_rows
+from dynident.model.reduction import triangle_of
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """What a solver handed back, not yet checked.
+
+    Attributes:
+        phi: Scaled parameters, shape (p,).
+        multipliers: Of the conditions.
+        said: The solver's own verdict, for messages only.
+        iterations: It took.
+    """
+
+    phi: Array
+    multipliers: Multipliers
+    said: str
+    iterations: int
+
+
+def solve_conic(program: Program) -> Candidate:
+    """Return Clarabel's answer with A kept as it is: e = A phi - y as equations, never A'A (Sousa and Cortesao 2014).
+
+    The entropic prior becomes exponential cones: t <= log det Q where [[Q, Z], [Z', diag(Z)]] >= 0 with Z lower
+    triangular and t <= sum log Z_jj (Nesterov and Nemirovski 1994, section 6.4.3).
+    """
+    clarabel = _clarabel()
+    size, rows = program.data.shape[1], len(program.data)
+    logs = 14 * program.links if program.weight else 0
+    gram = program.pull.T @ program.pull
+    width = size + rows + logs
+    quadratic = np.zeros((width, width))
+    quadratic[:size, :size] = np.triu(gram)
+    quadratic[size : size + rows, size : size + rows] = np.eye(rows)
+    linear = np.concatenate([-program.pull.T @ program.pull_target, np.zeros(rows + logs)])
+    inside, inside_offset, inside_cones = cone_rows(program.conditions)
+    blocks = [_widened(np.hstack([program.data, -np.eye(rows)]), width), _widened(inside, width)]
+    offsets, cones = [program.target, inside_offset], [clarabel.ZeroConeT(rows), *inside_cones]
+    if logs:
+        entropy, entropy_offset, entropy_cones = _entropy_rows(program, rows)
+        blocks.append(entropy)
+        offsets.append(entropy_offset)
+        cones += entropy_cones
+        linear[: 10 * program.links] += program.weight * _trace_gradient(program)
+        for link in range(program.links):
+            linear[size + rows + 14 * link + 10 : size + rows + 14 * link + 14] = -program.weight
+    found = run_clarabel(quadratic, linear, np.vstack(blocks), np.concatenate(offsets), cones)
+    duals = np.array(found.z)[rows : rows + len(inside)]
+    return Candidate(
+        np.array(found.x)[:size], split_duals(program.conditions, duals), str(found.status), int(found.iterations)
+    )
+
+
+def solve_whitened(program: Program) -> Candidate:
+    """Return Clarabel's answer in variables in which the Hessian at the prior is the identity: phi = free + J^-1 v.
+
+    The quadratic part only; another scaling of the same problem, for where the first stalls.
+    """
+    size = program.data.shape[1]
+    stacked = np.vstack([program.data, program.pull])
+    full = np.column_stack([stacked, np.concatenate([program.target, program.pull_target])])
+    factor = triangle_of(full)
+    root, aim = factor[:size, :size], factor[:size, size]
+    free = scipy.linalg.solve_triangular(root, aim)  # the optimum without conditions; v counts from there
+    inside, offset, cones = cone_rows(program.conditions)
+    turned = scipy.linalg.solve_triangular(root, inside.T, trans=1).T
+    found = run_clarabel(np.eye(size), np.zeros(size), turned, offset - inside @ free, cones)
+    phi = free + scipy.linalg.solve_triangular(root, np.array(found.x))
+    duals = split_duals(program.conditions, np.array(found.z))
+    return Candidate(phi, duals, str(found.status), int(found.iterations))
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """What Clarabel reads of a sparse matrix of SciPy: its entries other than 0, column by column."""
+
+    data: Array
+    indices: IntArray
+    indptr: IntArray
+    shape: tuple[int, int]
+    has_canonical_format: bool = True
+
+
+def _columns(matrix: Array) -> _Columns:
+    column, row = np.nonzero(matrix.T)
+    ends = np.searchsorted(column, np.arange(matrix.shape[1] + 1))
+    return _Columns(matrix[row, column], row, ends, (matrix.shape[0], matrix.shape[1]))
+
+
+def _widened(rows: Array, width: int) -> Array:
+    """Return rows with zeros behind them, ``width`` columns in all."""
+    return np.pad(rows, ((0, 0), (0, width - rows.shape[1])))
+
+
+def run_clarabel(quadratic: Array, linear: Array, matrix: Array, offset: Array, cones: list[Any]) -> Any:
+    """Return Clarabel's answer to min x'Px/2 + q'x with A x + s = b, s in the cones; P upper triangular."""
+    clarabel = _clarabel()
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    return clarabel.DefaultSolver(_columns(quadratic), linear, _columns(matrix), offset, cones, settings).solve()
+
+
+def cone_rows(conditions: Conditions) -> tuple[Array, Array, list[Any]]:
+    """Return (A, b, cones) with the conditions as A phi + s = b, s in the cones: equations, signs, links."""
+    clarabel = _clarabel()
+    size, links = conditions.size, len(conditions.links)
+    blocks: list[Array] = [np.zeros((0, size))]
+    cones: list[Any] = []
+    if len(conditions.zero):
+        blocks.append(-conditions.zero)
+        cones.append(clarabel.ZeroConeT(len(conditions.zero)))
+    if len(conditions.sign):
+        blocks.append(-conditions.sign)
+        cones.append(clarabel.NonnegativeConeT(len(conditions.sign)))
+    if links:
+        blocks.append(_widened(np.kron(np.eye(links), -VECTOR_BASIS), size))
+        cones += [clarabel.PSDTriangleConeT(4)] * links
+    offsets = [conditions.zero_offset, conditions.sign_offset, np.tile(-conditions.margin * IDENTITY_VECTOR, links)]
+    return np.vstack(blocks), np.concatenate(offsets), cones
+
+
+def equation_cone(count: int) -> Any:
+    """Return Clarabel's cone of ``count`` equations."""
+    return _clarabel().ZeroConeT(count)
+
+
+def sign_cone(count: int) -> Any:
+    """Return Clarabel's cone of ``count`` inequalities."""
+    return _clarabel().NonnegativeConeT(count)
+
+
+def split_duals(conditions: Conditions, duals: Array) -> Multipliers:
+    """Return the multipliers of the rows that :func:`cone_rows` made."""
+    zero, sign, cones = np.split(duals, np.cumsum([len(conditions.zero), len(conditions.sign)]))
+    return Multipliers(zero, sign, unstack_vectors(cones.reshape(-1, 10)))
+
+
+def _trace_gradient(program: Program) -> Array:
+    """Return the gradient of sum_i tr Q_i over the inertial parameters, shape (10 l,)."""
+    rows = whitened_rows(np.linalg.inv(program.whitening), program.data.shape[1])
+    identity = np.tile(IDENTITY_VECTOR, program.links)
+    return (identity @ rows)[: 10 * program.links]
+
+
+def _entropy_rows(program: Program, rows: int) -> tuple[Array, Array, list[Any]]:
+    """Return the cones that bound the log det of each whitened pseudo-inertia, over (phi, e, Z and u of each link)."""
+    clarabel = _clarabel()
+    size, links = program.data.shape[1], program.links
+    whitened = whitened_rows(np.linalg.inv(program.whitening), size)
+    upper8 = [(i, j) for j in range(8) for i in range(j + 1)]
+    lower4 = [(i, j) for j in range(4) for i in range(j, 4)]
+    positions = {(i, j): k for k, (i, j) in enumerate((i, j) for j in range(4) for i in range(j + 1))}
+    blocks, offsets, cones = [], [], []
+    for link in range(links):
+        first = size + rows + 14 * link
+        block = np.zeros((36 + 12, size + rows + 14 * links))
+        for k, (i, j) in enumerate(upper8):
+            factor = 1.0 if i == j else ROOT2
+            if j < 4:  # Q, whose rows carry the sqrt(2) already
+                block[k, :size] = -whitened[10 * link + positions[i, j]]
+            elif i < 4 and (i, j - 4) in lower4:  # Z
+                block[k, first + lower4.index((i, j - 4))] = -factor
+            elif i == j:  # diag(Z)
+                block[k, first + lower4.index((i - 4, i - 4))] = -1.0
+        for d in range(4):  # (u, 1, Z_dd) in the exponential cone: exp(u) <= Z_dd
+            block[36 + 3 * d, first + 10 + d] = -1.0
+            block[36 + 3 * d + 2, first + lower4.index((d, d))] = -1.0
+        offset = np.zeros(48)
+        offset[37::3] = 1.0
+        blocks.append(block)
+        offsets.append(offset)
+        cones += [clarabel.PSDTriangleConeT(8), *[clarabel.ExponentialConeT()] * 4]
+    return np.vstack(blocks), np.concatenate(offsets), cones
+
+
+def _clarabel() -> Any:
+    return importlib.import_module("clarabel")  # a compiled module without type stubs

@@ -1,0 +1,55 @@
+"""Where each standard parameter comes from: identified, only in combination, or from the prior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dynident.identification.estimate.estimate import Estimate
+from dynident.model.base_parameters import COMBINED, IDENTIFIABLE
+
+IDENTIFIED, ONLY_COMBINED, FROM_PRIOR = "identified", "only in combination", "from the prior"
+
+#: Share of data from which a parameter that stands alone in a base parameter is called identified.
+MOSTLY_DATA = 0.5
+
+#: Share of data below which one that stands in combinations only is called one of the prior.
+HARDLY_DATA = 0.1
+
+
+@dataclass(frozen=True)
+class Label:
+    """What one standard parameter of an estimate stands on.
+
+    Attributes:
+        word: ``identified``: it is a base parameter by itself, and the data leave less than half of the prior's
+            variance; ``only in combination``: base parameters hold it together with others; ``from the prior``: it
+            moves no torque, or the data say little about it.
+        data_share: 1 less the variance left over the prior's variance; None where the method states none.
+    """
+
+    word: str
+    data_share: float | None
+
+
+def labels_of(estimate: Estimate) -> tuple[Label, ...]:
+    """Return the label of each standard parameter, p of them; empty where the method found base parameters only."""
+    if estimate.theta is None:
+        return ()
+    shares = estimate.extras.get("data_share") or [None] * len(estimate.base.verdicts)
+    return tuple(Label(_word(v, s), s) for v, s in zip(estimate.base.verdicts, shares, strict=True))
+
+
+def _word(verdict: str, share: float | None) -> str:
+    if verdict == IDENTIFIABLE:
+        return IDENTIFIED if share is None or share >= MOSTLY_DATA else FROM_PRIOR
+    if verdict == COMBINED:
+        return ONLY_COMBINED if share is None or share >= HARDLY_DATA else FROM_PRIOR
+    return FROM_PRIOR
+
+
+def labels_line(estimate: Estimate) -> str:
+    """Return in one line how many standard parameters have which label; empty where there are none."""
+    words = [label.word for label in labels_of(estimate)]
+    counts = [f"{words.count(word)} {word}" for word in (IDENTIFIED, ONLY_COMBINED, FROM_PRIOR)]
+    source = estimate.extras.get("prior")
+    return f"standard parameters: {', '.join(counts)}" + (f" ({source})" if source else "") if words else ""

@@ -1,0 +1,1 @@
+"""What an estimator returns: values, covariance, figures of fit and validation."""

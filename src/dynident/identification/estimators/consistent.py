@@ -1,0 +1,89 @@
+"""Physically consistent weighted least squares, the default."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from dynident.arrays import Array
+from dynident.errors import BadOption
+from dynident.identification.consistency.consistent_fit import (
+    MARGIN,
+    METRICS,
+    ConsistentFit,
+    Metric,
+    consistent_fit,
+    facts_of,
+    scale_of,
+)
+from dynident.identification.estimators.wls import WLS
+from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.prior import PULL, Scale
+from dynident.identification.problem.problem import Problem
+from dynident.model.reduction import Reduced
+
+
+@dataclass(frozen=True)
+class Consistent(Estimator):
+    """Physically consistent weighted least squares: P_i > 0 for every link, friction and rotor inertia >= 0.
+
+    Weights come from weighted least squares first. What the data leave open settles at the prior: the one that the
+    problem states, else the description's inertias where they are possible, else balls of the right size. What the
+    problem states about bodies (masses, centres, hulls) holds as well. The answer is proven to be the optimum.
+
+    Attributes:
+        pull: How tightly the prior holds: its standard deviation is 1 / sqrt(pull) natural sizes of a parameter.
+        margin: Smallest eigenvalue of each link's scaled pseudo-inertia: how far inside the possible it stays.
+        metric: How far a body is from the prior: `natural` sizes, constant `pull_back` metric, or `entropic` (log-det).
+    """
+
+    pull: float = PULL
+    margin: float = MARGIN
+    metric: Metric = "natural"
+
+    keeps_constraints: ClassVar = True
+    from_triangles: ClassVar = True
+    fits_folds: ClassVar = True
+
+    def __post_init__(self) -> None:
+        if not 0 < self.pull < 1e6:
+            raise BadOption("pull", self.pull, "give a number above 0, such as 0.01")
+        if not 0 < self.margin < 0.1:
+            raise BadOption("margin", self.margin, "give a share between 0 and 0.1, such as 1e-8")
+        if self.metric not in METRICS:
+            raise BadOption("metric", self.metric, f"choose one of: {', '.join(METRICS)}")
+
+    @property
+    def prior_pull(self) -> float:
+        return self.pull
+
+    def refit(self, problem: Problem) -> Callable[[Reduced], Array]:
+        scale = scale_of(problem)
+
+        def fit(reduced: Reduced) -> Array:
+            return self._fit(problem, reduced, scale).theta
+
+        return fit
+
+    def solve(self, problem: Problem) -> Solution:
+        """Fit and prove.
+
+        ``extras``: prior (its source), metric, residual_above_unconstrained, gap (proven, a share of the objective),
+        solver (whose answer it is), failed_solvers (what others lacked), active (conditions that hold the estimate),
+        data_share (of each standard parameter).
+
+        Raises:
+            ContradictoryConstraints: The stated conditions clash.
+            SolverFailed: No solver's answer passed the check.
+        """
+        weights = WLS().solve(problem).weights
+        reduced, scale = problem.reduced(weights), scale_of(problem)
+        fit = self._fit(problem, reduced, scale)
+        beta = problem.base.from_standard(fit.theta)
+        extras = {"metric": self.metric, **facts_of(fit, scale, reduced, beta)}
+        return Solution(beta, weights, theta=fit.theta, extras=extras)
+
+    def _fit(self, problem: Problem, reduced: Reduced, scale: Scale) -> ConsistentFit:
+        options = (self.pull, self.margin, self.metric)
+        return consistent_fit(problem.model, problem.base, reduced, scale, *options, problem.constraints)

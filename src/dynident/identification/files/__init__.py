@@ -1,0 +1,1 @@
+"""Estimate files and files of prior parameters."""

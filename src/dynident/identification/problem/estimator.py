@@ -1,0 +1,71 @@
+"""What an estimator is: a pure method from a Problem to a Solution."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from dynident.arrays import Array
+from dynident.identification.problem.prior import PULL
+from dynident.identification.problem.problem import Problem
+from dynident.model.reduction import Reduced
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What an estimator found.
+
+    Attributes:
+        beta: Base parameters, shape (b,).
+        weights: Weight of each joint's rows, shape (n,), 1 / N m; their squares weigh the covariance.
+        theta: Standard parameters behind beta, shape (p,); None where the estimator works on base parameters only.
+        covariance: Of beta, shape (b, b), where the method has one of its own; None: from weights and residuals.
+        degrees: Degrees of freedom of its variances, for Student's t, shape (b,); None where it is as good as known.
+        extras: News of the method itself: iterations, convergence trace, gap to the optimum.
+    """
+
+    beta: Array
+    weights: Array
+    theta: Array | None = None
+    covariance: Array | None = None
+    degrees: Array | None = None
+    extras: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Estimator(ABC):
+    """A frozen dataclass whose fields are its options; ``solve`` keeps nothing.
+
+    Attributes:
+        keeps_constraints: Whether it keeps what the problem states about bodies; a warning is given where it does not.
+        from_triangles: Whether triangles are all that it asks for, so that it solves logs reduced as a stream.
+        fits_folds: Whether cross-validation fits the rest of the logs with it; weighted least squares does where not.
+        may_not_converge: Whether it may end far from the optimum of its objective, so that the load of the drives is
+            that of weighted least squares and not of its own answer.
+    """
+
+    keeps_constraints: ClassVar[bool] = False
+    from_triangles: ClassVar[bool] = False
+    fits_folds: ClassVar[bool] = False
+    may_not_converge: ClassVar[bool] = False
+
+    @property
+    def prior_pull(self) -> float:
+        """How tightly a prior holds where it stands beside the data: a deviation of 1 / sqrt(this) natural sizes."""
+        return PULL
+
+    def refit(self, problem: Problem) -> Callable[[Reduced], Array] | None:
+        """Return the fit of standard parameters (p,) to a triangle of drawn base parameters, for the bootstrap.
+
+        None where no condition narrows the estimate: residuals are then drawn in blocks.
+        """
+        return None
+
+    @abstractmethod
+    def solve(self, problem: Problem) -> Solution:
+        """Return the estimate for a problem.
+
+        Raises:
+            SolverFailed: The method ended without a checked solution.
+        """

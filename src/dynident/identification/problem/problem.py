@@ -1,0 +1,208 @@
+"""The identification problem: one triangle per joint and, for estimators that need them, the rows themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray, IntArray
+from dynident.data.preprocessing import Prepared, Preprocessing, at_rest
+from dynident.errors import PoorExcitation
+from dynident.identification.problem.motion_checks import check_motion, check_temperature, check_torque
+from dynident.identification.problem.prior import BodyPrior
+from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
+from dynident.model.base_parameters import BaseParameters
+from dynident.model.body_constraints import Constraints
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.reduction import Reduced, Triangle, reduce
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The observation matrix in full, joint by joint, rows at rest left out.
+
+    Attributes:
+        matrix: W, shape (r, b).
+        torque: Measured torque less the known one, shape (r,).
+        joint: Joint of each row, shape (r,).
+        samples: Time sample of each row, counted through all logs, shape (r,).
+    """
+
+    matrix: Array
+    torque: Array
+    joint: IntArray
+    samples: IntArray
+
+
+class LeftOver(Protocol):
+    """What is still known of rows that were reduced as a stream and are gone; triangles are in the problem.
+
+    Attributes:
+        samples: Number of time samples in all logs.
+        accelerations: Root mean square acceleration of each joint, shape (n,).
+    """
+
+    samples: int
+    accelerations: Array
+
+    def factors(self, beta: Array) -> Array:
+        """Return the correlation factor of each joint's residual at ``beta``, shape (n,)."""
+        ...
+
+    def uncertainty(self, inverse: Array, weights: Array, beta: Array) -> tuple[Array, Array]:
+        """Return covariance and degrees of freedom of a fit with the inverse normal matrix (b, b) and weights (n,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Problem:
+    """All that an estimator may know.
+
+    Attributes:
+        model: Robot, drives and friction.
+        base: The base parameters that are to be found.
+        logs: Preprocessed logs with q, dq, ddq and torque.
+        masks: Which of the kept rows count for each joint, per log, shape (N, n).
+        triangles: The unweighted rows of each joint, reduced, over all logs.
+        load: Base parameters whose torque without friction loads the drives, shape (b,); None where no part asks.
+        facts: What was found out on the way to the problem, such as the delay of each log; goes with the estimate.
+        constraints: What is known about bodies beforehand; estimators of possible robots keep it, others do not.
+        prior: Standard parameters known beforehand, in place of the description's; None for the description's.
+        left: What is known of rows that are gone; None where logs and rows are there.
+    """
+
+    model: DynamicModel
+    base: BaseParameters
+    logs: tuple[Prepared, ...]
+    masks: tuple[BoolArray, ...]
+    triangles: tuple[Triangle, ...]
+    load: Array | None = None
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    constraints: Constraints = field(default_factory=Constraints)
+    prior: BodyPrior | None = None
+    left: LeftOver | None = None
+
+    @property
+    def regressor(self) -> RegressorStream:
+        """What makes the rows of the problem from a log."""
+        return RegressorStream(self.model, self.base, self.load)
+
+    @property
+    def preprocessing(self) -> Preprocessing:
+        """How logs that had no part in the fit are prepared: as those of the problem, with the delay found there."""
+        own = self.logs[0].how
+        return replace(own, delay_s=self.facts["delay_s"]) if "delay_s" in self.facts else own
+
+    @property
+    def samples(self) -> int:
+        """Number of time samples in all logs."""
+        return self.left.samples if self.left is not None else sum(len(log.keep) for log in self.logs)
+
+    @property
+    def counts(self) -> IntArray:
+        """Number of rows that count, per joint, shape (n,)."""
+        return np.array([triangle.rows for triangle in self.triangles])
+
+    def reduced(self, weights: Sequence[float] | Array | None = None) -> Reduced:
+        """Return the triangle over all joints, each joint's rows times its weight (default 1)."""
+        return reduce(self.triangles, self.base.count, np.ones(len(self.triangles)) if weights is None else weights)
+
+    def residual_squares(self, beta: Array) -> Array:
+        """Return the sum of squared residuals of each joint at ``beta``, shape (n,)."""
+        return np.array([triangle.residual_square(beta) for triangle in self.triangles])
+
+    def joint_deviations(self, beta: Array) -> Array:
+        """Return the residual standard deviation of each joint, shape (n,), a millionth of its torque at least.
+
+        The degrees of freedom that beta takes are shared among the joints by their rows.
+        """
+        counts = np.maximum(self.counts, 1)
+        free = counts * max(1.0 - self.base.count / max(int(counts.sum()), 1), 1e-3)
+        floor = 1e-6 * np.array([np.sqrt(t.torque_square / max(t.rows, 1)) for t in self.triangles])
+        deviations = np.sqrt(self.residual_squares(beta) / free)
+        return np.maximum(deviations, np.maximum(floor, 1e-300))
+
+    @cached_property
+    def rows(self) -> Rows:
+        """The rows in full; computed when first asked for."""
+        regressor = self.regressor
+        blocks: list[list[tuple[Array, Array, IntArray]]] = [[] for _ in self.triangles]
+        start = 0
+        for log, mask in zip(self.logs, self.masks, strict=True):
+            for i, part in enumerate(regressor.rows(log)):
+                keep = np.flatnonzero(mask[:, i])
+                full = np.zeros((len(keep), self.base.count))
+                full[:, regressor.columns[i]] = part[:-1, keep].T
+                blocks[i].append((full, part[-1, keep], keep + start))
+            start += len(log.keep)
+        matrix = np.concatenate([block[0] for joint in blocks for block in joint])
+        torque = np.concatenate([block[1] for joint in blocks for block in joint])
+        samples = np.concatenate([block[2] for joint in blocks for block in joint])
+        joints = np.concatenate([np.full(len(block[1]), i) for i, joint in enumerate(blocks) for block in joint])
+        return Rows(matrix, torque, joints, samples)
+
+
+def make_problem(
+    model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared], load: Array | None = None
+) -> Problem:
+    """Reduce preprocessed logs to a problem.
+
+    Args:
+        model: Robot, drives and friction.
+        base: Its base parameters.
+        logs: Preprocessed logs, joints in the order of the robot.
+        load: See :class:`Problem`.
+
+    Raises:
+        BadOption: A friction part needs a load that is not given.
+        LogMismatch: A log without the temperatures that a friction part needs, a joint that never moved, or a torque
+            that never changed.
+        PoorExcitation: The rows do not determine all base parameters.
+    """
+    check_temperature(model, logs)
+    check_motion(model, logs)
+    check_torque(model, logs)
+    masks = tuple(counting_rows(model, log) for log in logs)
+    regressor = RegressorStream(model, base, load)
+    parts = [regressor.triangles(log, mask) for log, mask in zip(logs, masks, strict=True)]
+    triangles = tuple(first.merged(rest) for first, *rest in zip(*parts, strict=True))
+    problem = Problem(model, base, tuple(logs), masks, triangles, load)
+    check_rank(problem.reduced(), base)
+    return problem
+
+
+def counting_rows(model: DynamicModel, prepared: Prepared) -> BoolArray:
+    """Return which of the kept rows count for each joint, shape (N, n): those where none of its drives rests."""
+    how = prepared.how
+    if how.rest == "keep" or how.standstill == 0:
+        return np.ones((len(prepared.keep), model.robot.dof), bool)
+    coupling = np.asarray(model.robot.coupling)
+    speeds = motion_of(prepared.log).dq @ coupling.T
+    resting = at_rest(speeds, how.standstill, prepared.log.rate)[prepared.keep]
+    return ~((resting @ (coupling != 0)) > 0)
+
+
+def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) -> None:
+    """Check that rows, weighted or chosen in whatever way, determine all base parameters.
+
+    Raises:
+        PoorExcitation: A direction with unit columns is below ``tolerance`` of the strongest.
+    """
+    norms = reduced.column_norms
+    scale = np.where(norms > 0, norms, 1.0)
+    _, values, directions = np.linalg.svd(reduced.r / scale)
+    weak = values <= tolerance * values[0]
+    if not weak.any():
+        return
+    share = np.abs(directions[weak]).max(axis=0)
+    names = [base.names[k] for k in np.argsort(-share)[:3]]
+    raise PoorExcitation(
+        int((~weak).sum()),
+        base.count,
+        f"undetermined: {'; '.join(names)}",
+        "record a motion that moves all joints fast and far at once, or drop friction terms",
+    )

@@ -1,0 +1,224 @@
+"""The rows of a log: the base observation matrix joint by joint, in chunks, and their triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray, IntArray
+from dynident.data.log import Log
+from dynident.data.preprocessing import Prepared
+from dynident.errors import LogMismatch
+from dynident.identification.problem.thinned_rows import stretch_of, stretches, thinned_rows
+from dynident.model.base_parameters import BaseParameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
+from dynident.model.kernels.batched import JointColumns
+from dynident.model.reduction import CHUNK, Triangle, absorb, absorber
+from dynident.model.threads import in_order, one_blas_thread, threads_that_pay
+
+#: Slices of the kept rows, and [W_i, tau_i]' of each joint there.
+Segments: TypeAlias = Iterator[tuple[slice, tuple[Array, ...]]]
+
+#: Rows of a part of a log that nothing filters, and threads at most that reduce parts: each holds one.
+PART, THREADS = 128 * CHUNK, 4
+
+
+class RegressorStream:
+    """Streams a log into the rows of the base observation matrix, joint by joint, in chunks that stay in the cache.
+
+    Where friction depends on the load, ``load`` (b,) are the base parameters whose torque without friction it is.
+    Robots that differ in their gravity alone share code where ``any_gravity`` is stated.
+    """
+
+    def __init__(
+        self, model: DynamicModel, base: BaseParameters, load: Array | None = None, any_gravity: bool = False
+    ) -> None:
+        self.model, self.base, self.load = model, base, load
+        inertial = base.independent[base.independent < model.inertial_count]
+        self._kernel = JointColumns(model.robot.chain, inertial, any_gravity)
+        friction = base.independent[base.independent >= model.inertial_count] - model.inertial_count
+        self._drive, self._coefficient = (found[friction] for found in model.terms)
+        self._inertial = len(inertial)
+        coupling = np.asarray(model.robot.coupling)
+        self._own: list[IntArray] = []
+        columns: list[IntArray] = []
+        for i in range(model.robot.dof):
+            own = np.flatnonzero(coupling[self._drive, i] != 0)
+            self._own.append(own)
+            columns.append(np.concatenate([self._kernel.columns[i], len(inertial) + own]).astype(np.int64))
+        self.columns: tuple[IntArray, ...] = tuple(columns)
+
+    def rows(self, prepared: Prepared) -> tuple[Array, ...]:
+        """Return [W_i, tau_i]' of each joint over the kept rows, both sides filtered, shape (K_i + 1, N)."""
+        parts = [blocks for _, blocks in self.segments(prepared)]
+        return tuple(np.concatenate(joint, axis=1) for joint in zip(*parts, strict=True))
+
+    def predict(self, log: Log, beta: Array) -> Array:
+        """Return the torque of the model at ``beta``, with the known torque, not filtered, shape (N, n).
+
+        Friction that depends on the load takes that of ``beta`` itself.
+        """
+        motion = self._motion(log)
+        parts = [slice(start, start + CHUNK) for start in range(0, log.samples, CHUNK)]
+        blocks = (self._block(motion, part, load=beta) for part in parts)
+        torques = [[beta[own] @ block[:-1] for own, block in zip(self.columns, joint, strict=True)] for joint in blocks]
+        return np.concatenate([np.stack(part, axis=1) for part in torques]) + self.model.known_torque(motion)
+
+    def triangles(self, prepared: Prepared, mask: BoolArray) -> tuple[Triangle, ...]:
+        """Return the triangle of each joint over the kept rows in ``mask`` (N, n); no row is kept.
+
+        Parts of the log are reduced side by side and merged in their order, so that the number of processors changes
+        no bit.
+        """
+        everything = bool(mask.all())
+
+        def reduced(part: Segments) -> list[Array]:
+            own: list[Array] = [np.zeros((len(columns) + 1, len(columns) + 1), order="F") for columns in self.columns]
+            take = absorber(len(mask))
+            for rows, blocks in part:
+                for i, block in enumerate(blocks):
+                    chosen = block if everything else block[:, mask[rows, i]]
+                    for start in range(0, chosen.shape[1], CHUNK):
+                        panel = np.ascontiguousarray(chosen[:, start : start + CHUNK])
+                        own[i] = take(own[i], panel.T)
+            return own
+
+        factors: list[Array] = []
+        with one_blas_thread():
+            parts = self._parts(prepared)
+            for own in in_order(reduced, parts, min(len(parts), threads_that_pay(THREADS))):
+                later = (np.asfortranarray(np.triu(each)) for each in own)
+                factors = [absorb(*pair) for pair in zip(factors, later, strict=True)] if factors else own
+        return tuple(
+            Triangle(columns, np.triu(factor), int(mask[:, i].sum()))
+            for i, (columns, factor) in enumerate(zip(self.columns, factors, strict=True))
+        )
+
+    def segments(self, prepared: Prepared) -> Segments:
+        """Yield slices of the kept rows and the filtered rows of each joint there, in constant memory."""
+        for part in self._parts(prepared):
+            yield from part
+
+    def _parts(self, prepared: Prepared) -> list[Segments]:
+        """Return the segments in parts that can be made side by side.
+
+        A filter looks ``reach`` samples to either side, so parts overlap by that much.
+        """
+        log, keep = prepared.log, prepared.keep
+        reach, motion = prepared.how.filter.reach(log.rate), self._motion(log)
+        if not reach:
+            starts = range(0, len(keep), PART)
+            return [self._plain(prepared, motion, slice(k, min(k + PART, len(keep)))) for k in starts]
+        torque = target_torque(self.model, prepared)
+        inner = ((own, slice(*np.searchsorted(keep, [own.start, own.stop]))) for own in stretches(log.samples, reach))
+        return [
+            self._filtered(prepared, motion, own, wanted, torque) for own, wanted in inner if wanted.start < wanted.stop
+        ]
+
+    def _motion(self, log: Log) -> Motion:
+        """Return the motion of a log with the states of the friction."""
+        return self.model.with_states(motion_of(log), 1.0 / log.rate)
+
+    def _plain(self, prepared: Prepared, motion: Motion, part: slice) -> Segments:
+        """Yield kept rows where nothing is to be filtered: only they are ever computed."""
+        measured = _measured_torque(prepared.log)
+        known = _has_known_torque(self.model)
+        for start in range(part.start, part.stop, CHUNK):
+            own = slice(start, min(start + CHUNK, part.stop))
+            rows = stretch_of(prepared.keep[own])
+            cut, torque = motion.rows(rows), measured[rows]
+            torque = torque - self.model.known_torque(cut) if known else torque
+            yield own, self._block(cut, slice(0, len(torque)), torque, self.load)
+
+    def _filtered(self, prepared: Prepared, motion: Motion, inner: slice, wanted: slice, torque: Array) -> Segments:
+        """Yield the kept rows ``wanted`` of the samples ``inner``, filtered; the torque is that already."""
+        log, keep = prepared.log, prepared.keep
+        reach = prepared.how.filter.reach(log.rate)
+        outer = slice(max(0, inner.start - reach), min(log.samples, inner.stop + reach))
+        whole = outer.start == inner.start - reach and outer.stop == inner.stop + reach
+        if prepared.thinning is not None and whole:
+            own, sizes = keep[wanted], [len(columns) for columns in self.columns]
+
+            def make(part: slice, blocks: Sequence[Array]) -> None:
+                self._block(motion, part, load=self.load, blocks=blocks)
+
+            found = thinned_rows(make, sizes, outer, own, prepared.thinning)
+            yield wanted, tuple(np.vstack([rows, torque[own, i]]) for i, rows in enumerate(found))
+            return
+        blocks = self._block(motion, outer, torque, self.load)
+        for block in blocks:
+            block[:-1] = prepared.smooth(block[:-1])
+        inside = keep[wanted] - outer.start
+        yield wanted, tuple(block[:, inside] for block in blocks)
+
+    def _block(
+        self,
+        motion: Motion,
+        part: slice,
+        torque: Array | None = None,
+        load: Array | None = None,
+        blocks: Sequence[Array] | None = None,
+    ) -> tuple[Array, ...]:
+        """Return [W_i, tau_i]' of each joint over a slice of the samples, not filtered; in ``blocks`` if given."""
+        cut = motion.rows(part)
+        blocks = blocks or [np.empty((len(columns) + 1, len(cut.q))) for columns in self.columns]
+        heads = [block[: len(found)] for block, found in zip(blocks, self._kernel.columns, strict=True)]
+        self._kernel.evaluate(cut.q, cut.dq, cut.ddq, out=heads)
+        if load is not None and "torque" in self.model.needs:
+            cut = replace(cut, torque=self._without_friction(cut, heads, load))
+        values = self.model.friction_values(cut)
+        coupling, coupled = np.asarray(self.model.robot.coupling), self.model.robot.is_coupled
+        for i, (block, own) in enumerate(zip(blocks, self._own, strict=True)):
+            drive, tail = self._drive[own], block[len(heads[i]) : -1]
+            tail[:] = values.T[self._coefficient[own], drive]
+            if coupled:
+                tail *= coupling[drive, i, None]
+            block[-1] = 0.0 if torque is None else torque[part, i]
+        return tuple(blocks)
+
+    def _without_friction(self, motion: Motion, heads: Sequence[Array], beta: Array) -> Array:
+        """Return the torque of links and rotors at ``beta``, shape (N, n), from the inertial rows of each joint."""
+        rigid = [beta[own[: len(head)]] @ head for own, head in zip(self.columns, heads, strict=True)]
+        rotor = np.zeros(self.model.robot.dof)
+        for k, drive in enumerate(self._drive, start=self._inertial):
+            if self.base.parameters[self.base.independent[k]].unit.startswith("kg"):
+                rotor[drive] = beta[k]
+        return np.stack(rigid, axis=1) + self.model.rotor_torque(motion, rotor)
+
+
+def motion_of(log: Log) -> Motion:
+    """Return the motion of a preprocessed log.
+
+    Raises:
+        LogMismatch: The log has no velocities or accelerations yet.
+    """
+    if log.dq is None or log.ddq is None:
+        raise LogMismatch(log.name, "no velocities and accelerations", "preprocess the log first")
+    return Motion(log.q, log.dq, log.ddq, temperature=log.temperature)
+
+
+def target_torque(model: DynamicModel, prepared: Prepared) -> Array:
+    """Return the measured torque less the known one (rotor inertias, bias), filtered alike, shape (N, n), all rows.
+
+    Raises:
+        LogMismatch: The log has no torques.
+    """
+    log = prepared.log
+    torque = _measured_torque(log)
+    if not _has_known_torque(model):
+        return torque
+    return torque - prepared.smooth(model.known_torque(motion_of(log)).T).T
+
+
+def _measured_torque(log: Log) -> Array:
+    if log.torque is None:
+        raise LogMismatch(log.name, "no torques", "map torque columns, or currents with drive gains, in the case file")
+    return log.torque
+
+
+def _has_known_torque(model: DynamicModel) -> bool:
+    return bool(np.any(model.robot.reflected_inertia) or np.any(model.robot.bias))

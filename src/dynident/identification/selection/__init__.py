@@ -1,0 +1,1 @@
+"""What is chosen by cross-validation: friction, smoothing widths, cut-off and delay."""

@@ -1,0 +1,158 @@
+"""Cross-validation on triangles: each part of the logs is left out once and predicted by a fit of the rest.
+
+One pass reduces every part by itself; the triangle of the rest is a merge of small triangles, so that k fits cost
+little more than one (Stone 1974; contiguous parts, since neighbouring rows are alike: Burman, Chow and Nolan 1994).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array, finite
+from dynident.errors import BadOption, DynidentError
+from dynident.identification.estimators import ESTIMATORS, Estimator
+from dynident.identification.problem.problem import Problem
+from dynident.identification.residuals.row_passes import RowPasses
+from dynident.model.reduction import Triangle, least_squares
+
+
+@dataclass(frozen=True)
+class Fold:
+    """One part that was left out.
+
+    Attributes:
+        name: Of the log, or the rows in words.
+        rows: Rows that count in it.
+        rmse: Root mean square error of each joint, shape (n,); NaN where the rest determines no estimate.
+        relative_error: |residual| / |torque| over all joints, not centred.
+        beta: Estimate without the part, shape (b,).
+        missing: Why there is none; empty where there is one.
+    """
+
+    name: str
+    rows: int
+    rmse: Array
+    relative_error: float
+    beta: Array
+    missing: str = ""
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """All parts.
+
+    Attributes:
+        over: ``blocks`` or ``logs``.
+        estimator: What fitted the rest.
+        folds: The parts.
+        relative_error: Over the rows of all parts together; NaN where a part has none.
+        in_sample: The same of the fit of all rows.
+    """
+
+    over: str
+    estimator: str
+    folds: tuple[Fold, ...]
+    relative_error: float
+    in_sample: float
+
+    def figures(self) -> dict[str, Any]:
+        """Return the figures as plain data."""
+        return {
+            "over": self.over,
+            "estimator": self.estimator,
+            "relative_error": finite(self.relative_error),
+            "in_sample": finite(self.in_sample),
+            "folds": [
+                {"name": fold.name, "rows": fold.rows, "relative_error": finite(fold.relative_error)}
+                for fold in self.folds
+            ],
+        }
+
+
+def cross_validate(
+    problem: Problem, estimator: Estimator, beta: Array, folds: int = 5, passes: RowPasses | None = None
+) -> CrossValidation:
+    """Return the errors of parts of the logs, each predicted by a fit of the rest.
+
+    Args:
+        problem: The problem.
+        estimator: Fits the rest where it does so (``fits_folds``), else ``wls`` does.
+        beta: The estimate from all rows, shape (b,).
+        folds: Number of parts of equal length in time; 0 for one part a log.
+        passes: The rows, where they are there already.
+
+    Raises:
+        BadOption: Fewer than two parts.
+    """
+    if folds == 0 and len(problem.logs) < 2:
+        raise BadOption("folds", folds, "there is one log; give 2 or more parts")
+    if folds < 0 or folds == 1:
+        raise BadOption("folds", folds, "give 2 or more parts, or 0 for one a log")
+    passes = passes or RowPasses(problem)
+    parts = _by_log(problem, passes) if folds == 0 else _blocks(problem, passes, folds)
+    used = estimator if estimator.fits_folds else ESTIMATORS.make("wls")
+    found = [
+        _fold(problem, used, label, own, [other for _, other in parts if other is not own]) for label, own in parts
+    ]
+    errors = np.array(
+        [_square(own, fold.beta) if not fold.missing else np.nan for fold, (_, own) in zip(found, parts, strict=True)]
+    )
+    torque = sum(triangle.torque_square for triangle in problem.triangles)
+    return CrossValidation(
+        over="logs" if folds == 0 else "blocks",
+        estimator=ESTIMATORS.name_of(used),
+        folds=tuple(found),
+        relative_error=float(np.sqrt(errors.sum() / torque)),
+        in_sample=float(np.sqrt(np.sum(problem.residual_squares(beta)) / torque)),
+    )
+
+
+def _fold(
+    problem: Problem,
+    estimator: Estimator,
+    label: str,
+    own: tuple[Triangle, ...],
+    others: Sequence[tuple[Triangle, ...]],
+) -> Fold:
+    rows = sum(triangle.rows for triangle in own)
+    rest = tuple(first.merged(more) for first, *more in zip(*others, strict=True))
+    nothing = np.full(len(own), np.nan)
+    singular = least_squares(reduced := replace(problem, triangles=rest).reduced()).singular_values
+    if reduced.rows < problem.base.count or singular[-1] <= 1e-9 * singular[0]:
+        return Fold(label, rows, nothing, np.nan, np.full(problem.base.count, np.nan), "the rest does not determine it")
+    try:
+        beta = estimator.solve(replace(problem, triangles=rest)).beta
+    except DynidentError as error:
+        return Fold(label, rows, nothing, np.nan, np.full(problem.base.count, np.nan), str(error))
+    rmse = np.array([np.sqrt(t.residual_square(beta) / max(t.rows, 1)) for t in own])
+    torque = sum(triangle.torque_square for triangle in own)
+    relative = float(np.sqrt(_square(own, beta) / torque)) if torque > 0 else np.nan
+    return Fold(label, rows, rmse, relative, beta)
+
+
+def _by_log(problem: Problem, passes: RowPasses) -> list[tuple[str, tuple[Triangle, ...]]]:
+    edges = np.cumsum([0, *[len(log.keep) for log in problem.logs]])
+    return [
+        (log.log.name, _between(passes, int(a), int(b)))
+        for log, a, b in zip(problem.logs, edges[:-1], edges[1:], strict=True)
+    ]
+
+
+def _blocks(problem: Problem, passes: RowPasses, folds: int) -> list[tuple[str, tuple[Triangle, ...]]]:
+    edges = np.linspace(0, problem.samples, folds + 1).round().astype(int)
+    return [(f"rows {a + 1} to {b}", _between(passes, int(a), int(b))) for a, b in itertools.pairwise(edges)]
+
+
+def _between(passes: RowPasses, first: int, stop: int) -> tuple[Triangle, ...]:
+    chosen = np.zeros(passes.counting.shape)
+    chosen[first:stop] = 1.0
+    return passes.triangles(chosen)
+
+
+def _square(triangles: Sequence[Triangle], beta: Array) -> float:
+    return sum(triangle.residual_square(beta) for triangle in triangles)

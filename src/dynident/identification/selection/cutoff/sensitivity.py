@@ -1,0 +1,137 @@
+"""What an estimate owes to its cut-off: the same fit at half and at double of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from dynident.arrays import Array
+from dynident.data.log import Log
+from dynident.data.preprocessing import ROWS_PER_PERIOD, Prepared, preprocess, resample
+from dynident.data.preprocessing.butterworth import Butterworth
+from dynident.errors import DynidentError
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.problem.problem import Problem
+from dynident.identification.selection.cutoff.block_triangles import BlockTriangles, block_triangles
+from dynident.identification.selection.cutoff.candidates import SAMPLES_PER_HZ, thinned_out
+
+#: The other cut-offs, in units of the one used.
+FACTORS = (0.5, 2.0)
+
+#: Blocks of time of the cross-validation.
+FOLDS = 5
+
+#: A cut-off above this share of the sampling rate is not tried.
+HIGHEST = 0.4
+
+#: Deviations, at the cut-off that knows less, beyond which a parameter that moves so far is worth a warning.
+FAR = 3.0
+
+
+def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]) -> dict[str, Any]:
+    """Return what weighted least squares finds at half and at double the cut-off; empty where there is no cut-off.
+
+    All is judged at the cut-off of the estimate: the held-out error is that of blocks of its rows, each predicted by a
+    fit of the other blocks at the other cut-off. Changes of parameters are counted in the deviations of the estimate.
+
+    Args:
+        estimate: The estimate, with its own load where friction depends on it.
+        problem: What it solves.
+        logs: The raw logs of the problem, joints in the order of the robot.
+    """
+    filter = problem.logs[0].how.filter
+    if not isinstance(filter, Butterworth) or filter.torque != "same" or filter.cutoff_hz is None:
+        return {}
+    try:
+        own = _blocks(estimate, problem, logs, filter.cutoff_hz)
+    except DynidentError:
+        return {}
+    rows = [_figures(estimate, own, own, filter.cutoff_hz, filter.cutoff_hz)]
+    for factor in FACTORS:
+        hertz = factor * filter.cutoff_hz
+        if hertz > HIGHEST * min(log.log.rate for log in problem.logs):
+            continue
+        try:
+            other = _blocks(estimate, problem, logs, hertz)
+            rows.append(_figures(estimate, own, other, filter.cutoff_hz, hertz))
+        except DynidentError:
+            continue
+    table = sorted(rows, key=lambda row: row["cutoff_hz"])
+    return {"cutoff_hz": filter.cutoff_hz, "folds": len(own.blocks), "table": table} if len(table) > 1 else {}
+
+
+def cutoff_lines(extras: Mapping[str, Any]) -> list[str]:
+    """Return a line on how the cut-off was chosen and one on what it matters, where they are known."""
+    lines = []
+    if extras.get("cutoff_choice"):
+        lines.append(f"cut-off chosen: {extras['cutoff_choice']['reason']}")
+    found = extras.get("cutoff_sensitivity")
+    if found:
+        own = next(row for row in found["table"] if row["cutoff_hz"] == found["cutoff_hz"])
+        others = [
+            f"{100 * row['cross_validation_error']:.3g} % at {row['cutoff_hz']:g} Hz ({row['parameter']} moves by "
+            f"{row['largest_change']:.2g} std)"
+            for row in found["table"]
+            if row is not own
+        ]
+        error = f"{100 * own['cross_validation_error']:.3g} % at {own['cutoff_hz']:g} Hz"
+        lines.append(f"held-out error on blocks of the training data: {error}, {', '.join(others)}")
+    return lines
+
+
+def sensitivity_warning(found: Mapping[str, Any]) -> str:
+    """Return a warning where a parameter moves far with the cut-off, else nothing."""
+    far = [row for row in found.get("table", ()) if row["beyond_chance"] > FAR]
+    if not far:
+        return ""
+    worst = max(far, key=lambda row: row["beyond_chance"])
+    return (
+        f"{worst['farthest']} moves by {worst['beyond_chance']:.2g} of its standard deviations where the cut-off is "
+        f"{worst['cutoff_hz']:g} Hz in place of {found['cutoff_hz']:g} Hz: the model error (friction, "
+        "flexible joints, time delay) exceeds the stated standard deviations; compare cut-offs, or use cutoff_hz: auto"
+    )
+
+
+def _blocks(estimate: Estimate, problem: Problem, logs: Sequence[Log], hertz: float) -> BlockTriangles:
+    prepared: list[Prepared] = []
+    for log, used in zip(logs, problem.logs, strict=True):
+        assert isinstance(used.how.filter, Butterworth)
+        filter = replace(used.how.filter, cutoff_hz=hertz)
+        how = replace(used.how, filter=filter, delay_s=used.delay_s, rate_hz=None, rows_per_period=ROWS_PER_PERIOD)
+        prepared.append(preprocess(thinned_out(resample(log, how.longest_gap_s), 2 * SAMPLES_PER_HZ * hertz), how))
+    regressor = replace(problem, load=None if problem.load is None else estimate.beta).regressor
+    return block_triangles(regressor, prepared, 0.0, FOLDS)
+
+
+def _figures(
+    estimate: Estimate, own: BlockTriangles, other: BlockTriangles, own_hertz: float, hertz: float
+) -> dict[str, Any]:
+    """Return the figures of the fit of other rows, judged by the rows of the estimate's own cut-off."""
+    change: Array = (other.fit[0] - own.fit[0]) / np.maximum(estimate.deviations, 1e-300)
+    largest = int(np.argmax(np.abs(change)))
+    surprise = np.abs(change) / np.sqrt(np.maximum(_spread(other, hertz) / _spread(own, own_hertz), 1.0))
+    error = torque = 0.0
+    for fold, block in enumerate(own.blocks):
+        beta = other.without([fold]) if len(other.blocks) > 1 else other.fit[0]
+        error += sum(triangle.residual_square(beta) for triangle in block)
+        torque += sum(triangle.torque_square for triangle in block)
+    return {
+        "cutoff_hz": hertz,
+        "cross_validation_error": float(np.sqrt(error / torque)) if torque > 0 else 0.0,
+        "largest_change": float(np.abs(change[largest])),
+        "parameter": estimate.base.names[largest],
+        "beyond_chance": float(surprise.max()),
+        "farthest": estimate.base.names[int(np.argmax(surprise))],
+        "changes": change.tolist(),
+    }
+
+
+def _spread(blocks: BlockTriangles, hertz: float) -> Array:
+    """Return the variance of each parameter (b,) up to a factor, for 2 c independent rows a second and white noise."""
+    reduced = blocks.reduced
+    inverse = scipy.linalg.solve_triangular(reduced.r, np.eye(len(reduced.r)))
+    return np.sum(np.asarray(inverse) ** 2, axis=1) * reduced.rows / hertz

@@ -1,0 +1,256 @@
+"""The delay of a log's torque behind its positions, from the log itself.
+
+A delay d turns the model into tau(t) = Y(t - d) theta. The derivative of the torque by d is minus its derivative by
+time, so d is one more column of the linear problem: Gauss and Newton's method on the problem in which the linear
+parameters are eliminated (Golub and Pereyra 1973), with one column for each joint of each log.
+
+The joints of a log have one clock. By what their delays differ beyond chance, friction differs from the model, which
+counts in the deviation of their mean (DerSimonian and Laird 1986). Where they differ so, or where the rows away from
+reversals say something else (Hausman 1978), these rows alone count: the friction of a drive that sticks turns before
+its speed does, which passes for a torque that runs ahead. These rows may be few. Where all rows ask for a longer lag,
+which is nothing that such drives feign, the data decide: both are tried on parts of the logs that the fit has not seen
+(Stone 1974), and the one with the smaller error is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.arrays import Array, BoolArray
+from dynident.data.log import Log
+from dynident.data.preprocessing import LONGEST_DELAY, Prepared, Preprocessing, preprocess, thinned
+from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.residuals.covariance import correlation_factors
+from dynident.identification.residuals.quantiles import chi_square_tail, normal_share, student_quantile
+from dynident.identification.selection.delay_rows import MOST, PARTS, RANGE, DelayRows, Share, dense_rows
+from dynident.model.base_parameters import BaseParameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.reduction import Triangle, least_squares, reduce
+
+#: A step below this share of a sample ends the search.
+SETTLED = 0.02
+
+#: Steps at most, and the longest one in s: what a straight line through the torque may be asked to bridge.
+STEPS, LONGEST_STEP = 25, 0.05
+
+#: A delay that is not this many of its standard deviations away from zero is none; more, by Student's t, where its
+#: joints do not agree.
+SIGNIFICANT = 2.0
+
+#: Joints whose delays would differ as much by chance in fewer than this share of logs do not agree.
+CHANCE = 0.05
+
+
+@dataclass(frozen=True)
+class Delay:
+    """Delay of one log.
+
+    Attributes:
+        seconds: By how much its torque lags behind its positions, in s; negative where it runs ahead.
+        deviation: Standard deviation of it, in s, by the correlated residuals and by what the joints differ.
+        applied: What the motion is shifted by, in s: ``seconds``, or 0 where that may well be none.
+    """
+
+    seconds: float
+    deviation: float
+    applied: float
+
+
+def find_delays(
+    model: DynamicModel, base: BaseParameters, logs: Sequence[Log], how: Preprocessing
+) -> tuple[tuple[Delay, ...], tuple[Prepared, ...]]:
+    """Return the delay of each log, and the logs with their motion shifted by it.
+
+    Args:
+        model: A model whose friction does not depend on the load.
+        base: Its base parameters.
+        logs: Raw logs, joints in the order of the robot.
+        how: How they become rows.
+
+    Raises:
+        LogMismatch: A log is too short.
+    """
+    plain = [preprocess(log, how) for log in logs]
+    search = _Search(RegressorStream(model, base), logs, plain)
+    whole, careful = _asked_by_all_rows(search), _away_from_reversals(search)
+    asked = tuple(max(pair, key=lambda one: one.applied) for pair in zip(careful, whole, strict=True))
+    applied = [np.array([delay.applied for delay in found]) for found in (careful, asked)]
+    apart = np.abs(applied[1] - applied[0]) * [log.log.rate for log in plain]
+    if np.any(apart >= SETTLED) and search.unseen(applied[1]) < search.unseen(applied[0]):
+        careful = asked
+    parts = zip(logs, plain, careful, strict=True)
+    moved = (thinned(raw, log.log, how, delay.applied) if delay.applied else log for raw, log, delay in parts)
+    return careful, tuple(moved)
+
+
+def common_delay(delays: Sequence[Delay]) -> float:
+    """Return the delay in s to be expected of another log of the same robot: the mean, the surest counting most."""
+    weights = np.array([1.0 / max(delay.deviation, 1e-9) ** 2 for delay in delays])
+    return float(weights @ [delay.applied for delay in delays] / weights.sum())
+
+
+def _asked_by_all_rows(search: _Search) -> tuple[Delay, ...]:
+    """Return the delays that leave the least of all rows, the joints' friction taken for that of the model."""
+    step = search.settled(pooled=True)
+    return _significant(search.seconds, step.deviation, SIGNIFICANT)
+
+
+def _away_from_reversals(search: _Search) -> tuple[Delay, ...]:
+    """Return the delays that the joints agree about, without the rows near reversals where these say something else."""
+    step = search.settled()
+    away = search.step(np.ones(len(search.rows), bool))
+    doubt = np.sqrt(np.maximum(away.deviation**2 - step.deviation**2, 0.0))
+    biased = ~step.agree | (np.abs(away.seconds) > SIGNIFICANT * doubt)
+    if biased.any():
+        step = search.settled(biased)
+    degrees = np.where(step.agree, np.inf, max(search.regressor.model.robot.dof - 1, 1))
+    return _significant(search.seconds, step.deviation, student_quantile(normal_share(SIGNIFICANT), degrees))
+
+
+def _significant(seconds: Array, deviation: Array, bound: Array | float) -> tuple[Delay, ...]:
+    """Return delays, of which those within ``bound`` deviations of zero are not applied."""
+    applied = np.where(np.abs(seconds) > bound * deviation, seconds, 0.0)
+    return tuple(Delay(*map(float, each)) for each in zip(seconds, deviation, applied, strict=True))
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A step of Gauss and Newton.
+
+    Attributes:
+        beta: Base parameters, shape (b,).
+        seconds: By how much the delay of each log changes, in s, shape (L,).
+        deviation: Standard deviations of the delays, in s, shape (L,).
+        agree: Whether the joints of each log agree about it, shape (L,).
+    """
+
+    beta: Array
+    seconds: Array
+    deviation: Array
+    agree: BoolArray
+
+
+class _Search:
+    """The delays as far as they are known, and the rows of the logs."""
+
+    def __init__(self, regressor: RegressorStream, logs: Sequence[Log], plain: Sequence[Prepared]) -> None:
+        self.regressor = regressor
+        self.prepared = [dense_rows(raw, log) for raw, log in zip(logs, plain, strict=True)]
+        self.part = -(-sum(len(log.keep) for log in self.prepared) // MOST)
+        self.rows = [DelayRows(regressor, log, -RANGE, RANGE, self.part) for log in self.prepared]
+        self.seconds: Array = np.zeros(len(logs))
+        self.beta = _weighted_fit(regressor.base.count, self._merged([log.shares() for log in self.rows], self.seconds))
+
+    def settled(self, away: BoolArray | None = None, *, pooled: bool = False) -> _Step:
+        """Take steps until they are short, and return the last; arguments as of :meth:`step`."""
+        away = np.zeros(len(self.rows), bool) if away is None else away
+        step = self.step(away, pooled=pooled)
+        for left in reversed(range(STEPS)):
+            bounded = np.clip(step.seconds, -LONGEST_STEP, LONGEST_STEP)
+            self._move_to(np.clip(self.seconds + bounded, -LONGEST_DELAY, LONGEST_DELAY), step.beta)
+            if not left or np.all(np.abs(bounded) * [log.rate for log in self.rows] < SETTLED):
+                break
+            step = self.step(away, pooled=pooled)
+        return step
+
+    def step(self, away: BoolArray, *, pooled: bool = False) -> _Step:
+        """Return the step from here.
+
+        Args:
+            away: Logs of which only rows away from reversals count, shape (L,).
+            pooled: Whether what the joints differ by counts as noise of their rows, not as a doubt of its own.
+        """
+        masks = [log.away if only else log.counting for log, only in zip(self.rows, away, strict=True)]
+        torques = [log.torque(delay) for log, delay in zip(self.rows, self.seconds.tolist(), strict=True)]
+        predicted = [log.predicted(self.beta) for log in self.rows]
+        residuals = [torque - model for torque, model in zip(torques, predicted, strict=True)]
+        squares = sum(np.sum(np.where(mask, r, 0.0) ** 2, axis=0) for mask, r in zip(masks, residuals, strict=True))
+        weights = _weights(np.asarray(squares), np.sum([mask.sum(axis=0) for mask in masks], axis=0))
+        size, joints = self.regressor.base.count, self.regressor.model.robot.dof
+        triangles: list[Triangle] = []
+        for log, only, torque, model in zip(self.rows, away, torques, predicted, strict=True):
+            slope = -log.slope(model)
+            for i, share in enumerate(log.shares(bool(only))):
+                triangles.append(share.triangle(torque[:, i], slope[:, i], size + len(triangles)))
+        reduced = reduce(triangles, size + len(triangles), np.tile(weights, len(self.rows)))
+        solution = least_squares(reduced)
+        # Rows that hang together count once, each joint's by how its own do.
+        factors = correlation_factors(residuals, masks)
+        factors = np.full(joints, factors.mean()) if pooled else factors
+        worth = np.sqrt(np.tile(factors, len(self.rows)) * reduced.rest / max(reduced.rows, 1))
+        covariance = solution.unscaled_covariance[size:, size:] * np.outer(worth, worth)
+        parts = [slice(k * joints, (k + 1) * joints) for k in range(len(self.rows))]
+        means = [_common(solution.beta[size:][part], covariance[part, part], pooled) for part in parts]
+        seconds, deviation, agree = (np.array(each) for each in zip(*means, strict=True))
+        return _Step(solution.beta[:size], seconds, deviation, agree)
+
+    def unseen(self, seconds: Array) -> float:
+        """Return how badly fits under delays (L,) predict parts of the logs that they leave out.
+
+        That is the joints' mean logarithm of the mean square.
+        """
+        parts = [self._merged([log.part(k) for log in self.rows], seconds) for k in range(PARTS)]
+        squares, rows = np.zeros(self.regressor.model.robot.dof), np.zeros(self.regressor.model.robot.dof)
+        for k, left_out in enumerate(parts):
+            seen = [first.merged(rest) for first, *rest in zip(*parts[:k], *parts[k + 1 :], strict=True)]
+            beta = _weighted_fit(self.regressor.base.count, seen)
+            squares += [triangle.residual_square(beta) for triangle in left_out]
+            rows += [triangle.rows for triangle in left_out]
+        return float(np.average(np.log(np.maximum(squares, np.finfo(float).tiny) / np.maximum(rows, 1)), weights=rows))
+
+    def _move_to(self, seconds: Array, beta: Array) -> None:
+        self.seconds, self.beta = seconds, beta
+        for k, (log, delay) in enumerate(zip(self.rows, seconds.tolist(), strict=True)):
+            if not log.low <= delay <= log.high:
+                low, high = min(log.low, delay - RANGE), max(log.high, delay + RANGE)
+                self.rows[k] = DelayRows(self.regressor, self.prepared[k], low, high, self.part)
+
+    def _merged(self, shares: Sequence[Sequence[Share]], seconds: Array) -> list[Triangle]:
+        """Return the triangle of each joint of shares of all logs under delays (L,)."""
+        found = []
+        for log, own, delay in zip(self.rows, shares, seconds.tolist(), strict=True):
+            torque = log.torque(delay)
+            found.append([share.triangle(torque[:, i]) for i, share in enumerate(own)])
+        return [first.merged(rest) for first, *rest in zip(*found, strict=True)]
+
+
+def _common(delays: Array, covariance: Array, pooled: bool) -> tuple[float, float, bool]:
+    """Return the mean of the joints' delays (n,), its standard deviation, and whether they agree.
+
+    What they differ by beyond their covariance is a variance of its own, by the method of moments (DerSimonian and
+    Laird 1986) for estimates that depend on each other.
+    """
+    telling = np.diag(covariance) > 0
+    if not telling.any():
+        return 0.0, np.inf, True
+    delays, covariance = delays[telling], covariance[np.ix_(telling, telling)]
+    ones, weights = np.ones(len(delays)), np.linalg.pinv(covariance, hermitian=True)
+    total = float(ones @ weights @ ones)
+    mean = float(ones @ weights @ delays) / total
+    excess = float((delays - mean) @ weights @ (delays - mean)) - (len(delays) - 1)
+    scale = float(np.trace(weights) - ones @ weights @ weights @ ones / total)
+    if not pooled and len(delays) > 1 and excess > 0 and scale > 0:
+        weights = np.linalg.pinv(covariance + excess / scale * np.eye(len(delays)), hermitian=True)
+        total = float(ones @ weights @ ones)
+        mean = float(ones @ weights @ delays) / total
+    agree = len(delays) < 2 or chi_square_tail(excess + len(delays) - 1, len(delays) - 1) > CHANCE
+    return mean, float(1.0 / np.sqrt(total)), bool(agree)
+
+
+def _weights(squares: Array, rows: Array) -> Array:
+    """Return the weights of the joints from their sums of squared residuals (n,), shape (n,)."""
+    mean = squares / np.maximum(rows, 1)
+    return 1.0 / np.sqrt(np.maximum(mean, 1e-24 * mean.max() + 1e-300))
+
+
+def _weighted_fit(size: int, triangles: Sequence[Triangle]) -> Array:
+    """Return beta (size,) of triangles, one per joint, each weighted by its own residual."""
+    weights, beta = np.ones(len(triangles)), np.zeros(size)
+    for _ in range(3):
+        beta = least_squares(reduce(triangles, size, weights)).beta
+        squares = np.array([triangle.residual_square(beta) for triangle in triangles])
+        weights = _weights(squares, np.array([triangle.rows for triangle in triangles]))
+    return beta

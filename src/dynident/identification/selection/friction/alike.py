@@ -1,0 +1,181 @@
+"""One friction for all drives, where the logs do not tell them apart.
+
+Drives of one robot are mostly built alike, and a list of parts that was chosen for each drive by itself follows the
+motion of the log: beyond its speeds and loads it errs more. So lists that are the same on all drives are fitted and
+held out block by block beside the lists of the drives' own, this time with possible robots; the best of them is taken
+if it is within one standard error (Breiman, Friedman, Olshen and Stone 1984, section 3.4.3), the shortest of those that
+are as good as the best. The list that a draft has is always among them. Lists of the drives' own stand aside where the
+choice as such is no better than that list (:mod:`friction_choice`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.data.preprocessing import Prepared
+from dynident.errors import PoorExcitation, SolverFailed
+from dynident.identification.estimators.consistent import Consistent
+from dynident.identification.problem.problem import Problem
+from dynident.identification.selection.cross_validation import cross_validate
+from dynident.identification.selection.friction.load import problem_of
+from dynident.model.base_parameters import base_parameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION, Friction
+
+#: Lists for all drives, from the shortest on; the last two bend over speed and grow with load, as gears do.
+ALIKE = (
+    ("coulomb", "viscous", "offset"),
+    ("coulomb", "viscous", "offset", "rotor_inertia"),
+    ("coulomb", "viscous", "offset", "degressive", "load"),
+    ("coulomb", "viscous", "offset", "rotor_inertia", "degressive", "load"),
+)
+
+#: A list that errs more by less than this share of the held-out error errs no more.
+NOTHING = 5e-3
+
+_DRY = {"width": 0.01, "choose": ("width",)}
+
+#: What a choice begins with, as a draft does: what geared drives have, and what only some have if held-out rows say so.
+USUAL: tuple[Friction, ...] = (
+    FRICTION.make("coulomb", **_DRY),
+    *(FRICTION.make(name) for name in ("viscous", "offset", "rotor_inertia", "degressive")),
+    FRICTION.make("load", **_DRY),
+    FRICTION.make("stribeck", velocity=0.1, width=0.01, choose=("part", "width", "velocity", "exponent")),
+)
+
+#: Blocks of rows, each left out once.
+BLOCKS = 10
+
+
+@dataclass(frozen=True)
+class Common:
+    """A list of parts for all drives beside those of their own.
+
+    Attributes:
+        parts: Names of the parts; ``each its own`` for the lists of the drives.
+        held_out: Mean squared residual of what was left out, each joint in units of its own in the fit.
+        error: Standard error of the difference to the lists of the drives.
+        chosen: Whether this is the one.
+    """
+
+    parts: tuple[str, ...]
+    held_out: float
+    error: float
+    chosen: bool
+
+    def figures(self) -> dict[str, Any]:
+        """Return the same as plain data."""
+        return {
+            "parts": list(self.parts),
+            "cross_validation_error": self.held_out,
+            "standard_error": self.error,
+            "chosen": self.chosen,
+        }
+
+
+OWN = ("each its own",)
+
+
+def same_for_all(
+    model: DynamicModel,
+    logs: Sequence[Prepared],
+    progress: Callable[[str], None] = lambda step: None,
+    usual: tuple[Friction, ...] = (),
+    pays: bool = True,
+) -> tuple[DynamicModel, tuple[Common, ...]]:
+    """Return the model with one friction for all drives if that is as good, and what was compared.
+
+    Args:
+        model: With the friction chosen for each drive.
+        logs: Preprocessed training logs.
+        progress: Told each step in words.
+        usual: A further list for all drives: that which the choice began with.
+        pays: Whether the lists of the drives' own may be taken.
+
+    Raises:
+        PoorExcitation: The logs do not determine the parameters.
+        SolverFailed: No checked solution was found.
+    """
+    if not usual and all(part.joints is None for part in model.friction):
+        return model, ()
+    progress("friction: all drives alike")
+    own = _problem(model, logs)
+    try:
+        scale = own.joint_deviations(Consistent().solve(own).beta)
+        held = _held_out(own, scale)
+    except SolverFailed:  # parts of their own that hardly differ: what is alike and has a solution is taken
+        own = _problem(replace(model, friction=_alike(ALIKE[0], usual, model.friction)), logs)
+        scale, held = own.joint_deviations(Consistent().solve(own).beta), np.array([np.inf])
+    if held is None:
+        return model, ()
+    kept, scores = [model.friction], [held]
+    names: list[tuple[str, ...]] = [OWN]
+    lists = [_alike(parts, usual, model.friction) for parts in ALIKE]
+    for friction in (*lists, *([usual] if usual and usual not in lists else [])):
+        parts = tuple(dict.fromkeys(FRICTION.name_of(part) for part in friction))
+        try:
+            score = _held_out(_problem(replace(model, friction=friction), logs), scale)
+        except (PoorExcitation, SolverFailed):  # the logs do not determine it
+            continue
+        if score is not None:
+            scores.append(score)
+            kept.append(friction)
+            names.append(parts)
+    means = [float(np.mean(score)) for score in scores]
+    solved = bool(np.isfinite(held).all())
+    gaps = [float(np.std(score - held, ddof=1) / np.sqrt(len(held))) if solved else 0.0 for score in scores]
+    best = min(range(1, len(kept)), key=lambda k: means[k], default=0)
+    shortest = next((k for k in range(1, len(kept)) if _as_good(scores[k], scores[best])), best)
+    pick = shortest if not pays or means[best] - means[0] <= gaps[best] else 0
+    table = (
+        Common(parts, mean, gap, k == pick)
+        for k, (parts, mean, gap) in enumerate(zip(names, means, gaps, strict=True))
+        if np.isfinite(mean)
+    )
+    return replace(model, friction=kept[pick]), tuple(table)
+
+
+def _as_good(score: Array, best: Array) -> bool:
+    """Return whether the held-out errors of blocks (B,) are those of the best list but for next to nothing."""
+    gap = score - best
+    return bool(np.mean(gap) <= min(np.std(gap, ddof=1) / np.sqrt(len(gap)), NOTHING * np.mean(best)))
+
+
+def _alike(parts: Sequence[str], usual: Sequence[Friction], chosen: Sequence[Friction]) -> tuple[Friction, ...]:
+    """Return a list for all drives, its parts as in the usual list, else with the options that most drives have."""
+    found: list[Friction] = []
+    for name in parts:
+        own = [part for part in usual if FRICTION.name_of(part) == name]
+        found += own or [_like(name, () if usual else chosen)]
+    return tuple(found)
+
+
+def _like(name: str, chosen: Sequence[Friction]) -> Friction:
+    """Return a part for all drives, with the options that most drives were given."""
+    own = [part for part in chosen if FRICTION.name_of(part) == name]
+    if not own:
+        return FRICTION.make(name)
+    most = max(own, key=lambda part: np.inf if part.joints is None else len(part.joints))
+    options = {f.name: getattr(most, f.name) for f in fields(most) if f.name != "joints"}
+    return FRICTION.make(name, **options)
+
+
+def _problem(model: DynamicModel, logs: Sequence[Prepared]) -> Problem:
+    return problem_of(model, base_parameters(model), logs)
+
+
+def _held_out(problem: Problem, scale: Array) -> Array | None:
+    """Return the mean squared residual of each block by a fit of the others, in units of ``scale`` (n,), (B,).
+
+    None where the others do not determine the parameters.
+    """
+    estimator = Consistent()
+    found = cross_validate(problem, estimator, estimator.solve(problem).beta, BLOCKS)
+    if any(fold.missing for fold in found.folds):
+        return None
+    return np.array([np.nanmean(np.square(fold.rmse / scale)) for fold in found.folds])

@@ -1,0 +1,219 @@
+"""Many candidate friction columns over the same logs, read once: every choice of them is a part of one Gram matrix.
+
+Comparing friction models means solving the same linear problem over many sets of columns. All columns go through the
+filter once; each block of rows leaves one matrix of inner products, and a fit or a held-out score of any set of columns
+is a solution of its sub-matrix. Estimates are never made this way: squares of condition numbers are good enough to
+compare residuals, and columns that depend on each other are told apart by a ridge at the rounding.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from dynident.arrays import Array, BoolArray, IntArray
+from dynident.data.preprocessing import Prepared
+from dynident.identification.problem.problem import counting_rows
+from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.model.base_parameters import BaseParameters, base_parameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, State
+
+# Cholesky solution of LAPACK, thousands of times; it has no type stubs.
+_POSV: Any = scipy.linalg.get_lapack_funcs("posv", dtype=np.float64)
+
+#: Ridge in units of a column's square: far above rounding of the products, far below what data say.
+RIDGE = 1e-11
+
+
+@dataclass(frozen=True)
+class Candidate(Friction):
+    """A friction part under a label of its own, so that several of a kind can stand side by side."""
+
+    part: Friction
+    label: str
+
+    @property
+    def coefficients(self) -> tuple[Coefficient, ...]:  # type: ignore[override]
+        """Those of the part, with symbols of their own."""
+        each = (tuple(getattr(c, f.name) for f in fields(c)) for c in self.part.coefficients)
+        return tuple(Coefficient(f"{symbol} {self.label}", *rest) for symbol, *rest in each)
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """Those of the part."""
+        return self.part.states
+
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        """Return those of the part."""
+        return self.part.terms(at)
+
+    def update(self, at: Inputs) -> tuple[Number, ...]:
+        """Return that of the part."""
+        return self.part.update(at)
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Inner products of all columns and the torque, by block of rows and joint.
+
+    Attributes:
+        parts: The candidate parts.
+        shared: Number of columns that every fit has: those of the bodies, and of the delay where it is free.
+        columns: Positions of the columns of part p at drive j: ``columns[p][j]``.
+        products: [W, tau]' [W, tau] of each joint in each block, shape (B, n, c + 1, c + 1).
+        rows: Rows of each joint in each block, shape (B, n).
+        nonnegative: Which columns have coefficients that physics wants >= 0, shape (c,).
+    """
+
+    parts: tuple[Friction, ...]
+    shared: int
+    columns: tuple[tuple[IntArray, ...], ...]
+    products: Array
+    rows: IntArray
+    nonnegative: BoolArray
+
+    def weighted(self, weights: Array) -> Array:
+        """Return the products of each block over all joints, their rows times the weights (n,): (B, c + 1, c + 1)."""
+        return np.einsum("i,bikl->bkl", weights**2, self.products)
+
+    def chosen(self, sets: Sequence[Sequence[int]]) -> IntArray:
+        """Return the columns of a model whose drive j has the parts ``sets[j]``."""
+        friction = [self.columns[p][j] for j, own in enumerate(sets) for p in own]
+        return np.concatenate([np.arange(self.shared), *friction]).astype(np.int64)
+
+    def weights(self, sets: Sequence[Sequence[int]], passes: int = 4) -> Array:
+        """Return the weight of each joint's rows by its own residual in a fit of all blocks, shape (n,)."""
+        total, rows = self.products.sum(axis=0), np.maximum(self.rows.sum(axis=0), 1)
+        keep = self.chosen(sets)
+        weights = np.ones(self.products.shape[1])
+        for _ in range(passes):
+            beta = fit(np.einsum("i,ikl->kl", weights**2, total), keep)
+            squares = np.array([loss(each, keep, beta) for each in total])
+            weights = np.sqrt(rows / np.maximum(squares, 1e-20 * total[:, -1, -1] + 1e-300))
+        return weights
+
+
+def make_pool(
+    model: DynamicModel,
+    parts: Sequence[Friction],
+    logs: Sequence[Prepared],
+    blocks: int = 1,
+    load: Array | None = None,
+    late: bool = False,
+) -> Pool:
+    """Read logs once with the columns of all candidate parts on all drives.
+
+    A list of parts is not to earn by what a late torque does, nor another one lose by it: with ``late`` every fit has a
+    column more, the derivative of the torque by a delay of all logs.
+
+    Args:
+        model: The robot; its friction is left aside.
+        parts: Candidates; several may be of a kind.
+        logs: Preprocessed logs.
+        blocks: Into how many stretches all rows are cut, at least one a log. Rows within a period of the filter of a
+            cut belong to none.
+        load: Standard inertial parameters (10 l,) whose torque loads the drives; None where no part asks.
+        late: Whether the delay of the torque is free.
+    """
+    labelled = tuple(Candidate(part, str(k), joints=part.joints) for k, part in enumerate(parts))
+    whole = DynamicModel(model.robot, labelled)
+    rigid = base_parameters(DynamicModel(model.robot))
+    independent = np.concatenate([rigid.independent, np.arange(whole.inertial_count, len(whole.parameters))])
+    count = len(independent)
+    unused = np.zeros((count, len(whole.parameters)))
+    base = BaseParameters(whole.parameters, independent.astype(np.int64), unused, unused.astype(bool), np.ones(count))
+    start = None if load is None else np.append(rigid.from_standard(load), np.zeros(count - rigid.count))
+    regressor = RegressorStream(whole, base, start)
+    products, rows = [], []
+    for log in logs:
+        own = _blocks_of(log, max(1, round(blocks * len(log.keep) / sum(len(each.keep) for each in logs))))
+        found, counted = _products(regressor, log, own, rigid.count if late else None)
+        products.append(found)
+        rows.append(counted)
+    drive, column = whole.terms
+    starts = np.cumsum([0, *(len(part.coefficients) for part in parts)])
+    shared = rigid.count + late
+    columns = tuple(
+        tuple(
+            shared + np.flatnonzero((drive == j) & (column >= first) & (column < last)) for j in range(model.robot.dof)
+        )
+        for first, last in itertools.pairwise(starts)
+    )
+    signs = np.array([base.parameters[k].nonnegative for k in independent])
+    signs = np.insert(signs, rigid.count, [False] * late)
+    return Pool(tuple(parts), shared, columns, np.concatenate(products), np.concatenate(rows), signs)
+
+
+def fit(products: Array, keep: IntArray) -> Array:
+    """Return the least-squares coefficients of the columns ``keep`` from inner products (c + 1, c + 1)."""
+    gram, right = products[np.ix_(keep, keep)], products[keep, -1]
+    size = np.sqrt(np.diag(gram))
+    scale = np.where(size > 0, size, 1.0)
+    ridged = gram / np.outer(scale, scale)
+    ridged.flat[:: len(keep) + 1] += RIDGE + (size == 0)
+    _, found, info = _POSV(ridged, right / scale)
+    return found / scale if info == 0 else np.linalg.lstsq(gram, right)[0]
+
+
+def loss(products: Array, keep: IntArray, beta: Array) -> float:
+    """Return the sum of squared residuals of coefficients of the columns ``keep``, from inner products."""
+    gram, right = products[np.ix_(keep, keep)], products[keep, -1]
+    return float(beta @ gram @ beta - 2.0 * beta @ right + products[-1, -1])
+
+
+def held_out(held: Array, rest: Array, rows: IntArray, keep: IntArray) -> Array:
+    """Return the mean squared residual of each block by the columns ``keep`` in a fit of the others, shape (B,).
+
+    Args:
+        held: Products of each block, shape (B, c + 1, c + 1).
+        rest: Those of all others together, of the same shape.
+        rows: Rows of each block, shape (B,).
+        keep: Columns of the fit.
+    """
+    squares = [loss(own, keep, fit(other, keep)) for own, other in zip(held, rest, strict=True)]
+    return np.array(squares) / np.maximum(rows, 1)
+
+
+def _blocks_of(log: Prepared, blocks: int) -> IntArray:
+    """Return the block of each kept row, -1 for those near a cut, shape (N,)."""
+    count = len(log.keep)
+    place = np.minimum(np.arange(count) * blocks // max(count, 1), blocks - 1)
+    bandwidth = log.how.filter.bandwidth()
+    if blocks == 1 or bandwidth is None:
+        return place
+    near = log.log.rate / log.every / bandwidth
+    cuts = np.arange(1, blocks) * count / blocks
+    away = np.min(np.abs(np.arange(count)[:, None] - cuts), axis=1)
+    return np.where(away < min(near, 0.1 * count / blocks), -1, place)
+
+
+def _products(regressor: RegressorStream, log: Prepared, block: IntArray, delay: int | None) -> tuple[Array, IntArray]:
+    """Return products (B, n, c + 1, c + 1) and rows (B, n) of one log, the delay's column at ``delay`` if not None."""
+    counts, size = int(block.max()) + 1, regressor.base.count + (delay is not None) + 1
+    mask = counting_rows(regressor.model, log)
+    slopes = None if delay is None else _slopes(log)
+    found = np.zeros((counts, len(regressor.columns), size, size))
+    rows = np.zeros((counts, len(regressor.columns)), dtype=np.int64)
+    for part, segment in regressor.segments(log):
+        for i, (block_rows, own) in enumerate(zip(segment, regressor.columns, strict=True)):
+            values, columns = block_rows, np.append(own, size - 1)
+            if delay is not None and slopes is not None:
+                values = np.vstack([block_rows, slopes[part, i]])
+                columns = np.concatenate([own + (own >= delay), [size - 1, delay]])
+            place = np.ix_(columns, columns)
+            for b in range(counts):
+                chosen = values[:, (block[part] == b) & mask[part, i]]
+                found[b, i][place] += chosen @ chosen.T
+                rows[b, i] += chosen.shape[1]
+    return found, rows
+
+
+def _slopes(log: Prepared) -> Array:
+    """Return the derivative of the filtered torque by a delay, in the kept rows, shape (N, n)."""
+    return -np.gradient(np.asarray(log.log.torque), 1.0 / log.log.rate, axis=0)[log.keep]

@@ -1,0 +1,308 @@
+"""Non-linear friction fields, and whole parts, whose stated value stands unless held-out rows ask for another one.
+
+The best value in the fit (see :mod:`variable_projection`) takes up whatever the model lacks, and the next motion need
+not have it: a sign of dry friction that turns over a tenth of a radian a second may stand for a joint that gives. Here
+values are compared by what they say about stretches of the logs that the fit has not seen, and another value is taken
+only where its error is smaller than that of the stated one by more than chance makes it look in one of twenty logs
+(Student's t of the differences, block by block). Then it is found to a finer step, in a fit of all rows near it.
+
+A part that ``choose`` names as a whole is held against its absence in the same way, with the best values of its fields;
+where it is taken, all fields are chosen once more beside it. Signs of dry friction that are left to the logs turn over
+one width on the same joints. Where the delay of the torque is to be found as well, it is free in every fit: friction
+shows at reversals, a delay in all that the torque does, so that neither is compared by what the other one does.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynident.arrays import Array, IntArray
+from dynident.data.preprocessing import Prepared
+from dynident.identification.residuals.quantiles import student_quantile
+from dynident.identification.selection.friction.column_pool import Pool, fit, held_out, loss, make_pool
+from dynident.identification.selection.friction.load import default_load
+from dynident.identification.selection.friction.variable_projection import fastest_of, minimum, spans_of
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION, WHOLE, Friction
+
+#: Blocks of rows at least; fewer than three tell nothing about chance.
+BLOCKS, FEWEST = 8, 3
+
+#: Rows in a period of the filter's cut-off that are compared.
+ROWS = 8.0
+
+#: Values of a field over its range, and between the neighbours of the best of them where that is taken.
+COARSE, FINE = 13, 7
+
+#: How often the values taken are made finer in turn where a part came to those that are there.
+POLISHED = 2
+
+#: Chance of a difference as large where there is none.
+CHANCE = 0.05
+
+#: A value that takes less than this share off the held-out error is not worth another one than the stated.
+NOTHING = 5e-3
+
+#: Values of a part that is left out, and of one that is there.
+_ABSENT, _THERE = 0.0, 1.0
+
+
+@dataclass(frozen=True)
+class Held:
+    """A field that the logs could have had otherwise.
+
+    Attributes:
+        part: Name of the friction part; of all whose sign turns over one width.
+        joints: The joints that it is for; None for all.
+        field: Name of the field; ``part`` for the part itself, whose values are 0 (left out) and 1 (there).
+        stated: The value that was stated.
+        best: The value with the least held-out error, made finer by all rows where it was taken.
+        value: The one that was taken.
+        gain: Share of the held-out mean squared residual that the best value takes off.
+        error: Standard error of that share, block by block; None where the logs have too few rows to hold some out.
+    """
+
+    part: str
+    joints: tuple[str, ...] | None
+    field: str
+    stated: float
+    best: float
+    value: float
+    gain: float
+    error: float | None
+
+
+def has_choices(model: DynamicModel) -> bool:
+    """Return whether a friction part leaves fields, or itself, to the logs where held-out rows ask for it."""
+    return any(part.choose for part in model.friction)
+
+
+def without_optional(model: DynamicModel) -> DynamicModel:
+    """Return the model without the parts that are only there if held-out rows ask for them."""
+    return replace(model, friction=tuple(part for part in model.friction if not part.is_optional))
+
+
+def choose_fields(
+    model: DynamicModel,
+    logs: Sequence[Prepared],
+    progress: Callable[[str], None] = lambda step: None,
+    late: bool = False,
+) -> tuple[DynamicModel, tuple[Held, ...]]:
+    """Return the model with the stated or the best values of the fields that its parts leave to the logs, and why.
+
+    Args:
+        model: With parts whose ``choose`` names non-linear fields, or ``part``.
+        logs: Preprocessed logs.
+        progress: Told each step in words.
+        late: Whether a delay of the torque is free in what is compared.
+
+    Raises:
+        BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
+    """
+    pieces = [_by_unit(model, part) if part.choose else (part,) for part in model.friction]
+    model = replace(model, friction=tuple(itertools.chain(*pieces)))
+    logs = [log.sparser(ROWS) for log in logs]
+    load = default_load(without_optional(model), logs) if "torque" in model.needs else None
+    search = _Search(model, logs, load, late, progress)
+    found = search.fields()
+    for p in search.absent:
+        held = search.with_part(p)
+        if held.value == _THERE:
+            found |= search.polished(search.fields())
+        found[p, WHOLE] = held
+    kept = tuple(part for p, part in enumerate(search.model.friction) if p not in search.absent)
+    return replace(model, friction=kept), tuple(found[key] for key in sorted(found, key=lambda key: key[0]))
+
+
+def _by_unit(model: DynamicModel, part: Friction) -> tuple[Friction, ...]:
+    """Return a part once for its revolute and once for its prismatic joints: a speed in rad/s is none in m/s."""
+    own = [model.robot.active[drive] for drive in model.drives_of(part)]
+    kinds = dict.fromkeys(joint.kind for joint in own)
+    if len(kinds) < 2:
+        return (part,)
+    return tuple(replace(part, joints=tuple(joint.name for joint in own if joint.kind == kind)) for kind in kinds)
+
+
+def _with_value(model: DynamicModel, group: Sequence[int], name: str, value: float) -> DynamicModel:
+    """Return the model with another value of a field of some parts."""
+    parts = list(model.friction)
+    for p in group:
+        parts[p] = replace(parts[p], **{name: value})
+    return replace(model, friction=tuple(parts))
+
+
+class _Search:
+    """The model as far as it is chosen.
+
+    Attributes:
+        model: All parts, with the values taken so far.
+        absent: Places of the parts that are not there so far.
+    """
+
+    def __init__(
+        self,
+        model: DynamicModel,
+        logs: Sequence[Prepared],
+        load: Array | None,
+        late: bool,
+        progress: Callable[[str], None],
+    ) -> None:
+        self.model, self.stated = model, model
+        self.absent = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
+        self._logs, self._load, self._late, self._progress = logs, load, late, progress
+        fastest = fastest_of(model, logs)
+        self._spans = {
+            (p, name): span
+            for p, part in enumerate(model.friction)
+            for name, span in spans_of(part, "choose", fastest).items()
+        }
+
+    def fields(self) -> dict[tuple[int, str], Held]:
+        """Choose the fields of all parts that are there, one after another."""
+        found: dict[tuple[int, str], Held] = {}
+        for (p, name), span in self._spans.items():
+            group = self._group(p, name)
+            if p not in self.absent and p == group[0]:
+                found[p, name] = self._chosen(group, name, span)
+        return found
+
+    def polished(self, found: dict[tuple[int, str], Held]) -> dict[tuple[int, str], Held]:
+        """Return what was found with the values taken made finer in turn: what is best of one hangs on the others."""
+        for key in [key for key, held in found.items() if held.value != held.stated] * POLISHED:
+            p, name = key
+            low, high = self._spans[key]
+            step = (high / low) ** (1.0 / (COARSE - 1))
+            grid = np.geomspace(max(found[key].value / step, low), min(found[key].value * step, high), FINE)
+            there = [own for own in self._group(p, name) if own not in self.absent]
+            best = self._tried(there, name, grid).finest(grid)
+            self.model = _with_value(self.model, there, name, best)
+            found[key] = replace(found[key], best=best, value=best)
+        return found
+
+    def with_part(self, p: int) -> Held:
+        """Hold a part against its absence, with the best value of its first field, and put it there if it is better."""
+        part = self.model.friction[p]
+        self._progress(f"friction: {FRICTION.name_of(part)} on held-out rows")
+        for shared in self._group(p, "width") if (p, "width") in self._spans else ():
+            if shared not in self.absent:
+                width = self.model.friction[shared].options["width"]
+                self.model = _with_value(self.model, [p], "width", width)
+        name = next((name for own, name in self._spans if own == p and name != "width"), "")
+        grid = np.geomspace(*self._spans[p, name], COARSE) if name else np.ones(1)
+        about = (FRICTION.name_of(part), part.joints, WHOLE, _ABSENT)
+        tried = self._tried((p,), name, grid)
+        if not tried.tells:
+            return Held(*about, _ABSENT, _ABSENT, 0.0, None)
+        k, gain, error, better = tried.compared()
+        if not better:
+            return Held(*about, _THERE, _ABSENT, gain, error)
+        self.absent = tuple(other for other in self.absent if other != p)
+        self.model = _with_value(self.model, [p], name, float(grid[k])) if name else self.model
+        return Held(*about, _THERE, _THERE, gain, error)
+
+    def _group(self, p: int, name: str) -> tuple[int, ...]:
+        """Return the parts whose fields have one value: signs of dry friction on the same joints, stated alike."""
+        part = self.stated.friction[p]
+        if name != "width":
+            return (p,)
+        alike = (part.joints, getattr(part, name, None))
+        return tuple(
+            other
+            for other, own in enumerate(self.stated.friction)
+            if (other, name) in self._spans and (own.joints, getattr(own, name, None)) == alike
+        )
+
+    def _chosen(self, group: tuple[int, ...], name: str, span: tuple[float, float]) -> Held:
+        """Return what the logs say about one field of some parts, all else as it is in the model, and take it."""
+        there = [p for p in group if p not in self.absent]
+        part = self.stated.friction[there[0]]
+        labels = ", ".join(FRICTION.name_of(self.model.friction[p]) for p in there)
+        stated = float(getattr(part, name))
+        self._progress(f"friction: {labels} {name} on held-out rows")
+        about = (labels, part.joints, name, stated)
+        self.model = _with_value(self.model, there, name, stated)
+        grid = np.geomspace(*span, COARSE)
+        tried = self._tried(there, name, grid)
+        if not tried.tells:
+            return Held(*about, stated, stated, 0.0, None)
+        k, gain, error, better = tried.compared()
+        if not better:
+            return Held(*about, float(grid[k]), stated, gain, error)
+        self.model = _with_value(self.model, there, name, float(grid[k]))
+        grid = np.geomspace(grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)], FINE)
+        best = self._tried(there, name, grid).finest(grid)
+        self.model = _with_value(self.model, there, name, best)
+        return Held(*about, best, best, gain, error)
+
+    def _tried(self, group: Sequence[int], name: str, grid: Array) -> _Tried:
+        """Return the model with values of a field of some parts; of one that is absent, it with each beside itself."""
+        model = self.model
+        present = [p for p in range(len(model.friction)) if p not in self.absent]
+        parts = [model.friction[p] for p in present]
+        options = [{name: float(value)} if name else {} for value in grid]
+        stand_ins = [replace(model.friction[p], **each) for each in options for p in group]
+        pool = make_pool(model, [*parts, *stand_ins], self._logs, max(BLOCKS, len(self._logs)), self._load, self._late)
+        acts = [set(model.drives_of(part)) for part in (*parts, *stand_ins)]
+
+        def columns(value: int | None) -> list[list[int]]:
+            places = {p: place for place, p in enumerate(present)}
+            if value is not None:
+                places |= {p: len(parts) + value * len(group) + k for k, p in enumerate(group)}
+            return [[place for place in places.values() if drive in acts[place]] for drive in range(model.robot.dof)]
+
+        held = pool.weighted(pool.weights(columns(None)))
+        optional = [p for p in group if p in self.absent]
+        keeps = [np.sort(pool.chosen(columns(value))) for value in (None, *range(len(grid)))]
+        if optional:
+            keeps = [_possible(pool, held.sum(axis=0), keep, keeps[0]) for keep in keeps]
+        return _Tried(held, pool.rows.sum(axis=1), tuple(keeps))
+
+
+def _possible(pool: Pool, whole: Array, keep: IntArray, always: IntArray) -> IntArray:
+    """Return the columns of a model without those of an optional part whose coefficients would have a wrong sign."""
+    while True:
+        beta = fit(whole, keep)
+        wrong = (beta < 0) & pool.nonnegative[keep] & ~np.isin(keep, always)
+        if not wrong.any():
+            return keep
+        keep = keep[~wrong]
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A model with several values of a field, as products of the columns.
+
+    Attributes:
+        held: Products of each block, the joints weighted by their residuals in the model, shape (B, c + 1, c + 1).
+        rows: Rows of each block, shape (B,).
+        keeps: Columns of the model, and of each value in place of its own.
+    """
+
+    held: Array
+    rows: IntArray
+    keeps: tuple[IntArray, ...]
+
+    @property
+    def tells(self) -> bool:
+        """Whether there are rows enough to hold some out."""
+        return len(self.held) >= FEWEST and bool(np.min(self.rows) >= 2 * len(self.keeps[0]))
+
+    def compared(self) -> tuple[int, float, float, bool]:
+        """Return the best value, what it takes off the held-out error, the error of that, and if it is no chance."""
+        whole = self.held.sum(axis=0)
+        first, *others = (held_out(self.held, whole - self.held, self.rows, keep) for keep in self.keeps)
+        k = int(np.argmin([np.mean(each) for each in others]))
+        gaps = (first - others[k]) / np.mean(first)
+        gain, error = float(np.mean(gaps)), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
+        chance = error * float(student_quantile(1.0 - CHANCE, len(gaps) - 1))
+        return k, gain, error, gain > max(NOTHING, chance)
+
+    def finest(self, grid: Array) -> float:
+        """Return the value between those of a grid that fits all rows best."""
+        whole = self.held.sum(axis=0)
+        losses = np.array([loss(whole, keep, fit(whole, keep)) for keep in self.keeps[1:]])
+        return minimum(np.log(grid), losses, float(np.sum(self.rows)))[0]

@@ -1,0 +1,116 @@
+"""From the covariance of base parameters to what is made of them: standard parameters, torques, the mass matrix."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg
+
+from dynident.arrays import Array
+from dynident.data.preprocessing import Prepared
+from dynident.errors import BadOption
+from dynident.identification.consistency.consistent_fit import scale_of
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.problem.prior import PULL
+from dynident.identification.problem.problem import Problem
+from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.model.friction import Motion
+
+
+def standard_covariance(estimate: Estimate, problem: Problem, pull: float = PULL) -> Array:
+    """Return the covariance of the standard parameters, shape (p, p): data and prior together.
+
+    The prior is normal about the stated one with a standard deviation of 1 / sqrt(pull) natural sizes for inertial
+    parameters and rotor inertias, and flat (1000 times as wide) for friction. With P its covariance and C that of the
+    base parameters the posterior is P - P K' (K P K' + C)^-1 K P; conditions of possible bodies narrow it further.
+
+    Args:
+        estimate: The estimate.
+        problem: The problem that it solves, for scale and prior.
+        pull: As of the estimator 'consistent'.
+
+    Raises:
+        BadOption: A pull that is not positive.
+    """
+    if not pull > 0:
+        raise BadOption("pull", pull, "give a number above 0, such as 0.01")
+    model, matrix = estimate.model, estimate.base.matrix
+    scale = scale_of(problem).parameters
+    wide = np.array([1.0 if parameter.unit.startswith("kg") else 1e3 for parameter in model.parameters])
+    prior = scale * wide / np.sqrt(pull)
+    spread = matrix * prior  # a square root of K P K'
+    both = spread @ spread.T + estimate.covariance
+    size = np.sqrt(np.diag(both))
+    gain = scipy.linalg.solve(both / size / size[:, None], spread / size[:, None], assume_a="pos").T / size
+    left = (np.eye(len(prior)) - gain @ spread) * prior[:, None]
+    found = left @ left.T + (prior[:, None] * gain) @ estimate.covariance @ (prior[:, None] * gain).T  # Joseph's form
+    return 0.5 * (found + found.T)
+
+
+def prediction_deviations(regressor: RegressorStream, prepared: Prepared, covariance: Array) -> Array:
+    """Return the standard deviation of the filtered torque by the parameters' covariance over the kept rows, (N, n).
+
+    Args:
+        regressor: Of the model, with the estimate as its load.
+        prepared: A preprocessed log.
+        covariance: Of the base parameters, shape (b, b).
+    """
+    roots = [_root(covariance[np.ix_(columns, columns)]) for columns in regressor.columns]
+    found = np.empty((len(prepared.keep), len(roots)))
+    for part, blocks in regressor.segments(prepared):
+        for i, (root, block) in enumerate(zip(roots, blocks, strict=True)):
+            found[part, i] = np.linalg.norm(root @ block[:-1], axis=0)
+    return found
+
+
+def _root(covariance: Array) -> Array:
+    """Return R with R'R the covariance, shape (b, b); rounding below zero is zero."""
+    values, vectors = np.linalg.eigh(covariance)
+    return (vectors * np.sqrt(np.maximum(values, 0.0))).T
+
+
+def torque_deviations(estimate: Estimate, prepared: Prepared) -> Array:
+    """Return the standard deviation of the predicted torque by the parameters' covariance over the kept rows, (N, n).
+
+    The torque is filtered as the measured one is; noise and errors of the model come on top.
+
+    Args:
+        estimate: The estimate.
+        prepared: A preprocessed log.
+
+    Raises:
+        LogMismatch: The log has no velocities or accelerations yet.
+    """
+    regressor, beta = RegressorStream(estimate.model, estimate.base), estimate.beta
+    log = prepared.log
+    if "torque" not in estimate.model.needs:
+        still = replace(prepared, log=replace(log, torque=np.zeros_like(log.q)))  # the measured torque does not count
+        return prediction_deviations(regressor, still, estimate.covariance)
+    # With friction that depends on the load the torque is not linear in beta: slopes by central differences.
+    squares = np.zeros((len(prepared.keep), log.q.shape[1]))
+    for root in _root(estimate.covariance):
+        slope = 0.5 * (regressor.predict(log, beta + root) - regressor.predict(log, beta - root))
+        squares += prepared.smooth(slope.T).T[prepared.keep] ** 2
+    return np.sqrt(squares)
+
+
+def mass_matrix(estimate: Estimate, q: Array) -> tuple[Array, Array]:
+    """Return the mass matrix with its rotors at one posture and the standard deviation of each element, (n, n) each.
+
+    M(q) is linear in the base parameters: its column j is the torque of the unit acceleration of joint j less that at
+    rest, and elements of friction or gravity cancel. In kg m^2, kg m or kg.
+
+    Args:
+        estimate: The estimate.
+        q: Posture, shape (n,).
+    """
+    joints = estimate.model.robot.dof
+    ddq = np.concatenate([np.eye(joints), np.zeros((1, joints))])
+    none = np.zeros_like(ddq)  # at rest no friction depends on load or temperature
+    motion = Motion(np.tile(np.asarray(q, dtype=float), (joints + 1, 1)), none, ddq, torque=none, temperature=none)
+    columns = estimate.model.regressor(motion, once=True)[..., estimate.base.independent]
+    slopes = columns[:-1] - columns[-1]  # (j, i, b)
+    known = estimate.model.known_torque(motion)
+    value = (slopes @ estimate.beta + known[:-1] - known[-1]).T
+    return value, np.sqrt(np.maximum(np.einsum("jib,bc,jic->ij", slopes, estimate.covariance, slopes), 0.0))

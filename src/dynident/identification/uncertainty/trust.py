@@ -1,0 +1,124 @@
+"""An estimate with all that says how far to trust it: diagnostics, cross-validation, bootstrap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import BadOption
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimators import Estimator
+from dynident.identification.estimators.wls import WLS
+from dynident.identification.problem.problem import Problem
+from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.selection.friction.load import with_load
+from dynident.identification.uncertainty.diagnostics import diagnose
+from dynident.identification.uncertainty.propagation import prediction_deviations, standard_covariance
+from dynident.model.reduction import Reduced, least_squares
+
+if TYPE_CHECKING:
+    from dynident.identification.uncertainty.bootstrap import Draws
+
+#: Draws below which a quantile of 2.5 % is a guess.
+FEWEST_DRAWS = 40
+
+
+@dataclass(frozen=True)
+class TrustOptions:
+    """What is found out about how far to trust an estimate, beyond its covariance.
+
+    Attributes:
+        diagnose: Test the residual and the estimate; ``diagnostics`` of the estimate has the figures.
+        folds: Parts of the logs for the cross-validation of the diagnostics; 0: none.
+        bootstrap: Draws of the bootstrap of the diagnostics; 0: none. It brings the diagnostics with it.
+        sensitivity: Fit at half and at double the cut-off as well; ``cutoff_sensitivity`` of the extras has the table.
+    """
+
+    diagnose: bool = False
+    folds: int = 5
+    bootstrap: int = 0
+    sensitivity: bool = False
+
+
+def with_diagnostics(
+    estimate: Estimate, problem: Problem, estimator: Estimator, folds: int = 5, draws: int = 0
+) -> Estimate:
+    """Return the estimate with its diagnostics as plain data, bands of its torques and deviations of its theta.
+
+    Args:
+        estimate: The estimate.
+        problem: The problem that it solves.
+        estimator: What found it.
+        folds: Parts of the logs for cross-validation; 0: none.
+        draws: Draws of the bootstrap; 0: none.
+
+    Raises:
+        BadOption: One part, or too few draws for an interval.
+    """
+    if draws and draws < FEWEST_DRAWS:
+        raise BadOption("bootstrap", draws, f"give {FEWEST_DRAWS} draws or more, such as 200")
+    if "torque" in problem.model.needs:
+        problem = with_load(problem, estimate.beta)
+    found: dict[str, Any] = diagnose(problem, estimator, estimate.beta, folds).figures()
+    found["bootstrap"] = _bootstrap(estimate, problem, estimator, draws) if draws else None
+    regressor = RegressorStream(estimate.model, estimate.base, estimate.beta)
+    spread = np.concatenate([prediction_deviations(regressor, log, estimate.covariance) for log in problem.logs])
+    return replace(
+        estimate,
+        diagnostics=found,
+        train=replace(estimate.train, deviations=spread, noise=estimate.joint_deviations),
+        standard_deviations=None
+        if estimate.theta is None
+        else _standard_deviations(estimate, problem, estimator.prior_pull),
+    )
+
+
+def _standard_deviations(estimate: Estimate, problem: Problem, pull: float) -> Array | None:
+    """Return those of the standard parameters, shape (p,); None where the estimate has none."""
+    if estimate.theta is None:
+        return None
+    return np.sqrt(np.maximum(np.diag(standard_covariance(estimate, problem, pull)), 0.0))
+
+
+def _bootstrap(estimate: Estimate, problem: Problem, estimator: Estimator, draws: int) -> dict[str, Any]:
+    """Return intervals by bootstrap: possible robots fitted again, or residuals drawn again in blocks."""
+    refit = estimator.refit(problem)
+    if refit is not None:
+        kind, found = "refit", refit_draws(problem, refit, estimate.covariance, draws)
+    else:
+        from dynident.identification.uncertainty.bootstrap import block_bootstrap
+
+        kind, found = "blocks", block_bootstrap(problem, WLS().solve(problem).weights, estimate.beta, draws)
+    low, high = found.interval()
+    theta = found.theta
+    return {
+        "kind": kind,
+        "draws": draws,
+        "block": found.block,
+        "std": np.std(found.beta, axis=0, ddof=1).tolist(),
+        "low": low.tolist(),
+        "high": high.tolist(),
+        "standard_std": None if theta is None else np.std(theta, axis=0, ddof=1).tolist(),
+    }
+
+
+def refit_draws(problem: Problem, refit: Callable[[Reduced], Array], covariance: Array, draws: int = 200) -> Draws:
+    """Return possible robots fitted to base parameters drawn from N(least squares, covariance).
+
+    Args:
+        problem: The problem.
+        refit: From a triangle to standard parameters, of :meth:`Estimator.refit`.
+        covariance: Of the least-squares estimate, shape (b, b).
+        draws: How many.
+
+    Raises:
+        SolverFailed: No solver found a checked solution of a draw.
+    """
+    from dynident.identification.uncertainty.bootstrap import refitted
+
+    reduced = problem.reduced(WLS().solve(problem).weights)
+    return refitted(reduced, least_squares(reduced).beta, covariance, refit, problem.base.from_standard, draws)

@@ -1,0 +1,1 @@
+"""What compares methods: benchmark, self-test and the reproduction of the article."""

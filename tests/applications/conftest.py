@@ -1,0 +1,14 @@
+"""The robot of the tests of applications."""
+
+from __future__ import annotations
+
+import pytest
+
+from dynident.model.descriptions import read_robot
+from dynident.model.robot import Robot
+
+
+@pytest.fixture(scope="session")
+def robot() -> Robot:
+    """Six joints with masses and limits."""
+    return read_robot("generic-6r")

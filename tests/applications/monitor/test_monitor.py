@@ -1,0 +1,243 @@
+"""The momentum observer against finite differences, thresholds, and a stream against a log."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from dynident import DynamicModel, Estimate, FourierSeries, Log, Robot, identify
+from dynident.applications.compensation import (
+    computed_torque,
+    feed_forward,
+    friction_torque,
+    gravity_torque,
+    mass_matrices,
+    parameters_of,
+)
+from dynident.applications.monitor import MomentumObserver, MonitorState, calibrated, run_monitor, step, watch
+from dynident.applications.monitor.band import fitted_band, lagged
+from dynident.applications.monitor.equations import Equations
+from dynident.applications.monitor.signals import residuals_of, signals_of
+from dynident.applications.monitor.tails import Tail, shrunk, tail_of
+from dynident.data.formats import ColumnMap, write_log
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.errors import BadOption, LogMismatch
+from dynident.model.base_parameters import base_parameters
+from dynident.model.friction import FRICTION, Motion
+
+GIVEN = Preprocessing(AsGiven(), rest="keep")
+
+
+def run_of(robot: Robot, seed: int, seconds: float = 12.0, rate: float = 100.0, noise: float = 0.2) -> Log:
+    model = DynamicModel(
+        robot, tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset", "rotor_inertia"))
+    )
+    generator = np.random.default_rng(seed)
+    time = np.arange(int(seconds * rate)) / rate
+    sine, cosine = 0.3 * generator.normal(size=(2, robot.dof, 5))
+    q, dq, ddq = FourierSeries(np.zeros(robot.dof), sine, cosine, 6.0).evaluate(time)
+    assert robot.nominal is not None
+    theta = np.concatenate([robot.nominal, np.tile([2.0, 3.0, 0.4, 0.3], robot.dof)])
+    torque = model.torque(Motion(q, dq, ddq), theta) + noise * generator.normal(size=q.shape)
+    return Log(robot.joint_names, time, q, dq, ddq, torque)
+
+
+@pytest.fixture(scope="module")
+def estimate(robot: Robot) -> Estimate:
+    friction = tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset", "rotor_inertia"))
+    return identify(DynamicModel(robot, friction), [run_of(robot, 1)], "wls", GIVEN)
+
+
+def test_compensation_adds_up_to_the_model(estimate: Estimate) -> None:
+    model, theta = estimate.model, parameters_of(estimate)
+    motion = model.random_motion(7, seed=3)
+    whole = feed_forward(model, theta, motion.q, motion.dq, motion.ddq)
+    np.testing.assert_allclose(whole, model.torque(motion, theta), rtol=1e-12)
+    masses, rest = mass_matrices(model, theta, motion.q), np.zeros_like(motion.dq)
+    inertial = np.einsum("sij,sj->si", masses, motion.ddq)
+    turning = feed_forward(model, theta, motion.q, motion.dq, rest) - gravity_torque(model, theta, motion.q)
+    turning -= friction_torque(model, theta, motion.q, motion.dq)
+    parts = inertial + turning + gravity_torque(model, theta, motion.q)
+    np.testing.assert_allclose(parts + friction_torque(model, theta, motion.q, motion.dq), whole, rtol=1e-9, atol=1e-9)
+    planned = (motion.q, motion.dq, motion.ddq)
+    there = computed_torque(model, theta, planned, motion.q, motion.dq, 100.0, 20.0)
+    np.testing.assert_allclose(there, whole, rtol=1e-12, atol=1e-12)
+
+
+def test_compensation_of_one_state_and_refusals(estimate: Estimate) -> None:
+    model, theta, q = estimate.model, parameters_of(estimate), np.linspace(0.1, 0.6, 6)
+    assert gravity_torque(model, theta, q).shape == (6,) and mass_matrices(model, theta, q).shape == (6, 6)
+    half = friction_torque(model, theta, q, q, share=0.5)
+    np.testing.assert_allclose(2 * half, friction_torque(model, theta, q, q))
+    sides = [friction_torque(model, theta, q, sign * q, offset=False) for sign in (1, -1)]
+    np.testing.assert_allclose(sides[0], -sides[1])
+    with pytest.raises(BadOption, match="each of the 6 joints"):
+        gravity_torque(model, theta, q[:5])
+    with pytest.raises(BadOption, match="share of the friction"):
+        friction_torque(model, theta, q, q, share=1.5)
+
+
+def test_the_drift_is_that_of_hamiltons_equations(estimate: Estimate) -> None:
+    """g + friction - C' dq = friction - d/dq (dq' M dq / 2 - potential), by central differences of M and gravity."""
+    observer, motion = MomentumObserver(estimate), estimate.model.random_motion(3, seed=5)
+    model, theta = estimate.model, observer.theta
+    for q, dq in zip(motion.q, motion.dq, strict=True):
+        slope = np.empty(6)
+        for j in range(6):
+            ends = [mass_matrices(model, theta, q + sign * 1e-6 * np.eye(6)[j]) for sign in (1, -1)]
+            slope[j] = 0.5 * dq @ (ends[0] - ends[1]) @ dq / 2e-6
+        expected = gravity_torque(model, theta, q) + friction_torque(model, theta, q, dq) - slope
+        np.testing.assert_allclose(observer.drift(q[None], dq[None])[0], expected, rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(
+            observer.momentum(q[None], dq[None])[0], mass_matrices(model, theta, q) @ dq, rtol=1e-9
+        )
+
+
+def test_a_contact_is_seen_as_it_is_and_a_stream_says_what_a_log_does(robot: Robot, estimate: Estimate) -> None:
+    observer = MomentumObserver(estimate)
+    clean = [signals_of(estimate, run_of(robot, seed)) for seed in (2, 3, 4)]
+    monitor = calibrated(observer, clean, 1.0 / 3600.0)
+    log = run_of(robot, 5)
+    assert not run_monitor(monitor, log).alarms and not run_monitor(monitor, log).mostly_above
+    assert robot.joint_names[1] in run_monitor(monitor, replace(log, torque=-np.asarray(log.torque))).mostly_above
+    threshold = monitor.thresholds(signals_of(estimate, log))[:, 2]
+    torque = np.array(log.torque)
+    torque[600:, 2] -= 5.0 * threshold[600:]
+    found = run_monitor(monitor, replace(log, torque=torque))
+    first = found.alarms[0]
+    assert {alarm.joint for alarm in found.alarms} == {robot.joint_names[2]}
+    assert 0 <= first.start - log.time[600] <= 0.02
+    assert first.peak == pytest.approx(5.0 * first.threshold, rel=0.5)
+    state, started, residual = MonitorState(), [], np.zeros(6)
+    for k in range(580, 640):
+        state, reading = step(monitor, state, float(log.time[k]), log.q[k], np.asarray(log.dq)[k], torque[k])
+        residual = reading.residual
+        started += [(reading.time, name) for name in reading.alarms]
+        if k > 610:
+            np.testing.assert_allclose(reading.threshold, found.threshold[k], rtol=1e-9)
+    np.testing.assert_allclose(residual, found.residual[639], atol=1e-2)  # what was before 580 is forgotten
+    assert started == [(first.start, first.joint)]
+
+
+@pytest.mark.parametrize(("delay", "speeds"), [(0.0, False), (0.013, True), (-0.02, True), (0.004, False)])
+def test_lines_of_text_say_what_the_log_does(
+    robot: Robot, estimate: Estimate, delay: float, speeds: bool, tmp_path: Path
+) -> None:
+    """Rows as they come against the whole log: differences for velocities, and a delay of the torque either way."""
+    log = replace(run_of(robot, 6, seconds=3.0), ddq=None)
+    log = log if speeds else replace(log, dq=None)
+    late = replace(
+        estimate, preprocessing=replace(estimate.preprocessing, delay_s=delay), columns=ColumnMap(joints=log.joints)
+    )
+    monitor = calibrated(MomentumObserver(late), [signals_of(late, run_of(robot, seed)) for seed in range(2, 8)], 0.01)
+    write_log(log, tmp_path / "run.csv")
+    found = list(watch(monitor, (tmp_path / "run.csv").read_text().splitlines()))
+    signals = signals_of(late, log)
+    np.testing.assert_allclose([one.time for one in found], signals.time, atol=1e-12)
+    residual = residuals_of(monitor.observer, signals)
+    np.testing.assert_allclose([one.residual for one in found], residual, atol=1e-6 * np.abs(residual).max())
+
+
+def test_rates_set_thresholds(robot: Robot, estimate: Estimate) -> None:
+    observer = MomentumObserver(estimate)
+    clean = [signals_of(estimate, run_of(robot, seed)) for seed in (2, 3, 4)]
+    often, seldom = (calibrated(observer, clean, rate / 3600.0) for rate in (600.0, 1.0))
+    assert np.all(np.asarray(often.factors) < np.asarray(seldom.factors))
+    with pytest.raises(BadOption, match="false alarms a second"):
+        calibrated(observer, clean, -1.0)
+    with pytest.raises(BadOption, match="choose a rate below"):
+        calibrated(observer, clean, 1e3)
+    with pytest.raises(LogMismatch, match="no clean run"):
+        calibrated(observer, [], 1.0)
+    with pytest.raises(LogMismatch, match="send samples in order"):
+        step(often, MonitorState(1.0, *[np.zeros(6)] * 5), 0.5, *[np.zeros(6)] * 3)
+    with pytest.raises(LogMismatch, match="no finite number"):
+        step(often, MonitorState(), 0.0, np.full(6, np.nan), np.zeros(6), np.zeros(6))
+
+
+def test_the_tail_of_a_known_process() -> None:
+    """Normal noise that changes slowly rises above u as often as Rice 1945 says: exp(-u^2 / 2) as often as above 0."""
+    noise = np.random.default_rng(0).normal(size=2_000_000)
+    signal = np.asarray(scipy.signal.lfilter([1.0], np.poly([0.9, 0.9, 0.8]), noise))
+    signal /= signal.std()
+    tail = tail_of([np.abs(signal)], [1.0], 10.0, "joint")
+    turns = 2 * np.mean((signal[1:] > 0) & (signal[:-1] <= 0))
+    for size in (3.0, 4.0):
+        assert tail.threshold(turns * np.exp(-0.5 * size**2)) == pytest.approx(size, rel=0.02)
+    with pytest.raises(LogMismatch, match="too few"):
+        tail_of([np.abs(signal[:40])], [1.0], 1.0, "joint")
+
+
+def test_a_few_peaks_do_not_make_a_tail_heavy_and_many_do() -> None:
+    few = [Tail(2.0, 1.0, 1.0, shape, 100.0) for shape in (-0.1, 0.1, 0.05, -0.05)]
+    assert [tail.shape for tail in shrunk(few)] == [0.0] * 4
+    many = [Tail(2.0, 1.0, 1.0, shape, 1e5) for shape in (0.3, 0.25, 0.2, 0.35)]
+    found = shrunk(many)
+    np.testing.assert_allclose([tail.shape for tail in found], [0.3, 0.25, 0.2, 0.35], rtol=1e-3)
+    before, after = ([tail.scale / (1 - tail.shape) for tail in tails] for tails in (many, found))
+    np.testing.assert_allclose(after, before)
+
+
+def test_the_generated_equations_are_the_generic_ones(estimate: Estimate, monkeypatch: pytest.MonkeyPatch) -> None:
+    motion = estimate.model.random_motion(11, seed=3)
+    fast = Equations(estimate).at(motion.q, motion.dq)
+    one = Equations(estimate).at(motion.q[:1], motion.dq[:1])
+    monkeypatch.setenv("DYNIDENT_KERNEL", "generic")
+    slow = Equations(estimate).at(motion.q, motion.dq)
+    for name in ("mass", "momentum", "friction", "columns", "drift"):
+        tolerance = 1e-5 if name == "drift" else 1e-10  # of central differences
+        np.testing.assert_allclose(getattr(fast, name), getattr(slow, name), rtol=tolerance, atol=tolerance)
+        np.testing.assert_allclose(getattr(one, name)[0], getattr(fast, name)[0], rtol=1e-12, atol=1e-12)
+    torque = fast.columns @ estimate.beta + estimate.model.known_torque(Motion(motion.q, motion.dq, 0 * motion.q))
+    whole = estimate.model.torque(Motion(motion.q, motion.dq, 0 * motion.q), parameters_of(estimate))
+    np.testing.assert_allclose(torque, whole, rtol=1e-9, atol=1e-9)
+
+
+def test_load_friction_and_temperatures_are_those_of_the_model(robot: Robot) -> None:
+    model = DynamicModel(robot, tuple(FRICTION.make(name) for name in ("load", "temperature", "viscous")))
+    base = base_parameters(model)
+    estimate = object.__new__(Estimate)
+    nominal = np.asarray(robot.nominal)
+    theta = np.r_[nominal, np.full(len(model.parameters) - len(nominal), 0.3)]
+    values = {"model": model, "base": base, "beta": base.from_standard(theta), "covariance": np.eye(base.count)}
+    for key, value in values.items():
+        object.__setattr__(estimate, key, value)
+    motion, warm = model.random_motion(5, seed=3), np.full((5, 6), 31.0)
+    terms = Equations(estimate).at(motion.q, motion.dq, warm)
+    expected = friction_torque(model, theta, motion.q, motion.dq, warm)
+    np.testing.assert_allclose(terms.friction, expected, rtol=1e-9, atol=1e-9)
+
+
+def test_the_band_finds_which_noise_it_is() -> None:
+    """A residual of constant noise and of noise that grows with a shape of the state has the variance of both."""
+    generator, keep = np.random.default_rng(0), 0.6
+    moments = np.zeros((20_000, 1, 8))
+    moments[:, 0, 0] = 1.0
+    moments[:, 0, 3] = 2.0 * (1 + np.sin(np.arange(20_000) / 300.0))
+    variance = lagged(0.5 * moments[:, 0, 0] + 3.0 * moments[:, 0, 3], keep)
+    residual = (np.sqrt(variance) * generator.normal(size=20_000))[:, None]
+    residual[::500] *= 30.0  # what is rare is left to the tail
+    band = fitted_band([residual], [moments], [keep], np.ones(1))
+    assert np.asarray(band.weights)[0, [0, 3]] == pytest.approx([0.5, 3.0], rel=0.08)
+    assert not np.asarray(band.weights)[0, [1, 2, 4, 5, 6, 7]].any()
+
+
+def test_false_alarms_come_at_the_chosen_rate(robot: Robot, estimate: Estimate) -> None:
+    """Noise of velocities enters by the inertia, which changes with the posture: the band follows it."""
+    observer, generator = MomentumObserver(estimate), np.random.default_rng(7)
+
+    def noisy(seed: int) -> Log:
+        log = run_of(robot, seed, 30.0)
+        return replace(log, dq=np.asarray(log.dq) + 3e-3 * generator.normal(size=log.q.shape))
+
+    clean = [signals_of(estimate, noisy(seed)) for seed in range(20, 30)]
+    monitor = calibrated(observer, clean, 1.0 / 14.0)
+    tests = [run_monitor(monitor, noisy(seed)) for seed in range(40, 54)]
+    counts = np.sum([[joint["alarms"] for joint in one.figures()["joints"]] for one in tests], axis=0)
+    assert 0.7 * 30 <= counts.mean() <= 1.4 * 30, counts
+    assert np.all((counts >= 0.4 * 30) & (counts <= 1.9 * 30)), counts

@@ -1,0 +1,88 @@
+"""Evidence of units and scales, and that the draft of a case doubts what the checks doubt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident.case.case import read_case
+from dynident.case.draft.told_units import position_unit, time_unit, torque_unit
+from dynident.data.evidence.positions import is_plausible, is_within, strays, travel
+from dynident.data.evidence.rows import POSSIBLE_STEPS, is_step, same_as_before, time_units
+from dynident.data.evidence.torques import agrees, scale_against
+from dynident.data.evidence.velocities import is_near, velocity_pair
+from dynident.model.robot import JointLimits
+
+TIME = np.arange(2000) / 200.0
+Q = np.stack([np.sin(2.0 * TIME), 0.5 * np.cos(3.0 * TIME)], axis=1)
+DQ = np.stack([2.0 * np.cos(2.0 * TIME), -1.5 * np.sin(3.0 * TIME)], axis=1)
+
+JOINT = replace(read_case("er16").robot.joints[0], limits=JointLimits(-1.0, 2.0))
+FREE = replace(JOINT, limits=JointLimits())
+
+
+@pytest.mark.parametrize(
+    ("step", "words"), [(0.004, ("s",)), (4.0, ("ms",)), (4000.0, ("us",)), (1e-5, ()), (3e5, ("ns",))]
+)
+def test_the_unit_of_the_time_is_one_under_which_the_step_is_usual(step: float, words: tuple[str, ...]) -> None:
+    assert time_units(step)[:1] == words[:1]
+    assert time_unit(step, "").certain == ("s" in time_units(step))
+
+
+def test_an_unusual_step_is_no_wrong_one() -> None:
+    assert is_step(0.4) and is_step(5e-5) and not is_step(4.0) and not is_step(1e-6)
+    assert time_units(0.4, POSSIBLE_STEPS) == ("s", "ms") and time_units(0.4) == ("ms",)
+
+
+def test_rows_are_compared_over_all_columns() -> None:
+    time, values = np.array([0.0, 0.0, 1.0, 1.0]), np.array([[1.0, 2.0], [1.0, 2.0], [1.0, 2.0], [1.0, np.nan]])
+    assert same_as_before([time, values]).tolist() == [False, True, False, False]
+    assert same_as_before([np.zeros(0)]).tolist() == []
+
+
+def test_limits_have_a_slack_and_joints_without_them_three_turns() -> None:
+    assert is_within(JOINT, -1.04, 2.04) and not is_within(JOINT, -1.06, 2.0)
+    assert is_plausible(FREE, -6 * np.pi, 0.0) and not is_plausible(FREE, 0.0, 19.0)
+    assert is_plausible(JOINT, -1.0, 2.0) and not is_plausible(JOINT, -1.0, 6.0)
+    slide = replace(FREE, kind="prismatic")
+    assert is_plausible(slide, 0.0, 10.0) and not is_plausible(slide, 0.0, 11.0)
+
+
+def test_single_values_are_no_travel_and_a_lag_no_straying() -> None:
+    resting = np.zeros((1000, 2))
+    resting[3], resting[:, 1] = 1.0, np.linspace(0.0, 0.1, 1000)
+    assert (travel(resting) > 1e-3).tolist() == [False, True]
+    assert strays(Q, np.stack([Q[:, 1], np.roll(Q[:, 1], 3)], axis=1)).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("factor", [1.0, -1.0, 180 / np.pi])
+def test_the_ratio_of_velocities_has_their_unit_and_their_sign(factor: float) -> None:
+    pair = velocity_pair(TIME, Q, factor * DQ)
+    assert pair is not None and pair.moving.all()
+    assert pair.ratios == pytest.approx([factor, factor], rel=2e-3)
+    assert np.sign(np.diagonal(pair.correlations)).tolist() == [np.sign(factor)] * 2
+    assert all(is_near(ratio, factor) for ratio in pair.ratios.tolist())
+    assert not is_near(1.15) and not is_near(180 / np.pi)
+    assert velocity_pair(TIME[:40], Q[:40], DQ[:40]) is None
+
+
+def test_a_scale_and_its_sign_are_those_of_the_torques() -> None:
+    noise = np.random.default_rng(1).normal(size=Q.shape)
+    assert scale_against(Q, 3.0 * Q) == pytest.approx((3.0, 1.0))
+    assert scale_against(Q, -Q) == pytest.approx((-1.0, -1.0))
+    assert abs(scale_against(Q, noise)[1]) < 0.1
+    assert agrees(0.5) and agrees(2.4) and not agrees(3.0) and not agrees(0.3) and not agrees(-1.0)
+
+
+def test_the_draft_is_sure_of_radians_that_the_checks_do_not_take_for_degrees() -> None:
+    turns = 5 * np.pi * np.sin(TIME)[:, None]
+    assert position_unit(turns, [FREE], "").certain
+    assert not position_unit(2 * turns, [FREE], "").certain
+
+
+@pytest.mark.parametrize(("ratio", "sure"), [(1.0, True), (2.4, True), (3.0, False), (0.3, False)])
+def test_the_draft_asks_for_a_stated_unit_of_torques_that_the_checks_warn_of(ratio: float, sure: bool) -> None:
+    told = torque_unit([FREE], "N m", np.array([ratio]), [True], np.array([1.0]))
+    assert told.certain == sure and told.text == "N m"

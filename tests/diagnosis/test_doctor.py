@@ -1,0 +1,359 @@
+"""The doctor on clean logs, on logs with injected faults, and the repairs that it calls safe."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.append(str(Path(__file__).parents[2]))  # the benchmark puts the same faults into full-size arms
+
+from benchmarks.faults import injections as put
+from benchmarks.faults.kinds import KINDS, Kind
+from benchmarks.faults.matrix import joint_of, named
+from benchmarks.faults.trials import Trial, virtual
+
+from dynident.case.case import Case
+from dynident.data.formats import ColumnMap
+from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis.checks import CHECKS, Finding, examine, examine_recording
+from dynident.diagnosis.checks.resolution import steps_of
+from dynident.diagnosis.checks.saturation import flat_share, limit_share
+from dynident.diagnosis.finding import SEVERITIES
+from dynident.diagnosis.recording import read_recording
+from dynident.diagnosis.repair import repair, sortable, wraps
+from dynident.model.descriptions import read_robot
+from dynident.model.friction import DEFAULT_FRICTION, FRICTION
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Robot
+
+#: Half the rows a second of the benchmark.
+RATE = 100.0
+
+#: Strengths of the kinds whose smallest one the benchmark looks for.
+STRENGTHS = {
+    "clock too fast [share]": 0.02,
+    "jitter [samples]": 1.0,
+    "gap in time [s]": 0.4,
+    "two publishers [share]": 0.02,
+    "one spike [range]": 1.0,
+    "five spikes [range]": 1.0,
+    "saturation [share]": 0.05,
+    "coarse torque [range]": 0.05,
+    "coarse position [range]": 0.01,
+    "delay of torque [samples]": 1.0,
+    "spring [of torque]": 0.2,
+    "counterbalance [of torque]": 0.2,
+    "drift [of torque]": 0.2,
+    "friction warms up [of torque]": 0.05,
+    "torque scale of a joint [share]": 0.1,
+    "torque scale of all [share]": 0.05,
+    "payload [kg]": 0.5,
+    "tilt of the base [deg]": 3.0,
+}
+
+
+@pytest.fixture(scope="module")
+def case(spatial_3r: Robot) -> Case:
+    joints = tuple(replace(joint, damping=2.0, friction=3.0) for joint in spatial_3r.joints)
+    robot = replace(spatial_3r, joints=joints)
+    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
+
+
+@pytest.fixture(scope="module")
+def trial(case: Case) -> Trial:
+    return virtual(case, rate=RATE)
+
+
+@pytest.fixture(scope="module")
+def clean(trial: Trial, tmp_path_factory: pytest.TempPathFactory) -> tuple[Finding, ...]:
+    return trial.examined(tmp_path_factory.mktemp("clean")).findings
+
+
+def write(trial: Trial, path: Path) -> None:
+    """Write the columns as text, whose lines findings name."""
+    columns = trial.columns
+    names = ["t", *(f"{name}{k + 1}" for name in columns if name != "t" for k in range(columns[name].shape[1]))]
+    values = np.column_stack([columns["t"], *(columns[name] for name in columns if name != "t")])
+    np.savetxt(path, values, "%.9g", ",", header=",".join(names), comments="")
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_clean_log_has_neither_errors_nor_warnings(case: Case, seed: int, tmp_path: Path) -> None:
+    found = virtual(case, seed, RATE).examined(tmp_path)
+    assert found.sound and not found.left_out
+    assert not [finding for finding in found.findings if finding.severity != "note"]
+    assert found.repaired is not None and found.repaired.repairs == ()
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_a_fault_is_named(kind: Kind, trial: Trial, clean: tuple[Finding, ...], tmp_path: Path) -> None:
+    strength = STRENGTHS[kind.name] if kind.between else kind.fixed[len(kind.fixed) // 2]
+    found = kind.inject(trial, strength, np.random.default_rng(1)).examined(tmp_path).findings
+    assert named(kind, joint_of(kind, trial, strength), found, clean), [finding.line() for finding in found]
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_the_joint_whose_torque_is_turned_is_named(trial: Trial, joint: int, tmp_path: Path) -> None:
+    (finding,) = put.turned(trial, ("tau",), joint).examined(tmp_path).findings
+    assert (finding.name, finding.joint) == ("torque sign", trial.case.robot.joint_names[joint])
+
+
+@pytest.mark.parametrize(
+    ("names", "finding"), [(("tau",), "torque order"), (("q", "dq", "tau"), "joint order")], ids=["torques", "joints"]
+)
+@pytest.mark.parametrize("order", [(2, 0, 1), (2, 1, 0)])
+def test_columns_in_another_order_are_named_with_the_right_one(
+    trial: Trial, names: tuple[str, ...], finding: str, order: tuple[int, ...], tmp_path: Path
+) -> None:
+    columns = {name: trial.columns[name][:, list(order)] for name in names if name in trial.columns}
+    found = trial.with_columns(**columns).examined(tmp_path).findings[0]
+    joints = trial.case.robot.joint_names
+    assert found.name == finding
+    moved = [i for i in range(3) if order[i] != i]
+    assert found.joint == ", ".join(joints[i] for i in moved)
+    if len(moved) == 3:
+        assert f"read as those of {', '.join(joints[k] for k in order)}" in found.evidence
+
+
+def test_torques_that_no_body_makes_are_no_other_order(case: Case, tmp_path: Path) -> None:
+    """Five seconds with torques that repeat with position: other columns fit them better, and predict no better."""
+    generator = np.random.default_rng(34)
+    clean = virtual(case, 34, RATE).rows(np.arange(generator.choice([500, 1000, 2000])))
+    torque = clean.columns["tau"].copy()
+    for joint in range(3):
+        cycles, size = generator.choice([1, 2, 3]), 10 ** generator.uniform(-1.5, 1.0) * torque[:, joint].std()
+        torque[:, joint] += size * np.sin(cycles * clean.columns["q"][:, joint] + generator.uniform(0, 6))
+    found = clean.with_columns(tau=torque).examined(tmp_path).findings
+    assert not [finding for finding in found if finding.name in ("joint order", "torque order")]
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2])
+def test_a_wrong_gravity_is_named_with_the_right_one(trial: Trial, kind: int, tmp_path: Path) -> None:
+    finding = put.mounted(trial, kind).examined(tmp_path).findings[0]
+    assert finding.name == "mounting"
+    assert "[0, 0, -9.81]" in finding.remedy
+
+
+def test_a_base_on_a_slope_is_named_with_its_own_direction(case: Case, tmp_path: Path) -> None:
+    """Between the axes: the log of an arm on a slope of 70 degrees, declared upright."""
+    truth = 9.81 * np.array(
+        [0.2 * np.sin(np.radians(70)), -np.sqrt(0.96) * np.sin(np.radians(70)), -np.cos(np.radians(70))]
+    )
+    made = virtual(replace(case, robot=case.robot.with_gravity(truth)), rate=RATE)
+    finding = replace(made, case=case).examined(tmp_path).findings[0]
+    assert finding.name == "mounting"
+    told = re.search(r"gravity: \[([-\d., e]+)\]", finding.remedy)
+    assert told is not None
+    found = np.array([float(value) for value in told[1].split(",")])
+    assert found @ truth > np.cos(np.radians(1.5)) * 9.81**2 and np.linalg.norm(found) == pytest.approx(9.81, rel=0.01)
+
+
+@pytest.mark.parametrize("at_motors", [False, True])
+def test_a_motor_that_turns_with_another_joint_is_named(case: Case, at_motors: bool, tmp_path: Path) -> None:
+    """The log holds torques of the joints, or those of the motors as if they were the joints'."""
+    matrix = np.eye(3)
+    matrix[2, 1] = -0.8
+    coupled = virtual(replace(case, robot=case.robot.with_drives({}, matrix)), rate=RATE)
+    tau = coupled.columns["tau"]
+    log = replace(coupled.with_columns(tau=tau @ np.linalg.inv(matrix) if at_motors else tau), case=case)
+    (found,) = (one for one in log.examined(tmp_path).findings if one.severity == "error")
+    assert (found.name, found.joint) == ("coupling", ", ".join(case.robot.joint_names[1:]))
+    assert found.numbers["entry 3, 2"] == pytest.approx(-0.8, abs=0.02)
+    assert ("torque: motor" in found.remedy) == at_motors
+
+
+def test_motors_of_a_differential_are_named(case: Case, tmp_path: Path) -> None:
+    matrix = np.eye(3)
+    matrix[1:, 1:] = [[1, 1], [-1, 1]]
+    coupled = virtual(replace(case, robot=case.robot.with_drives({}, matrix)), rate=RATE)
+    tau = coupled.columns["tau"] @ np.linalg.inv(matrix)
+    (found,) = replace(coupled.with_columns(tau=tau), case=case).examined(tmp_path).findings
+    assert found.name == "coupling" and "[0, 1, 1], [0, -1, 1]" in found.remedy
+
+
+@pytest.mark.parametrize("samples", [0.3, 1.2, 3.0, 20.0])
+def test_the_delay_is_right_to_a_tenth_of_a_sample(case: Case, samples: float, tmp_path: Path) -> None:
+    found = virtual(case, rate=RATE, delay=samples / RATE).examined(tmp_path).findings
+    (late,) = [finding for finding in found if finding.name == "torque delay"]
+    assert late.numbers["delay_s"] * RATE == pytest.approx(samples, abs=0.1)
+
+
+def test_gravity_upside_down_on_a_small_arm_shows_against_the_description(planar_2r: Robot, tmp_path: Path) -> None:
+    """A motion so slow that inertia says nothing: a body on the other side of its joint explains the torque as well."""
+    joints = tuple(replace(joint, damping=0.1, friction=0.05) for joint in planar_2r.joints)
+    robot = replace(planar_2r, joints=joints)
+    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    case = Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
+    found = Trial(
+        replace(case, robot=robot.with_gravity(-np.asarray(robot.gravity))), virtual(case, rate=RATE).columns
+    ).examined(tmp_path)
+    (finding,) = [finding for finding in found.findings if finding.name == "mounting"]
+    assert "gravity: [0, 0, -9.81]" in finding.remedy or "gravity: [0, -9.81, 0]" in finding.remedy
+
+
+@pytest.mark.parametrize("width", [0.005, 0.1])
+def test_another_width_of_the_sign_is_no_wrong_clock(width: float, tmp_path: Path) -> None:
+    scara = read_robot("generic-scara")
+    robot = replace(scara, joints=tuple(replace(joint, damping=2.0, friction=3.0) for joint in scara.joints))
+    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    case = Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
+    other = (FRICTION.make("coulomb", width=width), *friction[1:])
+    trial = virtual(replace(case, friction=other), rate=RATE)
+    found = replace(trial, case=case).examined(tmp_path).findings
+    assert {finding.name for finding in found} == {"friction curve"}
+    assert all(finding.severity == "note" and finding.numbers["torque"] < 0.5 for finding in found)
+
+
+def test_a_payload_is_weighed(trial: Trial, tmp_path: Path) -> None:
+    found = put.loaded(trial, 0.8, np.random.default_rng(0)).examined(tmp_path).findings
+    (load,) = [finding for finding in found if finding.name == "load at the flange"]
+    assert load.severity == "warning" and "remove the payload or tool, or add it to the robot model" in load.remedy
+    assert load.numbers["mass_kg"] == pytest.approx(0.8, abs=3 * load.numbers["std_kg"] + 0.02)
+
+
+def test_a_tilt_is_measured_and_the_right_gravity_stated(trial: Trial, tmp_path: Path) -> None:
+    found = put.tilted(trial, 2.0, np.random.default_rng(0)).examined(tmp_path).findings
+    (tilt,) = [finding for finding in found if finding.name == "tilt"]
+    assert "tilted by 2" in tilt.evidence
+    text = tilt.remedy.split("gravity: [")[1].split("]")[0]
+    assert np.allclose([float(word) for word in text.split(",")], [0, 0, -9.81], atol=0.05)
+
+
+def test_a_cause_is_told_once(trial: Trial, tmp_path: Path) -> None:
+    for faulty, name in (
+        (put.sprung(trial, 0.3, 0), "spring"),
+        (put.drifting(trial, 0.3, np.random.default_rng(0)), "drift"),
+        (put.scaled(trial, 0.15, 1), "torque scale"),
+    ):
+        found = faulty.examined(tmp_path).findings
+        assert [finding.name for finding in found] == [name], [finding.line() for finding in found]
+
+
+def test_a_change_shows_against_an_earlier_estimate_where_the_description_is_wrong(
+    case: Case, trial: Trial, tmp_path: Path
+) -> None:
+    scales = (1.3, 0.8, 1.2)  # each body wrong by another share, so that no one cause explains it
+    links = []
+    for link, scale in zip(case.robot.links, scales, strict=True):
+        assert link.inertia is not None
+        links.append(replace(link, inertia=Inertia.from_vector(scale * link.inertia.vector)))
+    rough = replace(trial, case=replace(case, robot=replace(case.robot, links=tuple(links))))
+    earlier = virtual(case, seed=3, rate=RATE).estimate(tmp_path)
+    assert not [one.line() for one in rough.examined(tmp_path, earlier).findings if one.severity != "note"]
+    faulty = put.loaded(rough, 0.05, np.random.default_rng(0))
+    (load,) = [one for one in faulty.examined(tmp_path, earlier).findings if one.name == "load at the flange"]
+    assert "against the earlier estimate" in load.evidence
+    assert load.numbers["mass_kg"] == pytest.approx(0.05, abs=4 * load.numbers["std_kg"])
+    told = [one for one in faulty.examined(tmp_path).findings if one.name == "load at the flange"]
+    assert all(abs(one.numbers["mass_kg"] - 0.05) > 0.1 for one in told)  # that of the wrong bodies
+
+
+def test_an_earlier_estimate_of_a_clean_log_changes_nothing(
+    trial: Trial, clean: tuple[Finding, ...], tmp_path: Path
+) -> None:
+    earlier = virtual(trial.case, seed=4, rate=RATE).estimate(tmp_path)
+    assert trial.examined(tmp_path, earlier).findings == clean
+
+
+def test_findings_are_plain_data(trial: Trial, tmp_path: Path) -> None:
+    found = put.drifting(trial, 0.3, np.random.default_rng(0)).examined(tmp_path)
+    figures = json.loads(json.dumps(found.figures(), allow_nan=False))
+    assert figures["sound"] and figures["findings"][0]["name"] == "drift"
+    assert figures["findings"][0]["numbers"]["t"] > 5.0
+
+
+def test_degrees_explain_what_follows_from_them(trial: Trial, tmp_path: Path) -> None:
+    found = trial.with_columns(q=np.rad2deg(trial.columns["q"])).examined(tmp_path)
+    assert [finding.name for finding in found.findings] == ["positions in degrees"]
+    assert "units: {position: " in found.findings[0].remedy
+    assert found.left_out
+
+
+def test_the_line_of_a_fault_is_that_of_the_file(trial: Trial, tmp_path: Path) -> None:
+    tau = trial.columns["tau"].copy()
+    tau[40, 1] = np.nan
+    write(trial.with_columns(tau=tau), tmp_path / "run.csv")
+    (finding,) = examine(trial.case, str(tmp_path / "run.csv")).findings
+    assert finding.severity == "error" and "line 42" in finding.evidence
+
+
+def test_a_file_that_is_no_table_is_a_finding(case: Case, tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("t,q1\n0,one\n", encoding="utf-8")
+    found = examine(case, str(tmp_path / "run.csv"))
+    assert not found.sound and [finding.name for finding in found.findings] == ["unreadable"]
+
+
+def test_repairs_give_the_clean_log_back(trial: Trial, tmp_path: Path) -> None:
+    generator = np.random.default_rng(3)
+    case = trial.case
+    broken = put.disorder(put.duplicates(trial, 0.01, generator), 0.002, generator)
+    broken = put.wrap(broken, 0.5, generator)
+    clean = read_recording(case, str(trial.written(tmp_path, "clean"))).log
+    repaired = repair(read_recording(case, str(broken.written(tmp_path, "broken"))), case.robot)
+    log = repaired.recording.log
+    assert len(repaired.repairs) >= 3
+    assert np.array_equal(log.time, clean.time)
+    assert np.array_equal(log.torque, clean.torque)
+    turns = (log.q - clean.q) / (2 * np.pi)
+    assert np.allclose(turns, np.round(turns).mean(axis=0), atol=1e-8)
+
+
+def test_what_is_not_safe_is_not_repaired(trial: Trial, tmp_path: Path) -> None:
+    generator = np.random.default_rng(0)
+    for broken in (put.lost(trial, 0.2, generator), put.restart(trial, 0.5, generator)):
+        recording = read_recording(trial.case, str(broken.written(tmp_path)))
+        assert repair(recording, trial.case.robot).recording.log.samples == recording.log.samples
+        assert not examine_recording(trial.case, recording).sound
+
+
+def test_sorting_is_for_rows_out_of_order_only() -> None:
+    time = np.arange(1000) / 100.0
+    swapped = time.copy()
+    swapped[[10, 11]] = swapped[[11, 10]]
+    assert sortable(swapped)
+    assert not sortable(np.concatenate([time, time + 0.001]))
+
+
+def test_a_torque_beyond_the_described_limit_is_not_at_it() -> None:
+    torque = 100.0 * np.sin(np.linspace(0.0, 60.0, 4000))
+    assert limit_share(np.clip(torque, -80.0, 80.0), 80.0) == pytest.approx(np.mean(np.abs(torque) >= 79.6))
+    assert limit_share(torque, 80.0) == 0.0
+    assert limit_share(torque, 120.0) == 0.0 and limit_share(torque, np.inf) == 0.0
+
+
+def test_a_joint_that_turns_fast_does_not_wrap(trial: Trial, tmp_path: Path) -> None:
+    assert wraps(read_recording(trial.case, str(trial.written(tmp_path))).log, trial.case.robot) == {}
+
+
+def test_a_step_of_friction_at_a_reversal_is_no_spike(trial: Trial, tmp_path: Path) -> None:
+    tau = trial.columns["tau"].copy()
+    row = int(np.argmin(np.abs(np.diff(tau[100:-100, 1])))) + 100
+    size = 0.5 * float(np.ptp(tau[:, 1]))
+    tau[row:, 1] += size * (0.3 + 0.7 * np.exp(-np.arange(len(tau) - row) / 2.0))
+    told = [one.name for one in trial.with_columns(tau=tau).examined(tmp_path).findings]
+    assert "spikes" not in told
+    tau[row + 20, 1] += size
+    assert "spikes" in [one.name for one in trial.with_columns(tau=tau).examined(tmp_path).findings]
+
+
+def test_flat_tops_and_levels() -> None:
+    time = np.linspace(0, 10, 2001)
+    wave = np.sin(time)
+    assert flat_share(wave) == 0.0
+    assert flat_share(np.minimum(wave, 0.9)) == pytest.approx(np.mean(wave >= 0.9))
+    assert steps_of(np.round(wave * 10) / 10) == pytest.approx(20, abs=1)
+    assert steps_of(wave) == np.inf
+    assert steps_of(np.zeros(50)) == 0.0
+
+
+def test_every_check_says_what_it_looks_at() -> None:
+    assert len(CHECKS.names()) >= 12
+    assert all(CHECKS.get(name).stage in (0, 1, 2) and CHECKS.summary(name) for name in CHECKS.names())
+    assert SEVERITIES == ("error", "warning", "note")

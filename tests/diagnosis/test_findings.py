@@ -1,0 +1,161 @@
+"""What single checks tell of logs with a fault of their own: name, joints, evidence and the next step."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.append(str(Path(__file__).parents[2]))  # the benchmark makes the clean log
+
+from benchmarks.faults.trials import Trial, virtual
+
+from dynident.case.case import Case
+from dynident.data.formats import ColumnMap
+from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis.checks import CHECKS
+from dynident.diagnosis.checks.base import CheckedLog
+from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.recording import read_recording
+from dynident.diagnosis.repair import repair
+from dynident.model.friction import DEFAULT_FRICTION, FRICTION
+from dynident.model.robot import JointLimits, Robot
+
+
+@pytest.fixture(scope="module")
+def trial(spatial_3r: Robot) -> Trial:
+    """A clean log; the joints have names of two words."""
+    joints = tuple(
+        replace(joint, name=f"{joint.name} of it", damping=2.0, friction=3.0, limits=JointLimits(-3.0, 3.0))
+        for joint in spatial_3r.joints
+    )
+    robot = replace(spatial_3r, joints=joints, coupling=None)
+    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    return virtual(Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing()), rate=100.0)
+
+
+def told(trial: Trial, check: str, folder: Path) -> list[Finding]:
+    """Return what one check says of a log, after the safe repairs."""
+    raw = read_recording(trial.case, str(trial.written(folder)))
+    return list(CHECKS.make(check).findings(CheckedLog(trial.case, raw, repair(raw, trial.case.robot).recording)))
+
+
+def changed(trial: Trial, name: str, change: Callable[[np.ndarray], object]) -> Trial:
+    values = trial.columns[name].copy()
+    change(values)
+    return trial.with_columns(**{name: values})
+
+
+def put(name: str, index: object, value: object) -> Callable[[Trial], Trial]:
+    """Return what writes values at an index of a signal."""
+    return lambda trial: changed(trial, name, lambda values: values.__setitem__(index, value))  # type: ignore[call-overload]
+
+
+def scaled(name: str, index: object, factor: float) -> Callable[[Trial], Trial]:
+    return lambda trial: changed(trial, name, lambda v: v.__setitem__(index, factor * v[index]))  # type: ignore[call-overload, index]
+
+
+def mapped(trial: Trial, **columns: tuple[str, ...]) -> Trial:
+    return replace(trial, case=replace(trial.case, columns=replace(trial.case.columns, **columns)))  # type: ignore[arg-type]
+
+
+def commanded(slower: float = 1.0, turned: tuple[int, ...] = ()) -> Callable[[Trial], Trial]:
+    """Return what adds commanded positions, of which the measured ones are so much slower, or of other signs."""
+
+    def add(trial: Trial) -> Trial:
+        clock = trial.columns["t"] - trial.columns["t"][0]
+        reference = np.column_stack([np.interp(clock / slower, clock, column) for column in trial.columns["q"].T])
+        reference[:, turned] *= -1.0
+        return mapped(trial.with_columns(qr=reference), q_ref=("qr1", "qr2", "qr3"))
+
+    return add
+
+
+def positions_alone(trial: Trial) -> Trial:
+    return mapped(trial.without("tau"), torque=(), current=())
+
+
+def as_currents(trial: Trial) -> Trial:
+    return mapped(trial, torque=(), current=("tau1", "tau2", "tau3"))
+
+
+ALL = slice(None)
+FIRST = "joint1 of it"
+
+#: Check, fault, then severity, name, joints, and words of evidence or next step.
+FAULTS: dict[str, tuple[str, Callable[[Trial], Trial], tuple[str, str, str], str]] = {
+    "a commanded position of the other sign": (
+        "following", commanded(turned=(1,)), ("warning", "not following", "joint2 of it"), "away from the commanded",
+    ),
+    "a motion slowed down": ("following", commanded(0.6), ("warning", "speed scaling", ""), "at 60 % of the commanded"),
+    "beyond the limits": (
+        "position_range", put("q", (ALL, 0), np.linspace(-3.0, 3.4, 2000)), ("warning", "joint limits", FIRST),
+        r"joint1 of it -3 to 3\.4 \(limits -3 to 3\)",
+    ),
+    "no torques": (
+        "torque_source", positions_alone, ("error", "no torque", ""), "positions alone give no masses",
+    ),
+    "currents alone": (
+        "torque_source", as_currents, ("error", "no drive gain", "joint1 of it, joint2 of it, joint3 of it"),
+        "state gain in N m/A",
+    ),
+    "one torque for ever": (
+        "resolution", put("tau", (ALL, 2), 1.5), ("error", "torque never changes", "joint3 of it"), "one value in all",
+    ),
+    "a velocity of noise": (
+        "velocity", put("dq", (ALL, 1), np.random.default_rng(0).normal(size=2000)),
+        ("warning", "velocity mismatch", "joint2 of it"), "does not follow the derivative of q",
+    ),
+    "a velocity behind another gear": (
+        "velocity", scaled("dq", (ALL, 0), 1.5), ("warning", "velocity scale", FIRST), r"dq is 1\.5 times",
+    ),
+    "a velocity of a coarse encoder": (
+        "velocity", scaled("dq", (ALL, 0), 1.06), ("note", "velocity scale", FIRST), r"dq is 1\.06 times",
+    ),
+    "a clock at another speed": (
+        "velocity", scaled("t", ALL, 1.25), ("warning", "time scale", ""), "check the scale of the time column",
+    ),
+    "equal stamps": (
+        "time_order", lambda t: changed(t, "t", lambda v: v.__setitem__(slice(101, 120, 2), v[100:119:2])),
+        ("error", "equal time stamps", ""), "10 rows have the time of the row before and other values",
+    ),
+    "six rows": ("time_steps", lambda t: t.rows(np.arange(6)), ("error", "too few rows", ""), "6 rows with a time"),
+    "a pause": (
+        "time_steps", lambda t: changed(t, "t", lambda v: v.__setitem__(slice(900, None), v[900:] + 3.0)),
+        ("error", "gap in time", ""), r"a gap of 3\.01 s after .*split the log there",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_told_in_true_words(fault: str, trial: Trial, tmp_path: Path) -> None:
+    check, change, (severity, name, joints), words = FAULTS[fault]
+    (found,) = told(change(trial), check, tmp_path)
+    assert (found.severity, found.name, found.joint) == (severity, name, joints)
+    assert re.search(words, found.line()), found.line()
+
+
+@pytest.mark.parametrize("check", sorted({check for check, *_ in FAULTS.values()}))
+def test_nothing_is_told_of_the_clean_log(check: str, trial: Trial, tmp_path: Path) -> None:
+    assert told(commanded()(trial), check, tmp_path) == []
+
+
+def test_the_last_digit_of_joints_at_rest_is_no_second_publisher(trial: Trial, tmp_path: Path) -> None:
+    """One joint moves, then all rest, and the velocities of some alternate between zero and the smallest step."""
+
+    def one_moves(dq: np.ndarray) -> None:
+        dq[:, :2] = 1e-4 * np.random.default_rng(0).integers(-1, 2, (len(dq), 2))
+        dq[1000:, 2] = 0.0
+
+    def lost(dq: np.ndarray) -> None:
+        one_moves(dq)
+        dq[500:510] = 0.0
+
+    assert told(changed(trial, "dq", one_moves), "cells", tmp_path) == []
+    (found,) = told(changed(trial, "dq", lost), "cells", tmp_path)
+    assert found.name == "two publishers" and "jumps to zero at 1 rows" in found.evidence

@@ -1,0 +1,115 @@
+"""Wrong signs, units and limits are named; a sound estimate has no warning."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot, validate
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.diagnosis.warnings import warnings_of
+from dynident.model.friction import FRICTION, Motion
+
+
+def recorded(flip: int | None = None, stretch: float = 1.0) -> tuple[DynamicModel, Log]:
+    model = DynamicModel(read_robot("generic-scara"), (FRICTION.make("viscous"), FRICTION.make("coulomb")))
+    generator = np.random.default_rng(0)
+    scale = np.array([0.6, 0.6, 0.02, 0.8])[:, None]
+    middle = [0.5 * (j.limits.lower + j.limits.upper) if np.isfinite(j.limits.lower) else 0 for j in model.robot.active]
+    motion = FourierSeries(np.array(middle), *(scale * generator.normal(size=(2, 4, 4)) / 2), 10.0)
+    time = np.arange(2000) / 200
+    q, dq, ddq = motion.evaluate(time)
+    theta = model.nominal()
+    assert theta is not None
+    theta = np.r_[theta[: model.inertial_count], np.tile([0.5, 1.0], 4)]
+    torque = model.torque(Motion(q, dq, ddq), theta)
+    torque = torque + 0.01 * np.std(torque, axis=0) * generator.normal(size=q.shape)
+    if flip is not None:
+        torque[:, flip] *= -1
+    return model, Log(model.robot.joint_names, time, stretch * q, dq, ddq, torque)
+
+
+HOW = Preprocessing(AsGiven(), rest="keep")
+
+
+def test_a_sound_estimate_has_no_warning() -> None:
+    model, log = recorded()
+    assert warnings_of(identify(model, [log], preprocessing=HOW)) == ()
+
+
+@pytest.mark.parametrize(("name", "warned"), [("five_point", True), ("butterworth", False)])
+def test_a_filter_of_the_torque_alone(name: str, warned: bool) -> None:
+    model, log = recorded()
+    found = warnings_of(identify(model, [log], preprocessing=Preprocessing(FILTERS.make(name), rest="keep")))
+    assert any("not the regressor" in text for text in found) is warned, found
+
+
+def test_a_torque_of_the_wrong_sign() -> None:
+    model, log = recorded(flip=1)
+    found = warnings_of(identify(model, [log], preprocessing=HOW))
+    assert any("negative correlation" in text for text in found), found
+
+
+def test_a_consistent_fit_that_is_some_tens_of_per_cent_worse_is_no_fault() -> None:
+    """Right cases of real robots leave as much, by friction that the model lacks."""
+    model, log = recorded()
+    sound = identify(model, [log], preprocessing=HOW)
+    worse = {**sound.extras, "residual_above_unconstrained": 0.32}
+    assert warnings_of(replace(sound, extras=worse)) == ()
+
+
+def test_positions_beyond_the_limits() -> None:
+    model, log = recorded(stretch=57.3)
+    found = warnings_of(identify(model, [log], preprocessing=HOW))
+    assert any("limits" in text and "check units" in text for text in found), found
+
+
+def test_what_the_robot_itself_hides() -> None:
+    """A base that is 1e-4 rad off the vertical: first moments of the first link hang on that alone."""
+    model, log = recorded()
+    tilted = replace(model, robot=model.robot.with_gravity([0.0, 9.81e-4, -9.81]))
+    estimate = identify(tilted, [log], preprocessing=HOW)
+    (found,) = warnings_of(estimate)
+    assert found.startswith(
+        f"{len(estimate.base.weak)} of {estimate.base.count} base parameters are nearly unidentifiable"
+    )
+    assert estimate.base.names[estimate.base.weak[0]] in found
+
+
+@pytest.mark.parametrize(("number", "count"), [(999.0, 0), (1001.0, 1)])
+def test_a_poor_condition_number(number: float, count: int) -> None:
+    model, log = recorded()
+    estimate = replace(identify(model, [log], preprocessing=HOW), condition_number=number)
+    assert len(warnings_of(estimate)) == count
+
+
+def test_a_joint_that_the_model_does_not_explain() -> None:
+    """Torques that run against the model, are worse than a constant, or mostly noise, each in its own words."""
+    model, log = recorded()
+    estimate = identify(model, [log], "wls", preprocessing=HOW)
+    torque, size = np.array(log.torque), np.std(np.asarray(log.torque), axis=0)
+    torque[:, 0] = 2.0 * torque[:, 0].mean() - torque[:, 0]
+    torque[:, 1] = 0.3 * torque[:, 1]
+    torque[:, 3] += 1.5 * size[3] * np.random.default_rng(1).normal(size=len(torque))
+    found = warnings_of(estimate, validate(estimate, [replace(log, torque=torque)]))
+    against, worse, little = found[-3:]
+    assert against == "shoulder: negative correlation of predicted and measured torque: check its sign and column"
+    assert worse.startswith(f"{log.joints[1]}: the model is worse than a constant (R2 -")
+    assert re.fullmatch(
+        rf"{log.joints[3]}: the model explains \d\d % of its torque variance \(R2\): check torque signal and friction",
+        little,
+    )
+
+
+def test_doubtful_drive_gains_are_told_with_what_they_move() -> None:
+    model, log = recorded()
+    estimate = identify(model, [log], "wls", preprocessing=HOW)
+    moved = np.zeros(len(estimate.beta))
+    moved[:3] = 2.0 * estimate.deviations[:3]
+    for relative, span in (({"joint1": 0.02, "joint2": 0.05, "joint3": 0.0}, "2 to 5 %"), ({"joint1": 0.02}, "2 %")):
+        stated = {"gain_std": {"relative": relative, "parameters": moved.tolist()}}
+        (found,) = warnings_of(replace(estimate, extras={**estimate.extras, **stated}))
+        assert found.startswith(f"drive gains have a relative std of {span}: it shifts 3 of {len(moved)} parameters")

@@ -1,0 +1,261 @@
+"""Friction that is chosen and non-linear fields that are found: both from data whose truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynident.arrays import Array
+from dynident.data.log import Log
+from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.errors import BadOption, LogMismatch, SolverFailed
+from dynident.identification.files.estimate_file import read_estimate, summary, write_estimate
+from dynident.identification.identify import identify
+from dynident.identification.problem.problem import Problem
+from dynident.identification.selection.friction import alike
+from dynident.identification.selection.friction.alike import same_for_all
+from dynident.identification.selection.friction.column_pool import fit, loss, make_pool
+from dynident.identification.selection.friction.friction_choice import choose_friction
+from dynident.identification.selection.friction.variable_projection import vary_fields
+from dynident.identification.validate import validate
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.degressive import Degressive
+from dynident.model.friction.load import Load
+from dynident.model.friction.periodic import Periodic
+from dynident.model.friction.rotor_inertia import RotorInertia
+from dynident.model.friction.stribeck import Stribeck
+from dynident.model.friction.viscous import Viscous
+from dynident.model.robot import Robot
+from dynident.results.choices import choice_tables
+from dynident.results.text import plain
+
+#: Friction of the three joints of ``mixed``.
+TRUTH = np.array([3.0, 2.0, 3.0, 4.0, 0.15, 2.0, 1.5])
+
+GIVEN = Preprocessing(AsGiven(), rest="keep")
+
+MakeLog = Callable[..., Log]
+
+
+def with_friction(model: DynamicModel, values: Array) -> Array:
+    assert model.robot.nominal is not None
+    return np.append(model.robot.nominal, values)
+
+
+@pytest.fixture(scope="module")
+def mixed(spatial_3r: Robot) -> DynamicModel:
+    parts = (
+        Coulomb(0.02),
+        Viscous(joints=("joint1", "joint3")),
+        Degressive(joints=("joint2",)),
+        Load(joints=("joint2",)),
+    )
+    return DynamicModel(spatial_3r, parts)
+
+
+@pytest.fixture(scope="module")
+def mixed_log(mixed: DynamicModel, exact_log: MakeLog) -> Log:
+    return exact_log(mixed, with_friction(mixed, TRUTH), noise=0.3, samples=1600, rate=80.0)
+
+
+def test_the_friction_of_each_joint_is_chosen(
+    mixed: DynamicModel, mixed_log: Log, exact_log: MakeLog, tmp_path: Path
+) -> None:
+    other_log = exact_log(mixed, with_friction(mixed, TRUTH), noise=0.3, samples=1000, rate=70.0, size=0.8, seed=5)
+    bare = DynamicModel(mixed.robot)
+    estimate = identify(bare, [mixed_log], "wls", GIVEN, choose_friction=True)
+    chosen = estimate.extras["friction_choice"]
+    on = {
+        name: {part.split()[0] for step in steps if step["chosen"] for part in step["parts"]}
+        for name, steps in chosen["joints"].items()
+    }
+    assert {"load", "degressive"} <= on["joint2"] and "viscous" not in on["joint2"]
+    for name in ("joint1", "joint3"):
+        assert {"coulomb", "viscous"} <= on[name] and "load" not in on[name]
+    known = identify(mixed, [mixed_log], "wls", GIVEN)
+    default = identify(DynamicModel(mixed.robot, ("coulomb", "viscous", "offset")), [mixed_log], "wls", GIVEN)  # type: ignore[arg-type]
+    found, right, wrong = (validate(each, [other_log]).total_relative_error for each in (estimate, known, default))
+    assert found < 1.02 * right < 0.95 * wrong
+    write_estimate(estimate, tmp_path / "chosen.json")
+    read = read_estimate(tmp_path / "chosen.json")
+    assert read.model.friction == estimate.model.friction
+    np.testing.assert_array_equal(read.beta, estimate.beta)
+    steps = summary(read)["extras"]["friction_choice"]["joints"]["joint2"]
+    assert sum(step["chosen"] for step in steps) == 1 and steps[0]["parts"] == []
+    (title, table), (other, alike), (fields, widths) = choice_tables(read.extras)
+    assert title == "Friction model selection by joint" and "+ load" in plain(table)
+    assert other == "Shared friction model" and plain(alike).count("yes") == 1
+    assert fields.startswith("Cross-validation of given") and {row[0] for row in widths.rows} == {
+        "coulomb, load",
+        "stribeck",
+    }
+
+
+@pytest.mark.parametrize("velocity", [0.06, 0.1, 0.15])
+def test_stribeck_friction_is_chosen_where_the_log_has_slow_motion(
+    spatial_3r: Robot, exact_log: MakeLog, velocity: float
+) -> None:
+    """Between the velocities that the choice begins with, too: each drive's is found from the log."""
+    truth = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous(), Stribeck(velocity)))
+    values = np.tile([3.0, 1.0, 2.0], 3)
+    log = exact_log(truth, with_friction(truth, values), noise=0.3, samples=3000, rate=100.0, size=0.5, seed=1)
+    choice = choose_friction(DynamicModel(spatial_3r), [preprocess(log, GIVEN)])
+    for steps in choice.steps.values():
+        (parts,) = (step.parts for step in steps if step.chosen)
+        assert {"coulomb", "viscous", "stribeck"} == {part.split()[0] for part in parts}, parts
+    found = [part for part in choice.friction if isinstance(part, Stribeck)]
+    assert all(part.velocity == pytest.approx(velocity, rel=0.12) for part in found), found
+    shown = {part for steps in choice.steps.values() for step in steps for part in step.parts}
+    assert {f"stribeck (velocity {part.velocity:.3g})" for part in found} <= shown
+
+
+def test_one_friction_for_all_is_taken_where_it_is_as_good(
+    mixed: DynamicModel, exact_log: MakeLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Drives that are alike get one list, whatever lists they were given; one that differs much keeps its own."""
+    robot = mixed.robot
+    plain_drives = DynamicModel(robot, (Coulomb(0.02), Viscous()))
+    log = exact_log(
+        plain_drives, with_friction(plain_drives, np.tile([3.0, 1.5], 3)), noise=0.3, samples=2000, rate=100.0
+    )
+    given = (Coulomb(0.02), Viscous(joints=("joint1", "joint2")), Degressive(joints=("joint3",)))
+    found, compared = same_for_all(replace(plain_drives, friction=given), [preprocess(log, GIVEN)])
+    assert all(part.joints is None for part in found.friction)
+    assert sum(each.chosen for each in compared) == 1 and compared[0].parts == ("each its own",)
+    sticky = DynamicModel(robot, (Coulomb(0.02), Viscous(), Stribeck(0.1, joints=("joint1",))))
+    values = np.array([3.0, 1.5, 4.0, 3.0, 1.5, 3.0, 1.5])
+    assert len(sticky.parameters) == sticky.inertial_count + len(values)
+    log = exact_log(sticky, with_friction(sticky, values), noise=0.05, samples=2000, rate=100.0, size=0.3)
+    kept, compared = same_for_all(sticky, [preprocess(log, GIVEN)])
+    assert kept.friction == sticky.friction and compared[0].chosen
+    assert same_for_all(plain_drives, [preprocess(log, GIVEN)]) == (plain_drives, ())
+
+    held_out = alike._held_out
+
+    def unsolved(problem: Problem, scale: Array) -> Array | None:
+        if any(part.joints is not None for part in problem.model.friction):
+            raise SolverFailed("the consistent fit", "none", "none")
+        return held_out(problem, scale)
+
+    monkeypatch.setattr(alike, "_held_out", unsolved)
+    found, compared = same_for_all(sticky, [preprocess(log, GIVEN)])
+    assert all(part.joints is None for part in found.friction)
+    assert all(np.isfinite(each.held_out) for each in compared) and sum(each.chosen for each in compared) == 1
+
+
+def test_too_short_a_log_chooses_nothing(mixed: DynamicModel, exact_log: MakeLog) -> None:
+    log = exact_log(mixed, with_friction(mixed, np.ones(7)), samples=60)
+    with pytest.raises(LogMismatch, match="too few to choose friction; give longer logs"):
+        choose_friction(mixed, [preprocess(log, GIVEN)])
+
+
+def prepared(model: DynamicModel, values: Array, exact_log: MakeLog, noise: float = 0.05) -> Prepared:
+    log = exact_log(model, with_friction(model, values), noise=noise, samples=2000, rate=100.0, size=0.5)
+    return preprocess(log, GIVEN)
+
+
+@pytest.mark.parametrize("velocity", [0.08, 0.4])
+def test_a_stribeck_velocity_is_found(planar_2r: Robot, exact_log: MakeLog, velocity: float) -> None:
+    model = DynamicModel(planar_2r, (Coulomb(), Viscous(), Stribeck(velocity)))
+    log = prepared(model, np.array([3.0, 1.0, 4.0, 2.0, 0.5, 3.0]), exact_log)
+    start = replace(model, friction=(*model.friction[:2], Stribeck(0.15, vary=("velocity",))))
+    solved, (found,) = vary_fields(start, [log])
+    assert found.value == pytest.approx(velocity, rel=0.05)
+    assert found.low <= found.value <= found.high
+    assert solved.friction[2] == Stribeck(found.value, vary=("velocity",))
+
+
+def test_two_fields_on_joints_of_their_own(planar_2r: Robot, exact_log: MakeLog) -> None:
+    truth = (Coulomb(0.05, joints=("joint1",)), Coulomb(0.15, joints=("joint2",)), Viscous())
+    model = DynamicModel(planar_2r, truth)
+    log = prepared(model, np.array([3.0, 1.0, 2.0, 0.5]), exact_log)
+    guess = tuple(replace(part, width=0.02, vary=("width",)) for part in truth[:2])
+    _, found = vary_fields(replace(model, friction=(*guess, Viscous())), [log])
+    assert [(each.joints, each.field) for each in found] == [(("joint1",), "width"), (("joint2",), "width")]
+    assert [each.value for each in found] == pytest.approx([0.05, 0.15], rel=0.08)
+
+
+def test_identify_finds_fields_first(planar_2r: Robot, exact_log: MakeLog) -> None:
+    model = DynamicModel(planar_2r, (Coulomb(), Viscous(), Degressive(0.3)))
+    theta = with_friction(model, np.array([3.0, 1.0, 4.0, 2.0, 0.5, 3.0]))
+    log = exact_log(model, theta, noise=0.02, samples=2000, rate=100.0)
+    asked = replace(model, friction=(Coulomb(), Viscous(), Degressive(0.6, vary=("exponent",))))
+    estimate = identify(asked, [log], "wls", GIVEN)
+    (found,) = estimate.extras["non_linear"]
+    assert found["value"] == pytest.approx(0.3, rel=0.1) and found["part"] == "degressive"
+    part = estimate.model.friction[2]
+    assert isinstance(part, Degressive) and part.exponent == found["value"]
+    ((title, table),) = choice_tables(estimate.extras)
+    assert title.startswith("Friction fields") and table.rows[0][:3] == ("degressive", "all", "exponent")
+
+
+def test_only_non_linear_fields_vary(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = prepared(DynamicModel(planar_2r), np.zeros(0), exact_log)
+    with pytest.raises(BadOption, match=r"vary = 'speed' is not possible; the part 'viscous' can vary: nothing"):
+        vary_fields(DynamicModel(planar_2r, (Viscous(vary=("speed",)),)), [log])
+
+
+def test_the_pool_fits_as_least_squares_does(planar_2r: Robot, exact_log: MakeLog) -> None:
+    model = DynamicModel(planar_2r, (Coulomb(), Viscous()))
+    log = prepared(model, np.array([3.0, 1.0, 2.0, 0.5]), exact_log, noise=0.5)
+    pool = make_pool(model, (Coulomb(), Coulomb(0.1), Viscous()), [log], blocks=4)
+    assert pool.products.shape[:2] == (4, 2) and pool.rows.sum() == 2 * 2000
+    keep = pool.chosen([[0, 2], [0, 2]])
+    total = pool.weighted(np.ones(2)).sum(axis=0)
+    beta = fit(total, keep)
+    ols = identify(model, [log.log], "ols", GIVEN)
+    square = float(np.sum(ols.train.residual**2))
+    assert loss(total, keep, beta) == pytest.approx(square, rel=1e-6)
+
+
+def test_a_choice_is_held_against_the_friction_it_begins_with(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """By rows that had no part in it: a drive of its own pays, what only follows the noise does not."""
+    usual = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous()))
+    sticky = DynamicModel(spatial_3r, (Coulomb(0.02), Viscous(), Stribeck(0.1, joints=("joint1",))))
+    plain = exact_log(usual, with_friction(usual, np.tile([3.0, 1.5], 3)), noise=0.3, samples=2000, rate=100.0)
+    apart = exact_log(
+        sticky, with_friction(sticky, np.array([3.0, 1.5, 4.0, 3.0, 1.5, 3.0, 1.5])), noise=0.05, samples=2000,
+        rate=100.0, size=0.3,
+    )  # fmt: skip
+    same, better = (choose_friction(usual, [preprocess(log, GIVEN)]) for log in (plain, apart))
+    assert not same.pays and same.gain < 2 * same.error + 5e-3
+    assert better.pays and better.gain > 0.5 and better.figures()["gain"] == better.gain
+    kept, compared = same_for_all(replace(usual, friction=better.friction), [preprocess(apart, GIVEN)], pays=False)
+    assert all(part.joints is None for part in kept.friction) and not compared[0].chosen
+
+
+@pytest.mark.parametrize(("turns", "offered"), [(0.9, ()), (1.1, ("joint1",))])
+def test_torque_that_repeats_with_position_is_chosen_over_a_whole_cycle_alone(
+    spatial_3r: Robot, exact_log: MakeLog, turns: float, offered: tuple[str, ...]
+) -> None:
+    """The first axis stands upright, so no gravity passes for it; the others move less than a turn."""
+    usual = (Coulomb(0.02), Viscous())
+    truth = DynamicModel(spatial_3r, (*usual, Periodic(joints=("joint1",))))
+    values = with_friction(truth, np.array([3.0, 1.5, 2.0, 1.0, 2.0, 1.0, 3.0, 1.5, 3.0, 1.5]))
+    still = exact_log(truth, values, samples=1600, rate=80.0)
+    size = turns * 2 * np.pi / np.ptp(still.q, axis=0)[0]
+    log = exact_log(truth, values, noise=0.1, samples=1600, rate=80.0, size=float(size))
+    scale = np.ptp(log.q, axis=0) / (2 * np.pi)
+    assert scale[0] == pytest.approx(turns)
+    chosen = choose_friction(DynamicModel(spatial_3r, usual), [preprocess(log, GIVEN)]).friction
+    on = [name for part in chosen if isinstance(part, Periodic) for name in part.joints or spatial_3r.joint_names]
+    assert [name for name in on if name == "joint1"] == list(offered)
+    assert all(scale[spatial_3r.joint_names.index(name)] >= 1 for name in on)
+
+
+def test_no_delay_is_found_where_friction_is_chosen_and_none_is_there(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """Rotors and friction that bends, which a list of the usual three lacks, are no delay."""
+    truth = DynamicModel(spatial_3r, (Coulomb(0.02), Degressive(), RotorInertia()))
+    values = with_friction(truth, np.tile([3.0, 3.0, 1.0], 3))
+    train, test = (exact_log(truth, values, noise=0.05, samples=1500, rate=100.0, seed=seed) for seed in (0, 4))
+    chosen = identify(DynamicModel(spatial_3r), [train], "wls", replace(GIVEN, delay_s=None), choose_friction=True)
+    known = identify(truth, [train], "wls", GIVEN)
+    assert abs(chosen.extras["delays"][0]["seconds"]) < 5e-4
+    errors = [validate(estimate, [test]).total_relative_error for estimate in (chosen, known)]
+    assert errors[0] < 1.02 * errors[1]

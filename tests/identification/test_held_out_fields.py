@@ -1,0 +1,203 @@
+"""Stated values of friction fields that give way to those of held-out rows, and those that stand."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dynident.data.log import Log
+from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.errors import BadOption
+from dynident.identification.files.estimate_file import summary
+from dynident.identification.identify import identify
+from dynident.identification.selection.friction.held_out_fields import choose_fields
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Friction, Motion
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.stribeck import Stribeck
+from dynident.model.friction.viscous import Viscous
+from dynident.model.robot import Robot
+from dynident.results.choices import choice_tables
+
+GIVEN = Preprocessing(AsGiven(), rest="keep")
+
+DRY = Coulomb(0.01, choose=("width",))
+FADING = Stribeck(0.1, width=0.01, choose=("part", "width", "velocity"))
+
+MakeLog = Callable[..., Log]
+
+
+def logged(robot: Robot, parts: tuple[Friction, ...], values: list[float], exact_log: MakeLog, **how: float) -> Log:
+    assert robot.nominal is not None
+    model = DynamicModel(robot, parts)
+    return exact_log(model, np.append(robot.nominal, values), **{"samples": 2000, "rate": 100.0, "size": 0.5} | how)
+
+
+def rows(*logs: Log) -> list[Prepared]:
+    return [preprocess(log, GIVEN) for log in logs]
+
+
+@pytest.mark.parametrize("width", [0.05, 0.2])
+def test_a_width_that_the_log_contradicts_gives_way(planar_2r: Robot, exact_log: MakeLog, width: float) -> None:
+    log = logged(planar_2r, (Coulomb(width), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.05)
+    asked = DynamicModel(planar_2r, (Coulomb(0.01, choose=("width",)), Viscous()))
+    model, (held,) = choose_fields(asked, rows(log))
+    assert held.value == held.best == pytest.approx(width, rel=0.06)
+    assert model.friction == (Coulomb(held.value, choose=("width",)), Viscous())
+    assert held.error is not None and held.gain > 2 * held.error
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_width_that_is_right_stands(planar_2r: Robot, exact_log: MakeLog, seed: int) -> None:
+    log = logged(planar_2r, (Coulomb(0.05), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.3, seed=seed)
+    asked = DynamicModel(planar_2r, (Coulomb(0.05, choose=("width",)), Viscous()))
+    model, (held,) = choose_fields(asked, rows(log))
+    assert model == asked and held.value == held.stated == 0.05
+
+
+def test_what_only_some_stretches_ask_for_is_not_taken(planar_2r: Robot, exact_log: MakeLog) -> None:
+    """One log of five has another width: the best of all rows is another one, held-out rows are not sure of it."""
+    usual, other = (
+        [
+            logged(
+                planar_2r, (Coulomb(width), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, samples=600, noise=0.05, seed=k
+            )
+            for k in seeds
+        ]
+        for width, seeds in ((0.02, range(4)), (0.3, (7,)))
+    )
+    asked = DynamicModel(planar_2r, (Coulomb(0.02, choose=("width",)), Viscous()))
+    _, (held,) = choose_fields(asked, rows(*usual, *other))
+    assert held.value == 0.02 and held.error is not None and 0 < held.gain < 2 * held.error
+
+
+def test_a_slide_has_a_width_of_its_own(sliding_arm: Robot, exact_log: MakeLog) -> None:
+    hinges, slides = ("joint1", "joint3"), ("joint2",)
+    truth = (Coulomb(0.1, joints=hinges), Coulomb(0.02, joints=slides), Viscous())
+    log = logged(sliding_arm, truth, [3.0, 1.0, 20.0, 4.0, 2.0, 0.5], exact_log, noise=0.05)
+    model, found = choose_fields(DynamicModel(sliding_arm, (Coulomb(0.02, choose=("width",)), Viscous())), rows(log))
+    values = {held.joints: held.value for held in found}
+    assert values[slides] == 0.02 and values[hinges] == pytest.approx(0.1, rel=0.06)
+    assert [part.joints for part in model.friction] == [hinges, slides, None]
+
+
+def test_too_few_rows_leave_what_is_stated(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = logged(planar_2r, (Coulomb(0.2), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, samples=30)
+    _, (held,) = choose_fields(DynamicModel(planar_2r, (Coulomb(0.01, choose=("width",)), Viscous())), rows(log))
+    assert (held.value, held.best, held.error) == (0.01, 0.01, None)
+    ((_, table),) = choice_tables({"chosen_fields": [vars(held)]})
+    assert table.rows[0][-1] == "given"
+
+
+def test_identify_chooses_and_says_so(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = logged(planar_2r, (Coulomb(0.1), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.05)
+    estimate = identify(DynamicModel(planar_2r, (DRY, Viscous())), [log], "wls", GIVEN)
+    (held,) = json.loads(json.dumps(summary(estimate)))["extras"]["chosen_fields"]
+    part = estimate.model.friction[0]
+    assert isinstance(part, Coulomb) and part.width == held["value"] == pytest.approx(0.1, rel=0.06)
+    ((title, table),) = choice_tables(estimate.extras)
+    assert title.startswith("Cross-validation of given") and table.rows[0][:4] == ("coulomb", "all", "width", "0.01")
+    assert table.rows[0][-1] == "best"
+
+
+def test_only_a_non_linear_field_can_be_chosen_and_by_one_way(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = logged(planar_2r, (Coulomb(), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, samples=300)
+    for part, message in (
+        (Viscous(choose=("speed",)), r"choose = 'speed' is not possible; the part 'viscous' can choose: nothing"),
+        (Stribeck(choose=("velocity",), vary=("velocity",)), "name a field in vary or in choose, not in both"),
+    ):
+        with pytest.raises(BadOption, match=message):
+            choose_fields(replace(DynamicModel(planar_2r), friction=(part,)), rows(log))
+
+
+def test_a_part_that_the_log_asks_for_is_taken_and_its_sign_turns_with_the_others(
+    planar_2r: Robot, exact_log: MakeLog
+) -> None:
+    truth = (Coulomb(0.03), Viscous(), Stribeck(0.2, width=0.03))
+    log = logged(planar_2r, truth, [3.0, 1.0, 2.0, 2.0, 0.5, 0.7], exact_log, noise=0.05)
+    model, found = choose_fields(DynamicModel(planar_2r, (DRY, Viscous(), FADING)), rows(log))
+    dry, _, fading = model.friction
+    assert isinstance(dry, Coulomb) and isinstance(fading, Stribeck)
+    assert dry.width == fading.width == pytest.approx(0.03, rel=0.06) and fading.velocity == pytest.approx(0.2, rel=0.1)
+    taken = {(held.part, held.field): held for held in found}
+    assert taken["stribeck", "part"].value == 1.0 and ("coulomb, stribeck", "width") in taken
+    ((_, table),) = choice_tables({"chosen_fields": [vars(held) for held in found]})
+    assert ("left out", "there", "best") in [(row[3], row[4], row[7]) for row in table.rows]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_part_that_is_not_there_is_left_out(planar_2r: Robot, exact_log: MakeLog, seed: int) -> None:
+    """Nor is one whose coefficients would have the sign that physics forbids: dry friction that grows with speed."""
+    plain = logged(planar_2r, (Coulomb(0.01), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.3, seed=seed)
+    grown = logged(
+        planar_2r, (Coulomb(0.01), Viscous(), Stribeck(0.2, width=0.01)), [3.0, 1.0, -1.0, 2.0, 0.5, -0.4], exact_log,
+        noise=0.05, seed=seed,
+    )  # fmt: skip
+    for log in (plain, grown):
+        model, (held,) = choose_fields(DynamicModel(planar_2r, (Coulomb(0.01), Viscous(), FADING)), rows(log))
+        assert model.friction == (Coulomb(0.01), Viscous()) and (held.field, held.value) == ("part", 0.0)
+
+
+def test_too_few_rows_leave_a_part_out(planar_2r: Robot, exact_log: MakeLog) -> None:
+    log = logged(planar_2r, (Coulomb(0.2), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, samples=30)
+    model, (held,) = choose_fields(DynamicModel(planar_2r, (Coulomb(0.01), Viscous(), FADING)), rows(log))
+    assert len(model.friction) == 2 and held.error is None
+
+
+def test_a_late_torque_is_no_wider_sign(planar_2r: Robot, exact_motion: Callable[..., Motion]) -> None:
+    """A delay that nobody took out asks for another width, unless it is free where widths are compared."""
+    assert planar_2r.nominal is not None
+    model = DynamicModel(planar_2r, (Coulomb(0.02), Viscous()))
+    theta, time = np.append(planar_2r.nominal, [3.0, 1.0, 2.0, 0.5]), np.arange(2000) / 100.0
+    measured, behind = (exact_motion(2, time - lag, 0.5, seed=3) for lag in (0.0, 0.008))
+    torque = model.torque(behind, theta) + 0.02 * np.random.default_rng(0).normal(size=(2000, 2))
+    log = Log(planar_2r.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque)
+    asked = replace(model, friction=(Coulomb(0.02, choose=("width",)), Viscous(), FADING))
+    apart = {}
+    for late in (False, True):
+        _, found = choose_fields(asked, rows(log), late=late)
+        apart[late] = max(held.gain for held in found)
+    assert apart[True] < 0.5 * apart[False]
+
+
+def test_the_delay_is_found_again_with_the_friction_that_was_chosen(
+    planar_2r: Robot, exact_motion: Callable[..., Motion]
+) -> None:
+    assert planar_2r.nominal is not None
+    truth = DynamicModel(planar_2r, (Coulomb(0.05), Viscous(), Stribeck(0.2, width=0.05)))
+    theta, time = np.append(planar_2r.nominal, [3.0, 1.0, 2.0, 2.0, 0.5, 0.7]), np.arange(3000) / 100.0
+    measured, behind = (exact_motion(2, time - lag, 0.5, seed=3) for lag in (0.0, 0.02))
+    torque = truth.torque(behind, theta) + 0.02 * np.random.default_rng(0).normal(size=(3000, 2))
+    log = Log(planar_2r.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque)
+    model = DynamicModel(planar_2r, (DRY, Viscous(), FADING))
+    estimate = identify(model, [log], "wls", replace(GIVEN, delay_s=None))
+    (delay,) = estimate.extras["delays"]
+    assert delay["applied"] == pytest.approx(0.02, abs=2e-4)
+    assert [type(part) for part in estimate.model.friction] == [Coulomb, Viscous, Stribeck]
+    assert estimate.model.friction[0].options["width"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_what_is_chosen_last_is_chosen_with_the_delay_that_was_found(
+    planar_2r: Robot, exact_log: MakeLog, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = logged(planar_2r, (Coulomb(0.03), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, noise=0.05)
+    free: list[bool] = []
+
+    def told(*arguments: Any, **options: Any) -> Any:
+        free.append(any(value is True for value in (*arguments, *options.values())))
+        return choose_fields(*arguments, **options)
+
+    monkeypatch.setattr("dynident.identification.build_problem.choose_fields", told)
+    model = DynamicModel(planar_2r, (DRY, Viscous()))
+    estimate = identify(model, [log], "wls", replace(GIVEN, delay_s=None))
+    assert free == [True, False]
+    again = identify(model, [log], "wls", replace(GIVEN, delay_s=estimate.extras["delay_s"]))
+    (found,), (known,) = estimate.extras["chosen_fields"], again.extras["chosen_fields"]
+    assert (found["gain"], found["value"]) == pytest.approx((known["gain"], known["value"]), rel=2e-3)
+    assert found["value"] == pytest.approx(0.03, rel=0.01)
