@@ -52,6 +52,15 @@ def test_the_log_of_the_fit_stays_inside(bench: Bench, estimate: Estimate) -> No
     assert not any("leaves" in warning for warning in warnings_of(estimate, found))
 
 
+def test_rounding_is_not_extrapolation(bench: Bench, estimate: Estimate) -> None:
+    """The same log, filtered on another processor, differs in its last digits and stays inside."""
+    log = bench.log
+    rounded = replace(log, q=log.q * (1 + 1e-13), dq=np.asarray(log.dq) * (1 + 1e-13))
+    departure = validate(estimate, [rounded]).departure
+    assert departure is not None and departure.far == 0.0
+    np.testing.assert_array_equal(departure.outside, 0.0)
+
+
 def test_twice_as_fast_is_an_extrapolation_with_numbers(bench: Bench, estimate: Estimate) -> None:
     found = validate(estimate, [faster(bench, 2.0)])
     departure, envelope = found.departure, estimate.envelope

@@ -23,6 +23,9 @@ SEVERAL = 0.01
 #: Share of the spread of a state that a direction must have to count; less is rounding.
 _FLAT = 1e-6
 
+#: Excess over a range, as a share of it, that is rounding: the same log filtered on another processor.
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True)
 class Envelope:
@@ -147,7 +150,8 @@ def departure_of(
     states = _states(logs)
     low, high = envelope.low[:, None], envelope.high[:, None]
     span = np.maximum(envelope.high - envelope.low, 1e-12)
-    over = np.maximum(np.maximum(states - high, low - states), 0.0)
+    over = np.maximum(states - high, low - states)
+    over = np.where(over > _ROUNDING * span[:, None], over, 0.0)
     flat = states.transpose(1, 0, 2).reshape(states.shape[1], -1)
     distance = np.linalg.norm((flat - envelope.mean) @ envelope.whitener, axis=1)
     bands = torque_bands(triangles, covariance)
@@ -158,7 +162,7 @@ def departure_of(
         high=states.max(axis=1),
         beyond=over.max(axis=1) / span,
         outside=np.mean(over > 0, axis=1),
-        far=float(np.mean(distance > envelope.furthest)),
+        far=float(np.mean(distance > (1.0 + _ROUNDING) * envelope.furthest)),
         bands=bands,
         growth=growth,
     )
