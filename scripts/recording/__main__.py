@@ -107,7 +107,10 @@ def steps_of(recorder: Recorder, tier: str) -> Iterator[Step]:
     """Yield the steps of a tier, once the inputs are there."""
     listed = json.loads(recorder.run(QUICK[0]))
     yield from (step for step in QUICK if step is not QUICK[0])
-    names = {family: [part["name"] for part in listed[family]] for family in ("exporters", "model_exporters")}
+    # A tree older than the wings lists the exporters of motions as "exporters".
+    motions = listed["motion_exporters"] if "motion_exporters" in listed else listed["exporters"]
+    families = {"motion_exporters": motions, "model_exporters": listed["model_exporters"]}
+    names = {family: [part["name"] for part in parts] for family, parts in families.items()}
     if tier == "quick":
         yield from exports(names, tier)
         return

@@ -211,7 +211,7 @@ def exports(names: Mapping[str, list[str]], tier: str) -> Iterator[Step]:
         names: Of the exporters of motions (``exporters``) and of models (``model_exporters``).
         tier: ``quick`` or ``full``.
     """
-    for name in names["exporters"]:
+    for name in names["motion_exporters"]:
         suffix, options = MOTIONS.get(name, ("", ""))
         plan = "seven-plan" if name == "libfranka" else "plan"
         words = f"export inputs/{plan}.json --to {name} -o {{out}}/motion{suffix} {options}"
