@@ -193,7 +193,7 @@ def test_make_from_text(family: Family[object]) -> None:
         ("sides", "many", "sides = 'many' is not possible; write a value of the kind int"),
         ("radius", "1,5", "radius = '1,5' is not possible; write a value of the kind float"),
         ("filled", "yes", "filled = 'yes' is not possible; write true or false"),
-        ("radius", None, "radius = None is not possible; give a value of the kind float"),
+        ("radius", None, "radius is not given; give a value of the kind float"),
         ("colour", "1;2", "colour = '1;2' is not possible; write a value of the kind tuple[float, ...] | None"),
     ],
 )

@@ -93,7 +93,19 @@ class BadOption(DynidentError):
 
     def __init__(self, option: str, value: object, step: str) -> None:
         self.option, self.value, self.step = option, value, step
-        super().__init__(f"{option} = {value!r} is not possible; {step}")
+        super().__init__(f"{_stated(option, value)}; {step}")
+
+    def called(self, name: str) -> BadOption:
+        """Return the same error with the option by another name, such as the flag that was typed."""
+        return type(self)(name, self.value, self.step)
+
+
+def _stated(option: str, value: object) -> str:
+    if value is None:
+        return f"{option} is not given"
+    if isinstance(value, str) and not value.strip():
+        return f"{option} is empty"
+    return f"{option} = {value!r} is not possible"
 
 
 class PoorExcitation(DynidentError):

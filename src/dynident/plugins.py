@@ -15,7 +15,7 @@ import sys
 from collections.abc import Collection, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cache
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from dynident.errors import BadOption, BrokenPart, UnknownChoice, nearest
@@ -111,14 +111,26 @@ class Family(Generic[Part]):
         kind: The abstract base that every part of the family implements.
         noun: What one part is called in messages, such as ``"estimator"``.
         rooms: Further folders of parts, in rooms that stand above the family's own; one may be absent.
+        aliases: Other names by which parts are asked for, with the name of the part; a part of that name goes first.
     """
 
-    def __init__(self, package: str, kind: type[Part], noun: str, rooms: tuple[str, ...] = ()) -> None:
-        self.package, self.kind, self.noun, self.rooms = package, kind, noun, rooms
+    def __init__(
+        self,
+        package: str,
+        kind: type[Part],
+        noun: str,
+        rooms: tuple[str, ...] = (),
+        aliases: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        self.package, self.kind, self.noun, self.rooms, self.aliases = package, kind, noun, rooms, aliases
 
     def names(self) -> tuple[str, ...]:
         """Return the names of the parts, sorted; nothing is imported."""
         return part_names(self.package, *self.rooms)
+
+    def resolve(self, name: str) -> str:
+        """Return the name of the part that a name or an alias asks for; any other name as it is."""
+        return name if name in self.names() else self.aliases.get(name, name)
 
     def place(self, name: str) -> str:
         """Return the dotted name of the folder that has a part of the family's own."""
@@ -131,7 +143,7 @@ class Family(Generic[Part]):
             UnknownChoice: The family has no such part.
             BrokenPart: An installed package adds a part that cannot be loaded, or whose name is taken.
         """
-        names = self.names()
+        names, name = self.names(), self.resolve(name)
         if name not in names:
             raise UnknownChoice(self.noun, name, names)
         points = added(self.package).get(name, ())

@@ -89,12 +89,17 @@ def test_help_of_every_command(command: str, capsys: Capture) -> None:
     assert out.startswith(f"usage: dynident {command}") and f"dynident {command}" in out.split("\n", 1)[1]
 
 
-@pytest.mark.parametrize("words", [["idntify"], ["identify"], ["list", "robos"], ["identify", "a", "--cutoff", "low"]])
+@pytest.mark.parametrize("words", [["identify"], ["list", "robos"], ["identify", "a", "--cutoff", "low"]])
 def test_wrong_usage_exits_with_2(words: list[str], capsys: Capture) -> None:
     with pytest.raises(SystemExit) as caught:
         main(words)
     out, err = capsys.readouterr()
     assert caught.value.code == 2 and out == "" and "usage: dynident" in err
+
+
+def test_a_mistyped_command_gets_the_nearest_one(capsys: Capture) -> None:
+    assert main(["idntify", "arm.yaml"]) == 2
+    assert capsys.readouterr().err.startswith("error: no command called 'idntify'; did you mean 'identify'?\n")
 
 
 def test_a_traceback_only_where_it_is_asked_for(capsys: Capture) -> None:
@@ -344,7 +349,7 @@ def test_demo_leaves_files_that_the_other_commands_take(
 
 
 UNUSABLE = [
-    (["identify", "arm.json"], "LOG = '' is not possible; name a log on the command line, or under train:"),
+    (["identify", "arm.json"], "LOG is empty; name a log on the command line, or under train:"),
     (["identify", "arm.json", "no.csv"], "no.csv: there is no such file; check the path"),
     (["identify", "no.yaml", "run.csv"], "no.yaml: no such file; give a file, or a built-in example robot"),
     (["identify", "arm.json", "run.csv", "--test", "no.csv"], "no.csv: there is no such file; check the path"),

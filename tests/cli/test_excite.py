@@ -188,7 +188,7 @@ def test_a_spline_and_what_nobody_has_looked_at(robot: str, capsys: pytest.Captu
         (["--csv", "plan.csv", "--rate", "0"], "--rate = 0.0 is not possible; give samples a second"),
         (["--csv", "plan.csv", "--repeats", "0"], "--repeats = 0 is not possible; give 1 or more"),
         (["--jobs", "0"], "jobs = 0 is not possible; give 1 or more"),
-        (["--resume"], "--resume = '' is not possible; name a file, or give the plan's with -o"),
+        (["--resume"], "--resume is empty; name a file, or give the plan's with -o"),
         (["--sigmas", "2"], "--sigmas = 2.0 is not possible; it needs --model"),
         (
             ["--noise", "1", "2", "3"],

@@ -15,6 +15,7 @@ from dynident.cli.main import main
 from dynident.excitation.design.limits import MotionLimits, check_limits
 from dynident.excitation.design.plan import Plan, write_plan
 from dynident.excitation.trajectories.rest_fourier import RestFourier
+from dynident.exports.models import MODEL_EXPORTERS
 from dynident.exports.motions import MOTION_EXPORTERS
 
 Capture = pytest.CaptureFixture[str]
@@ -31,6 +32,21 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
     made = replace(draft, rows=check_limits(draft.motion(), limits, draft.samples))
     write_plan(made, "plan.json")
     return made
+
+
+def test_a_message_names_the_flag_that_is_missing(plan: Plan, capsys: Capture) -> None:
+    assert main(["export", "plan.json", "--to", "csv", "-o", "m.csv"]) == 1
+    assert capsys.readouterr().err.startswith("error: --from-posture is not given; csv holds samples only")
+
+
+def test_a_target_has_the_name_that_people_ask_for(plan: Plan, capsys: Capture) -> None:
+    assert main(["export", "plan.json", "--to", "ros", "-o", "m.yaml", "--check"]) == 0
+    assert capsys.readouterr().out.startswith("arm to joint_trajectory: ")
+    assert {MODEL_EXPORTERS.resolve(name) for name in ("mujoco", "gazebo", "c", "simulink")} == {
+        "mjcf", "sdf", "c_header", "fmu"
+    }  # fmt: skip
+    assert all(part in MODEL_EXPORTERS.names() for part in MODEL_EXPORTERS.aliases.values())
+    assert all(part in MOTION_EXPORTERS.names() for part in MOTION_EXPORTERS.aliases.values())
 
 
 def test_tables_and_files(plan: Plan, capsys: Capture) -> None:

@@ -437,7 +437,10 @@ def test_a_longer_gap_is_refused_with_what_bridges_it():
 def test_a_trim_that_leaves_nothing():
     with pytest.raises(LogMismatch) as caught:
         preprocess(log_of(np.zeros(100)), Preprocessing(FivePoint(), trim_s=3.0))
-    assert str(caught.value) == "simulated log: 0 samples are left of 100; trim less, or give more"
+    assert str(caught.value) == (
+        "simulated log: its 0.495 s are too short: 0 of 100 samples are left after 3 s trimmed at each end; "
+        "give a longer log, or trim less"
+    )
 
 
 def test_the_family_knows_its_parts():

@@ -238,7 +238,7 @@ def test_what_cannot_be_simulated_is_mixed_with_what_can(cell):
 
 def test_bad_options_say_what_to_do(cell):
     problem, truth, _ = cell
-    with pytest.raises(BadOption, match="kd = None is not possible; state it with kp"):
+    with pytest.raises(BadOption, match="kd is not given; state it with kp"):
         IV(kp=(1.0, 2.0))
     with pytest.raises(BadOption, match=r"kp = .* is not possible; give numbers, 0 or more"):
         IV(kp=(1.0, -2.0), kd=(1.0, 1.0))

@@ -402,7 +402,7 @@ def refused(change):
         ({"resolution": np.nan}, "resolution = nan is not possible; give finite numbers, 0 or more"),
         (
             {"gains": {"shoulder": 1.0}},
-            "gains['elbow'] = None is not possible; give each joint's drive gain in N m/A, not 0",
+            "gains['elbow'] is not given; give each joint's drive gain in N m/A, not 0",
         ),
         (
             {"gains": {"sholder": 1.0}},

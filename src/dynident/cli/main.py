@@ -12,9 +12,11 @@ import signal
 import sys
 import traceback
 from collections.abc import MutableMapping, Sequence
-from importlib.metadata import version
 from io import TextIOWrapper
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from dynident.errors import BadOption
 
 #: Commands in the order of the work; each is the module of the same name with ``SUMMARY``, ``configure`` and ``run``.
 COMMANDS = (
@@ -53,6 +55,8 @@ physically consistent dynamic model with confidence intervals.
 
 def build_parser(only: str | None = None) -> argparse.ArgumentParser:
     """Return the parser of all commands, or of one; no command's own imports are made."""
+    from importlib.metadata import version
+
     parser = argparse.ArgumentParser(
         prog="dynident",
         description=_DESCRIPTION,
@@ -91,12 +95,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _done(words: list[str]) -> int:
+    from dynident.errors import BadOption, DynidentError, nearest
+
+    if words and not words[0].startswith("-") and words[0] not in COMMANDS:
+        print(f"error: no command called '{words[0]}'{nearest(words[0], COMMANDS)}", file=sys.stderr)
+        print("'dynident --help' lists the commands", file=sys.stderr)
+        return 2
     parser = build_parser(words[0] if words and words[0] in COMMANDS else None)
     options = parser.parse_args(words)
     if options.command is None:
         parser.print_help()
         return 2
-    from dynident.errors import DynidentError
 
     if sys.stdout is None:
         print("error: there is no standard output to write the answer to", file=sys.stderr)
@@ -109,8 +118,18 @@ def _done(words: list[str]) -> int:
             raise
         if options.debug:
             traceback.print_exc()
-        code = _reported(error)
+        code = _reported(_by_flag(error, parser, options) if isinstance(error, BadOption) else error)
     return code
+
+
+def _by_flag(error: BadOption, parser: argparse.ArgumentParser, options: argparse.Namespace) -> BadOption:
+    """Return the error with the flag in place of the option's name in Python, where the flag is what was given."""
+    (commands,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    for action in commands.choices[options.command]._actions:
+        given = getattr(options, action.dest, action.default) != action.default
+        if action.dest == error.option and action.option_strings and (given or error.value is None):
+            return error.called(action.option_strings[-1])
+    return error
 
 
 def _out_of_memory(error: BaseException | None) -> BaseException | None:

@@ -103,7 +103,7 @@ def test_the_side_car_names_the_plan_by_its_hash(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["csv", "libfranka"])
 def test_samples_alone_need_to_know_where_the_robot_stands(name: str, tmp_path: Path) -> None:
-    with pytest.raises(BadOption, match=rf"from_posture = None is not possible; {name} holds samples only: state"):
+    with pytest.raises(BadOption, match=rf"from_posture is not given; {name} holds samples only: state"):
         export(plan_of(7), name, tmp_path / "m.csv")
 
 

@@ -205,7 +205,9 @@ def thinned(log: Log, filtered: Log, how: Preprocessing, delay_s: float = 0.0) -
         keep = keep[~near]
         filtered = filtered.with_step(f"{np.count_nonzero(near)} rows near gaps in time left out")
     if len(keep) < 2:
-        raise LogMismatch(log.name, f"{len(keep)} samples are left of {log.samples}", "trim less, or give more")
+        length = log.time[-1] - log.time[0]
+        kept = f"{len(keep)} of {log.samples} samples are left after {how.trim_s:.3g} s trimmed at each end"
+        raise LogMismatch(log.name, f"its {length:.3g} s are too short: {kept}", "give a longer log, or trim less")
     return Prepared(filtered, keep, how, every, delay_s)
 
 

@@ -22,6 +22,7 @@ MODEL_EXPORTERS: Family[ModelExporter] = Family(
     "dynident.exports.models",
     ModelExporter,  # type: ignore[type-abstract]
     "model exporter",
+    aliases={"simulink": "fmu", "c": "c_header", "mujoco": "mjcf", "gazebo": "sdf", "ros": "urdf", "python": "numpy"},
 )
 
 __all__ = [

@@ -20,6 +20,7 @@ MOTION_EXPORTERS: Family[MotionExporter] = Family(
     "dynident.exports.motions",
     MotionExporter,  # type: ignore[type-abstract]
     "exporter",
+    aliases={"ros": "joint_trajectory", "ur": "urscript", "kuka": "krl", "abb": "rapid", "franka": "libfranka"},
 )
 
 __all__ = [

@@ -173,7 +173,8 @@ def _by_windows(
             write_digest(digest(), keeping[0], position)
             written = time.monotonic()
     if tally.rows < 2:
-        raise LogMismatch(stream.table.path, f"{tally.rows} samples are left of {scan.samples}", "trim less")
+        evidence = f"it is too short: {tally.rows} of {scan.samples} samples are left after trimming"
+        raise LogMismatch(stream.table.path, evidence, "give a longer log, or trim less")
     whole = digest()
     if keeping is not None:
         write_digest(whole, keeping[0])
