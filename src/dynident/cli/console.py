@@ -50,7 +50,7 @@ def answer_line(data: Mapping[str, Any]) -> None:
 
 
 def answer_table(table: Table, title: str = "") -> None:
-    """Print a table: with rules and colour on a terminal, as plain columns in a pipe."""
+    """Print a table: as wide as the terminal allows there, as plain columns in a pipe."""
     from dynident.results.text import plain
 
     if not sys.stdout.isatty():
@@ -62,13 +62,26 @@ def answer_table(table: Table, title: str = "") -> None:
     from rich.table import Table as RichTable
     from rich.text import Text
 
-    shown = RichTable(title=title or None, title_justify="left", box=None, header_style="bold", pad_edge=False)
-    for column in table.columns:
-        heading = f"{column.heading} [{column.unit}]" if column.unit else column.heading
-        shown.add_column(Text(heading), justify="right" if column.numeric else "left", no_wrap=column.numeric)
-    for row in table.lined_up():
-        shown.add_row(*[Text(cell) for cell in row])
-    Console().print(shown)
+    from dynident.results.table_width import GAP, fit_width
+    from dynident.results.text import heading_text
+
+    screen = Console(soft_wrap=False)
+    fitted = fit_width(table, screen.width)
+    for number, (part, widths) in enumerate(zip(fitted.parts, fitted.widths, strict=True)):
+        if number:
+            answer()
+        heading = title if title and not number else None
+        shown = RichTable(
+            title=heading, title_justify="left", box=None, header_style="bold", pad_edge=False, padding=(0, GAP, 0, 0)
+        )
+        for column, width in zip(part.columns, widths, strict=True):
+            shown.add_column(Text(heading_text(column)), justify="right" if column.numeric else "left", width=width)
+        for row in part.lined_up():
+            shown.add_row(*[Text(cell) for cell in row])
+        screen.print(shown)
+    if fitted.left_out:
+        shown_by = "--json and a wider terminal show them"
+        screen.print(Text(f"left out here: {', '.join(fitted.left_out)}; {shown_by}", style="dim"))
 
 
 class Progress:

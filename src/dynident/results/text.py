@@ -160,11 +160,18 @@ class Column:
         heading: What it is.
         unit: Its unit, empty where the cells have none or carry their own.
         numeric: Whether its cells are numbers that line up at their decimal points.
+        detail: Whether a narrow terminal goes without it.
     """
 
     heading: str
     unit: str = ""
     numeric: bool = False
+    detail: bool = False
+
+
+def heading_text(column: Column) -> str:
+    """Return a heading as printed, its unit in brackets."""
+    return f"{column.heading} [{column.unit}]" if column.unit else column.heading
 
 
 @dataclass(frozen=True)
@@ -219,7 +226,7 @@ def _blank(count: int, with_point: bool, digit: str, point: str) -> str:
 
 def plain(table: Table) -> str:
     """Return a table as lines of text: two blanks between columns, numbers flush right, a rule below the headings."""
-    heads = [f"{c.heading} [{c.unit}]" if c.unit else c.heading for c in table.columns]
+    heads = [heading_text(column) for column in table.columns]
     lines = [tuple(heads), *table.lined_up()]
     widths = [max(display_width(line[k]) for line in lines) for k in range(len(heads))]
     ruled = [lines[0], tuple("-" * width for width in widths), *lines[1:]]
@@ -274,13 +281,13 @@ def fits_table(validation: Validation, moving: bool = False) -> Table:
     """
     columns = (
         Column("joint"),
-        Column("samples", numeric=True),
+        Column("samples", numeric=True, detail=True),
         Column("unit"),
         Column("RMS error", numeric=True),
-        Column("unfiltered", numeric=True),
+        Column("unfiltered", numeric=True, detail=True),
         Column("relative error", "%", numeric=True),
         Column("correlation", numeric=True),
-        Column("R²", numeric=True),
+        Column("R²", numeric=True, detail=True),
     )
     fits = validation.moving if moving else validation.joints
     return Table(columns, tuple(_fit_row(fit) for fit in fits), statement(validation.filter))
