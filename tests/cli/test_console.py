@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from collections.abc import Iterator
 from typing import TextIO
@@ -61,3 +62,20 @@ def test_every_command_that_says_more_than_its_answer_can_be_quiet() -> None:
     assert {name for name in COMMANDS if "--quiet" not in own[name].format_usage()} == {
         "completion", "environment", "list",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("text", ["error: no such file", "warning: the log rests", "not accepted: gravity"])
+def test_a_terminal_shows_the_first_word_in_colour(
+    text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm-256color")
+    console.answer(text)
+    assert capsys.readouterr().out == f"{text}\n"
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    console.answer(text)
+    shown = capsys.readouterr().out
+    assert re.sub(r"\x1b\[[\d;]*m", "", shown) == f"{text}\n" and re.search(r"\x1b\[1;3[13]m", shown)
+    monkeypatch.setenv("NO_COLOR", "1")
+    console.answer(text)
+    assert not re.search(r"\x1b\[[\d;]*3[13]m", capsys.readouterr().out)

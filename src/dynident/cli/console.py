@@ -20,12 +20,38 @@ SCHEMA = 2
 NAME_WIDTH = 60
 
 
+#: How a terminal shows the word that a line begins with.
+STYLES = {
+    "error:": "bold red",
+    "warning:": "bold yellow",
+    "not accepted": "bold red",
+    "accepted": "bold green",
+    "stopped": "bold",
+}
+
+
 def _say(text: str, stream: TextIO) -> None:
     """Print a line; where its reader (head, less) has gone, the rest goes nowhere and the command does its work."""
+    sign = next((sign for sign in STYLES if text.startswith(sign)), None)
     try:
-        print(text, file=stream)
+        if sign is not None and stream.isatty():
+            _say_in_colour(text, sign, stream)
+        else:
+            print(text, file=stream)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _say_in_colour(text: str, sign: str, stream: TextIO) -> None:
+    """Print a line whose first words stand out; NO_COLOR and terminals without colours are rich's to honour."""
+    try:
+        from rich.console import Console
+        from rich.text import Text
+    except (ImportError, MemoryError):  # the line may say that there is no memory left
+        print(text, file=stream)
+        return
+    line = Text.assemble((sign, STYLES[sign]), text[len(sign) :])
+    Console(file=stream).print(line, soft_wrap=True)
 
 
 def answer(text: str = "") -> None:

@@ -95,11 +95,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _done(words: list[str]) -> int:
+    from dynident.cli.console import remark
     from dynident.errors import BadOption, DynidentError, nearest
 
     if words and not words[0].startswith("-") and words[0] not in COMMANDS:
-        print(f"error: no command called '{words[0]}'{nearest(words[0], COMMANDS)}", file=sys.stderr)
-        print("'dynident --help' lists the commands", file=sys.stderr)
+        remark(f"error: no command called '{words[0]}'{nearest(words[0], COMMANDS)}")
+        remark("'dynident --help' lists the commands")
         return 2
     parser = build_parser(words[0] if words and words[0] in COMMANDS else None)
     options = parser.parse_args(words)
@@ -108,7 +109,7 @@ def _done(words: list[str]) -> int:
         return 2
 
     if sys.stdout is None:
-        print("error: there is no standard output to write the answer to", file=sys.stderr)
+        remark("error: there is no standard output to write the answer to")
         return 1
     try:
         code = _module(options.command).run(options)
@@ -155,25 +156,26 @@ def _joined(arguments: Sequence[str]) -> list[str]:
 
 def _reported(error: BaseException) -> int:
     """Say on stderr what went wrong, in one line, and return the exit code."""
+    from dynident.cli.console import remark
     from dynident.errors import DynidentError
 
     if isinstance(error, DynidentError):
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
+        remark(f"error: {' '.join(str(error).split())}")
         return 1
     if isinstance(error, KeyboardInterrupt):
-        print("stopped", file=sys.stderr)
+        remark("stopped")
         return 128 + signal.SIGINT
     if (lack := _out_of_memory(error)) is not None:
         evidence = f" ({' '.join(str(lack).split())})" if str(lack) else ""
         step = "raise its limit (ulimit -v), end other programs, or use fewer samples"
-        print(f"error: there is not enough memory{evidence}; {step}", file=sys.stderr)
+        remark(f"error: there is not enough memory{evidence}; {step}")
         return 1
     # Nothing more can be said on stdout: its reader (head, less) has gone, or its disk is full.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):
         return 128 + 13
     place, reason = getattr(error, "filename", None), getattr(error, "strerror", None)
-    print(f"error: {place or 'standard output'}: {reason or error}", file=sys.stderr)
+    remark(f"error: {place or 'standard output'}: {reason or error}")
     return 1
 
 
