@@ -10,7 +10,7 @@ import pytest
 from dynident.data.log import Log
 from dynident.errors import BadOption, PoorExcitation, SolverFailed
 from dynident.identification.build_problem import build_problem
-from dynident.identification.estimators.two_step import TwoStep, friction_columns, slow_samples
+from dynident.identification.estimators.two_step import TwoStep, slow_samples
 from dynident.identification.estimators.wls import WLS
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
@@ -27,7 +27,7 @@ def test_it_is_two_weighted_fits(bench: Bench) -> None:
     problem = bench.problem(bench.white(0))
     solution = TwoStep(share=0.6).solve(problem)
     slow, _ = slow_samples(problem, 0.6)
-    held, rows = friction_columns(problem), problem.rows
+    held, rows = problem.base.is_friction, problem.rows
     assert solution.extras["friction"] == [name for name in bench.base.names if name[:2] in ("Fc", "Fv", "F0")]
     early = slow[rows.samples]
     scale, beta = np.ones(3), np.zeros(bench.base.count)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +12,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from dynident.arrays import Array
+from dynident.model.base_parameters import base_parameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import (
     TEN_UNITS,
@@ -73,3 +79,22 @@ def _turned(mujoco: object, model: object, data: object, axis: Array) -> Array:
     result = np.zeros(6)
     mujoco.mj_mulM(model, data, result, np.r_[np.zeros(3), axis])  # type: ignore[attr-defined]
     return result[3:]
+
+
+@dataclass(frozen=True)
+class KilogramsPerSecond(Friction):
+    """Viscous friction in kg/s, which is N s/m: friction by its expression, whatever its unit begins with."""
+
+    coefficients: ClassVar = (Coefficient("Fk", "kg m^2/s", "kg/s", nonnegative=True),)
+
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        return (at.dq,)
+
+
+def test_kind_comes_from_the_expression_not_from_the_unit(scara: Robot) -> None:
+    model = DynamicModel(scara, (KilogramsPerSecond(), "rotor_inertia"))
+    kinds = {(p.symbol in TEN, p.symbol, p.kind) for p in model.parameters if p.symbol in ("m", "Fk", "Ia")}
+    assert kinds == {(True, "m", "body"), (False, "Fk", "friction"), (False, "Ia", "rotor")}
+    base = base_parameters(model)
+    kept = [base.parameters[k].kind == "friction" for k in base.independent]
+    assert base.is_friction.tolist() == kept and sum(kept) == scara.dof

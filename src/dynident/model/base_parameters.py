@@ -93,6 +93,11 @@ class BaseParameters:
         return tuple(self.parameters[i].unit for i in self.independent)
 
     @cached_property
+    def is_friction(self) -> BoolArray:
+        """Which base parameters are friction or offset, and no inertia of a rotor, shape (b,)."""
+        return np.array([self.parameters[i].kind == "friction" for i in self.independent], dtype=bool)
+
+    @cached_property
     def verdicts(self) -> tuple[str, ...]:
         """For each standard parameter: identifiable, only in combination, or not identifiable."""
         used = self.matters

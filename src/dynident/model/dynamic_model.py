@@ -59,11 +59,11 @@ class DynamicModel:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The p standard parameters: ten per link, then all friction coefficients joint by joint."""
-        each = [c for part in self.friction for c in part.coefficients]
+        each = [pair for part in self.friction for pair in zip(part.coefficients, part.is_inertia, strict=True)]
         joints = self.robot.active
         friction = tuple(
-            Parameter(c.symbol, joint.name, c.unit_of(joint.kind), c.nonnegative)
-            for joint, c in ((joints[j], each[k]) for j, k in zip(*self.terms, strict=True))
+            Parameter(c.symbol, joint.name, c.unit_of(joint.kind), "rotor" if inertia else "friction", c.nonnegative)
+            for joint, (c, inertia) in ((joints[j], each[k]) for j, k in zip(*self.terms, strict=True))
         )
         return inertial_parameters(self.robot) + friction
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +19,9 @@ _PINOCCHIO = np.array([9, 6, 7, 8, 0, 1, 3, 2, 4, 5])
 # Positions in TEN of the six of MuJoCo's `fullinertia`: xx, yy, zz, xy, xz, yz.
 _MUJOCO = np.array([0, 3, 5, 1, 2, 4])
 
+#: What a standard parameter describes: a link, the inertia of a rotor, or friction (offsets and couplings with it).
+Kind = Literal["body", "rotor", "friction"]
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -27,12 +31,14 @@ class Parameter:
         symbol: Such as ``"Izz"`` or ``"Fc"``.
         owner: Link or joint that it belongs to.
         unit: Such as ``"kg m^2"``.
+        kind: What it describes.
         nonnegative: Whether physics asks for a value >= 0 by itself (friction, rotor inertia).
     """
 
     symbol: str
     owner: str
     unit: str
+    kind: Kind = "body"
     nonnegative: bool = False
 
     @property

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.applications.drive_gains.payload import CarriedBody
-from dynident.arrays import Array, IntArray
+from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
@@ -54,7 +54,7 @@ class Unknowns:
 
 def unknowns_with_payload(model: DynamicModel, base: BaseParameters, payload: CarriedBody) -> Unknowns:
     """Return the unknowns of a run without the payload and one with it: bodies, friction of each, the rest of it."""
-    friction = _friction_columns(model, base)
+    friction = np.flatnonzero(base.is_friction)
     shared = np.setdiff1d(np.arange(base.count), friction)
     link, known, free, words = payload.parameters(model.robot)
     carried = base.matrix[:, 10 * link : 10 * link + 10]
@@ -107,16 +107,4 @@ def unknowns_with_prior(model: DynamicModel, base: BaseParameters, theta: Array,
         bodies=((np.hstack([np.zeros_like(own), scale]), known),),
         deviations=np.concatenate([np.full(len(names), np.inf), np.full(len(factors), share)]),
         names=(*names, *(f"factor of {model.robot.links[k].name}" for k in links)),
-    )
-
-
-def _friction_columns(model: DynamicModel, base: BaseParameters) -> IntArray:
-    """Return the base parameters that are friction, rotors left aside."""
-    return np.array(
-        [
-            k
-            for k, standard in enumerate(base.independent)
-            if standard >= model.inertial_count and not base.units[k].startswith("kg")
-        ],
-        dtype=np.int64,
     )

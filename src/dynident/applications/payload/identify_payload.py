@@ -191,8 +191,8 @@ class _Run:
         model, base = estimate.model, estimate.base
         # The variances are not known equally well; those known best let the weights go wrong least.
         self.degrees = np.inf if estimate.degrees is None else float(np.max(estimate.degrees))
-        friction = [k for k, unit in enumerate(base.units) if _is_friction(estimate, k, unit)]
-        self.friction = np.array(friction if rows == "motion" and told.friction_share > 0 else [], dtype=np.int64)
+        is_open = base.is_friction & (rows == "motion" and told.friction_share > 0)
+        self.friction = np.flatnonzero(is_open)
         self.masks = tuple(counting_rows(model, log) for log in self.logs)
         for i, name in enumerate(model.robot.joint_names):
             if not any(mask[:, i].any() for mask in self.masks):
@@ -289,14 +289,9 @@ class _Run:
         return gain_doubt(fit.passes.problem, fit.weights, fit.known, fit.found, scaled, self.told.gains)
 
 
-def _is_friction(estimate: Estimate, k: int, unit: str) -> bool:
-    return bool(estimate.base.independent[k] >= estimate.model.inertial_count) and not unit.startswith("kg")
-
-
 def _friction_sizes(estimate: Estimate, problem: Problem, chosen: IntArray) -> Array:
     """Return the value of each chosen friction parameter whose torque is as large as all friction of its joint."""
     base, names = estimate.base, estimate.model.robot.joint_names
-    every = np.array([_is_friction(estimate, k, unit) for k, unit in enumerate(base.units)])
     of_joint = []
     for i in range(len(names)):
         one = np.zeros(len(names))
@@ -306,7 +301,7 @@ def _friction_sizes(estimate: Estimate, problem: Problem, chosen: IntArray) -> A
     for position, k in enumerate(chosen):
         triangle = of_joint[names.index(base.parameters[base.independent[k]].owner)]
         column = float(np.linalg.norm(triangle[:, k]))
-        whole = float(np.linalg.norm(triangle @ np.where(every, estimate.beta, 0.0)))
+        whole = float(np.linalg.norm(triangle @ np.where(base.is_friction, estimate.beta, 0.0)))
         found[position] = max(whole, 1e-9) / column if column > 0 else max(abs(float(estimate.beta[k])), 1e-9)
     return found
 

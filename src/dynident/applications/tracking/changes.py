@@ -82,9 +82,8 @@ def changes_of(model: DynamicModel, base: BaseParameters, torque: Array) -> tupl
     found = []
     for link in (k for k in range(links) if k not in parents):
         found.append(_change("load", robot.links[link].name, base, np.arange(10 * link, 10 * link + 10), sizes))
-    tail = range(model.inertial_count, len(model.parameters))
     for joint in robot.joint_names:
-        own = [k for k in tail if model.parameters[k].owner == joint and not model.parameters[k].unit.startswith("kg")]
+        own = [k for k, p in enumerate(model.parameters) if p.kind == "friction" and p.owner == joint]
         found.append(_change("friction", joint, base, np.array(own, dtype=int), sizes))
     return tuple(change for change in found if change.columns.any())
 

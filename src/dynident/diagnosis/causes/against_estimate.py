@@ -73,7 +73,7 @@ def known_bodies(estimate: Estimate, model: DynamicModel, base: BaseParameters) 
             parameter, share = base.parameters[column], float(base.matrix[k, column])
             if parameter.name in theirs:
                 wanted[theirs[parameter.name]] = share
-            elif parameter.unit.startswith("kg") and column >= model.inertial_count:
+            elif parameter.kind == "rotor":
                 offset += share * rotors.get(parameter.owner, 0.0)
             else:
                 sound = False
@@ -95,9 +95,9 @@ def known_bodies(estimate: Estimate, model: DynamicModel, base: BaseParameters) 
 def with_rotors(theta: Array, model: DynamicModel, robot: Robot) -> Array:
     """Return standard parameters (p,) of a model with the rotor inertias that a robot states."""
     rotors, filled = _rotors(robot), np.array(theta)
-    for k in range(model.inertial_count, len(model.parameters)):
-        if model.parameters[k].unit.startswith("kg"):
-            filled[k] = rotors.get(model.parameters[k].owner, 0.0)
+    for k, parameter in enumerate(model.parameters):
+        if parameter.kind == "rotor":
+            filled[k] = rotors.get(parameter.owner, 0.0)
     return filled
 
 

@@ -45,10 +45,7 @@ class Against:
     def rows(self) -> CauseRows:
         """Friction columns alone, rotors with them where they are not known; torques of described bodies taken off."""
         fit, rows = self.fit, self.fit.rows
-        units = [fit.model.parameters[k].unit for k in fit.base.independent]
-        rotor = np.array([unit.startswith("kg") for unit in units])
-        friction = fit.base.independent >= fit.model.inertial_count
-        free = friction & ~rotor if self.robot is not None else friction
+        free = fit.base.is_friction if self.robot is not None else fit.base.independent >= fit.model.inertial_count
         merged = self._rotors([] if self.robot is not None else self._merged())
         blocks, columns = [], []
         for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
@@ -61,8 +58,7 @@ class Against:
     def _merged(self) -> list[int]:
         """Return the drives whose rotor inertia base parameters count with the bodies."""
         model, independent = self.fit.model, set(self.fit.base.independent.tolist())
-        tail = range(model.inertial_count, len(model.parameters))
-        lost = [k for k in tail if model.parameters[k].unit.startswith("kg") and k not in independent]
+        lost = [k for k, p in enumerate(model.parameters) if p.kind == "rotor" and k not in independent]
         return [int(model.terms[0][k - model.inertial_count]) for k in lost]
 
     def _rotors(self, drives: list[int]) -> Array:

@@ -102,11 +102,8 @@ class Trends:
         Friction is left out: what a clock does to it, its own columns take in, but for the width of its sign, and a
         wrong width would be taken for a wrong clock.
         """
-        log, speed, model = self._log, 1.0 + CLOCK_STEP, self.fit.model
-        of_bodies = [
-            k < model.inertial_count or model.parameters[k].unit.startswith("kg") for k in self.fit.base.independent
-        ]
-        beta = np.where(of_bodies, self.fit.plain.beta, 0.0)
+        log, speed = self._log, 1.0 + CLOCK_STEP
+        beta = np.where(self.fit.base.is_friction, 0.0, self.fit.plain.beta)
         faster = replace(log, dq=np.asarray(log.dq) * speed, ddq=np.asarray(log.ddq) * speed**2)
         return (self.fit.regressor.predict(faster, beta) - self.fit.regressor.predict(log, beta)) / CLOCK_STEP
 

@@ -132,7 +132,7 @@ def pose_program(
     start = scale.prior / scale.parameters
     each = pull / max(reduced.rows, 1)
     held = np.array([metric == "natural" or k >= inertial for k in range(size)])
-    held &= np.array([k < inertial or p.unit.startswith("kg") for k, p in enumerate(model.parameters)])
+    held &= np.array([p.kind != "friction" for p in model.parameters])
     rows = np.sqrt(each) * np.eye(size)[held]
     aim = np.sqrt(each) * start[held]
     whitening = np.zeros((0, 4, 4))

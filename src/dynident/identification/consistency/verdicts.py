@@ -105,22 +105,19 @@ def _depth_column(rules: Conditions) -> Array:
 
 def _mass_of(model: DynamicModel, base: BaseParameters, beta: Array, length: float) -> float:
     """Return a mass that goes with the size of the inertial base parameters."""
-    sizes = {"kg": 1.0, "kg m": length, "kg m^2": length**2}
-    masses = [
-        abs(value) / sizes[unit]
-        for k, value, unit in zip(base.independent, beta, base.units, strict=True)
-        if k < model.inertial_count
-    ]
-    return max(masses, default=1.0)
+    bodies = base.independent < model.inertial_count
+    if not np.any(bodies):
+        return 1.0
+    sizes = np.r_[np.full(6, length**2), np.full(3, length), 1.0]
+    return float(np.max(np.abs(beta[bodies]) / sizes[base.independent[bodies] % len(sizes)]))
 
 
 def _friction_of(model: DynamicModel, base: BaseParameters, beta: Array) -> Array:
     """Return the largest friction coefficient of each joint, shape (n,)."""
     sizes = dict.fromkeys(model.robot.joint_names, 0.0)
-    for k, value, unit in zip(base.independent, beta, base.units, strict=True):
+    for k, value in zip(base.independent[base.is_friction], beta[base.is_friction], strict=True):
         owner = base.parameters[k].owner
-        if k >= model.inertial_count and not unit.startswith("kg"):
-            sizes[owner] = max(sizes[owner], abs(float(value)))
+        sizes[owner] = max(sizes[owner], abs(float(value)))
     return np.array(list(sizes.values()))
 
 

@@ -53,7 +53,7 @@ class TwoStep(Estimator):
             PoorExcitation: The rows of the first step do not determine friction.
             SolverFailed: The model has no friction, or the first step fewer than two rows for each base parameter.
         """
-        held = friction_columns(problem)
+        held = problem.base.is_friction
         if not held.any():
             step = "add friction parts to the model, or use wls"
             raise SolverFailed("the two-step fit", "the model has no friction parameter", step)
@@ -138,13 +138,6 @@ class TwoStep(Estimator):
         gains = np.stack([np.hstack([a * from_first, b * inverse]) for a, b in pairs])
         influence = Influence(gains, plain, np.eye(len(early)))
         return uncertainty_of(bands_beside(passes, samples.astype(float)), passes.residuals(beta), influence)
-
-
-def friction_columns(problem: Problem) -> BoolArray:
-    """Return which base parameters are friction or offset, and no inertia of a rotor, shape (b,)."""
-    base = problem.base
-    units = np.array([not unit.startswith("kg") for unit in base.units])
-    return (base.independent >= problem.model.inertial_count) & units
 
 
 def slow_samples(problem: Problem, share: float) -> tuple[BoolArray, float]:

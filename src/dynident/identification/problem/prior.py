@@ -124,11 +124,14 @@ def parameter_sizes(model: DynamicModel, mass: Array, length: Array, torque: Arr
         torque: Of each joint, shape (n,), in N m or N.
     """
     links = [np.r_[np.full(6, m * s**2), np.full(3, m * s), m] for m, s in zip(mass, length, strict=True)]
-    rotor = {"kg m^2": float(np.max(mass * length**2)), "kg": float(np.max(mass))}
+    rotor = {
+        joint.name: float(np.max(mass * length**2) if joint.kind == "revolute" else np.max(mass))
+        for joint in model.robot.active
+    }
     largest = float(np.max(torque, initial=0.0))
     own = np.maximum(torque, 1e-3 * largest) if largest > 0 else np.ones(model.robot.dof)
     joint = dict(zip(model.robot.joint_names, own.tolist(), strict=True))
-    tail = [rotor.get(p.unit, joint[p.owner]) for p in model.parameters[model.inertial_count :]]
+    tail = [(rotor if p.kind == "rotor" else joint)[p.owner] for p in model.parameters[model.inertial_count :]]
     return np.concatenate([*links, tail])
 
 

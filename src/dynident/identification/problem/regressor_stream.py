@@ -185,7 +185,7 @@ class RegressorStream:
         rigid = [beta[own[: len(head)]] @ head for own, head in zip(self.columns, heads, strict=True)]
         rotor = np.zeros(self.model.robot.dof)
         for k, drive in enumerate(self._drive, start=self._inertial):
-            if self.base.parameters[self.base.independent[k]].unit.startswith("kg"):
+            if self.base.parameters[self.base.independent[k]].kind == "rotor":
                 rotor[drive] = beta[k]
         return np.stack(rigid, axis=1) + self.model.rotor_torque(motion, rotor)
 

@@ -37,7 +37,7 @@ def standard_covariance(estimate: Estimate, problem: Problem, pull: float = PULL
         raise BadOption("pull", pull, "give a number above 0, such as 0.01")
     model, matrix = estimate.model, estimate.base.matrix
     scale = scale_of(problem).parameters
-    wide = np.array([1.0 if parameter.unit.startswith("kg") else 1e3 for parameter in model.parameters])
+    wide = np.array([1e3 if parameter.kind == "friction" else 1.0 for parameter in model.parameters])
     prior = scale * wide / np.sqrt(pull)
     spread = matrix * prior  # a square root of K P K'
     both = spread @ spread.T + estimate.covariance

@@ -70,8 +70,7 @@ def agrees(problem: Problem, beta: Array) -> bool:
     """Return whether the load in a problem is that of ``beta`` (b,), or nothing asks for one."""
     if problem.load is None:
         return True
-    bodies = np.array([unit.startswith("kg") for unit in problem.base.units])
-    change = np.where(bodies, beta - problem.load, 0.0)
+    change = np.where(problem.base.is_friction, 0.0, beta - problem.load)
     reduced = problem.reduced()
     return bool(np.linalg.norm(reduced.r @ change) <= AGREED * np.hypot(np.linalg.norm(reduced.z), reduced.rest**0.5))
 
