@@ -23,7 +23,7 @@ from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import SEVERITIES, Finding
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair
-from dynident.model.friction import DEFAULT_FRICTION, FRICTION
+from dynident.model.friction import FRICTION, default_friction
 from dynident.model.robot import Robot
 
 PARTS = CHECKS.names()
@@ -50,7 +50,7 @@ def turned_over(trial: Trial) -> Trial:
 def trial(planar_2r: Robot) -> Trial:
     joints = tuple(replace(joint, damping=2.0, friction=3.0) for joint in planar_2r.joints)
     robot = replace(planar_2r, joints=joints)
-    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    friction = tuple(FRICTION.make(name) for name in default_friction())
     return virtual(Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing()), rate=100.0)
 
 

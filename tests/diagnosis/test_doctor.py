@@ -28,7 +28,7 @@ from dynident.diagnosis.finding import SEVERITIES
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair, sortable, wraps
 from dynident.model.descriptions import read_robot
-from dynident.model.friction import DEFAULT_FRICTION, FRICTION
+from dynident.model.friction import FRICTION, default_friction
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
 
@@ -62,7 +62,7 @@ STRENGTHS = {
 def case(spatial_3r: Robot) -> Case:
     joints = tuple(replace(joint, damping=2.0, friction=3.0) for joint in spatial_3r.joints)
     robot = replace(spatial_3r, joints=joints)
-    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    friction = tuple(FRICTION.make(name) for name in default_friction())
     return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
 
 
@@ -189,7 +189,7 @@ def test_gravity_upside_down_on_a_small_arm_shows_against_the_description(planar
     """A motion so slow that inertia says nothing: a body on the other side of its joint explains the torque as well."""
     joints = tuple(replace(joint, damping=0.1, friction=0.05) for joint in planar_2r.joints)
     robot = replace(planar_2r, joints=joints)
-    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    friction = tuple(FRICTION.make(name) for name in default_friction())
     case = Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
     found = Trial(
         replace(case, robot=robot.with_gravity(-np.asarray(robot.gravity))), virtual(case, rate=RATE).columns
@@ -202,7 +202,7 @@ def test_gravity_upside_down_on_a_small_arm_shows_against_the_description(planar
 def test_another_width_of_the_sign_is_no_wrong_clock(width: float, tmp_path: Path) -> None:
     scara = read_robot("generic-scara")
     robot = replace(scara, joints=tuple(replace(joint, damping=2.0, friction=3.0) for joint in scara.joints))
-    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    friction = tuple(FRICTION.make(name) for name in default_friction())
     case = Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
     other = (FRICTION.make("coulomb", width=width), *friction[1:])
     trial = virtual(replace(case, friction=other), rate=RATE)

@@ -23,7 +23,7 @@ from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair
-from dynident.model.friction import DEFAULT_FRICTION, FRICTION
+from dynident.model.friction import FRICTION, default_friction
 from dynident.model.robot import JointLimits, Robot
 
 
@@ -35,7 +35,7 @@ def trial(spatial_3r: Robot) -> Trial:
         for joint in spatial_3r.joints
     )
     robot = replace(spatial_3r, joints=joints, coupling=None)
-    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    friction = tuple(FRICTION.make(name) for name in default_friction())
     return virtual(Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing()), rate=100.0)
 
 

@@ -21,7 +21,7 @@ from dynident.identification.uncertainty.trust import TrustOptions
 from dynident.identification.validate import validate
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import DEFAULT_FRICTION, Motion
+from dynident.model.friction import Motion, default_friction
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Joint, Link, Robot
 
@@ -61,7 +61,7 @@ def motion_log(model: DynamicModel, seed: int) -> Log:
 
 def main(folder: Path) -> dict[str, object]:
     """Return the figures of an identification from logs in memory, files and a stream."""
-    model = DynamicModel(small_arm(), DEFAULT_FRICTION)  # type: ignore[arg-type]
+    model = DynamicModel(small_arm(), default_friction())  # type: ignore[arg-type]
     train, test = motion_log(model, 1), motion_log(model, 2)
     filtered = Preprocessing(FILTERS.make("butterworth", cutoff_hz=8.0), trim_s=0.5, rest="keep")
     found: dict[str, object] = {"base": list(base_parameters(model).names)}

@@ -36,7 +36,7 @@ from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
 from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import DEFAULT_FRICTION, FRICTION, Friction
+from dynident.model.friction import FRICTION, Friction, default_friction
 from dynident.model.robot import Drive, Robot
 from dynident.plugins import Family
 
@@ -190,7 +190,7 @@ class Case:
 def case_of_robot(path: str) -> Case:
     """Return the case that stands for a robot description alone: its joints, default friction and filter."""
     robot = read_robot(path)
-    friction = tuple(FRICTION.make(name) for name in DEFAULT_FRICTION)
+    friction = tuple(FRICTION.make(name) for name in default_friction())
     return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing(), robot_path=path)
 
 
@@ -227,7 +227,7 @@ def read_case(path: str | Path, open_gains: bool = False) -> Case:
     robot, locked = _robot(top, full)
     return Case(
         robot=robot,
-        friction=tuple(map(FRICTION.make, DEFAULT_FRICTION)) if choose else _friction(top, robot),
+        friction=tuple(map(FRICTION.make, default_friction())) if choose else _friction(top, robot),
         choose_friction=choose,
         columns=read_columns(top, full),
         preprocessing=_preprocessing(top),
@@ -326,7 +326,7 @@ def _preprocessing(top: Section) -> Preprocessing:
 
 def _friction(top: Section, robot: Robot) -> tuple[Friction, ...]:
     """Return the friction parts; the joints that they name are those of the robot."""
-    parts = tuple(_parts(top, "friction", FRICTION, DEFAULT_FRICTION))
+    parts = tuple(_parts(top, "friction", FRICTION, default_friction()))
     guarded(top.place("friction"), lambda: DynamicModel(robot, parts))
     return parts
 

@@ -18,7 +18,7 @@ from dynident.identification.selection.friction.variable_projection import has_v
 from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import DEFAULT_FRICTION, FRICTION
+from dynident.model.friction import FRICTION, default_friction
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,12 @@ def build_problem(
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
     simple = without_optional(model)
     if choose_friction:
-        simple = replace(model, friction=tuple(FRICTION.make(name) for name in DEFAULT_FRICTION))
+        simple = replace(model, friction=tuple(FRICTION.make(name) for name in default_friction()))
     preprocessing, cutoff = with_cutoff(simple, ordered, preprocessing, progress)
     if choose_friction:  # the delay is found with a full list: it passes for what a shorter one lacks
-        from dynident.identification.selection.friction.alike import USUAL  # few need it
+        from dynident.identification.selection.friction.alike import starting_friction  # few need it
 
-        model = replace(model, friction=USUAL)
+        model = replace(model, friction=starting_friction())
     prepared, facts = _prepared(without_optional(model), ordered, preprocessing, progress)
     if has_choices(model):
         model, prepared, chosen = _with_chosen_fields(model, ordered, preprocessing, prepared, progress)

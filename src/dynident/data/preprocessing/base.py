@@ -39,6 +39,19 @@ class Filter(ABC):
         """Return what gives one in ``every`` of the samples of ``smooth`` in less time; None where nothing does."""
         return None
 
+    @property
+    def is_open(self) -> bool:
+        """Whether identification is to choose its cut-off from the logs."""
+        return False
+
+    def with_cutoff(self, hertz: float) -> Filter:
+        """Return the filter with a cut-off in Hz of both sides; the same filter where it has no such option."""
+        return self
+
+    def shared_cutoff(self) -> float | None:
+        """Return the stated cut-off in Hz that both sides of the equation have; None where there is none."""
+        return None
+
     def bandwidth(self) -> float | None:
         """Return the highest frequency in Hz that passes; None where the filter states none."""
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -92,6 +92,16 @@ class Butterworth(Filter):
 
     def thinning(self, rate: float, every: int) -> Thinning | None:
         return None if self.torque == "none" or every < 2 else thinning(self._cutoff, self.order, rate, every)
+
+    @property
+    def is_open(self) -> bool:
+        return self.cutoff_hz is None
+
+    def with_cutoff(self, hertz: float) -> Butterworth:
+        return replace(self, cutoff_hz=hertz)
+
+    def shared_cutoff(self) -> float | None:
+        return self.cutoff_hz if self.torque == "same" else None
 
     def bandwidth(self) -> float:
         return self._cutoff

@@ -25,7 +25,8 @@ from dynident.identification.problem.regressor_stream import RegressorStream, mo
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION
+from dynident.model.friction import FRICTION, Friction, default_friction
+from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.reduction import triangle_of
 from dynident.model.robot import Robot
 
@@ -34,9 +35,6 @@ CUTOFF_HZ, ROWS_PER_HZ = 5.0, 8.0
 
 #: Samples a second per Hz of the cut-off before the filter.
 SAMPLES_PER_HZ = 20.0
-
-#: Friction parts that the quick fit has.
-PLAIN = ("coulomb", "viscous", "offset", "rotor_inertia")
 
 #: Passes of weighting.
 PASSES = 6
@@ -217,16 +215,18 @@ class QuickFit:
         robot = self.model.robot
         speed = motion_of(self.rows.prepared.kept).dq @ np.asarray(robot.coupling).T
         share, score = np.zeros(robot.dof), np.zeros(robot.dof)
+        meaning = {c.symbol: c.in_simulators for part in self.model.friction for c in part.coefficients}
         for i, name in enumerate(robot.joint_names):
             mask = self.rows.masks[:, i]
             if mask.sum() < FEWEST_ROWS:
                 continue
             weights = np.zeros(self.base.count)
+            size = np.abs(speed[mask, i])
+            shares = {"friction": float(np.mean(size)), "damping": float(np.mean(size**2))}
             for k, index in enumerate(self.base.independent):
                 parameter = self.base.parameters[index]
-                if parameter.owner == name and parameter.symbol in ("Fc", "Fv"):
-                    size = np.abs(speed[mask, i])
-                    weights[k] = float(np.mean(size if parameter.symbol == "Fc" else size**2))
+                if parameter.owner == name:
+                    weights[k] = shares.get(meaning.get(parameter.symbol, ""), 0.0)
             power = float(weights @ solved.beta[: self.base.count])
             factor = self.counts[i] / max(self.independent_rows[i], 1.0)
             covariance = solved.covariance[: self.base.count, : self.base.count]
@@ -270,12 +270,11 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
     if log.torque is None:
         return None
     known = bool(np.any(case.robot.reflected_inertia))
-    wanted = known or any(FRICTION.name_of(part) == "rotor_inertia" for part in case.friction)
-    asked = [FRICTION.make("rotor_inertia")] if wanted else []
-    coulomb = [part for part in case.friction if FRICTION.name_of(part) == "coulomb" and part.joints is None]
-    first = coulomb or [FRICTION.make("coulomb", width=0.02)]
-    friction = (*first, FRICTION.make("viscous"), FRICTION.make("offset"), *asked)
-    model = DynamicModel(_without_rotors(case.robot) if known else case.robot, friction)
+    own = {FRICTION.name_of(part): part for part in case.friction if part.joints is None and part.is_default}
+    friction = [own.get(name) or FRICTION.make(name) for name in default_friction()]
+    if known or asks_inertia(case):
+        friction.append(RotorInertia())
+    model = DynamicModel(_without_rotors(case.robot) if known else case.robot, tuple(friction))
     cutoff = min(CUTOFF_HZ, case.preprocessing.filter.bandwidth() or CUTOFF_HZ)
     how = Preprocessing(
         FILTERS.make("butterworth", cutoff_hz=cutoff),
@@ -290,6 +289,16 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
     except DynidentError:
         return None
     return found if enough else None
+
+
+def asks_inertia(case: Case) -> bool:
+    """Return whether the friction of a case has a part for the inertia of rotors."""
+    return any(all(part.is_inertia) for part in case.friction)
+
+
+def beyond_quick_fit(case: Case) -> list[Friction]:
+    """Return the friction parts of a case that the quick fit has not."""
+    return [part for part in case.friction if not part.is_default and not all(part.is_inertia)]
 
 
 def _without_rotors(robot: Robot) -> Robot:

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from dynident.case.case import Case
 from dynident.diagnosis.causes.against_estimate import KnownBodies, known_bodies
-from dynident.diagnosis.causes.quick_fit import PLAIN, QuickFit, quick_fit
+from dynident.diagnosis.causes.quick_fit import QuickFit, beyond_quick_fit, quick_fit
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.recording import Recording
@@ -18,7 +18,6 @@ from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.selection.delay import Delay, find_delays
 from dynident.model.base_parameters import base_parameters
-from dynident.model.friction import FRICTION
 
 #: A delay counts from this many of its standard deviations on.
 SURE_DELAY = 5.0
@@ -50,7 +49,7 @@ class CheckedLog:
         """The delay of the torque; ``applied`` is 0 where it may well be none."""
         if self.fit is None:
             return None
-        more = [part for part in self.case.friction if FRICTION.name_of(part) not in PLAIN and not part.needs]
+        more = [part for part in beyond_quick_fit(self.case) if not part.needs]
         model = replace(self.fit.model, friction=(*self.fit.model.friction, *more))  # a bend passes for a lead
         base = base_parameters(model) if more else self.fit.base
         try:

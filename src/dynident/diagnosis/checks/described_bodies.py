@@ -11,10 +11,10 @@ import numpy as np
 from dynident.diagnosis.causes.against_estimate import with_rotors
 from dynident.diagnosis.causes.against_robot_model import Against
 from dynident.diagnosis.causes.cause_search import Blame
+from dynident.diagnosis.causes.quick_fit import asks_inertia
 from dynident.diagnosis.causes.trend_findings import believable, rival_findings, trend_finding
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
-from dynident.model.friction import FRICTION
 
 #: Share of what free bodies would explain that the told causes must explain together, or the description is too far
 #: off to blame one thing.
@@ -38,7 +38,7 @@ class DescribedBodies(Check):
         described = with_rotors(theta, trends.fit.model, subject.case.robot)
         if subject.known is not None and not subject.known.agrees(trends.fit.base.from_standard(described)):
             return []  # what the earlier estimate says of the bodies is what the torques are held against
-        asked = any(FRICTION.name_of(part) == "rotor_inertia" for part in subject.case.friction)
+        asked = asks_inertia(subject.case)
         against = Against(trends, theta, None if asked else subject.case.robot)
         explained, found = 0.0, []
         for blame in against.blames:

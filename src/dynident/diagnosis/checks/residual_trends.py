@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.diagnosis.causes.quick_fit import PLAIN
+from dynident.diagnosis.causes.quick_fit import beyond_quick_fit
 from dynident.diagnosis.causes.trend_findings import believable, rival_findings, trend_finding
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
-from dynident.model.friction import FRICTION
 
 
 @dataclass(frozen=True)
@@ -24,9 +23,7 @@ class ResidualTrends(Check):
         if trends is None:
             return []
         # a case with friction that the quick fit has not has chosen its friction already
-        chosen = subject.case.choose_friction or any(
-            FRICTION.name_of(part) not in PLAIN for part in subject.case.friction
-        )
+        chosen = subject.case.choose_friction or bool(beyond_quick_fit(subject.case))
         return [
             finding
             for blame in trends.blames

@@ -33,6 +33,11 @@ class Criterion(ABC):
     #: Sharpness of :meth:`objective` from one stage of the search to the next.
     stages: ClassVar[tuple[float, ...]] = (1.0,)
 
+    @property
+    def nominal_deviation(self) -> float | None:
+        """Relative standard deviation of the nominal model that counts as known before the run; None for unknown."""
+        return None
+
     @abstractmethod
     def value(self, triangle: Array) -> float:
         """Return the figure itself from a triangle R (b, b) with R'R = M; not finite where M is singular."""

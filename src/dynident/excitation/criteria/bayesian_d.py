@@ -34,6 +34,10 @@ class BayesianD(Criterion):
         if self.deviation is not None and not 0 < self.deviation < np.inf:
             raise BadOption("deviation", self.deviation, "give a share above 0, such as 0.5, or none")
 
+    @property
+    def nominal_deviation(self) -> float | None:
+        return self.deviation
+
     def value(self, triangle: Array) -> float:
         norms = np.linalg.norm(triangle, axis=0)
         if not np.all(norms > 0):

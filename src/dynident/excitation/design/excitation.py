@@ -15,7 +15,6 @@ import numpy.typing as npt
 from dynident.arrays import Array
 from dynident.errors import BadOption, InfeasibleTrajectory
 from dynident.excitation.criteria import CRITERIA, Criterion
-from dynident.excitation.criteria.bayesian_d import BayesianD
 from dynident.excitation.design.checkpoint import DesignCheckpoint, problem_facts
 from dynident.excitation.design.design_problem import DesignProblem
 from dynident.excitation.design.distances import Distances
@@ -216,9 +215,9 @@ def _prior(observation: Observation, part: Criterion, earlier: Prior | None) -> 
     if earlier is not None and len(earlier.information) != observation.base.count:
         evidence = f"of {len(earlier.information)} base parameters"
         raise BadOption("earlier", evidence, f"the model has {observation.base.count}; use the same robot and friction")
-    if not isinstance(part, BayesianD) or part.deviation is None:
+    if part.nominal_deviation is None:
         return earlier
-    nominal = prior_of_nominal(observation.model, observation.base, part.deviation)
+    nominal = prior_of_nominal(observation.model, observation.base, part.nominal_deviation)
     return nominal if earlier is None else earlier.plus(nominal)
 
 

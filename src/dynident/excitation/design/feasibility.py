@@ -13,9 +13,8 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import InfeasibleTrajectory
-from dynident.excitation.design.bounds import BoundLabel, ClearanceBound, Grid
+from dynident.excitation.design.bounds import Bound, BoundLabel, Grid
 from dynident.excitation.design.design_problem import GUARD, DesignProblem
-from dynident.excitation.design.distances import least_distances
 from dynident.excitation.design.limits import DISTANCE_SCALE
 
 #: Share of its bounds that each joint uses at a start point.
@@ -209,8 +208,8 @@ def _is_kept(problem: DesignProblem, x: Array) -> bool:
     """Return whether torque, its rate, tool speed and, at every time, the clearances are kept."""
     if model_uses(problem, x).max(initial=0.0) > 1.0 - GUARD:
         return False
-    certain = [_certain_uses(problem, x, bound) for bound in problem.bounds if isinstance(bound, ClearanceBound)]
-    return all(uses.max() <= 1.0 - GUARD for uses in certain)
+    certain = [_certain_uses(problem, x, bound) for bound in problem.bounds if bound.between_samples]
+    return all(uses.max(initial=0.0) <= 1.0 - GUARD for uses in certain)
 
 
 def _bisected(is_kept: Callable[[float], bool], kept: float, bad: float) -> float:
@@ -221,8 +220,8 @@ def _bisected(is_kept: Callable[[float], bool], kept: float, bad: float) -> floa
     return kept
 
 
-def _certain_uses(problem: DesignProblem, x: Array, bound: ClearanceBound) -> Array:
-    """Return the share of each clearance that is used at any time of a period."""
+def _certain_uses(problem: DesignProblem, x: Array, bound: Bound) -> Array:
+    """Return the share of each row of a bound that is used at any time of a period."""
     free, shape = problem.free(x), problem.parametrisation
     accelerations = np.abs(shape.extremes(free, problem.samples)[:, 2]).max(axis=0)
 
@@ -231,8 +230,7 @@ def _certain_uses(problem: DesignProblem, x: Array, bound: ClearanceBound) -> Ar
         return basis[0] @ free.T, basis[1] @ free.T
 
     time = np.append(problem.time, shape.period)
-    certain, _ = least_distances(bound.distances, positions, time, accelerations, GUARD * DISTANCE_SCALE)
-    return 1.0 + (bound.distances.required - certain) / DISTANCE_SCALE
+    return bound.certain_shares(positions, time, accelerations, GUARD)
 
 
 @dataclass(frozen=True)

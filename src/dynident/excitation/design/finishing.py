@@ -17,7 +17,6 @@ from dynident.excitation.design.limits import LimitRow, MotionLimits, check_limi
 from dynident.excitation.design.plan import Plan
 from dynident.excitation.design.rest_to_rest import RestToRest
 from dynident.excitation.trajectories.base import Designable
-from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.model.friction import Motion
 
 #: The check before a plan is made is this much finer than the grid of the search.
@@ -51,7 +50,7 @@ def first_that_starts(problem: DesignProblem, found: list[FinishingCandidate]) -
     broken: list[LimitRow] = []
     for candidate in found:
         motion = problem.parametrisation.trajectory(problem.free(candidate.free))
-        if not isinstance(motion, FourierSeries):
+        if motion.at_rest:
             return replace(candidate, trajectory=motion)
         limits = _no_harsher(problem.limits, motion, FINER * problem.samples)
         for run_in in RUN_INS:
@@ -67,7 +66,7 @@ def first_that_starts(problem: DesignProblem, found: list[FinishingCandidate]) -
     raise InfeasibleTrajectory(f"the {BoundLabel(worst.joint, worst.quantity).text}", evidence, step)
 
 
-def _no_harsher(limits: MotionLimits, motion: FourierSeries, samples: int) -> MotionLimits:
+def _no_harsher(limits: MotionLimits, motion: Designable, samples: int) -> MotionLimits:
     """Return the limits with the motion's own largest acceleration and jerk where none are stated."""
     time = np.arange(samples) * motion.period / samples
     acceleration, jerk = (np.abs(s).max(axis=0) * 1.001 for s in (motion.evaluate(time)[2], motion.jerk(time)))

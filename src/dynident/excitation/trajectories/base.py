@@ -103,6 +103,10 @@ class Designable(Trajectory):
     def at_rest(self) -> bool:
         """Whether it starts and ends at rest with zero acceleration, so that it needs no run-in."""
 
+    def shifted(self, phase: float) -> Self:
+        """Return a periodic motion that begins ``phase`` seconds later in its period; one that starts at rest stays."""
+        return self
+
     @property
     @abstractmethod
     def detail(self) -> str:

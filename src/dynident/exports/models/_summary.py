@@ -46,9 +46,9 @@ class ModelExport:
 def model_export_data(export: ModelExport) -> dict[str, Any]:
     """Return an export as plain data: what ``dynident export --json`` prints."""
     data = asdict(export)
-    for key in ("files", "notes", "proofs", "left_out"):
+    for key in ("files", "notes", "proofs"):
         data[key] = list(data[key])
-    return data | {"neglected": dict(export.neglected)}
+    return data | {"left_out": [term.data() for term in export.left_out], "neglected": dict(export.neglected)}
 
 
 def neglected_torque(subject: Identified, left_out: tuple[Term, ...]) -> dict[str, float]:
@@ -57,11 +57,10 @@ def neglected_torque(subject: Identified, left_out: tuple[Term, ...]) -> dict[st
         return {}
     motion = states_of(subject.model).motion
     drives = drives_of(subject)
-    symbols = {(term.joint, term.part) for term in left_out}
-    rotors = any(part == "rotor_inertia" and drives.alone[drives.joints.index(j)] for j, part in symbols)
+    lost = {term.held_as for term in left_out if drives.alone[drives.joints.index(term.joint)]}
     coupled = not any(term in left_out for term in drives.coupled_rest())
-    dry = not any(part == "coulomb" and drives.alone[drives.joints.index(j)] for j, part in symbols)
-    held = rigid_torque(subject, motion) + drives.torque(motion, armature=not rotors, coupled=coupled, dry=dry)
+    taken = drives.torque(motion, armature="armature" not in lost, coupled=coupled, dry="friction" not in lost)
+    held = rigid_torque(subject, motion) + taken
     rest = _largest(subject.model.torque(motion, subject.theta) - held)
     return dict(zip(subject.model.robot.joint_names, rest, strict=True))
 

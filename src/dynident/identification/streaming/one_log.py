@@ -13,7 +13,6 @@ import numpy as np
 from dynident.data.formats import LogStream
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
-from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.errors import DynidentError, LogMismatch
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.selection.cutoff.choice import LONGEST_S, with_cutoff
@@ -64,8 +63,7 @@ class Checkpoint:
 def settled(setup: StreamSetup, path: Path, progress: Callable[[str], None]) -> Preprocessing:
     """Return the preprocessing with a cut-off and a delay that are numbers, found from the head of a log where open."""
     model, preprocessing = setup.model, setup.preprocessing
-    is_open = isinstance(preprocessing.filter, Butterworth) and preprocessing.filter.cutoff_hz is None
-    if not is_open and preprocessing.delay_s is not None:
+    if not preprocessing.filter.is_open and preprocessing.delay_s is not None:
         return preprocessing
     head = _head(setup, path)
     setup.check_signals(head)

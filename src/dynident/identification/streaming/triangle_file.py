@@ -26,7 +26,6 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.preprocessing import Preprocessing
-from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.errors import DynidentError, TriangleFileError
 from dynident.file_versions import Document, FileVersions
 from dynident.files import unreadable, write_atomically
@@ -200,9 +199,8 @@ def check_case(digest: Digest, path: str | Path, model: DynamicModel, how: Prepr
         TriangleFileError: They are of another model or another preparation.
     """
     independent = base_parameters(model).independent.tolist()
-    if isinstance(how.filter, Butterworth) and isinstance(digest.how.filter, Butterworth):
-        if how.filter.cutoff_hz is None:
-            how = replace(how, filter=replace(how.filter, cutoff_hz=digest.how.filter.cutoff_hz))
+    if how.filter.is_open and (cutoff := digest.how.filter.bandwidth()) is not None:
+        how = replace(how, filter=how.filter.with_cutoff(cutoff))
     if how.delay_s is None:
         how = replace(how, delay_s=digest.how.delay_s)
     mine = model_hash(digest.model, digest.how, digest.base.independent.tolist())

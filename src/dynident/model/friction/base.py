@@ -35,6 +35,7 @@ __all__ = [
     "Number",
     "Range",
     "SelectionCandidate",
+    "SharedUse",
     "State",
     "check_positive",
     "cosine",
@@ -166,6 +167,23 @@ class SelectionCandidate:
     width: float | None = None
 
 
+@dataclass(frozen=True)
+class SharedUse:
+    """The use of a part in the lists that are the same for all drives of a robot.
+
+    Attributes:
+        place: Place in such a list, from 0.
+        group: ``default`` for the friction of a model that states none. Parts of another group are added together;
+            the selection compares the lists with and without each group. ``optional``: in the list that the selection
+            begins with only, where held-out rows decide.
+        options: Options of the part in the list that the selection begins with.
+    """
+
+    place: int
+    group: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
 #: What ``choose`` names where the logs decide whether a part is there at all.
 WHOLE = "part"
 
@@ -191,8 +209,8 @@ class Friction(ABC):
     #: How the selection of friction tries it on a drive; not at all where there is none.
     candidates: ClassVar[tuple[SelectionCandidate, ...]] = ()
 
-    #: Whether every drive has it when the selection begins.
-    is_usual: ClassVar[bool] = False
+    #: Its use in lists for all drives; in no such list where there is none.
+    shared: ClassVar[SharedUse | None] = None
 
     #: Names of parts that say nearly the same in another way: the selection never puts it beside them.
     rivals: ClassVar[tuple[str, ...]] = ()
@@ -212,6 +230,11 @@ class Friction(ABC):
     def is_optional(self) -> bool:
         """Whether it is only there if held-out rows of the log ask for it."""
         return WHOLE in (self.choose or ())
+
+    @property
+    def is_default(self) -> bool:
+        """Whether a model whose friction is not stated has it."""
+        return self.shared is not None and self.shared.group == "default"
 
     @property
     def dry_width(self) -> float | None:

@@ -8,7 +8,16 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.errors import BadOption
-from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, Range, SelectionCandidate, smooth_sign
+from dynident.model.friction.base import (
+    Coefficient,
+    Friction,
+    Inputs,
+    Number,
+    Range,
+    SelectionCandidate,
+    SharedUse,
+    smooth_sign,
+)
 from dynident.plugins import bounded
 
 
@@ -29,7 +38,7 @@ class Coulomb(Friction):
         SelectionCandidate(40, width=0.25),
         SelectionCandidate(50, width=4.0),
     )
-    is_usual: ClassVar = True
+    shared: ClassVar = SharedUse(0, "default", {"width": 0.01, "choose": ("width",)})
 
     def __post_init__(self) -> None:
         if not 0 <= self.width < np.inf:

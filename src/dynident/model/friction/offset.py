@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionCandidate
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionCandidate, SharedUse
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class Offset(Friction):
 
     coefficients: ClassVar = (Coefficient("F0", "N m", "N", nonnegative=False),)
     candidates: ClassVar = (SelectionCandidate(20),)
-    is_usual: ClassVar = True
+    shared: ClassVar = SharedUse(2, "default")
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return (1.0,)

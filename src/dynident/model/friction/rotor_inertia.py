@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionCandidate
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionCandidate, SharedUse
 
 
 @dataclass(frozen=True)
@@ -14,6 +14,7 @@ class RotorInertia(Friction):
 
     coefficients: ClassVar = (Coefficient("Ia", "kg m^2", "kg", nonnegative=True, in_simulators="armature"),)
     candidates: ClassVar = (SelectionCandidate(30),)
+    shared: ClassVar = SharedUse(3, "inertia")
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return (at.ddq,)

@@ -12,6 +12,7 @@ from dynident.model.friction.base import (
     Number,
     Range,
     SelectionCandidate,
+    SharedUse,
     check_positive,
     exponential,
     power,
@@ -46,6 +47,9 @@ class Stribeck(Friction):
         SelectionCandidate(80, {"velocity": 0.1}, width=1.0),
         SelectionCandidate(90, {"velocity": 0.03}, width=1.0),
         SelectionCandidate(100, {"velocity": 0.3}, width=1.0),
+    )
+    shared: ClassVar = SharedUse(
+        6, "optional", {"velocity": 0.1, "width": 0.01, "choose": ("part", "width", "velocity", "exponent")}
     )
     refined: ClassVar = ("velocity",)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionCandidate
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, SelectionCandidate, SharedUse
 
 
 @dataclass(frozen=True)
@@ -14,7 +14,7 @@ class Viscous(Friction):
 
     coefficients: ClassVar = (Coefficient("Fv", "N m s/rad", "N s/m", nonnegative=True, in_simulators="damping"),)
     candidates: ClassVar = (SelectionCandidate(10),)
-    is_usual: ClassVar = True
+    shared: ClassVar = SharedUse(1, "default")
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return (at.dq,)

@@ -115,6 +115,10 @@ class Controller(ABC):
     #: Options that may be 0.
     may_be_zero: ClassVar[tuple[str, ...]] = ()
 
+    def plain_gains(self) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+        """Return stiffness and damping where these two, both stated, are all of its feedback; None as a rule."""
+        return None
+
     @abstractmethod
     def law(self) -> Callable[..., Any]:
         """Return the compiled law; see the head of the file."""

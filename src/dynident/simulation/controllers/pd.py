@@ -34,6 +34,11 @@ class Pd(Controller):
 
     may_be_zero = ("stiffness", "damping")
 
+    def plain_gains(self) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+        if self.delay_s or self.current_hz or not (self.stiffness and self.damping):
+            return None
+        return self.stiffness, self.damping
+
     def law(self) -> Callable[..., Any]:
         return _law
 

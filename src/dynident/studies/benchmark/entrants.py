@@ -12,7 +12,6 @@ from dynident.identification.estimators import ESTIMATORS
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
 from dynident.simulation.controllers import Controller
-from dynident.simulation.controllers.pd import Pd
 from dynident.studies.comparison.contest import Method
 
 #: Cut-off of an unfiltered preparation as a share of its rows a second: differences need one, and this is beyond them.
@@ -96,11 +95,13 @@ def _method(place: Place, name: str, options: dict[str, str | None], controllers
 def _told(place: Place, controllers: Sequence[Controller]) -> dict[str, str]:
     """Return the options that tell an estimator of the one controller of all cells, as text."""
     first = controllers[0] if len(controllers) == 1 else None
-    if not isinstance(first, Pd) or first.delay_s or first.current_hz or not (first.stiffness and first.damping):
+    known = None if first is None else first.plain_gains()
+    if first is None or known is None:
         step = "state one for all robots and levels: cell: controller: pd, with stiffness and damping, joint by joint"
         raise place.error("controller: known without a plain pd controller and its gains", step)
-    gains = {"kp": first.stiffness, "kd": first.damping}
-    words = {key: ",".join(f"{float(gain)!r}" for gain in values) for key, values in gains.items()}
+    words = {
+        key: ",".join(f"{float(gain)!r}" for gain in values) for key, values in zip(("kp", "kd"), known, strict=True)
+    }
     return {**words, "feedforward": _FEEDS[first.feedforward]}
 
 

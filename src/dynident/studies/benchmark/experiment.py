@@ -21,7 +21,7 @@ from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
 from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import DEFAULT_FRICTION, FRICTION
+from dynident.model.friction import FRICTION, default_friction
 from dynident.simulation.truth import true_parameters
 from dynident.studies.benchmark.entrants import Entrant, entrants_of
 
@@ -276,7 +276,7 @@ def _friction(top: Section) -> tuple[Any, ...]:
     value = top.value("friction")
     place = top.place("friction")
     if not isinstance(value, list):
-        raise place.error("not a list", f"write a list such as [{', '.join(DEFAULT_FRICTION)}]")
+        raise place.error("not a list", f"write a list such as [{', '.join(default_friction())}]")
     return tuple(guarded(place, lambda item=item: FRICTION.make_from_text(*part_of(place, item))) for item in value)
 
 

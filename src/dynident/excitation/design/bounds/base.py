@@ -7,7 +7,7 @@ row for both would jump between them. A row is kept where its share is at most 1
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple
@@ -97,6 +97,9 @@ class Bound(ABC):
     #: Whether a robot that stands still can break it, so that a posture can be judged by it.
     of_posture: ClassVar[bool] = False
 
+    #: Whether :meth:`certain_shares` judges a motion between the samples too.
+    between_samples: ClassVar[bool] = False
+
     @property
     @abstractmethod
     def labels(self) -> tuple[BoundLabel, ...]:
@@ -114,3 +117,16 @@ class Bound(ABC):
             grid: The motion that :meth:`shares` saw.
             worst: One sample a row, shape (c,).
         """
+
+    def certain_shares(
+        self, positions: Callable[[Array], tuple[Array, Array]], time: Array, most: Array, fine: float
+    ) -> Array:
+        """Return a share of each row that no time of a motion exceeds, shape (c,); of no row as a rule, shape (0,).
+
+        Args:
+            positions: Positions and velocities at times, shape (N, n) each.
+            time: Samples of the motion, shape (N,), in s.
+            most: Largest acceleration of each joint, shape (n,).
+            fine: Share by which the answer may exceed the motion's own.
+        """
+        return np.zeros(0)

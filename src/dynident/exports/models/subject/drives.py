@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.exports.models.subject.identified import Identified
-from dynident.model.friction import FRICTION, Motion
+from dynident.model.friction import FRICTION, Motion, shared_parts
 from dynident.model.kernels import batched
 
 
@@ -25,6 +25,7 @@ class Term:
         value: Its value.
         unit: Its unit.
         options: Options of the part.
+        held_as: What simulators hold it as, of drives that turn one joint (``Coefficient.in_simulators``); or empty.
     """
 
     joint: str
@@ -33,6 +34,11 @@ class Term:
     value: float
     unit: str
     options: Mapping[str, Any]
+    held_as: str = ""
+
+    def data(self) -> dict[str, Any]:
+        """Return what stands in files and JSON."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if each.name != "held_as"}
 
 
 @dataclass(frozen=True)
@@ -72,10 +78,9 @@ class Drives:
         """Return what a format loses that has no drive for several joints."""
         lost = []
         for j in np.flatnonzero(~self.alone):
-            values = (("Ia", self.armature[j], "rotor_inertia"), ("Fv", self.damping[j], "viscous"))
-            for symbol, value, part in (*values, ("Fc", self.dry[j], "coulomb")):
-                if value:
-                    lost.append(Term(self.joints[j], part, symbol, float(value), "at the motor", {}))
+            for word, values in (("armature", self.armature), ("damping", self.damping), ("friction", self.dry)):
+                if values[j]:
+                    lost.append(simulated_term(self.joints[j], word, float(values[j]), "at the motor"))
         return tuple(lost)
 
     def torque(self, motion: Motion, *, armature: bool, coupled: bool, dry: bool = True) -> Array:
@@ -91,6 +96,13 @@ class Drives:
         speed = motion.dq @ rows.T
         force = speed * self.damping + (np.sign(speed) * self.dry if dry else 0.0)
         return (force + (motion.ddq @ rows.T * self.armature if armature else 0.0)) @ rows
+
+
+def simulated_term(joint: str, word: str, value: float, unit: str) -> Term:
+    """Return what a joint of simulators holds as ``word``, called as the usual part of that meaning calls it."""
+    coefficients = ((name, c) for name, _ in shared_parts() for c in FRICTION.get(name).coefficients)
+    part, symbol = next((name, c.symbol) for name, c in coefficients if c.in_simulators == word)
+    return Term(joint, part, symbol, value, unit, {}, word)
 
 
 def drives_of(subject: Identified) -> Drives:

@@ -12,7 +12,7 @@ import numpy as np
 
 from dynident.arrays import Array, frozen
 from dynident.errors import DynidentError, EstimateFormatError
-from dynident.exports.models.subject.drives import Drives, Term
+from dynident.exports.models.subject.drives import Drives, Term, simulated_term
 from dynident.exports.models.subject.identified import NONE, Identified
 from dynident.exports.models.writing.xml_text import check_printable
 from dynident.file_versions import FileVersions
@@ -57,7 +57,7 @@ def document(subject: Identified, drives: Drives) -> dict[str, Any]:
             "armature": drives.armature.tolist(),
             "damping": drives.damping.tolist(),
             "friction": drives.dry.tolist(),
-            "rest": [asdict(term) for term in drives.rest],
+            "rest": [term.data() for term in drives.rest],
         },
         "estimator": estimate.estimator,
         "samples": estimate.samples,
@@ -159,7 +159,7 @@ def left_out(drives: Drives, *, armature: bool, coupled: bool) -> tuple[Term, ..
     if not armature:
         alone = drives.alone if not coupled else drives.alone | True
         rotors = [
-            Term(name, "rotor_inertia", "Ia", float(value), "kg m^2 or kg", {})
+            simulated_term(name, "armature", float(value), "kg m^2 or kg")
             for name, value, is_alone in zip(drives.joints, drives.armature, alone, strict=True)
             if value and is_alone
         ]

@@ -20,7 +20,6 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import ROWS_PER_PERIOD, Preprocessing, preprocess
 from dynident.data.preprocessing._zero_phase import low_passed
-from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.errors import DynidentError
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.selection.cutoff.block_triangles import BlockTriangles, block_triangles
@@ -76,7 +75,7 @@ class Bench:
         base: Its base parameters.
         logs: Raw logs on uniform grids, joints in the order of the robot.
         delays: By how much the torque of each lags, in s.
-        how: How they become rows; its filter is a Butterworth.
+        how: How they become rows; its filter is one whose cut-off is open.
         noise: Standard deviation of the white noise of the positions of each log, shape (n,) each.
         share: Share of the recorded time that the logs are; the variance is stated for all of it.
     """
@@ -124,7 +123,7 @@ class Bench:
 
     def at(self, hertz: float) -> Preprocessing:
         """Return the preparation at a cut-off."""
-        filter = replace(butterworth_of(self.how), cutoff_hz=hertz)
+        filter = self.how.filter.with_cutoff(hertz)
         return replace(self.how, filter=filter, rate_hz=None, rows_per_period=ROWS_PER_PERIOD)
 
     def imitated(self, beta: Array, hertz: float) -> Bench:
@@ -156,12 +155,6 @@ class Bench:
     def _jackknife(self, hertz: float) -> float:
         """Return by how much residuals of a fit understate the variance, as leaving out each row once tells it."""
         return (1.0 - self.base.count / self._independent(hertz)) ** -2
-
-
-def butterworth_of(how: Preprocessing) -> Butterworth:
-    """Return the filter of a preparation whose cut-off is looked for."""
-    assert isinstance(how.filter, Butterworth)
-    return how.filter
 
 
 def thinned_out(log: Log, rate: float) -> Log:

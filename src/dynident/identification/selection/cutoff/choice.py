@@ -21,9 +21,9 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, resample
 from dynident.data.preprocessing._spectra import Spectra, spectra_of
-from dynident.data.preprocessing.butterworth import STATED_HZ, Butterworth
+from dynident.data.preprocessing.butterworth import STATED_HZ
 from dynident.errors import DynidentError
-from dynident.identification.selection.cutoff.candidates import Bench, Candidate, butterworth_of, stretch_of
+from dynident.identification.selection.cutoff.candidates import Bench, Candidate, stretch_of
 from dynident.identification.selection.delay import find_delays
 from dynident.identification.selection.friction.load import without_load
 from dynident.model.base_parameters import base_parameters
@@ -161,12 +161,11 @@ def with_cutoff(
         how: The preparation.
         progress: Told the step in words.
     """
-    filter = how.filter
-    if not isinstance(filter, Butterworth) or filter.cutoff_hz is not None:
+    if not how.filter.is_open:
         return how, {}
     progress("cut-off of the filter")
     choice = choose_cutoff(model, logs, how)
-    return replace(how, filter=replace(filter, cutoff_hz=choice.hertz)), {"cutoff_choice": choice.figures()}
+    return replace(how, filter=how.filter.with_cutoff(choice.hertz)), {"cutoff_choice": choice.figures()}
 
 
 def choose_cutoff(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) -> CutoffChoice:
@@ -183,7 +182,7 @@ def choose_cutoff(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) 
     simple = without_load(model)
     judged: tuple[Judged, ...] = ()
     try:
-        pilot = replace(how, filter=replace(butterworth_of(how), cutoff_hz=min(STATED_HZ, rate / 12)))
+        pilot = replace(how, filter=how.filter.with_cutoff(min(STATED_HZ, rate / 12)))
         base = base_parameters(simple)
         delays = [0.0 if how.delay_s is None else how.delay_s] * len(seen)
         if how.delay_s is None:

@@ -12,7 +12,6 @@ import scipy.linalg
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import ROWS_PER_PERIOD, Prepared, preprocess, resample
-from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.problem.problem import Problem
@@ -43,25 +42,25 @@ def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]
         problem: What it solves.
         logs: The raw logs of the problem, joints in the order of the robot.
     """
-    filter = problem.logs[0].how.filter
-    if not isinstance(filter, Butterworth) or filter.torque != "same" or filter.cutoff_hz is None:
+    stated = problem.logs[0].how.filter.shared_cutoff()
+    if stated is None:
         return {}
     try:
-        own = _blocks(estimate, problem, logs, filter.cutoff_hz)
+        own = _blocks(estimate, problem, logs, stated)
     except DynidentError:
         return {}
-    rows = [_figures(estimate, own, own, filter.cutoff_hz, filter.cutoff_hz)]
+    rows = [_figures(estimate, own, own, stated, stated)]
     for factor in FACTORS:
-        hertz = factor * filter.cutoff_hz
+        hertz = factor * stated
         if hertz > HIGHEST * min(log.log.rate for log in problem.logs):
             continue
         try:
             other = _blocks(estimate, problem, logs, hertz)
-            rows.append(_figures(estimate, own, other, filter.cutoff_hz, hertz))
+            rows.append(_figures(estimate, own, other, stated, hertz))
         except DynidentError:
             continue
     table = sorted(rows, key=lambda row: row["cutoff_hz"])
-    return {"cutoff_hz": filter.cutoff_hz, "folds": len(own.blocks), "table": table} if len(table) > 1 else {}
+    return {"cutoff_hz": stated, "folds": len(own.blocks), "table": table} if len(table) > 1 else {}
 
 
 def cutoff_lines(extras: Mapping[str, Any]) -> list[str]:
@@ -99,8 +98,7 @@ def sensitivity_warning(found: Mapping[str, Any]) -> str:
 def _blocks(estimate: Estimate, problem: Problem, logs: Sequence[Log], hertz: float) -> BlockTriangles:
     prepared: list[Prepared] = []
     for log, used in zip(logs, problem.logs, strict=True):
-        assert isinstance(used.how.filter, Butterworth)
-        filter = replace(used.how.filter, cutoff_hz=hertz)
+        filter = used.how.filter.with_cutoff(hertz)
         how = replace(used.how, filter=filter, delay_s=used.delay_s, rate_hz=None, rows_per_period=ROWS_PER_PERIOD)
         prepared.append(preprocess(thinned_out(resample(log, how.longest_gap_s), 2 * SAMPLES_PER_HZ * hertz), how))
     regressor = replace(problem, load=None if problem.load is None else estimate.beta).regressor

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -25,28 +26,10 @@ from dynident.identification.selection.cross_validation import cross_validate
 from dynident.identification.selection.friction.load import problem_of
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, Friction
-
-#: Lists for all drives, from the shortest on; the last two bend over speed and grow with load, as gears do.
-ALIKE = (
-    ("coulomb", "viscous", "offset"),
-    ("coulomb", "viscous", "offset", "rotor_inertia"),
-    ("coulomb", "viscous", "offset", "degressive", "load"),
-    ("coulomb", "viscous", "offset", "rotor_inertia", "degressive", "load"),
-)
+from dynident.model.friction import FRICTION, Friction, shared_parts
 
 #: A list that errs more by less than this share of the held-out error errs no more.
 NOTHING = 5e-3
-
-_DRY = {"width": 0.01, "choose": ("width",)}
-
-#: What a choice begins with, as a draft does: what geared drives have, and what only some have if held-out rows say so.
-USUAL: tuple[Friction, ...] = (
-    FRICTION.make("coulomb", **_DRY),
-    *(FRICTION.make(name) for name in ("viscous", "offset", "rotor_inertia", "degressive")),
-    FRICTION.make("load", **_DRY),
-    FRICTION.make("stribeck", velocity=0.1, width=0.01, choose=("part", "width", "velocity", "exponent")),
-)
 
 #: Blocks of rows, each left out once.
 BLOCKS = 10
@@ -81,6 +64,20 @@ class Common:
 OWN = ("each its own",)
 
 
+def starting_friction() -> tuple[Friction, ...]:
+    """Return the list for all drives that a choice begins with, as a draft does, from the uses that parts state."""
+    return tuple(FRICTION.make(name, **use.options) for name, use in shared_parts())
+
+
+def shared_lists() -> tuple[tuple[str, ...], ...]:
+    """Return the lists for all drives by the names of their parts, the shortest first: with and without each group."""
+    parts = shared_parts()
+    groups = list(dict.fromkeys(use.group for _, use in parts if use.group not in ("default", "optional")))
+    added = (chosen for size in range(len(groups) + 1) for chosen in combinations(groups, size))
+    lists = (tuple(name for name, use in parts if use.group in ("default", *chosen)) for chosen in added)
+    return tuple(sorted(lists, key=len))
+
+
 def same_for_all(
     model: DynamicModel,
     logs: Sequence[Prepared],
@@ -105,17 +102,18 @@ def same_for_all(
         return model, ()
     progress("friction: all drives alike")
     own = _problem(model, logs)
+    shared = shared_lists()
     try:
         scale = own.joint_deviations(Consistent().solve(own).beta)
         held = _held_out(own, scale)
     except SolverFailed:  # parts of their own that hardly differ: what is alike and has a solution is taken
-        own = _problem(replace(model, friction=_alike(ALIKE[0], usual, model.friction)), logs)
+        own = _problem(replace(model, friction=_alike(shared[0], usual, model.friction)), logs)
         scale, held = own.joint_deviations(Consistent().solve(own).beta), np.array([np.inf])
     if held is None:
         return model, ()
     kept, scores = [model.friction], [held]
     names: list[tuple[str, ...]] = [OWN]
-    lists = [_alike(parts, usual, model.friction) for parts in ALIKE]
+    lists = [_alike(parts, usual, model.friction) for parts in shared]
     for friction in (*lists, *([usual] if usual and usual not in lists else [])):
         parts = tuple(dict.fromkeys(FRICTION.name_of(part) for part in friction))
         try:

@@ -268,7 +268,7 @@ class _Search:
     def over(cls, model: DynamicModel, parts: Sequence[Friction], logs: Sequence[Prepared], late: bool) -> _Search:
         """Return the search among some parts, before its first step."""
         kinds = [FRICTION.name_of(part) for part in parts]
-        usual = dict.fromkeys(kind for kind, part in zip(kinds, parts, strict=True) if part.is_usual)
+        usual = dict.fromkeys(kind for kind, part in zip(kinds, parts, strict=True) if part.is_default)
         places = tuple(kinds.index(name) for name in usual)
         start = replace(model, friction=tuple(parts[p] for p in places))
         pool = make_pool(model, parts, logs, max(BLOCKS, len(logs)), default_load(start, logs), late)
