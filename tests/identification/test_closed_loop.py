@@ -18,11 +18,14 @@ from dynident.identification.simulated.course import LoopOptions, smoothed
 from dynident.identification.simulated.estimators.iv import IV
 from dynident.identification.simulated.sensitivities import sensitivities
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
 from dynident.model.friction.asymmetric import Asymmetric
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
+from dynident.model.friction.load import Load
 from dynident.model.friction.periodic import Periodic
 from dynident.model.friction.stribeck import Stribeck
+from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
 from dynident.simulation.virtual_robot import JointController, Noise, simulate
 
@@ -112,6 +115,39 @@ def test_sensitivities_are_exact_with_every_friction_of_the_motion(planar_2r, co
     rows, by_q = sensitivities(loop, loop.courses[0], beta, "q")
     np.testing.assert_array_equal(rows, loop.simulate(beta)[0])
     for k in range(len(beta)):
+        step = np.zeros_like(beta)
+        step[k] = 1e-6 * max(1.0, abs(beta[k]))
+        rise = (loop.simulate(beta + step)[0] - loop.simulate(beta - step)[0]) / (2 * step[k])
+        np.testing.assert_allclose(by_q[:, :, k], rise[:, 0], atol=1e-5 * np.abs(by_q).max() + 1e-9)
+
+
+@pytest.fixture(scope="module")
+def loaded(planar_2r):
+    """Return a problem, its truth and other parameters: coupled drives whose friction grows with load and warmth."""
+    robot = planar_2r.with_drives({}, [[1.0, 0.0], [0.4, 1.0]])
+    model = DynamicModel(robot, (Coulomb(0.1), Viscous(), Load(0.1), Temperature(20.0, 0.1)))
+    theta = np.append(robot.nominal, np.tile([0.8, 0.5, 0.2, -0.01, -0.02], 2))
+    controller = JointController(rate=500.0, stiffness=KP, damping=KD, gravity=False)
+    run = simulate(model, theta, wave(2), rate=250.0, duration=0.4, controller=controller, lead_in=1.0)
+    warmth = np.linspace([20.0, 30.0], [45.0, 33.0], len(run.log.time))
+    problem = build_problem(model, [replace(run.log, temperature=warmth)], HOW)
+    truth = problem.base.from_standard(theta)
+    return problem, truth, truth * np.linspace(0.9, 1.1, len(truth))
+
+
+@pytest.mark.parametrize("cost", [np.inf, 0.0], ids=["explicit", "implicit"])
+@pytest.mark.parametrize("fed", ["measured", "computed"])
+def test_friction_of_load_and_temperature_is_simulated_with_exact_sensitivities(loaded, cost, fed, monkeypatch):
+    problem, truth, beta = loaded
+    monkeypatch.setattr(module, "IMPLICIT_COST", cost)
+    loop = closed_loop(problem, LoopOptions(feedforward=fed, bandwidth_hz=3.0, control_hz=500.0), truth)
+    (course,) = loop.courses
+    rows, by_q = sensitivities(loop, course, beta, "q")
+    np.testing.assert_array_equal(rows, loop.simulate(beta)[0])
+    motion = Motion(rows[:, 0], rows[:, 1], rows[:, 2], temperature=course.log.log.temperature)
+    torque = problem.model.torque(motion, problem.base.to_standard(beta))
+    np.testing.assert_allclose(rows[:, 3], torque, atol=1e-9 * np.abs(torque).max())  # inverse dynamics of the rows
+    for k in range(0, len(beta), 2):
         step = np.zeros_like(beta)
         step[k] = 1e-6 * max(1.0, abs(beta[k]))
         rise = (loop.simulate(beta + step)[0] - loop.simulate(beta - step)[0]) / (2 * step[k])

@@ -17,6 +17,7 @@ from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.identification.build_problem import build_problem
 from dynident.identification.estimators.ols import OLS
 from dynident.identification.estimators.wls import WLS
+from dynident.identification.fit import fit
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.instruments import instruments
 from dynident.identification.simulated.closed_loop import closed_loop, simulated_logs
@@ -34,8 +35,10 @@ from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
+from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
 from dynident.simulation.virtual_robot import JointController, Noise, simulate
+from presliding import Presliding
 
 KP, KD = (500.0, 100.0), (40.0, 8.0)
 KNOWN = {"kp": KP, "kd": KD, "control_hz": 2000.0}
@@ -171,7 +174,7 @@ def test_the_advice_follows_the_changes(changes, advice):
 def test_a_robot_that_is_not_integrated_may_have_any_friction(planar_2r, part):
     """A virtual controller holds the simulated robot on the measured motion: least squares, whatever the friction.
 
-    What has to be integrated takes friction of the motion alone.
+    The output error of positions integrates it, and finds the same.
     """
     model = DynamicModel(planar_2r, (Coulomb(0.1), part))
     theta = np.append(planar_2r.nominal, np.tile([1.0, 0.3], 2))
@@ -185,11 +188,50 @@ def test_a_robot_that_is_not_integrated_may_have_any_friction(planar_2r, part):
     for method in (DIDIM(), CLIE()):
         np.testing.assert_allclose(method.solve(problem).beta, expected, rtol=1e-4, atol=1e-4)
     assert np.all(np.isfinite(IV().solve(problem).beta))
-    if not part.needs:
-        np.testing.assert_allclose(CLOE().solve(problem).beta, expected, rtol=0.05, atol=0.05)
-        return
-    with pytest.raises(BadOption, match="friction of the motion alone, not of torque; leave it out"):
-        CLOE().solve(problem)
+    np.testing.assert_allclose(CLOE().solve(problem).beta, expected, rtol=0.05, atol=0.05)
+
+
+@pytest.mark.parametrize("part", [Load(0.2), Temperature(5.0, 0.2)], ids=["load", "temperature"])
+def test_friction_of_load_or_temperature_is_found_under_a_stated_controller(planar_2r, part):
+    model = DynamicModel(planar_2r, (Coulomb(0.2), Viscous(), part))
+    own = [0.3] if len(part.coefficients) == 1 else [-0.02, -0.01]
+    theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5, *own], 2))
+    sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
+    controller = JointController(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
+    noise = Noise(position=2e-5, torque=0.05)
+    path = FourierSeries(np.zeros(2), sine, cosine, 2.0)
+    run = simulate(model, theta, path, rate=250.0, controller=controller, noise=noise, lead_in=1.0)
+    log = unfiltered(run.log)
+    if part.needs == ("temperature",):  # the drives are at 25 degrees: friction and its change are one column
+        model = DynamicModel(planar_2r, (Temperature(24.0, 0.2),))
+        theta = np.append(planar_2r.nominal, np.tile([1.0 - 20 * 0.02, 0.5 - 20 * 0.01], 2))
+    problem = build_problem(model, [log], Preprocessing(AsGiven(), rest="keep"))
+    truth = problem.base.from_standard(theta)
+    for method in (DIDIM(**KNOWN), CLIE(**KNOWN), CLOE(**KNOWN), Kalman(passes=1)):
+        solution = fit(problem, method)
+        assert solution.covariance is not None
+        off = np.abs(solution.beta - truth) / np.sqrt(np.diag(solution.covariance))
+        assert off.max() < 5, method
+
+
+def test_friction_with_a_state_is_simulated_and_refused_where_its_derivative_is_asked_for(planar_2r):
+    model = DynamicModel(planar_2r, (Viscous(), Presliding()))
+    theta = np.append(planar_2r.nominal, np.tile([0.5, 0.4, 1.0], 2))
+    sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
+    controller = JointController(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
+    path, noise = FourierSeries(np.zeros(2), sine, cosine, 2.0), Noise(position=2e-5, torque=0.05)
+    run = simulate(model, theta, path, rate=250.0, controller=controller, noise=noise, lead_in=1.0)
+    problem = build_problem(model, [unfiltered(run.log)], Preprocessing(AsGiven(), rest="keep"))
+    truth = problem.base.from_standard(theta)
+    for method in (DIDIM(**KNOWN), IV(**KNOWN)):
+        solution = method.solve(problem)
+        assert solution.covariance is not None
+        assert np.all(np.abs(solution.beta - truth) < 5 * np.sqrt(np.diag(solution.covariance))), method
+    for method, who in ((CLOE(**KNOWN), "an output error"), (Kalman(passes=1), "the Kalman filter")):
+        with pytest.raises(
+            BadOption, match=f"{who} has no derivative of its state; use didim or iv, or leave the part"
+        ):
+            method.solve(problem)
 
 
 def test_the_kalman_filter_finds_the_truth_and_knows_its_error(planar_2r):

@@ -12,7 +12,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, Friction
+from dynident.model.friction import FRICTION, Friction, Motion
 from dynident.model.friction.base import Inputs, Number, State
 from dynident.model.kernels.compiled import kept
 from dynident.model.kernels.operations import VALUED
@@ -126,6 +126,15 @@ class DriveFriction:
         """Return the dry friction at the least speed, the mean of both directions, shape (n,)."""
         forth, back = self._torque(np.array([1e-12, -1e-12]), np.zeros(self.drives), dry=True)
         return 0.5 * (forth - back)
+
+    def load_slopes(self, motion: Motion) -> Array:
+        """Return the derivative of the torque of each drive by its load, shape (N, n); the motion is that of drives."""
+        program = kept((*self._key(False), "load"), lambda: self._traced(False, 1))
+        inputs: dict[str, Any] = {"q": (motion.q,), "dq": (motion.dq,), "load": (motion.torque,)}
+        inputs |= {"temperature": (self.start if motion.temperature is None else motion.temperature,)}
+        inputs |= {"start": (self.start,), "rise": (0.0,), "state": ()}
+        inputs["coefficient"] = np.concatenate([block.T for _, block in self.parts])
+        return np.broadcast_to(program.evaluate(inputs).get(1, 0.0), motion.dq.shape)
 
     def machine(self, slopes: bool = False, dry: bool = False) -> tuple[Any, ...]:
         """Return the arrays that run it; see :data:`dynident.simulation.friction_machine.Friction`.
@@ -292,7 +301,7 @@ def drive_friction(
             jumps = any(node.operation in ("turn", "sign") and node.value == 0 for node in program.nodes)
             if used[k] and jumps and not bristles:
                 raise BadOption("width", 0.0, f"a sharp sign cannot be integrated; {remedy}")
-        if np.any(block) and not all(part.is_inertia):
+        if (np.any(block) or part.states) and not all(part.is_inertia):
             parts.append((part, block))
     at = np.full(model.robot.dof, ROOM) if start is None else start
     return DriveFriction(tuple(parts), at, per_kelvin, bristles)

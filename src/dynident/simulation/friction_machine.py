@@ -149,6 +149,13 @@ def place(friction: Friction, coupling: Array, q: Array, dq: Array) -> None:
 
 
 @compiled
+def warm(friction: Friction, goal: Array) -> None:
+    """Write the temperatures of the drives into the memory, where a goal (4, n) has them in its last row."""
+    for j in range(goal.shape[1] if len(goal) > 3 else 0):
+        friction[1][TEMPERATURE, j] = goal[3, j]
+
+
+@compiled
 def begin(friction: Friction) -> None:
     """Take the positions in the memory as those before the first step."""
     memory = friction[1]

@@ -10,7 +10,7 @@ import numpy as np
 from dynident.arrays import Array, IntArray
 from dynident.model.kernels.generic import WORK, bias_torque, placed_mass, solve
 from dynident.model.kernels.jit import compiled
-from dynident.simulation.friction_machine import BY_LOAD, Friction, begin, lose, place, remember
+from dynident.simulation.friction_machine import BY_LOAD, Friction, begin, lose, place, remember, warm
 
 #: links, reals, gravity and theta as in generic.py; armature (n, n) at the joints; coupling (n, n) with motor speed =
 #: coupling @ joint speed, and its inverse; known torque beside the drives (n,) at the joints; friction of the drives.
@@ -50,6 +50,14 @@ def carry(plant: Plant, state: Array, step: float) -> None:
     if len(plant[8][4]) > 0:
         place(plant[8], plant[5], state[0], state[1])
         remember(plant[8], step)
+
+
+@compiled
+def begin_at(plant: Plant, state: Array, number: int) -> None:
+    """Take a state (2, n) as the one before the first step, where the number of the step is 0."""
+    if number == 0:
+        place(plant[8], plant[5], state[0], state[1])
+        begin(plant[8])
 
 
 @compiled
@@ -134,8 +142,7 @@ def closed_loop(
     scratch = (mass, vectors, work, np.empty((4, 2, joints)), np.empty((2, joints)))
     per_control, per_row, per_noise, first = ticks[0], ticks[1], ticks[2], ticks[3]
     row, cut = 0, 0
-    place(plant[8], plant[5], state[0], state[1])
-    begin(plant[8])
+    begin_at(plant, state, 0)
     for tick in range(first + (len(out) - 1) * per_row + 1):
         logged, controlled = tick >= first and (tick - first) % per_row == 0, tick % per_control == 0
         if logged or controlled:
@@ -191,9 +198,9 @@ def tracking(
     """Follow a course without noise and without limits of the torque, as estimators that simulate do.
 
     Args:
-        plant: See :data:`Plant`.
+        plant: See :data:`Plant`; its memory goes on where the call before has left it, unless the first step is 0.
         gains: See :func:`feedback`.
-        goals: The course at every half step, (2 S + 1, 3, n) for S steps.
+        goals: The course at every half step, (2 S + 1, 3, n) for S steps; (2 S + 1, 4, n) with temperatures of drives.
         counts: Steps per row; steps that the controller holds its torque, 0 for one that acts continuously; the number
             of the first step.
         step: Length of a step in s.
@@ -210,7 +217,9 @@ def tracking(
     mass, vectors, work = np.empty((joints, joints)), np.empty((4, joints)), np.empty((len(plant[0]) + 1, WORK))
     scratch = (mass, vectors, work, slopes, place)
     per_row, held, first = counts[0], counts[1], counts[2]
+    begin_at(plant, state, first)
     for k in range(len(out) * per_row):
+        warm(plant[8], goals[2 * k])
         if held > 0 and (first + k) % held == 0:
             feedback(gains, goals[2 * k], state, tau)
         for stage in range(4):
@@ -235,4 +244,5 @@ def tracking(
                 state[order, i] += step / 6.0 * slope
                 if not math.isfinite(state[order, i]):
                     return k
+        carry(plant, state, step)
     return -1

@@ -23,7 +23,7 @@ from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption, LogMismatch, NotConsistent, SolverFailed
 from dynident.identification.problem.problem import Problem
-from dynident.identification.simulated.course import HALVES, Course, LoopOptions, course_of, moved_plant
+from dynident.identification.simulated.course import HALVES, Course, LoopOptions, course_of, refuse_states
 from dynident.identification.simulated.implicit import NODES, PLACES, RULE
 from dynident.model.friction import Motion
 from dynident.simulation.plant import MAX_RATE, MIN_RATE, Plant, plant
@@ -63,6 +63,12 @@ class Segment:
     step: float
     out: Array
     stages: Array
+
+    @property
+    def temperature(self) -> Array | None:
+        """Of the drives in each step, shape (S, n), in degrees Celsius; None where it is not known."""
+        known = self.reference.temperature
+        return None if known is None else known[: -1 : len(PLACES if self.implicit else HALVES)]
 
 
 @dataclass(frozen=True)
@@ -109,7 +115,8 @@ class ClosedLoop:
 
     def goal(self, course: Course) -> Motion:
         """Return the reference of a course, with the load of the problem where friction depends on it."""
-        motion, load = Motion(*course.reference), self.problem.load
+        motion, load = Motion(*course.reference, temperature=course.log.log.temperature), self.problem.load
+        motion = self.problem.model.with_states(motion, 1.0 / course.rate)
         return motion if load is None else self.problem.model.loaded(motion, self.problem.base.to_standard(load))
 
     def follow(self, course: Course, beta: Array, tangent: bool = True) -> Iterator[Segment]:
@@ -123,17 +130,17 @@ class ClosedLoop:
         pace = self._pace(body, course)
         track, kinds = _rule(pace.implicit)
         steps, held, joints = pace.steps, pace.held, body.joints
-        state, torque = np.array(course.start), np.zeros(joints)
+        state, torque, tables = np.array(course.start), np.zeros(joints), body.tables(pace.implicit)
         total, most, step = course.reference.shape[1], max(1, STAGES // (4 * steps)), 1.0 / (course.rate * steps)
         for start in range(0, total, most):
             rows = slice(start, min(start + most, total))
             reference, fed = course.between(rows, steps, PLACES if pace.implicit else HALVES)
-            goals = np.stack([reference.q, reference.dq, self._fed(body, beta, reference, fed)], axis=1)
+            goals = goals_of(reference, self._fed(body, beta, reference, fed))
             counts = np.array([steps, held, start * steps], dtype=np.int64)
             count = rows.stop - rows.start
             out = np.empty((count, 4, joints))
             stages = np.empty((count * steps if tangent else 0, kinds, 3, joints))
-            failed = track(body.tables(pace.implicit), self.gains, goals, counts, step, state, torque, out, stages)
+            failed = track(tables, self.gains, goals, counts, step, state, torque, out, stages)
             if failed >= 0:
                 at = start / course.rate + failed * step
                 evidence = f"the motion is lost at {at:.4g} s"
@@ -142,7 +149,7 @@ class ClosedLoop:
 
     def body(self, beta: Array) -> Plant:
         """Return the robot with the base parameters ``beta``, shape (b,)."""
-        return moved_plant(self.problem.model, self.problem.base.to_standard(beta))
+        return plant(self.problem.model, self.problem.base.to_standard(beta))
 
     def still(self, beta: Array) -> Plant:
         """Return the robot with the base parameters ``beta`` without its friction, which no motion then needs."""
@@ -190,6 +197,8 @@ class ClosedLoop:
         if measured is not None:
             return measured
         if self.feedforward == "computed":
+            if reference.state is None:
+                refuse_states(self.problem.model, "the torque fed forward")
             return self.problem.model.torque(reference, self.problem.base.to_standard(beta))
         return body.gravity(reference.q) if self.feedforward == "gravity" else np.zeros_like(reference.q)
 
@@ -266,6 +275,12 @@ def closed_loop(
     masses = np.concatenate([course.masses(loop.still(beta)) for course in courses])
     inertia, pulsation = np.diagonal(masses, axis1=1, axis2=2).mean(axis=0), 2 * np.pi * options.bandwidth_hz
     return replace(loop, gains=np.array([pulsation**2 * inertia, 2 * pulsation * inertia]))
+
+
+def goals_of(reference: Motion, fed: Array) -> Array:
+    """Return what the compiled loops follow: q, dq, torque fed forward and, if known, temperatures, (S, 3 or 4, n)."""
+    rows = (reference.q, reference.dq, fed, reference.temperature)
+    return np.stack([row for row in rows if row is not None], axis=1)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from dynident.identification.problem.regressor_stream import motion_of
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
 from dynident.plugins import bounded
-from dynident.simulation.plant import Plant, plant
+from dynident.simulation.plant import Plant
 
 #: Rows at which the mass matrix is looked at.
 LOOKS = 200
@@ -125,7 +125,15 @@ class Course:
         place = np.add.outer(np.arange(steps), places).ravel() / steps
         q, dq, ddq = (_hermite(self.reference, rows, place, self.rate, order) for order in range(3))
         fed = None if self.torque is None else _hermite(self.torque, rows, place, self.rate, 0)
-        return Motion(q, dq, ddq), fed
+        return Motion(q, dq, ddq, temperature=self._temperature(rows, place)), fed
+
+    def _temperature(self, rows: slice, place: Array) -> Array | None:
+        """Return the temperatures of the log in a straight line between rows; None where it has none."""
+        known = self.log.log.temperature
+        if known is None:
+            return None
+        at = np.append(np.add.outer(np.arange(rows.start, rows.stop), place).ravel(), rows.stop)
+        return np.stack([np.interp(at, np.arange(len(known)), own) for own in known.T], axis=1)
 
     def masses(self, body: Plant) -> Array:
         """Return mass matrices along the reference, shape (looks, n, n).
@@ -186,19 +194,16 @@ def course_of(prepared: Prepared, options: LoopOptions, fed: str, known: bool) -
     return Course(prepared, reference, torque, reference[:2, 0] - behind, rate)
 
 
-def moved_plant(model: DynamicModel, theta: Array) -> Plant:
-    """Return the plant of a model that an estimator integrates.
+def refuse_states(model: DynamicModel, what: str) -> None:
+    """Refuse friction with a state of its own where its derivative by the parameters would be asked for.
 
     Raises:
-        BadOption: Friction that cannot be simulated, or that depends on more than the motion: how it then follows the
-            parameters is not known.
+        BadOption: There is such a part; ``what`` says who asks.
     """
     for part in model.friction:
-        if part.needs:
-            what = " and ".join(part.needs)
-            step = f"methods that simulate the robot take friction of the motion alone, not of {what}; leave it out"
+        if part.states:
+            step = f"{what} has no derivative of its state; use didim or iv, or leave the part out"
             raise BadOption("friction", FRICTION.name_of(part), step)
-    return plant(model, theta)
 
 
 def smoothed(signal: Array, cutoff: float) -> Array:

@@ -16,8 +16,8 @@ import numpy as np
 from dynident.arrays import Array, IntArray
 from dynident.model.kernels.generic import WORK, bias_torque, placed_mass, solve
 from dynident.model.kernels.jit import compiled
-from dynident.simulation.friction_machine import BY_SPEED, lose, place
-from dynident.simulation.simulation_loop import Plant, feedback
+from dynident.simulation.friction_machine import BY_LOAD, BY_SPEED, lose, place, warm
+from dynident.simulation.simulation_loop import Plant, acceleration, begin_at, carry, feedback
 
 #: Newton steps at most; the change of the accelerations, against their size, that ends them.
 NEWTON_STEPS, SETTLED = 40, 1e-11
@@ -26,7 +26,7 @@ NEWTON_STEPS, SETTLED = 40, 1e-11
 STAGES = 3
 
 
-#: Inverse dynamics: lost (n,), mass and slope (2, n, n), drive (2, n), work (l + 1, WORK).
+#: Inverse dynamics: lost (n,), mass, slope and a place to work (3, n, n), drive (2, n), work (l + 1, WORK).
 Torques: TypeAlias = tuple[Array, Array, Array, Array]
 
 #: Newton's system: matrix (3 n, 3 n), change (3 n,), scale (3 n,).
@@ -34,23 +34,50 @@ System: TypeAlias = tuple[Array, Array, Array]
 
 
 @compiled
+def add_load_slopes(mass: Array, coupling: Array, inverse: Array, by_load: Array, work: Array) -> None:
+    """Add C' diag(by_load) C^-T M to a mass matrix M (n, n): the torque that friction takes of the load."""
+    joints = len(mass)
+    for i in range(joints):
+        for j in range(joints):
+            work[i, j] = 0.0
+            for k in range(joints):
+                work[i, j] += inverse[k, i] * mass[k, j]
+    for i in range(joints):
+        for j in range(joints):
+            for k in range(joints):
+                mass[i, j] += coupling[k, i] * by_load[k] * work[k, j]
+
+
+@compiled
 def losses(plant: Plant, motion: Array, found: Torques) -> None:
-    """Write the torque that a motion (3, n) takes, the mass matrix with rotors and the slope of friction."""
-    links, reals, gravity, theta, armature, coupling, _, beside, friction = plant
+    """Write the torque that a motion (3, n) takes, its slope by the acceleration and that of friction by the speed.
+
+    The slope by the acceleration is the mass matrix with rotors, and what friction makes of the load in it.
+    """
+    links, reals, gravity, theta, armature, coupling, inverse, beside, friction = plant
     lost, matrices, drive, work = found
     memory, ends = friction[1], friction[2]
     mass, slope, joints = matrices[0], matrices[1], len(lost)
     bias_torque(links, reals, gravity, theta, motion[0], motion[1], lost, work)
     placed_mass(links, reals, theta, mass, work)
+    for i in range(joints):
+        for j in range(joints):
+            mass[i, j] += armature[i, j]
+            lost[i] += mass[i, j] * motion[2, j]
+    for j in range(joints):
+        drive[1, j] = 0.0
+        for i in range(joints):
+            drive[1, j] += inverse[i, j] * lost[i]
     place(friction, coupling, motion[0], motion[1])
     lose(friction, drive[1], True, drive[0])
+    if ends[BY_LOAD] >= 0:
+        add_load_slopes(mass, coupling, inverse, memory[ends[BY_LOAD]], matrices[2])
     for j in range(joints):
         drive[1, j] = memory[ends[BY_SPEED], j] if ends[BY_SPEED] >= 0 else 0.0
     for i in range(joints):
         lost[i] -= beside[i]
         for j in range(joints):
-            mass[i, j] += armature[i, j]
-            lost[i] += coupling[j, i] * drive[0, j] + mass[i, j] * motion[2, j]
+            lost[i] += coupling[j, i] * drive[0, j]
             slope[i, j] = 0.0
             for k in range(joints):
                 slope[i, j] += coupling[k, i] * drive[1, k] * coupling[k, j]
@@ -155,7 +182,8 @@ def implicit_tracking(
     Args:
         plant: As of the tracking loop.
         gains: Stiffness and damping, (2, n).
-        goals: The course at the start and the first two stages of every step, and at the end, (3 S + 1, 3, n).
+        goals: The course at the start and the first two stages of every step, and at the end, (3 S + 1, 3, n);
+            (3 S + 1, 4, n) with temperatures of the drives, held over a step.
         rule: Coefficients of the velocities and of the positions in the accelerations of the stages, (2, 3, 3).
         counts: As of the tracking loop.
         step: Length of a step in s.
@@ -170,23 +198,24 @@ def implicit_tracking(
     joints, per_row, held, first = state.shape[1], counts[0], counts[1], counts[2]
     found = (
         np.empty(joints),
-        np.empty((2, joints, joints)),
+        np.empty((3, joints, joints)),
         np.empty((2, joints)),
         np.empty((len(plant[0]) + 1, WORK)),
     )
     size = STAGES * joints
     system = (np.empty((size, size)), np.empty(size), np.empty(size))
-    motion, now, scale = np.zeros((STAGES, 3, joints)), np.zeros((3, joints)), np.empty(joints)
+    motion, now = np.zeros((STAGES, 3, joints)), np.zeros((3, joints))
+    scratch = (found[1][0], np.empty((4, joints)), found[3], np.empty((4, 2, joints)), np.empty((2, joints)))
+    begin_at(plant, state, first)
     for k in range(len(out) * per_row):
+        warm(plant[8], goals[3 * k])
         is_tick = held == 0 or (first + k) % held == 0
         if is_tick:
             feedback(gains, goals[3 * k], state, tau)
         motion[:, 2] = motion[STAGES - 1, 2].copy()
         if k % per_row == 0 or (held > 0 and is_tick):
-            now[0], now[1], now[2] = state[0], state[1], 0.0
-            losses(plant, now, found)
-            now[2] = tau - found[0]
-            if not solve(found[1][0], now[2], scale):
+            now[0], now[1] = state[0], state[1]
+            if not acceleration(plant, state[0], state[1], tau, now[2], scratch):
                 return k
             motion[:, 2] = now[2]
         if k % per_row == 0:
@@ -197,4 +226,5 @@ def implicit_tracking(
         if len(stages) > 0:
             stages[k] = motion
         state[:] = motion[STAGES - 1, :2]
+        carry(plant, state, step)
     return -1

@@ -13,7 +13,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,10 @@ import numpy.typing as npt
 from dynident.arrays import Array
 from dynident.errors import SolverFailed
 from dynident.excitation.design.observation import Observation
-from dynident.identification.simulated.course import HALVES, Course, moved_plant
+from dynident.identification.simulated.closed_loop import goals_of
+from dynident.identification.simulated.course import HALVES, Course, refuse_states
 from dynident.identification.simulated.sensitivities import inverse_slopes
-from dynident.simulation.plant import MAX_RATE, MIN_RATE, Plant
+from dynident.simulation.plant import MAX_RATE, MIN_RATE, Plant, plant
 
 #: A step of the integration times the fastest decay of friction stays below this.
 STEP = 1.0
@@ -102,12 +103,13 @@ class Predictor:
     """Integrates the robot from one row of a log to the next, with exact derivatives."""
 
     def __init__(self, observation: Observation, course: Course) -> None:
+        refuse_states(observation.model, "the Kalman filter")
         self._observation, self._course = observation, course
         self._loop: Any = importlib.import_module("dynident.simulation.simulation_loop")
         self._tangent: Any = importlib.import_module("dynident.simulation.tangent_loop")
         self._joints = course.reference.shape[2]
         self.steps, self._first = 1, -ROWS
-        self._torque: Array = np.zeros((0, self._joints))
+        self._goals: Array = np.zeros((0, 3, self._joints))
         self._slopes: tuple[Array, ...] = ()
 
     def set_pace(self, beta: Array) -> None:
@@ -117,7 +119,7 @@ class Predictor:
             NotConsistent: Their mass matrix is not positive definite along the motion.
             SolverFailed: Friction turns too fast to be integrated.
         """
-        body = moved_plant(self._observation.model, self._observation.base.to_standard(beta))
+        body = plant(self._observation.model, self._observation.base.to_standard(beta))
         needed = max(MIN_RATE, 1.5 * self._decay(body) / STEP)
         if needed > MAX_RATE:
             step = "give the Coulomb part a greater width"
@@ -135,12 +137,11 @@ class Predictor:
             SolverFailed: The motion is lost.
         """
         joints, count, steps = self._joints, len(beta), self.steps
-        body = moved_plant(self._observation.model, self._observation.base.to_standard(beta))
+        body = plant(self._observation.model, self._observation.base.to_standard(beta))
         if not self._first <= row < self._first + ROWS:
             self._look_ahead(row, beta)
         at = (row - self._first) * steps
-        goals = np.zeros((2 * steps + 1, 3, joints))
-        goals[:, 2] = self._torque[2 * at : 2 * (at + steps) + 1]
+        goals = self._goals[2 * at : 2 * (at + steps) + 1]
         gains, counts = np.zeros((2, joints)), np.array([steps, 0, 0], dtype=np.int64)
         step = 1.0 / (self._course.rate * steps)
         moved, out = state.reshape(2, joints).copy(), np.empty((1, 4, joints))
@@ -168,8 +169,10 @@ class Predictor:
         along, torque = self._course.between(rows, self.steps, HALVES)
         measured = np.stack([along.q, along.dq, along.ddq], axis=1)
         halves = 2 * np.arange((len(measured) - 1) // 2)[:, None] + np.array([0, 1, 1, 2])
-        self._first, self._torque = row, np.asarray(torque)
-        self._slopes = inverse_slopes(self._observation, measured[halves], beta)
+        still = np.zeros_like(along.q)
+        self._first, self._goals = row, goals_of(replace(along, q=still, dq=still), np.asarray(torque))
+        steps = None if along.temperature is None else along.temperature[:-1:2]
+        self._slopes = inverse_slopes(self._observation, measured[halves], beta, steps)
 
 
 def filter_log(
