@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dynident.api.compare import compare as compare
     from dynident.api.estimate_output import write_estimate as write_estimate
+    from dynident.api.export import export as export
     from dynident.api.identify import identify as identify
     from dynident.api.init import init as init
     from dynident.api.validate import validate as validate
@@ -30,9 +31,8 @@ if TYPE_CHECKING:
     from dynident.excitation.design.plan import write_plan as write_plan
     from dynident.excitation.trajectories.fourier import FourierSeries as FourierSeries
     from dynident.exports.models import MODEL_EXPORTERS as MODEL_EXPORTERS
-    from dynident.exports.models import export_model as export_model
     from dynident.exports.motions import MOTION_EXPORTERS as MOTION_EXPORTERS
-    from dynident.exports.motions import export as export
+    from dynident.exports.motions import Playback as Playback
     from dynident.identification.estimate.estimate import Estimate as Estimate
     from dynident.identification.estimate.validation import Validation as Validation
     from dynident.identification.estimators import ESTIMATORS as ESTIMATORS
@@ -55,6 +55,7 @@ _HOMES = {
     "identification.files.estimate_file": ("read_estimate",),
     "api.compare": ("compare",),
     "api.estimate_output": ("write_estimate",),
+    "api.export": ("export",),
     "api.identify": ("identify",),
     "api.init": ("init",),
     "api.validate": ("validate",),
@@ -75,8 +76,8 @@ _HOMES = {
     "model.friction": ("FRICTION",),
     "model.inertia": ("Inertia",),
     "model.robot": ("Joint", "Link", "Robot"),
-    "exports.motions": ("MOTION_EXPORTERS", "export"),
-    "exports.models": ("MODEL_EXPORTERS", "export_model"),
+    "exports.motions": ("MOTION_EXPORTERS", "Playback"),
+    "exports.models": ("MODEL_EXPORTERS",),
     "results.report": ("write_report",),
 }
 _HOME_OF = {name: f"dynident.{module}" for module, names in _HOMES.items() for name in names}

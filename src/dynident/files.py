@@ -7,7 +7,7 @@ import json
 import os
 import secrets
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -90,6 +90,20 @@ def check_place(path: str | os.PathLike[str]) -> tuple[Path, int | None]:
     if not target.parent.is_dir():
         raise FileError(path, f"there is no folder '{Path(path).parent}'", "create it or choose another place")
     return target, _mode_of(target, path)
+
+
+def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str | Path]) -> None:
+    """Refuse an output that would overwrite an input or another output, before anything is computed.
+
+    Raises:
+        FileError: Two of the files are the same.
+    """
+    taken = {resolved(name): "it is an input of this command" for name in inputs if name}
+    for name in filter(None, outputs):
+        place = resolved(str(name))
+        if place in taken:
+            raise FileError(name, f"{taken[place]} and would be overwritten", "choose another name for the output")
+        taken[place] = "two outputs have this name"
 
 
 @contextmanager

@@ -22,8 +22,9 @@ from dynident.exports.motions import (
     DrivenMotion,
     MotionExport,
     MotionExporter,
+    Playback,
     Printed,
-    export,
+    export_motion,
     motion_export_data,
 )
 
@@ -63,16 +64,20 @@ def name(request: pytest.FixtureRequest) -> str:
     return request.param
 
 
+AT_START = Playback(from_posture="start")
+
+
 @pytest.fixture
 def plan(name: str) -> Plan:
     return plan_of(JOINTS.get(name, 6))
 
 
-def written(plan: Plan, name: str, folder: Path, **asked: Any) -> tuple[MotionExport, dict[str, bytes]]:
+def written(
+    plan: Plan, name: str, folder: Path, playback: Playback = AT_START
+) -> tuple[MotionExport, dict[str, bytes]]:
     """Export into a new folder and return what was told and the bytes of all files there."""
     folder.mkdir()
-    asked.setdefault("from_posture", "start")
-    found = export(plan, name, folder / file_of(name), **asked)
+    found = export_motion(plan, name, folder / file_of(name), playback)
     files = {str(file.relative_to(folder)): file.read_bytes() for file in folder.rglob("*") if file.is_file()}
     assert set(files) == {str(Path(file).relative_to(folder)) for file in found.files}
     return found, files
@@ -124,13 +129,13 @@ def test_the_same_plan_gives_the_same_bytes(name: str, plan: Plan, tmp_path: Pat
 
 def test_a_check_writes_nothing_and_tells_the_same(name: str, plan: Plan, tmp_path: Path) -> None:
     target = tmp_path / file_of(name)
-    checked = export(plan, name, target, from_posture="start", write=False)
+    checked = export_motion(plan, name, target, AT_START, write=False)
     assert not list(tmp_path.iterdir())
-    assert motion_export_data(export(plan, name, target, from_posture="start")) == motion_export_data(checked)
+    assert motion_export_data(export_motion(plan, name, target, AT_START)) == motion_export_data(checked)
 
 
 def test_what_is_told_is_true(name: str, plan: Plan, tmp_path: Path) -> None:
-    found, files = written(plan, name, tmp_path / "a", speed=50, repeats=2)
+    found, files = written(plan, name, tmp_path / "a", replace(AT_START, speed=50, repeats=2))
     assert (
         all((tmp_path / "a" / file).parent.name == "go" for file in files) == MOTION_EXPORTERS.get(name).writes_folder
     )
@@ -156,8 +161,8 @@ def test_torques_and_distances_are_those_of_the_plan_where_they_still_hold(name:
     near = replace(plan.rows[0], joint="hand-floor", quantity="clearance", unit="m", time=2.0)
     whole = replace(plan, rows=(*plan.rows, torque, near))
     path = Path(file_of(name))
-    assert export(whole, name, path, from_posture="start", write=False).rows[-2:] == (torque, near)
-    slow = export(whole, name, path, from_posture="start", speed=50, write=False).rows
+    assert export_motion(whole, name, path, AT_START, write=False).rows[-2:] == (torque, near)
+    slow = export_motion(whole, name, path, playback=Playback(from_posture="start", speed=50), write=False).rows
     assert slow[-1] == replace(near, time=4.0) and "torque" not in {row.quantity for row in slow}
 
 
@@ -165,7 +170,7 @@ def test_a_plan_that_passes_a_bound_is_refused(name: str, tmp_path: Path) -> Non
     fast = plan_of(JOINTS.get(name, 6), size=3.0)
     assert not fast.feasible
     with pytest.raises(FileError, match=r"not written, because the \w+ of joint\d would be"):
-        export(fast, name, tmp_path / file_of(name), from_posture="start")
+        export_motion(fast, name, tmp_path / file_of(name), AT_START)
     assert not list(tmp_path.iterdir())
 
 
@@ -173,20 +178,20 @@ def test_numbers_that_are_none_are_refused(name: str, plan: Plan, tmp_path: Path
     trajectory = RestFourier.from_free(np.zeros((len(plan.joints), 5)), 3.0)
     object.__setattr__(trajectory, "offset", np.full(len(plan.joints), np.nan))
     with pytest.raises(DynidentError, match=r"not a finite number|nan"):
-        export(replace(plan, trajectory=trajectory), name, tmp_path / file_of(name), from_posture="start")
+        export_motion(replace(plan, trajectory=trajectory), name, tmp_path / file_of(name), AT_START)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("speed", [0.0, 9.99, 100.01, 200.0, -50.0, np.nan, np.inf])
 def test_no_speed_above_the_design_or_below_a_tenth(name: str, plan: Plan, speed: float, tmp_path: Path) -> None:
     with pytest.raises(BadOption, match="give 10 to 100 per cent"):
-        export(plan, name, tmp_path / file_of(name), speed=speed, from_posture="start")
+        export_motion(plan, name, tmp_path / file_of(name), playback=Playback(speed=speed, from_posture="start"))
 
 
 @pytest.mark.parametrize("asked", [{"rate": 0.0}, {"rate": np.nan}, {"rate": 1e9}, {"rate": -1.0}, {"repeats": 0}])
 def test_rates_and_repeats_that_cannot_be(name: str, plan: Plan, asked: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(BadOption, match=next(iter(asked))):
-        export(plan, name, tmp_path / file_of(name), from_posture="start", **asked)
+        export_motion(plan, name, tmp_path / file_of(name), replace(AT_START, **asked))
     assert not list(tmp_path.iterdir())
 
 
@@ -195,13 +200,13 @@ def test_absurd_options_are_refused(name: str, plan: Plan, tmp_path: Path) -> No
         if option.kind in ABSURD:
             with pytest.raises(DynidentError, match=re.escape(option.name) + "|joint"):
                 part = MOTION_EXPORTERS.make(name, **{option.name: ABSURD[option.kind]})
-                export(plan, part, tmp_path / file_of(name), from_posture="start")
+                export_motion(plan, part, tmp_path / file_of(name), AT_START)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_that_is_not_there_is_named(name: str, plan: Plan, tmp_path: Path) -> None:
     with pytest.raises(FileError, match="there is no folder"):
-        export(plan, name, tmp_path / "none" / file_of(name), from_posture="start")
+        export_motion(plan, name, tmp_path / "none" / file_of(name), AT_START)
 
 
 def test_hostile_names_never_reach_a_program(name: str, plan: Plan, tmp_path: Path) -> None:
@@ -221,9 +226,9 @@ def test_hostile_names_never_reach_a_program(name: str, plan: Plan, tmp_path: Pa
 
 def test_a_part_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadOption, match="it does not export plans"):
-        export(plan_of(6), MODEL_EXPORTERS.make("csv"), tmp_path / "x")  # type: ignore[arg-type]
+        export_motion(plan_of(6), MODEL_EXPORTERS.make("csv"), tmp_path / "x")  # type: ignore[arg-type]
     with pytest.raises(BadOption, match="has the options"):
-        export(plan_of(6), "csv", tmp_path / "x", radians=True)
+        export_motion(plan_of(6), MOTION_EXPORTERS.make("csv", radians=True), tmp_path / "x")
 
 
 def test_no_part_keeps_an_option_without_a_default(name: str) -> None:

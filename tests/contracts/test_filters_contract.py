@@ -153,7 +153,7 @@ def test_a_window_with_the_stated_span_to_either_side_is_filtered_as_the_whole(p
     time = np.arange(6000) / RATE
     noise = np.random.default_rng(0).normal(size=(2, 6000, 2))
     log = Log(("a", "b"), time, np.sin(np.outer(time, [1.0, 1.7])) + 1e-3 * noise[0], torque=noise[1])
-    log = log.with_step("derivatives", dq=np.gradient(log.q, axis=0) * RATE, ddq=0.0 * log.q)
+    log = replace(log.with_step("derivatives"), dq=np.gradient(log.q, axis=0) * RATE, ddq=0.0 * log.q)
     span = part.span(RATE)
     if span is None:
         pytest.skip("it needs the whole log")

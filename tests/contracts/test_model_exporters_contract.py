@@ -50,9 +50,9 @@ def drawn(model: DynamicModel) -> Array:
     return theta
 
 
-def written(estimate: Estimate, name: str, folder: Path, **asked: object) -> tuple[ModelExport, dict[str, bytes]]:
+def written(estimate: Estimate, name: str, folder: Path, proof: bool = True) -> tuple[ModelExport, dict[str, bytes]]:
     folder.mkdir(exist_ok=True)
-    found = export_model(estimate, name, folder / f"arm{MODEL_EXPORTERS.get(name).suffix}", **asked)  # type: ignore[arg-type]
+    found = export_model(estimate, name, folder / f"arm{MODEL_EXPORTERS.get(name).suffix}", proof=proof)
     return found, {Path(file).name: Path(file).read_bytes() for file in found.files}
 
 

@@ -100,9 +100,12 @@ def test_every_profile_is_sound(name: str) -> None:
 def test_what_is_no_measured_torque_is_refused_as_one(columns: str, reason: str) -> None:
     names = pattern_names(columns, JOINTS)
     with pytest.raises(BadOption, match=re.escape(reason)) as caught:
-        profile_columns("ur_rtde", JOINTS, torque=names, current=())
+        profile_columns("ur_rtde", JOINTS, stated={"torque": names, "current": ()})
     assert "force: [torque]" in str(caught.value)
-    assert profile_columns("ur_rtde", JOINTS, torque=names, current=(), force=("torque",)).torque == names
+    assert (
+        profile_columns("ur_rtde", JOINTS, stated={"torque": names, "current": (), "force": ("torque",)}).torque
+        == names
+    )
 
 
 def test_the_refusal_holds_without_a_profile_and_only_for_measurements() -> None:
@@ -120,7 +123,10 @@ def test_what_the_user_states_stands_in_place_of_the_profile(tmp_path: Path) -> 
     header = ["timestamp", *(f"{w}_{k}" for w in ("actual_q", "actual_current_as_torque") for k in range(6))]
     true = write(tmp_path / "a.csv", header, " ")
     columns = profile_columns(
-        "ur_rtde", JOINTS, {"position": "deg"}, torque=pattern_names("actual_current_as_torque_{0}", JOINTS), current=()
+        "ur_rtde",
+        JOINTS,
+        {"position": "deg"},
+        {"torque": pattern_names("actual_current_as_torque_{0}", JOINTS), "current": ()},
     )
     log = read_log(tmp_path / "a.csv", columns)
     np.testing.assert_array_equal(log.torque, stacked(true, "actual_current_as_torque_#", 6))  # type: ignore[arg-type]

@@ -26,7 +26,7 @@ def test_text_is_only_text(name: str) -> None:
 
 def test_numbers_keep_a_tenth() -> None:
     assert [svg.number(v) for v in (1.0, 2.04999, -0.01, 12.35, 1e5)] == ["1", "2", "0", "12.3", "100000"]
-    assert svg.element("a", b_c=1.26, class_="x<") == '<a b-c="1.3" class="x&lt;"/>'
+    assert svg.element("a", attributes={"b-c": 1.26, "class": "x<"}) == '<a b-c="1.3" class="x&lt;"/>'
 
 
 def test_a_track_breaks_where_a_point_is_missing() -> None:

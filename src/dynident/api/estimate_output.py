@@ -1,4 +1,4 @@
-"""An estimate as JSON, on the screen or in a file, with the warnings about it."""
+"""An estimate as JSON, on the screen or in a file, with the warnings about it, and the files that it was made from."""
 
 from __future__ import annotations
 
@@ -32,3 +32,9 @@ def write_estimate(estimate: Estimate, path: str | Path) -> None:
         FileError: The file cannot be written.
     """
     estimate_file.write_estimate(estimate, path, warnings_of(estimate))
+
+
+def files_behind(estimate: Estimate) -> list[str]:
+    """Return the files that an estimate was made from: its logs and its case file."""
+    logs = [str(log.get("path", "")) for log in estimate.provenance.get("logs", ())]
+    return [*logs, str(estimate.provenance.get("case", {}).get("path", ""))]

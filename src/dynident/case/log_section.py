@@ -72,7 +72,7 @@ def _map(log: Section, words: dict[str, Any], found: dict[str, Any]) -> ColumnMa
     if not log.has("profile"):
         return ColumnMap(units=Units(**words), **found)
     joints = found.pop("joints")
-    return profile_columns(log.text("profile"), joints, words, **found)
+    return profile_columns(log.text("profile"), joints, words, found)
 
 
 def _motor(log: Section) -> tuple[str, ...]:

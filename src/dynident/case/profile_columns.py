@@ -18,7 +18,7 @@ def profile_columns(
     profile: str | Profile,
     joints: Sequence[str],
     units: Mapping[str, str | tuple[str, ...]] | None = None,
-    **stated: Any,
+    stated: Mapping[str, Any] | None = None,
 ) -> ColumnMap:
     """Return how the columns of a log become signals by a profile.
 
@@ -26,7 +26,7 @@ def profile_columns(
         profile: Name of the profile, or the profile.
         joints: Names of the joints, in the order of their numbers.
         units: Units that stand in place of the profile's, by quantity; words of the case file.
-        stated: Fields of :class:`ColumnMap` that stand in place of the profile's.
+        stated: Fields of :class:`ColumnMap`, by name, that stand in place of the profile's.
 
     Raises:
         UnknownChoice: No such profile.
@@ -38,7 +38,7 @@ def profile_columns(
     columns: dict[str, Any] = {
         signal: channels[signal].names(joints) if signal in channels else () for signal in QUANTITY
     }
-    columns |= stated
+    columns |= stated or {}
     _check(name, found, columns)
     used = {signal: _channel(found, signal, columns[signal]) for signal in QUANTITY if columns[signal]}
     words: dict[str, Any] = {"time": found.time_unit} if columns.get("time", found.time) == found.time else {}
@@ -51,7 +51,7 @@ def profile_columns(
             raise BadOption(f"units.{quantity}", None, step)
         words[quantity] = channel.unit
     motor = [s for s, channel in used.items() if channel is not None and channel.side == "motor" and s in SIDED]
-    optional = [s for s, channel in channels.items() if not channel.needed and s not in stated]
+    optional = [s for s, channel in channels.items() if not channel.needed and s not in (stated or {})]
     settings: dict[str, Any] = {"time": found.time, "motor": tuple(motor), "optional": tuple(optional)}
     words |= dict(units or {})
     settings["units"] = Units(**words)

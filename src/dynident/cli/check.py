@@ -41,10 +41,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.case.case import read_case
-    from dynident.cli import console, jobs
+    from dynident.cli import console
     from dynident.diagnosis.checks import examine
     from dynident.errors import BadOption
-    from dynident.files import check_place
+    from dynident.files import check_outputs, check_place
 
     case = read_case(options.case)
     names = tuple(options.logs) or tuple(dict.fromkeys((*case.train, *case.test)))
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
         if len(names) != 1:
             raise BadOption("--fix", options.fix, "name one log on the command line: one log is written")
         check_place(options.fix)
-        jobs.check_outputs((options.fix,), (options.case, *case.files, *(case.find(name) for name in names)))
+        check_outputs((options.fix,), (options.case, *case.files, *(case.find(name) for name in names)))
     earlier = _earlier(case, options.against)
     found = []
     with console.progress(len(names), options.quiet or options.json) as progress:

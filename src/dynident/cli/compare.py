@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.api.case_logs import read_data
     from dynident.api.compare import contest_of_case, methods_of
     from dynident.cli import console, jobs
-    from dynident.files import check_place
+    from dynident.files import check_outputs, check_place
     from dynident.studies.comparison.compare import ranked
 
     if options.report:
@@ -78,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
         progress.step("reading")
         inputs = (options.case, options.truth or "", *case.files)
         case = jobs.with_logs(case, options)
-        jobs.check_outputs((options.report,), (*inputs, *case.files))
+        check_outputs((options.report,), (*inputs, *case.files))
         data = read_data(case)
         contest = contest_of_case(case, data, truth=options.truth, progress=progress.step)
         stopped = _solve(contest, methods, options, progress.step, outcomes)

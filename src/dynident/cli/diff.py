@@ -24,15 +24,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.cli import console, jobs
-    from dynident.files import check_place
+    from dynident.cli import console
+    from dynident.files import check_outputs, check_place
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.studies.comparison import difference_page as page
     from dynident.studies.comparison.difference import difference
 
     if options.html:
         check_place(options.html)
-        jobs.check_outputs((options.html,), options.estimates)
+        check_outputs((options.html,), options.estimates)
     found = difference([read_estimate(name) for name in options.estimates], _names(options.estimates))
     if options.html:
         page.write_difference_page(options.html, found)

@@ -142,11 +142,10 @@ def _known_before(friction: tuple[Friction, ...], quiet: bool) -> tuple[Friction
 def _case(options: argparse.Namespace) -> tuple[Case, str | None]:
     """Return the case and the file of finished starts, all names of files checked."""
     from dynident.case.case import read_case
-    from dynident.cli.jobs import check_outputs
     from dynident.cli.knowledge import files_of
     from dynident.cli.plans import is_plan
     from dynident.errors import BadOption, FileError
-    from dynident.files import check_place
+    from dynident.files import check_outputs, check_place
 
     if is_plan(options.case):
         step = "give the case or robot to design for; 'dynident inspect' shows a plan, 'dynident export' writes it"

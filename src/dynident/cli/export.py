@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from dynident.excitation.design.plan import Plan
     from dynident.exports.models import ModelExport
     from dynident.exports.motions import MotionExport
+    from dynident.identification.estimate.estimate import Estimate
 
 SUMMARY = "a plan for a controller, or an identified model for a simulator, a controller or a paper"
 
@@ -75,63 +76,38 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.api.export import check_target, is_estimate, read_subject
     from dynident.errors import BadOption
+    from dynident.excitation.design.plan import Plan
 
-    is_estimate = _is_estimate(options.file)
-    for name, default in (_PLAN_ONLY if is_estimate else _MODEL_ONLY).items():
+    is_plan = not is_estimate(options.file)
+    kind, other = ("a plan", "an estimate") if is_plan else ("an estimate", "a plan")
+    for name, default in (_MODEL_ONLY if is_plan else _PLAN_ONLY).items():
         if getattr(options, name) != default:
-            option, kind = f"--{name.replace('_', '-')}", "an estimate" if is_estimate else "a plan"
-            other = "a plan" if is_estimate else "an estimate"
+            option = f"--{name.replace('_', '-')}"
             raise BadOption(option, getattr(options, name), f"{options.file} is {kind}, and this goes with {other}")
-    return _export_model(options) if is_estimate else _export_plan(options)
+    subject = read_subject(options.file, options.to)
+    check_target(subject, options.to, "--to")
+    return _export_plan(options, subject) if isinstance(subject, Plan) else _export_model(options, subject)
 
 
-def _is_estimate(path: str) -> bool:
-    """Return whether a file states that it is an estimate; a file of neither kind is left to the reader of plans."""
-    import json
+def _export_plan(options: argparse.Namespace, plan: Plan) -> int:
+    from dynident.api.export import export
+    from dynident.cli import console
+    from dynident.exports.motions import MOTION_EXPORTERS, Playback, motion_export_data
+    from dynident.files import check_outputs
 
-    from dynident.files import unreadable
-    from dynident.identification.files.estimate_file import KIND
-
-    try:
-        with open(path, "rb") as stream:
-            data = json.loads(stream.read())
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except (ValueError, RecursionError):
-        return False
-    return isinstance(data, dict) and data.get("kind") == KIND
-
-
-def _export_plan(options: argparse.Namespace) -> int:
-    from dynident.cli import console, jobs
-    from dynident.errors import FileError
-    from dynident.excitation.design.plan import read_plan
-    from dynident.exports.models import MODEL_EXPORTERS
-    from dynident.exports.motions import MOTION_EXPORTERS, export, motion_export_data
-    from dynident.identification.files.estimate_file import read_estimate
-
-    try:
-        plan = read_plan(options.file)
-    except FileError:
-        if options.to in MODEL_EXPORTERS.names():
-            read_estimate(options.file)  # an estimate was meant: its reader says what is to be given
-        raise
-    _check_target(options.to, MOTION_EXPORTERS.names(), MODEL_EXPORTERS.names(), "plan")
     part = MOTION_EXPORTERS.make_from_text(options.to, _pairs(options.option))
+    given = {name: getattr(options, name) for name in ("rate", "repeats", "speed")}
     posture = _posture(options.from_posture, plan, options.units or "rad")
-    asked: dict[str, Any] = {
-        "rate": options.rate,
-        "repeats": 1 if options.repeats is None else options.repeats,
-        "speed": 100.0 if options.speed is None else options.speed,
-    }
-    jobs.check_outputs((options.output,), (options.file,))
-    found = export(plan, part, options.output, **asked, from_posture=posture, write=False)
-    jobs.check_outputs(found.files, (options.file,))
+    playback = Playback(from_posture=posture, **{name: value for name, value in given.items() if value is not None})
+    check_outputs((options.output,), (options.file,))
+    found = export(plan, part, options.output, playback=playback, write=False)
+    check_outputs(found.files, (options.file,))
     if not options.json:
         _show(found)
     if not options.check:
-        export(plan, part, options.output, **asked, from_posture=posture)
+        export(plan, part, options.output, playback=playback)
     if options.json:
         console.answer_json(motion_export_data(found))
         return 0
@@ -139,40 +115,28 @@ def _export_plan(options: argparse.Namespace) -> int:
     return 0
 
 
-def _export_model(options: argparse.Namespace) -> int:
-    from dynident.cli import console, jobs
-    from dynident.exports.models import MODEL_EXPORTERS, export_model, model_export_data
-    from dynident.exports.motions import MOTION_EXPORTERS
-    from dynident.identification.files.estimate_file import read_estimate
+def _export_model(options: argparse.Namespace, estimate: Estimate) -> int:
+    from dynident.api.estimate_output import files_behind
+    from dynident.api.export import export
+    from dynident.cli import console
+    from dynident.exports.models import MODEL_EXPORTERS, model_export_data
+    from dynident.files import check_outputs
 
-    estimate = read_estimate(options.file)
-    _check_target(options.to, MODEL_EXPORTERS.names(), MOTION_EXPORTERS.names(), "estimate")
     part = MODEL_EXPORTERS.make_from_text(options.to, _pairs(options.option))
     robot = str(estimate.provenance.get("robot", {}).get("path", ""))
-    inputs = (options.file, options.description or "", robot, *jobs.files_behind(estimate))
-    jobs.check_outputs((options.output,), inputs)
-    asked: dict[str, Any] = {"description": options.description}
-    found = export_model(estimate, part, options.output, **asked, proof=not options.no_proof, write=False)
-    jobs.check_outputs(found.files, inputs)
+    inputs = (options.file, options.description or "", robot, *files_behind(estimate))
+    check_outputs((options.output,), inputs)
+    chosen = options.description
+    found = export(estimate, part, options.output, description=chosen, proof=not options.no_proof, write=False)
+    check_outputs(found.files, inputs)
     if not options.check:
-        export_model(estimate, part, options.output, **asked, proof=False)
+        export(estimate, part, options.output, description=chosen, proof=False)
     if options.json:
         console.answer_json(model_export_data(found))
         return 0
     _show_model(found)
     _remark(options, found.files)
     return 0
-
-
-def _check_target(name: str, own: tuple[str, ...], others: tuple[str, ...], kind: str) -> None:
-    """Refuse a target that takes the other kind of file."""
-    from dynident.errors import BadOption
-
-    if name in others and name not in own:
-        takes = "a plan" if kind == "estimate" else "an estimate"
-        raise BadOption(
-            "--to", name, f"it takes {takes}; the file is another one, for which there are: {', '.join(own)}"
-        )
 
 
 def _remark(options: argparse.Namespace, files: tuple[str, ...]) -> None:

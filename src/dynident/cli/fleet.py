@@ -47,7 +47,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.applications.fleet import fleet_of
     from dynident.cli import console, jobs
     from dynident.errors import BadOption, FileError
-    from dynident.files import write_atomically
+    from dynident.files import check_outputs, write_atomically
 
     places: list[str] = []
     if options.output:
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
             raise BadOption("FILE", options.files[names.index(Path(WHOLE).stem)], f"{WHOLE} is that of the whole fleet")
         places = [str(Path(options.output) / f"{name}.json") for name in names]
         if len(set(places)) == len(places):  # names that are there twice are refused with the robots
-            jobs.check_outputs((*places, str(Path(options.output) / WHOLE)), options.files)
+            check_outputs((*places, str(Path(options.output) / WHOLE)), options.files)
     with console.progress(len(options.files) + 2, options.quiet or options.json) as progress:
         progress.step("reading")
         robots = [_read(file) for file in options.files]

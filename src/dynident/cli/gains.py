@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.case.drives_text import case_with_drives, drives_section, stated_drives
     from dynident.cli import console, jobs
     from dynident.errors import BadOption
-    from dynident.files import check_place, write_atomically
+    from dynident.files import check_outputs, check_place, write_atomically
 
     payload = _payload(options)
     options.split, options.test, options.rate = None, [], None  # not asked for here
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
             raise BadOption("--output", options.output, "it is a copy of the case; write one with 'dynident init'")
         check_place(options.output)
         inputs = (options.case, *case.files, *(case.find(name) for name in (*names, *options.load)))
-        jobs.check_outputs((options.output,), inputs)
+        check_outputs((options.output,), inputs)
     with console.progress(8, options.quiet or options.json) as progress:
         found = _found(case, names, options, payload, progress)
     lines = _lines(found)

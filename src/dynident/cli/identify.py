@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.api.estimate_output import summary, write_estimate
     from dynident.api.validate import validate
     from dynident.cli import console, jobs
-    from dynident.files import check_place
+    from dynident.files import check_outputs, check_place
 
     for place in filter(None, (options.output, options.report)):
         check_place(place)
@@ -78,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
         case = jobs.case_from(options)
         inputs = (options.case, options.constraints or "", options.triangles or "", *case.files)
         case = jobs.with_logs(case, options)
-        jobs.check_outputs((options.output, options.report), (*inputs, *case.files))
+        check_outputs((options.output, options.report), (*inputs, *case.files))
         estimate, tests = _estimate(case, options, progress.step)
         progress.step("validating")
         test = validate(estimate, tests) if tests else None

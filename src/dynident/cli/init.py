@@ -42,9 +42,8 @@ def run(options: argparse.Namespace) -> int:
     from dynident.api.init import LogKind, init
     from dynident.case.case_draft import draft_summary
     from dynident.cli import console
-    from dynident.cli.jobs import check_outputs
     from dynident.errors import FileError
-    from dynident.files import write_atomically
+    from dynident.files import check_outputs, write_atomically
 
     if Path(options.output).exists() and not options.force:
         raise FileError(options.output, "it is there already", "choose another name with -o, or give --force")

@@ -53,15 +53,15 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run_plan(options: argparse.Namespace) -> int:
-    from dynident.cli import console, jobs, plans
+    from dynident.cli import console, plans
     from dynident.errors import BadOption
-    from dynident.files import check_place
+    from dynident.files import check_outputs, check_place
     from dynident.results.plan_view import inspection_data
 
     if options.friction is not None:
         raise BadOption("--friction", options.friction, "a plan knows the friction it was designed with; leave it out")
     if options.html:
-        jobs.check_outputs((options.html,), (options.case, *plans.files_of(options.plan_case), options.model or ""))
+        check_outputs((options.html,), (options.case, *plans.files_of(options.plan_case), options.model or ""))
         check_place(options.html)
     view = plans.plan_view(options.case, options.plan_case, options.model, options.sigmas)
     if options.json:

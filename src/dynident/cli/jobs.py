@@ -1,17 +1,15 @@
-"""What several commands share: a case and its logs from the options of the command line, and where outputs may go."""
+"""What several commands share: a case and its logs from the options of the command line."""
 
 from __future__ import annotations
 
 import argparse
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dynident.case.case import Case
-    from dynident.identification.estimate.estimate import Estimate
 
 
 def add_case_options(parser: argparse.ArgumentParser) -> None:
@@ -97,29 +95,6 @@ def with_logs(case: Case, options: argparse.Namespace) -> Case:
     if others:
         console.remark(f"no logs by their suffix, left out: {', '.join(others)}", options.quiet or options.json)
     return case
-
-
-def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str | Path]) -> None:
-    """Refuse an output that would overwrite an input or another output, before anything is computed.
-
-    Raises:
-        FileError: Two of the files are the same.
-    """
-    from dynident.errors import FileError
-    from dynident.files import resolved
-
-    taken = {resolved(name): "it is an input of this command" for name in inputs if name}
-    for name in filter(None, outputs):
-        place = resolved(str(name))
-        if place in taken:
-            raise FileError(name, f"{taken[place]} and would be overwritten", "choose another name for the output")
-        taken[place] = "two outputs have this name"
-
-
-def files_behind(estimate: Estimate) -> list[str]:
-    """Return the files that an estimate stands on: its logs and its case file."""
-    logs = [str(log.get("path", "")) for log in estimate.provenance.get("logs", ())]
-    return [*logs, str(estimate.provenance.get("case", {}).get("path", ""))]
 
 
 def repeat_command() -> str:

@@ -20,13 +20,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.cli import console, jobs
+    from dynident.cli import console
     from dynident.cli.reduce import report
-    from dynident.files import check_place
+    from dynident.files import check_outputs, check_place
     from dynident.identification.streaming.triangle_file import merged_file, write_digest
 
     check_place(options.output)
-    jobs.check_outputs((options.output,), options.files)
+    check_outputs((options.output,), options.files)
     digest = merged_file(options.files)
     write_digest(digest, options.output)
     report(digest, options)

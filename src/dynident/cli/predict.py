@@ -42,15 +42,16 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     import numpy as np
 
-    from dynident.cli import console, jobs
-    from dynident.files import check_place, write_atomically
+    from dynident.api.estimate_output import files_behind
+    from dynident.cli import console
+    from dynident.files import check_outputs, check_place, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.identification.uncertainty.predicted_torque import predict_torque
 
     check_place(options.output)
     estimate = read_estimate(options.estimate)
     robot = estimate.model.robot
-    jobs.check_outputs((options.output,), (options.estimate, options.log, *jobs.files_behind(estimate)))
+    check_outputs((options.output,), (options.estimate, options.log, *files_behind(estimate)))
     log = _motion(options.log, estimate.columns, robot)
     found = predict_torque(estimate, log.ordered(robot.joint_names))
     write_atomically(options.output, _csv(found))

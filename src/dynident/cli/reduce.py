@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli.pools import cluster_of
     from dynident.data.log_places import is_address, logs_named
     from dynident.errors import BadOption
-    from dynident.files import check_place
+    from dynident.files import check_outputs, check_place
     from dynident.identification.streaming.one_log import Checkpoint
     from dynident.identification.streaming.reduction import reduce_logs
     from dynident.identification.streaming.triangle_file import write_digest
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     if others:
         console.remark(f"no logs by their suffix, left out: {', '.join(others)}", quiet)
     inputs = [case.find(name) for name in names if not is_address(name)]
-    jobs.check_outputs((options.output,), (options.case, *case.files, *inputs))
+    check_outputs((options.output,), (options.case, *case.files, *inputs))
     checkpoint = Checkpoint(Path(options.output), options.checkpoint) if options.checkpoint else None
     bad: dict[str, DynidentError] = {}
     with console.progress(1, quiet) as progress:

@@ -50,9 +50,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.cli import console, jobs, plans
+    from dynident.api.estimate_output import files_behind
+    from dynident.cli import console, plans
     from dynident.errors import BadOption
-    from dynident.files import check_place, write_atomically
+    from dynident.files import check_outputs, check_place, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.results.report.builder import parts_of, report_page
 
@@ -60,8 +61,8 @@ def run(options: argparse.Namespace) -> int:
     estimate = read_estimate(options.estimate)
     if options.case and not options.plan:
         raise BadOption("--case", options.case, "it goes with --plan, the motion that is to be checked again")
-    beside = (*jobs.files_behind(estimate), options.plan or "", *plans.files_of(options.case))
-    jobs.check_outputs((options.output, options.figures), (options.estimate, *options.test, *beside))
+    beside = (*files_behind(estimate), options.plan or "", *plans.files_of(options.case))
+    check_outputs((options.output, options.figures), (options.estimate, *options.test, *beside))
     check_place(options.output)
     with console.progress(5, options.quiet or options.json) as progress:
         progress.step("reading the logs")

@@ -56,11 +56,11 @@ def run(options: argparse.Namespace) -> int:
     from dynident.case.case import read_case
     from dynident.case.simulated_bag import BAGS, write_bag
     from dynident.case.simulated_log import case_columns, wants_current, write_columns
-    from dynident.cli import console, jobs
+    from dynident.cli import console
     from dynident.cli.cells import believed_parameters, cell_setup, stated_parameters
     from dynident.errors import BadOption
     from dynident.excitation.design.plan import breach_of, read_plan, worst_breach
-    from dynident.files import check_place
+    from dynident.files import check_outputs, check_place
     from dynident.simulation.cell_simulation import simulate_cell
     from dynident.simulation.truth import true_parameters
 
@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
     for place in (target, *truth_files):
         check_place(place)
     case, plan = read_case(options.case), read_plan(options.plan)
-    jobs.check_outputs((str(target), *map(str, truth_files)), (options.case, options.plan, *map(str, case.files)))
+    check_outputs((str(target), *map(str, truth_files)), (options.case, options.plan, *map(str, case.files)))
     setup = cell_setup(options, case)
     model, robot = case.model, case.robot
     if plan.joints != robot.joint_names:

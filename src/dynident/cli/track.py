@@ -44,11 +44,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.api.estimate_output import files_behind
     from dynident.applications.tracking import Pace, thresholds_of, tracked
-    from dynident.cli import console, jobs
+    from dynident.cli import console
     from dynident.cli.monitor import logs_of_fit
     from dynident.data.log_of_robot import read_with
-    from dynident.files import check_place, write_atomically
+    from dynident.files import check_outputs, check_place, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
 
     pace = Pace(options.memory, options.window, options.loosen)
@@ -59,8 +60,8 @@ def run(options: argparse.Namespace) -> int:
         estimate = read_estimate(options.estimate)
         names = options.clean or logs_of_fit(estimate)
         if options.output:
-            inputs = (options.estimate, options.log, *names, *jobs.files_behind(estimate))
-            jobs.check_outputs((options.output,), inputs)
+            inputs = (options.estimate, options.log, *names, *files_behind(estimate))
+            check_outputs((options.output,), inputs)
         clean = [read_with(name, estimate.columns, estimate.model.robot) for name in names]
         log = read_with(options.log, estimate.columns, estimate.model.robot)
         progress.step("thresholds of the clean runs")

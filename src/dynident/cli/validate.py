@@ -24,12 +24,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.case_logs import check_unseen, seen_logs
+    from dynident.api.estimate_output import files_behind
     from dynident.api.validate import read_log, validate
     from dynident.cli import console, jobs
     from dynident.cli.identify import consistency_line
     from dynident.data.split import Split
     from dynident.diagnosis.warnings import warnings_of
-    from dynident.files import check_place
+    from dynident.files import check_outputs, check_place
     from dynident.identification.files.estimate_file import read_estimate, summary
     from dynident.results.text import fits_table, statement, total_error
 
@@ -38,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
     with console.progress(3, options.quiet or options.json) as progress:
         progress.step("reading")
         estimate = read_estimate(options.estimate)
-        jobs.check_outputs((options.report,), (options.estimate, *options.logs, *jobs.files_behind(estimate)))
+        check_outputs((options.report,), (options.estimate, *options.logs, *files_behind(estimate)))
         logs = [read_log(estimate, name) for name in options.logs]
         seen = [] if options.split else seen_logs(estimate, logs)
         if options.report and seen:

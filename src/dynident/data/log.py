@@ -101,14 +101,14 @@ class Log:
         """Return the signals that are there, by field name."""
         return {name: getattr(self, name) for name in _SIGNALS if getattr(self, name) is not None}
 
-    def with_step(self, step: str, **changes: object) -> Log:
-        """Return the log with some fields replaced and the step noted in its provenance."""
-        return replace(self, source=replace(self.source, steps=(*self.source.steps, step)), **changes)  # type: ignore[arg-type]
+    def with_step(self, step: str) -> Log:
+        """Return the log with a step noted in its provenance."""
+        return replace(self, source=replace(self.source, steps=(*self.source.steps, step)))
 
     def rows(self, keep: slice | BoolArray | IntArray, step: str) -> Log:
         """Return some rows only; ``step`` says which in words."""
         chosen = {name: values[keep] for name, values in self.signals().items()}
-        return self.with_step(step, time=self.time[keep], **chosen)
+        return replace(self.with_step(step), time=self.time[keep], **chosen)
 
     def ordered(self, joints: Sequence[str]) -> Log:
         """Return the columns in the order of ``joints``, matched by name.
@@ -161,5 +161,5 @@ def torque_from_current(log: Log, gains: Mapping[str, float], coupling: Array | 
         raise LogMismatch(log.name, f"currents but no drive gain for {', '.join(missing)}", step)
     torque = log.current * np.array([gains[name] for name in log.joints])
     if coupling is None:
-        return log.with_step("torque = gain x current", torque=torque)
-    return log.with_step("torque = coupling' x gain x current", torque=torque @ np.asarray(coupling))
+        return replace(log.with_step("torque = gain x current"), torque=torque)
+    return replace(log.with_step("torque = coupling' x gain x current"), torque=torque @ np.asarray(coupling))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -38,11 +39,13 @@ def joint_side(log: Log, robot: Robot, signals: Collection[str]) -> Log:
     torques = {name: values @ gears for name, values in log.signals().items() if name in signals and "torque" in name}
     if not changed and not torques:
         return log
-    return log.with_step(f"{', '.join([*changed, *torques])} from the motors to the joints", **changed, **torques)
+    return replace(
+        log.with_step(f"{', '.join([*changed, *torques])} from the motors to the joints"), **changed, **torques
+    )
 
 
 def with_zero(log: Log, zero: dict[str, float]) -> Log:
     """Return the log with a position added to those of each joint, in rad or m, by name."""
     shift = np.array([zero.get(name, 0.0) for name in log.joints])
     changed = {name: values + shift for name, values in log.signals().items() if name in ("q", "q_ref")}
-    return log.with_step("positions counted from the stated zero", **changed)
+    return replace(log.with_step("positions counted from the stated zero"), **changed)

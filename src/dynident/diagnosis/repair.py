@@ -103,4 +103,4 @@ def _unwrapped(log: Log, joints: list[str]) -> Log:
         plain = np.unwrap(q[:, k])
         turns = np.round(np.median((q[:, k] - plain) / (2 * np.pi)))
         q[:, k] = plain + 2 * np.pi * turns
-    return log.with_step("encoder jumps taken back", q=q)
+    return replace(log.with_step("encoder jumps taken back"), q=q)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ def mujoco_loop(body: CellPlant) -> Callable[..., Any]:
         rate[1] = np.linalg.solve(mass + tables[4], rate[1] - bias)
         return True
 
-    return _with(closed_cell, advance=_with(advance, slope=slope))
+    return _with(closed_cell, {"advance": _with(advance, {"slope": slope})})
 
 
 class MujocoBodies:
@@ -97,7 +97,7 @@ def _numbers(values: Sequence[float] | Array) -> str:
     return " ".join(f"{float(value):.17g}" for value in values)
 
 
-def _with(compiled: Any, **names: Callable[..., Any]) -> Callable[..., Any]:
+def _with(compiled: Any, names: Mapping[str, Callable[..., Any]]) -> Callable[..., Any]:
     """Return the Python function behind a compiled one, with other functions for some that it calls."""
     plain = compiled.py_func
     return types.FunctionType(plain.__code__, {**plain.__globals__, **names}, plain.__name__)

@@ -149,7 +149,10 @@ def as_published(seed: int = 0, progress: Callable[[str], None] = lambda step: N
     progress("(a) torques of Table 2 along beta_1 and beta_2")
     clean = [_log_of_table_2(model, base, truth, trajectory) for trajectory in trajectories()]
     spread = NOISE_SHARE * np.std(np.asarray(clean[0].torque), axis=0)
-    logs = [log.with_step("noise", torque=log.torque + spread * generator.normal(size=log.q.shape)) for log in clean]
+    logs = [
+        replace(log.with_step("noise"), torque=log.torque + spread * generator.normal(size=log.q.shape))
+        for log in clean
+    ]
     colony = _colony(box, seed)
     methods: list[tuple[str, Estimator]] = [
         ("ABC as published", colony),

@@ -13,7 +13,7 @@ import pytest
 from compiled_header import COMPILER, Header, needs_compiler
 
 from dynident.errors import BadOption, DynidentError, FileError
-from dynident.exports.models import ModelContent, export_model
+from dynident.exports.models import MODEL_EXPORTERS, ModelContent, export_model
 from dynident.exports.models.c_header import CHeader
 from dynident.exports.models.writing import c_programs
 from dynident.identification.estimate.estimate import Estimate
@@ -70,7 +70,9 @@ def compiles(folder: Path, prefix: str, language: tuple[str, ...]) -> None:
 def test_it_compiles_without_a_warning_as_c99_and_cpp17(
     coupled_arm: Robot, friction: tuple[str, ...], tmp_path: Path
 ) -> None:
-    found = export_model(bare(coupled_arm, friction), "c_header", tmp_path / f"{tmp_path.name}.h", prefix="arm")
+    found = export_model(
+        bare(coupled_arm, friction), MODEL_EXPORTERS.make("c_header", prefix="arm"), tmp_path / f"{tmp_path.name}.h"
+    )
     assert found.proofs and all(proof.relative is not None for proof in found.proofs)
     compiles(tmp_path, "arm", ("-std=c99",))
     if shutil.which("g++") or shutil.which("clang++"):
@@ -87,7 +89,7 @@ def header(six: Estimate, tmp_path_factory: pytest.TempPathFactory) -> Header:
     if COMPILER is None:
         pytest.skip("no C compiler on the path")
     path = tmp_path_factory.mktemp("header") / "arm.h"
-    export_model(six, "c_header", path, proof=False, velocity_scale=0.3)
+    export_model(six, MODEL_EXPORTERS.make("c_header", velocity_scale=0.3), path, proof=False)
     functions = [("gravity", 1), ("coriolis", 2), ("mass_matrix", 1), ("momentum_", 2), ("rigid", 3)]
     functions += [("friction", 3), ("friction_compensation", 3), ("feed_forward", 3), ("inverse_dynamics", 3)]
     functions += [("gravity_compensation", 1), ("regressor", 3), ("base_parameters", 0), ("known_torque", 1)]

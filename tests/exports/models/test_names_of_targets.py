@@ -13,7 +13,7 @@ from identified_arms import URDF, estimate_of
 
 from dynident.data.log import Log
 from dynident.errors import BadOption, FileError
-from dynident.exports.models import export_model
+from dynident.exports.models import MODEL_EXPORTERS, export_model
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.descriptions.urdf import read_urdf
 from dynident.model.robot import Robot
@@ -109,7 +109,7 @@ def test_the_package_file_of_a_ros_package_stays_as_it_is(on_world: Estimate, tm
     assert (tmp_path / "package.xml").read_bytes() == about
     assert "package://arm_description/arm.sdf" in (tmp_path / "arm.dmd.yaml").read_text()
     with pytest.raises(FileError, match="of the package 'arm_description', not 'other'"):
-        export_model(on_world, "drake", tmp_path / "arm.dmd.yaml", package="other")
+        export_model(on_world, MODEL_EXPORTERS.make("drake", package="other"), tmp_path / "arm.dmd.yaml")
     (tmp_path / "package.xml").write_text("<package>")
     with pytest.raises(FileError, match="names no package"):
         export_model(on_world, "drake", tmp_path / "arm.dmd.yaml")

@@ -12,7 +12,7 @@ from identified_arms import URDF, estimate_of
 
 from dynident.data.log import Log
 from dynident.errors import DescriptionError
-from dynident.exports.models import export_model
+from dynident.exports.models import MODEL_EXPORTERS, export_model
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.descriptions.urdf import read_urdf
 from dynident.model.inertia import Inertia
@@ -38,10 +38,11 @@ def locked(arm: Robot, exact_log: Callable[..., Log]) -> Estimate:
     return estimate_of(arm.locked(LOCKED), exact_log, exact=True)
 
 
-def written(estimate: Estimate, folder: Path, text: str | bytes = URDF, **options: object) -> tuple[bytes, bytes]:
+def written(estimate: Estimate, folder: Path, text: str | bytes = URDF, lump: bool = False) -> tuple[bytes, bytes]:
     data = text.encode() if isinstance(text, str) else text
     (folder / "arm.urdf").write_bytes(data)
-    found = export_model(estimate, "urdf", folder / "out.urdf", description=folder / "arm.urdf", **options)  # type: ignore[arg-type]
+    part = MODEL_EXPORTERS.make("urdf", lump=lump)
+    found = export_model(estimate, part, folder / "out.urdf", description=folder / "arm.urdf")
     relative = [proof.relative for proof in found.proofs if proof.relative is not None]
     assert len(relative) >= 2 and max(relative) < 1e-9
     return data, (folder / "out.urdf").read_bytes()

@@ -11,7 +11,7 @@ import pytest
 from driven_plans import plan_of
 
 from dynident.data.formats import ColumnMap, read_log
-from dynident.exports.motions import export
+from dynident.exports.motions import MOTION_EXPORTERS, Playback, export_motion
 
 #: The part of libfranka that the player uses; the robot takes each command, moves there at once and counts time in ms.
 ROBOT = r"""#pragma once
@@ -74,7 +74,12 @@ class Robot {
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler")
 def test_the_player_approaches_drives_the_table_and_records(tmp_path: Path) -> None:
     plan = plan_of(7, scale=0.2)
-    found = export(plan, "libfranka", tmp_path / "m.csv", from_posture="start", speed=100, player=True)
+    found = export_motion(
+        plan,
+        MOTION_EXPORTERS.make("libfranka", player=True),
+        tmp_path / "m.csv",
+        playback=Playback(from_posture="start", speed=100),
+    )
     assert [Path(file).name for file in found.files] == ["m.csv", "m_player.cpp"]
     (tmp_path / "franka").mkdir()
     (tmp_path / "franka" / "robot.h").write_text(ROBOT)
@@ -100,7 +105,12 @@ def test_the_player_approaches_drives_the_table_and_records(tmp_path: Path) -> N
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler")
 def test_the_player_names_a_table_that_is_none(tmp_path: Path) -> None:
-    export(plan_of(7), "libfranka", tmp_path / "m.csv", from_posture="start", player=True)
+    export_motion(
+        plan_of(7),
+        MOTION_EXPORTERS.make("libfranka", player=True),
+        tmp_path / "m.csv",
+        playback=Playback(from_posture="start"),
+    )
     (tmp_path / "franka").mkdir()
     (tmp_path / "franka" / "robot.h").write_text(ROBOT)
     (tmp_path / "franka" / "exception.h").write_text("#pragma once\n")

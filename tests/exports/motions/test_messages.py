@@ -16,7 +16,7 @@ from driven_plans import designed, plan_of
 from dynident.data.formats import ColumnMap, read_log
 from dynident.errors import BadOption, FileError, MissingDependency
 from dynident.excitation.design.plan import sampled, write_plan, write_samples
-from dynident.exports.motions import export
+from dynident.exports.motions import MOTION_EXPORTERS, Playback, export_motion
 from dynident.files import sha256_of
 
 POSTURE = np.array([0.5, -0.25, 0.0, 1.0, -1.0, 0.125])
@@ -63,8 +63,11 @@ def check_approach(time: np.ndarray, signals: np.ndarray, posture: np.ndarray, f
 @pytest.mark.parametrize("degrees", [False, True])
 def test_a_table_is_the_design(rate: float, speed: float, run_in: float, degrees: bool, tmp_path: Path) -> None:
     plan = plan_of(4, sliding=[1], run_in=run_in)
-    found = export(
-        plan, "csv", tmp_path / "m.csv", rate=rate, speed=speed, from_posture="start", repeats=2, degrees=degrees
+    found = export_motion(
+        plan,
+        MOTION_EXPORTERS.make("csv", degrees=degrees),
+        tmp_path / "m.csv",
+        playback=Playback(rate=rate, speed=speed, from_posture="start", repeats=2),
     )
     time, signals = read_table(tmp_path / "m.csv", 4)
     scale = np.where([True, False, True, True], 180 / np.pi if degrees else 1.0, 1.0)
@@ -82,7 +85,7 @@ def test_a_table_is_the_design(rate: float, speed: float, run_in: float, degrees
 def test_the_table_is_that_of_excite_and_a_log_that_is_read(tmp_path: Path) -> None:
     plan = plan_of(2)
     write_samples(plan, tmp_path / "a.csv", 200.0)
-    export(plan, "csv", tmp_path / "b.csv", rate=200.0, from_posture="start")
+    export_motion(plan, "csv", tmp_path / "b.csv", playback=Playback(rate=200.0, from_posture="start"))
     for a, b in zip(read_table(tmp_path / "a.csv", 2), read_table(tmp_path / "b.csv", 2), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-10)
     log = read_log(tmp_path / "b.csv", ColumnMap(joints=("joint1", "joint2"), torque=()))
@@ -92,7 +95,7 @@ def test_the_table_is_that_of_excite_and_a_log_that_is_read(tmp_path: Path) -> N
 def test_the_side_car_names_the_plan_by_its_hash(tmp_path: Path) -> None:
     plan = plan_of(2, names=['a\n"', "é"])
     write_plan(plan, tmp_path / "plan.json")
-    found = export(plan, "csv", tmp_path / "m.csv", from_posture=[0.1, 0.2])
+    found = export_motion(plan, "csv", tmp_path / "m.csv", playback=Playback(from_posture=[0.1, 0.2]))
     facts = json.loads((tmp_path / "m.csv.json").read_text("utf-8"))
     assert facts["plan_sha256"] == found.plan_sha256 == sha256_of(tmp_path / "plan.json")
     assert [joint["name"] for joint in facts["joints"]] == ['a\n"', "é"]
@@ -104,7 +107,7 @@ def test_the_side_car_names_the_plan_by_its_hash(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["csv", "libfranka"])
 def test_samples_alone_need_to_know_where_the_robot_stands(name: str, tmp_path: Path) -> None:
     with pytest.raises(BadOption, match=rf"from_posture is not given; {name} holds samples only: state"):
-        export(plan_of(7), name, tmp_path / "m.csv")
+        export_motion(plan_of(7), name, tmp_path / "m.csv")
 
 
 @pytest.mark.parametrize(
@@ -118,7 +121,7 @@ def test_samples_alone_need_to_know_where_the_robot_stands(name: str, tmp_path: 
 )
 def test_postures_that_cannot_be(posture: Any, message: str, tmp_path: Path) -> None:
     with pytest.raises(BadOption, match=re.escape(message)):
-        export(plan_of(), "csv", tmp_path / "m.csv", from_posture=posture)
+        export_motion(plan_of(), "csv", tmp_path / "m.csv", playback=Playback(from_posture=posture))
     assert not list(tmp_path.iterdir())
 
 
@@ -129,8 +132,11 @@ def test_postures_that_cannot_be(posture: Any, message: str, tmp_path: Path) -> 
 @pytest.mark.parametrize("goal", [False, True])
 def test_a_message_is_the_design(rate: float, speed: float, goal: bool, tmp_path: Path) -> None:
     plan = plan_of(names=[f"ur_joint-{i}/x" for i in range(6)], run_in=1.0)
-    found = export(
-        plan, "joint_trajectory", tmp_path / "m.yaml", rate=rate, speed=speed, from_posture=POSTURE, goal=goal
+    found = export_motion(
+        plan,
+        MOTION_EXPORTERS.make("joint_trajectory", goal=goal),
+        tmp_path / "m.yaml",
+        playback=Playback(rate=rate, speed=speed, from_posture=POSTURE),
     )
     messages = [loaded(tmp_path / name) for name in ("m-approach.yaml", "m.yaml")]
     approach, message = (data["trajectory"] if goal else data for data in messages)
@@ -146,12 +152,12 @@ def test_a_message_is_the_design(rate: float, speed: float, goal: bool, tmp_path
 
 def test_without_a_posture_the_approach_is_one_late_point(tmp_path: Path) -> None:
     plan = plan_of()
-    found = export(plan, "joint_trajectory", tmp_path / "m.yaml")
+    found = export_motion(plan, "joint_trajectory", tmp_path / "m.yaml")
     (point,) = loaded(tmp_path / "m-approach.yaml")["points"]
     np.testing.assert_allclose(point["positions"], plan.motion().evaluate(0.0)[0][0], atol=1e-9)
     assert point["time_from_start"] == {"sec": 25, "nanosec": 0}  # 15 / 8 of 4 rad at 0.3 rad/s
     assert "one point" in found.notes[0] and found.files[0].endswith("m-approach.yaml")
-    export(plan, "joint_trajectory", tmp_path / "n.yaml", from_posture="start")
+    export_motion(plan, "joint_trajectory", tmp_path / "n.yaml", playback=Playback(from_posture="start"))
     assert not (tmp_path / "n-approach.yaml").exists()
 
 
@@ -159,7 +165,7 @@ def test_without_a_posture_the_approach_is_one_late_point(tmp_path: Path) -> Non
 @pytest.mark.parametrize("exporter", ["joint_trajectory", "ros2_bag"])
 def test_names_that_no_ros_joint_has(exporter: str, name: str, tmp_path: Path) -> None:
     with pytest.raises(BadOption, match="ROS joints are named with letters"):
-        export(plan_of(2, names=["a", name]), exporter, tmp_path / "m")
+        export_motion(plan_of(2, names=["a", name]), exporter, tmp_path / "m")
     assert not list(tmp_path.iterdir())
 
 
@@ -170,7 +176,12 @@ def test_a_bag_plays_the_approach_and_then_the_motion(storage: str, tmp_path: Pa
     from rosbags.typesys import Stores, get_typestore
 
     plan, store = plan_of(), get_typestore(Stores.ROS2_HUMBLE)
-    found = export(plan, "ros2_bag", tmp_path / "bag", from_posture=POSTURE, storage=storage, topic="/arm/go", speed=50)
+    found = export_motion(
+        plan,
+        MOTION_EXPORTERS.make("ros2_bag", storage=storage, topic="/arm/go"),
+        tmp_path / "bag",
+        playback=Playback(from_posture=POSTURE, speed=50),
+    )
     with Reader(tmp_path / "bag") as reader:
         messages = [(c.topic, t, store.deserialize_cdr(data, c.msgtype)) for c, t, data in reader.messages()]
     assert [topic for topic, _, _ in messages] == ["/arm/go", "/arm/go"]
@@ -201,31 +212,31 @@ def test_a_bag_plays_the_approach_and_then_the_motion(storage: str, tmp_path: Pa
 
 def test_a_bag_takes_no_folder_that_holds_something_else(tmp_path: Path) -> None:
     pytest.importorskip("rosbags")
-    export(plan_of(2), "ros2_bag", tmp_path / "bag")
-    export(plan_of(2), "ros2_bag", tmp_path / "bag")  # the same files again
+    export_motion(plan_of(2), "ros2_bag", tmp_path / "bag")
+    export_motion(plan_of(2), "ros2_bag", tmp_path / "bag")  # the same files again
     (tmp_path / "bag" / "mine.txt").write_text("x")
     with pytest.raises(FileError, match="there is something else already; choose a new folder"):
-        export(plan_of(2), "ros2_bag", tmp_path / "bag")
+        export_motion(plan_of(2), "ros2_bag", tmp_path / "bag")
     (tmp_path / "file").write_text("x")
     with pytest.raises(FileError, match="there is something else already"):
-        export(plan_of(2), "ros2_bag", tmp_path / "file")
+        export_motion(plan_of(2), "ros2_bag", tmp_path / "file")
     with pytest.raises(FileError, match="there is no folder"):
-        export(plan_of(2), "ros2_bag", tmp_path / "none" / "bag")
+        export_motion(plan_of(2), "ros2_bag", tmp_path / "none" / "bag")
     with pytest.raises(FileError, match="no name for a bag"):
-        export(plan_of(2), "ros2_bag", tmp_path / "my bag")
+        export_motion(plan_of(2), "ros2_bag", tmp_path / "my bag")
 
 
 @pytest.mark.parametrize("asked", [{"storage": "zip"}, {"topic": "a b"}, {"topic": "/a\n"}, {"most_points": 10}])
 def test_bags_that_cannot_be(asked: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(BadOption, match=next(iter(asked))):
-        export(plan_of(2), "ros2_bag", tmp_path / "bag", **asked)
+        export_motion(plan_of(2), MOTION_EXPORTERS.make("ros2_bag", **asked), tmp_path / "bag")
 
 
 def test_a_missing_package_is_named_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("rosbags", "rosbags.rosbag2", "rosbags.typesys"):
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(MissingDependency, match=re.escape("install it with: pip install 'dynident[ros]'")):
-        export(plan_of(2), "ros2_bag", tmp_path / "bag")
+        export_motion(plan_of(2), "ros2_bag", tmp_path / "bag")
 
 
 # --- libfranka -------------------------------------------------------------------------------------------------------
@@ -233,7 +244,7 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path: Path, monkeypatch: 
 
 def test_a_franka_table_meets_the_conditions_of_the_robot(tmp_path: Path) -> None:
     plan = plan_of(7)
-    found = export(plan, "libfranka", tmp_path / "m.csv", from_posture=np.zeros(7))
+    found = export_motion(plan, "libfranka", tmp_path / "m.csv", playback=Playback(from_posture=np.zeros(7)))
     time, signals = read_table(tmp_path / "m.csv", 7)
     np.testing.assert_allclose(np.diff(time), 1e-3, atol=1e-9)
     exact = designed(plan, time)
@@ -250,9 +261,9 @@ def test_a_franka_table_meets_the_conditions_of_the_robot(tmp_path: Path) -> Non
 def test_what_libfranka_does_not_take(tmp_path: Path) -> None:
     path = tmp_path / "m.csv"
     with pytest.raises(BadOption, match="it takes 7 turning joints, not 6"):
-        export(plan_of(6), "libfranka", path, from_posture="start")
+        export_motion(plan_of(6), "libfranka", path, playback=Playback(from_posture="start"))
     with pytest.raises(BadOption, match="one command each ms: 1000 Hz"):
-        export(plan_of(7), "libfranka", path, from_posture="start", rate=500.0)
+        export_motion(plan_of(7), "libfranka", path, playback=Playback(from_posture="start", rate=500.0))
     with pytest.raises(FileError, match="no limit for the jerk of joint1; state it in the robot model"):
-        export(plan_of(7, jerk=np.inf), "libfranka", path, from_posture="start")
+        export_motion(plan_of(7, jerk=np.inf), "libfranka", path, playback=Playback(from_posture="start"))
     assert not list(tmp_path.iterdir())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ class CentralDifferences(Filter):
         inner = (log.q[2:] - 2 * log.q[1:-1] + log.q[:-2]) / step**2
         ddq = np.pad(inner, ((1, 1), (0, 0)), mode="edge")
         dq = np.gradient(log.q, step, axis=0, edge_order=2)
-        return log.with_step("central differences", dq=dq, ddq=ddq, raw_torque=log.torque)
+        return replace(log.with_step("central differences"), dq=dq, ddq=ddq, raw_torque=log.torque)
 
     def statement(self) -> dict[str, object]:
         return {"kind": "central_differences", "cutoff_hz": None, "order": None, "torque": "as given"}

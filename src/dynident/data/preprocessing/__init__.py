@@ -316,7 +316,9 @@ def resample(log: Log, longest_gap: float | None = None) -> Log:
     wide = np.flatnonzero(steps > 5 * middle)
     gaps = np.column_stack([log.time[wide], log.time[wide + 1]])
     jitter = f"steps of {steps.min() * 1e3:.3g} to {steps.max() * 1e3:.3g} ms"
-    return log.with_step(f"resampled to {(count - 1) / log.duration:.5g} Hz ({jitter})", time=time, gaps=gaps, **moved)
+    return replace(
+        log.with_step(f"resampled to {(count - 1) / log.duration:.5g} Hz ({jitter})"), time=time, gaps=gaps, **moved
+    )
 
 
 def longest_step(middle: float, longest_gap: float = LONGEST_GAP) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dynident.arrays import Array, IntArray
@@ -22,7 +24,7 @@ def shifted(log: Log, delay_s: float) -> Log:
         for name, values in log.signals().items()
         if name in ("q", "dq", "ddq")
     }
-    return log.with_step(f"motion shifted by {delay_s * 1e3:.4g} ms to align it with the torque", **moved)
+    return replace(log.with_step(f"motion shifted by {delay_s * 1e3:.4g} ms to align it with the torque"), **moved)
 
 
 def fractional_shift(signal: Array, samples: float, rows: IntArray | None = None) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dynident.data.log import Log
 from dynident.data.preprocessing.base import Filter
@@ -18,7 +18,7 @@ class AsGiven(Filter):
         if missing:
             step = "name their columns in the case file, or choose a filter that differentiates (butterworth)"
             raise LogMismatch(log.name, f"no {' and no '.join(missing)}", step)
-        return log.with_step("signals as given", raw_torque=log.torque)
+        return replace(log.with_step("signals as given"), raw_torque=log.torque)
 
     def statement(self) -> dict[str, object]:
         return {"kind": "as_given", "cutoff_hz": None, "order": None, "torque": "as given"}

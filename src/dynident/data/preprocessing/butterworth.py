@@ -65,8 +65,8 @@ class Butterworth(Filter):
         torque = None if log.torque is None else self.smooth(log.torque.T, log.rate).T
         sides = f"both sides at {self._cutoff:g} Hz" if self.torque == "same" else "torque raw"
         step = f"zero-phase Butterworth, order {self.order}, positions at {positions:.4g} Hz, {sides}"
-        return log.with_step(
-            step, q=q, dq=dq, ddq=central_differences(dq, log.rate), torque=torque, raw_torque=log.torque
+        return replace(
+            log.with_step(step), q=q, dq=dq, ddq=central_differences(dq, log.rate), torque=torque, raw_torque=log.torque
         )
 
     def check(self, log: Log) -> None:

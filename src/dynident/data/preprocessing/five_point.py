@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dynident.data.log import Log
 from dynident.data.preprocessing._differences import central_differences, five_point_smoothing
@@ -32,8 +32,8 @@ class FivePoint(Filter):
         dq = central_differences(q, log.rate)
         torque = None if log.torque is None else five_point_smoothing(log.torque, self.repeats)
         step = f"five-point cubic smoothing, {self.repeats} times"
-        return log.with_step(
-            step, q=q, dq=dq, ddq=central_differences(dq, log.rate), torque=torque, raw_torque=log.torque
+        return replace(
+            log.with_step(step), q=q, dq=dq, ddq=central_differences(dq, log.rate), torque=torque, raw_torque=log.torque
         )
 
     def statement(self) -> dict[str, object]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,8 +65,8 @@ class FourierFit(Filter):
         for name in ("q_ref", "dq_ref"):
             commanded: Array | None = getattr(log, name)
             kept[name] = None if commanded is None else average(commanded)
-        return log.with_step(
-            f"{text}, torque smoothed {self.torque_repeats} times by five points",
+        return replace(
+            log.with_step(f"{text}, torque smoothed {self.torque_repeats} times by five points"),
             time=time,
             q=basis[0] @ series,
             dq=basis[1] @ series,
@@ -95,7 +95,7 @@ def _on_whole_samples(log: Log, period: float) -> Log:
         name: np.column_stack([np.interp(time, log.time, column) for column in values.T])
         for name, values in log.signals().items()
     }
-    return log.with_step(f"resampled to {rate:.8g} Hz, whole samples per period", time=time, **moved)
+    return replace(log.with_step(f"resampled to {rate:.8g} Hz, whole samples per period"), time=time, **moved)
 
 
 def fourier_basis(time: Array, period: float, harmonics: int) -> tuple[Array, Array, Array]:

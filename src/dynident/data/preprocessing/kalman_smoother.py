@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +63,7 @@ class KalmanSmoother(PositionSmoother):
             f"{', '.join(f'{noise:.2g}' for noise in noises)}, of accelerations "
             f"{', '.join(f'{float(np.median(each)):.2g}' for each in deviations[2].T)} (stated), {self.sides_text()}"
         )
-        return log.with_step(step, q=q[0], dq=q[1], ddq=q[2], torque=self.measured(log), raw_torque=log.torque)
+        return replace(log.with_step(step), q=q[0], dq=q[1], ddq=q[2], torque=self.measured(log), raw_torque=log.torque)
 
     def deviations(self, log: Log) -> tuple[Array, Array, Array]:
         """Return the standard deviations of q, dq and ddq that the model states, each (N, n)."""

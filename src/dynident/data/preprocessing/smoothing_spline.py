@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,7 +57,7 @@ class SmoothingSpline(PositionSmoother):
             residuals.append(float(np.sqrt(np.mean((column - signals[0][-1]) ** 2))))
         q, dq, ddq = (np.stack(each, axis=1) for each in signals)
         step = f"smoothing spline, leaves {', '.join(f'{each:.2g}' for each in residuals)}, {self.sides_text()}"
-        return log.with_step(step, q=q, dq=dq, ddq=ddq, torque=self.measured(log), raw_torque=log.torque)
+        return replace(log.with_step(step), q=q, dq=dq, ddq=ddq, torque=self.measured(log), raw_torque=log.torque)
 
     def statement(self) -> dict[str, object]:
         return {

@@ -92,7 +92,7 @@ class Clearance:
         """
         from dynident.excitation.collision import clearance_kernel  # numba loads with the first call
 
-        (q,) = samples(self.chain, q=q)
+        (q,) = samples(self.chain, {"q": q})
         out = np.empty((len(q), len(self.names)))
         clearance_kernel.distances(*self._arguments(q, out))
         return out
@@ -114,7 +114,7 @@ class Clearance:
         """
         from dynident.excitation.collision import clearance_kernel
 
-        (q,) = samples(self.chain, q=q)
+        (q,) = samples(self.chain, {"q": q})
         chosen = np.ascontiguousarray(pair, dtype=np.int64)
         if chosen.shape != (len(q),):
             raise ValueError(f"pair has shape {chosen.shape}, expected ({len(q)},)")

@@ -38,7 +38,7 @@ class ToolPoint:
 
     def position(self, q: npt.ArrayLike) -> Array:
         """Return the point in the base frame, shape (N, n) -> (N, 3), in m."""
-        (q,) = samples(self.chain, q=q)
+        (q,) = samples(self.chain, {"q": q})
         if self.link < 0:
             return np.tile(self.offset, (len(q), 1))
         rotations, translations = link_poses(self.chain, q)
@@ -51,7 +51,7 @@ class ToolPoint:
             q: Positions, shape (N, n).
             dq: Velocities, shape (N, n).
         """
-        q, dq = samples(self.chain, q=q, dq=dq)
+        q, dq = samples(self.chain, {"q": q, "dq": dq})
         _, columns = self._jacobian(q)
         return np.linalg.norm(self._velocity(columns, dq), axis=1)
 
@@ -65,7 +65,7 @@ class ToolPoint:
             q: Positions, shape (N, n).
             dq: Velocities, shape (N, n).
         """
-        q, dq = samples(self.chain, q=q, dq=dq)
+        q, dq = samples(self.chain, {"q": q, "dq": dq})
         axes, columns = self._jacobian(q)
         velocity = self._velocity(columns, dq)
         size = np.linalg.norm(velocity, axis=1, keepdims=True)

@@ -7,7 +7,6 @@ The proof: the files are loaded again in every engine that is installed and read
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from dynident.errors import BadOption
 from dynident.exports.base import Proof, write_files
@@ -46,7 +45,6 @@ def export_model(
     description: str | Path | None = None,
     proof: bool = True,
     write: bool = True,
-    **options: Any,
 ) -> ModelExport:
     """Write an identified model for a simulator, a controller or a paper: every file whole, none unproved.
 
@@ -60,7 +58,6 @@ def export_model(
             the estimate's provenance names, where it is unchanged.
         proof: Whether the files are loaded again and torques compared.
         write: False checks and tells what would be written.
-        options: Options of the exporter.
 
     Raises:
         UnknownChoice: No such exporter.
@@ -69,7 +66,7 @@ def export_model(
         DescriptionError: The robot description is faulty, or of another robot.
         FileError: The proof fails, or a file cannot be written.
     """
-    target, part = Path(path), MODEL_EXPORTERS.make(exporter, **options)
+    target, part = Path(path), MODEL_EXPORTERS.make(exporter)
     if part.takes != "estimate":
         name = MODEL_EXPORTERS.name_of(part)
         raise BadOption("exporter", name, "it does not export models; see 'dynident list model_exporters'")

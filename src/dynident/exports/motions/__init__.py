@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy.typing as npt
-
 from dynident.errors import BadOption
 from dynident.excitation.design.plan import Plan, refuse_breach
 from dynident.exports.base import write_files
-from dynident.exports.motions._motion import DrivenMotion
+from dynident.exports.motions._motion import DrivenMotion, Playback
 from dynident.exports.motions._printed import Printed
 from dynident.exports.motions._summary import MotionExport, limit_rows, motion_export_data
 from dynident.exports.motions.base import MotionContent, MotionExporter
@@ -29,8 +27,9 @@ __all__ = [
     "MotionContent",
     "MotionExport",
     "MotionExporter",
+    "Playback",
     "Printed",
-    "export",
+    "export_motion",
     "motion_export_data",
 ]
 
@@ -38,17 +37,13 @@ __all__ = [
 START = "start"
 
 
-def export(
+def export_motion(
     plan: Plan,
     exporter: str | MotionExporter,
     path: str | Path,
+    playback: Playback | None = None,
     *,
-    rate: float | None = None,
-    repeats: int = 1,
-    speed: float = 100.0,
-    from_posture: npt.ArrayLike | None = None,
     write: bool = True,
-    **options: Any,
 ) -> MotionExport:
     """Write a plan for a controller: every file whole or not at all, nothing where a bound is passed.
 
@@ -56,24 +51,20 @@ def export(
         plan: The plan.
         exporter: Name of an exporter, or a part with its options.
         path: The file (for a bag: the folder) to write; further files stand beside it.
-        rate: Samples a second; None takes that of the target.
-        repeats: Number of periods.
-        speed: Per cent of the designed speed, 10 to 100; the path stays.
-        from_posture: Where the robot stands, n values in rad or m, or ``"start"`` for the first posture of the plan.
+        playback: How it is to be driven; None: once, at the designed speed and the rate of the target.
         write: False checks and tells what would be written.
-        options: Options of the exporter.
 
     Raises:
         UnknownChoice: No such exporter.
         BadOption: An option that cannot be, or a robot that does not fit the target.
         FileError: The plan passes a bound, a name the target cannot have, or a file that cannot be written.
     """
-    target, part = Path(path), MOTION_EXPORTERS.make(exporter, **options)
-    name = MOTION_EXPORTERS.name_of(part)
+    target, part = Path(path), MOTION_EXPORTERS.make(exporter)
+    playback, name = playback or Playback(), MOTION_EXPORTERS.name_of(part)
     if part.takes != "plan":
         raise BadOption("exporter", name, "it does not export plans; see 'dynident list motion_exporters'")
     refuse_breach(plan, target)
-    motion = _driven(plan, part, name, rate, repeats, speed, from_posture)
+    motion = _driven(plan, part, name, playback)
     content = part.content(motion, target)
     proofs = part.prove(motion, content, target)
     if write:
@@ -83,7 +74,7 @@ def export(
         robot=plan.robot,
         files=tuple(str(file) for file in content.files),
         rate=motion.rate,
-        repeats=repeats,
+        repeats=playback.repeats,
         speed=motion.speed,
         duration=motion.motion.duration,
         points=len(content.printed.time),
@@ -97,29 +88,23 @@ def export(
     )
 
 
-def _driven(
-    plan: Plan,
-    part: MotionExporter,
-    name: str,
-    rate: float | None,
-    repeats: int,
-    speed: float,
-    from_posture: npt.ArrayLike | None,
-) -> DrivenMotion:
+def _driven(plan: Plan, part: MotionExporter, name: str, playback: Playback) -> DrivenMotion:
+    rate, posture = playback.rate, playback.from_posture
     if rate is not None and part.rate is None:
         step = f"{name} has no rate: its points are thinned to a tolerance; see 'dynident list motion_exporters'"
         raise BadOption("rate", rate, step)
-    at_start = isinstance(from_posture, str)
-    if at_start and from_posture != START:
-        raise BadOption("from_posture", from_posture, f"give a position for each joint, or '{START}'")
-    if from_posture is None and not part.moves_itself:
+    at_start = isinstance(posture, str)
+    if at_start and posture != START:
+        raise BadOption("from_posture", posture, f"give a position for each joint, or '{START}'")
+    if posture is None and not part.moves_itself:
         step = (
             f"{name} holds samples only: state where the robot stands, and the approach is written as well, or give "
             f"'{START}' if it stands at the first posture"
         )
         raise BadOption("from_posture", None, step)
-    posture: Any = None if at_start else from_posture
-    return DrivenMotion(plan, part.rate if rate is None else rate, repeats, speed / 100.0, posture, at_start)
+    given: Any = None if at_start else posture
+    rate = part.rate if rate is None else rate
+    return DrivenMotion(plan, rate, playback.repeats, playback.speed / 100.0, given, at_start)
 
 
 def _approach(motion: DrivenMotion, part: MotionExporter, name: str) -> str:

@@ -64,6 +64,24 @@ class Slowed(Trajectory):
 
 
 @dataclass(frozen=True)
+class Playback:
+    """How a plan is to be driven.
+
+    Attributes:
+        rate: Samples a second; None takes that of the target.
+        repeats: Number of periods.
+        speed: Per cent of the designed speed, 10 to 100; the path stays.
+        from_posture: Where the robot stands, n values in rad or m, or ``"start"`` for the first posture of the plan;
+            None where it is not known.
+    """
+
+    rate: float | None = None
+    repeats: int = 1
+    speed: float = 100.0
+    from_posture: npt.ArrayLike | None = None
+
+
+@dataclass(frozen=True)
 class DrivenMotion:
     """A plan from rest to rest as an exporter writes it.
 

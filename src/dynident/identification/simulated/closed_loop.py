@@ -331,7 +331,7 @@ def simulated_logs(loop: ClosedLoop, states: tuple[Array, ...]) -> tuple[Prepare
     return tuple(
         replace(
             course.log,
-            log=course.log.log.with_step("states simulated", q=rows[:, 0], dq=rows[:, 1], ddq=rows[:, 2]),
+            log=replace(course.log.log.with_step("states simulated"), q=rows[:, 0], dq=rows[:, 1], ddq=rows[:, 2]),
         )
         for course, rows in zip(loop.courses, states, strict=True)
     )

@@ -256,7 +256,7 @@ def _exogeneity(problem: Problem, weights: Array) -> tuple[Exogeneity | None, st
     try:
         paths = [commanded_motion(log.log) for log in problem.logs]
         logs = [
-            replace(log, log=log.log.with_step("states commanded", q=path[0], dq=path[1], ddq=path[2]))
+            replace(log, log=replace(log.log.with_step("states commanded"), q=path[0], dq=path[1], ddq=path[2]))
             for log, path in zip(problem.logs, paths, strict=True)
         ]
         return durbin_wu_hausman(instruments(problem, logs), weights), "from the commanded motion"

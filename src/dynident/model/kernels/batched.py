@@ -60,7 +60,7 @@ def torque_regressor(
     Raises:
         ValueError: A shape is wrong.
     """
-    q, dq, ddq = samples(chain, q=q, dq=dq, ddq=ddq)
+    q, dq, ddq = samples(chain, {"q": q, "dq": dq, "ddq": ddq})
     found = evaluated_once(chain, "regressor", {"q": q, "dq": dq, "ddq": ddq}) if once else None
     if found is not None:
         return found.reshape(len(q), chain.joints, 10 * chain.links)
@@ -104,7 +104,7 @@ def inverse_dynamics(
     Raises:
         ValueError: A shape is wrong.
     """
-    q, dq, ddq = samples(chain, q=q, dq=dq, ddq=ddq)
+    q, dq, ddq = samples(chain, {"q": q, "dq": dq, "ddq": ddq})
     theta = parameters(chain, theta)
     out = np.empty((len(q), chain.joints))
     kernel = chain_kernel(chain, "torque")
@@ -132,7 +132,7 @@ def mass_matrix(chain: Chain, theta: npt.ArrayLike, q: npt.ArrayLike, threads: i
     Raises:
         ValueError: A shape is wrong.
     """
-    (q,) = samples(chain, q=q)
+    (q,) = samples(chain, {"q": q})
     theta = parameters(chain, theta)
     found = evaluated_once(chain, "mass", {"theta": theta, "q": q}) if once else None
     if found is not None:
@@ -180,7 +180,7 @@ def forward_dynamics(
     from dynident.model.kernels import generic_batches
     from dynident.model.kernels.generic import pack
 
-    q, dq, tau = samples(chain, q=q, dq=dq, tau=tau)
+    q, dq, tau = samples(chain, {"q": q, "dq": dq, "tau": tau})
     theta = parameters(chain, theta)
     size = chain.joints
     added = np.zeros((size, size)) if armature is None else np.array(armature, dtype=np.float64)
@@ -218,7 +218,7 @@ def link_poses(chain: Chain, q: npt.ArrayLike, threads: int = 1) -> tuple[Array,
     Raises:
         ValueError: A shape is wrong.
     """
-    (q,) = samples(chain, q=q)
+    (q,) = samples(chain, {"q": q})
     out = np.empty((len(q), chain.links, 12))
     kernel = chain_kernel(chain, "frames")
     if kernel is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -36,8 +37,8 @@ def kernel_choice() -> Choice:
             raise BadOption(VARIABLE, other, "choose one of: auto, generic, generated")
 
 
-def samples(chain: Chain, **arrays: npt.ArrayLike) -> list[Array]:
-    """Return the arrays (N, n) as read-only C-contiguous float64 views.
+def samples(chain: Chain, arrays: Mapping[str, npt.ArrayLike]) -> list[Array]:
+    """Return the arrays (N, n), by name, as read-only C-contiguous float64 views.
 
     Raises:
         ValueError: An array has another shape, or the arrays differ in N.

@@ -79,7 +79,7 @@ class JointColumns:
         Raises:
             ValueError: A shape, type or order is wrong.
         """
-        motion = samples(self.chain, q=q, dq=dq, ddq=ddq)
+        motion = samples(self.chain, {"q": q, "dq": dq, "ddq": ddq})
         count = len(motion[0])
         blocks = self.buffers(count) if out is None else self._checked(out, count, "out")
         kernel = self._kernel()
@@ -106,7 +106,7 @@ class JointColumns:
         Raises:
             ValueError: A shape, type or order is wrong.
         """
-        motion = samples(self.chain, q=q, dq=dq, ddq=ddq)
+        motion = samples(self.chain, {"q": q, "dq": dq, "ddq": ddq})
         count = len(motion[0])
         found = (np.empty_like(motion[0]), np.empty_like(motion[0]), np.empty_like(motion[0]))
         assert self._pullback is not None  # its size is not limited

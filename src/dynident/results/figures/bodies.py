@@ -198,7 +198,7 @@ def _cut(view: View, top: float, body: str) -> str:
     """Return what is drawn below the heading, without what leaves the drawing: an inner one shows only its inside."""
     height = view.height - top
     box = f"0 {svg.number(top)} {svg.number(view.width)} {svg.number(height)}"
-    return svg.element("svg", body, x=0, y=top, width=view.width, height=height, viewBox=box)
+    return svg.element("svg", body, {"x": 0, "y": top, "width": view.width, "height": height, "viewBox": box})
 
 
 def _axes(view: View, taken: list[LabelPlace]) -> str:

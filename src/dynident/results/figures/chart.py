@@ -261,10 +261,10 @@ def chart(
     bottom = tops[-1] + plots[-1].height
     live.append(_ticks(pieces, bottom))
     body = [head, *(svg.words(plot.heading, 0, at - 12) for plot, at in zip(plots, tops, strict=True))]
-    body.append(svg.element("g", "".join(live), class_="live") if detail else "".join(live))
+    body.append(svg.element("g", "".join(live), {"class": "live"}) if detail else "".join(live))
     body.append(svg.words(across.heading, width - 12, bottom + 2 * _ROW - 1, anchor="end"))
-    data = {"data_zoom": _zoom(plots, tops, across, pieces, detail)} if detail else {}
-    return svg.drawing(width, bottom + 2 * _ROW + 5, "".join(body), title, description, **data)
+    zoom = _zoom(plots, tops, across, pieces, detail) if detail else ""
+    return svg.drawing(width, bottom + 2 * _ROW + 5, "".join(body), title, description, zoom)
 
 
 def _zoom(
@@ -292,7 +292,9 @@ def heading(title: str, marks: Sequence[Mark], width: float) -> tuple[str, float
     room = width - sum(sizes) - 16 if legend else width
     beside = sum(sizes) < 0.7 * width and (svg.breadth(title) * 1.06 <= room or sum(sizes) < 0.45 * width)
     shown = shorten(title, int((room if beside else width) / (1.06 * svg.LETTER)))
-    body = [svg.element("g", svg.words(shown, 0, 15, "ink", full=title if shown != title else ""), font_weight="600")]
+    body = [
+        svg.element("g", svg.words(shown, 0, 15, "ink", full=title if shown != title else ""), {"font-weight": "600"})
+    ]
     x, y = (width - sum(sizes) + 10, 15.0) if beside else (0.0, 15.0 + _ROW)
     for mark, text, size in zip(legend, labels, sizes, strict=True):
         if x > 0 and x + size > width + 14:

@@ -32,7 +32,7 @@ def deviation_chart(names: Sequence[str], fractions: Array, limits: Sequence[flo
     left = 10 + max((svg.breadth(text) for text in shown), default=0.0)
     scale = LogScale(float(low), float(high), left, width - 56.0)
     top, bottom = 28.0, 28.0 + _STEP * len(shown)
-    body = [svg.element("g", svg.words("Relative standard deviation", 0, 15, "ink"), font_weight="600")]
+    body = [svg.element("g", svg.words("Relative standard deviation", 0, 15, "ink"), {"font-weight": "600"})]
     for tick in scale.ticks(56.0):
         x = float(scale.at(np.array(tick.value)))
         body += [svg.rule(x, top, x, bottom), svg.words(tick.text, x, bottom + 16, anchor="middle")]

@@ -90,7 +90,7 @@ def path_chart(
     view = View.around(np.concatenate([cloud, floor, [[low[0], low[1], high[2]]], *walls]), width, most)
     taken: list[LabelPlace] = []
     body = [
-        svg.element("g", svg.words(title, 0, 15, "ink"), font_weight="600"),
+        svg.element("g", svg.words(title, 0, 15, "ink"), {"font-weight": "600"}),
         _box(view, low, high, step, taken),
         draw_behind(view, around, low, high),
         svg.stroke(view.line(path.points * [1, 1, 0] + [0, 0, low[2]]), 0, 1.0, opacity=0.22),

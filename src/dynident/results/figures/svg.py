@@ -7,6 +7,7 @@ dark; the attributes beside them are the light colours, so that a figure saved o
 from __future__ import annotations
 
 import html
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -33,18 +34,18 @@ def number(value: float) -> str:
     return f"{round(float(value), 1) + 0.0:g}"
 
 
-def element(name: str, content: str = "", **attributes: object) -> str:
+def element(name: str, content: str = "", attributes: Mapping[str, object] | None = None) -> str:
     """Return an element; attributes are escaped, ``content`` is SVG and is not.
 
     Args:
         name: Tag.
         content: What stands inside.
-        attributes: An underscore in a name is a hyphen, one at its end is dropped; numbers keep a tenth.
+        attributes: By name; numbers keep a tenth.
     """
     parts = [name]
-    for key, value in attributes.items():
+    for key, value in (attributes or {}).items():
         text = number(float(value)) if isinstance(value, float | np.floating) else escape(value)
-        parts.append(f'{key.rstrip("_").replace("_", "-")}="{text}"')
+        parts.append(f'{key}="{text}"')
     opened = " ".join(parts)
     return f"<{opened}>{content}</{name}>" if content else f"<{opened}/>"
 
@@ -64,10 +65,10 @@ def words(
         halo: Whether paper shows around the letters where they stand on data.
     """
     inside = escape(text) + (element("title", escape(full)) if full else "")
-    style: dict[str, object] = {"class_": shade, "fill": _INK[shade], "text_anchor": anchor}
+    style: dict[str, object] = {"class": shade, "fill": _INK[shade], "text-anchor": anchor}
     if halo:
-        style |= {"class_": f"{shade} halo", "stroke": "#ffffff", "stroke_width": 3.5, "paint_order": "stroke"}
-    return element("text", inside, x=float(x), y=float(y), **style)
+        style |= {"class": f"{shade} halo", "stroke": "#ffffff", "stroke-width": 3.5, "paint-order": "stroke"}
+    return element("text", inside, {"x": float(x), "y": float(y), **style})
 
 
 def breadth(text: str) -> float:
@@ -77,8 +78,8 @@ def breadth(text: str) -> float:
 
 def rule(x1: float, y1: float, x2: float, y2: float, strong: bool = False) -> str:
     """Return a line of the grid or, where ``strong``, of an axis."""
-    style = {"class_": "axis", "stroke": "#8a929b"} if strong else {"class_": "rule", "stroke": "#e1e4e8"}
-    return element("line", x1=float(x1), y1=float(y1), x2=float(x2), y2=float(y2), **style)
+    style = {"class": "axis", "stroke": "#8a929b"} if strong else {"class": "rule", "stroke": "#e1e4e8"}
+    return element("line", attributes={"x1": float(x1), "y1": float(y1), "x2": float(x2), "y2": float(y2), **style})
 
 
 def track(x: Array, y: Array) -> str:
@@ -94,18 +95,21 @@ def track(x: Array, y: Array) -> str:
 
 def stroke(data: str, colour: int, width: float = 1.3, dashed: bool = False, opacity: float = 1.0) -> str:
     """Return a line along path data in a colour of the palette."""
-    more = {"stroke_dasharray": "5 3"} if dashed else {}
+    more: dict[str, object] = {"stroke-width": width}
+    if dashed:
+        more["stroke-dasharray"] = "5 3"
     if opacity < 1:
-        more["stroke_opacity"] = f"{opacity:g}"
+        more["stroke-opacity"] = f"{opacity:g}"
     name = f"c{colour % len(COLOURS)}"
-    fixed = {"fill": "none", "class_": name, "stroke": COLOURS[colour % len(COLOURS)], "stroke_linejoin": "round"}
-    return element("path", d=data, **fixed, stroke_width=width, **more) if data else ""
+    fixed = {"fill": "none", "class": name, "stroke": COLOURS[colour % len(COLOURS)], "stroke-linejoin": "round"}
+    return element("path", attributes={"d": data, **fixed, **more}) if data else ""
 
 
 def filled(data: str, colour: int, opacity: float = 1.0) -> str:
     """Return an area along path data in a colour of the palette."""
     name = f"d{colour % len(COLOURS)}"
-    return element("path", d=data, class_=name, fill=COLOURS[colour % len(COLOURS)], fill_opacity=f"{opacity:g}")
+    fill = {"fill": COLOURS[colour % len(COLOURS)], "fill-opacity": f"{opacity:g}"}
+    return element("path", attributes={"d": data, "class": name, **fill})
 
 
 def kept_rows(x: Array, y: Array, bucket: float = 0.5) -> IntArray:
@@ -130,7 +134,7 @@ def kept_rows(x: Array, y: Array, bucket: float = 0.5) -> IntArray:
     return np.unique(np.concatenate(found))
 
 
-def drawing(width: float, height: float, body: str, title: str, description: str, **data: str) -> str:
+def drawing(width: float, height: float, body: str, title: str, description: str, zoom: str = "") -> str:
     """Return a whole figure with its title and the description that stands for it where it cannot be seen.
 
     Args:
@@ -139,18 +143,17 @@ def drawing(width: float, height: float, body: str, title: str, description: str
         body: What stands in it, as SVG.
         title: What it shows.
         description: What can be seen.
-        data: Further attributes of the root element.
+        zoom: Values for a page that can zoom; empty for none.
     """
     title = label(title)
-    return element(
-        "svg",
-        element("title", escape(title)) + element("desc", escape(description)) + body,
-        xmlns="http://www.w3.org/2000/svg",
-        class_="fig",
-        viewBox=f"0 0 {number(width)} {number(height)}",
-        role="img",
-        aria_label=title,
-        font_family="system-ui, sans-serif",
-        font_size=SIZE,
-        **data,
-    )
+    attributes: dict[str, object] = {
+        "xmlns": "http://www.w3.org/2000/svg",
+        "class": "fig",
+        "viewBox": f"0 0 {number(width)} {number(height)}",
+        "role": "img",
+        "aria-label": title,
+        "font-family": "system-ui, sans-serif",
+        "font-size": SIZE,
+    }
+    inside = element("title", escape(title)) + element("desc", escape(description)) + body
+    return element("svg", inside, attributes | ({"data-zoom": zoom} if zoom else {}))
