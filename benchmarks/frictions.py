@@ -337,7 +337,7 @@ def outcome(name: str, virtual: Virtual, folder: Path, ways: Sequence[str]) -> R
         found = identify(model, learn, "consistent", how, choose_friction=way == "auto")
         seconds[way] = time.process_time() - begin
         errors[way] = validate(found, held).total_relative_error
-        delays[way] = tuple(one["applied"] * virtual.rate for one in found.extras.get("delays", ()))
+        delays[way] = tuple(one.applied * virtual.rate for one in found.choices.delays or ())
         widths[way] = next((p.options["width"] for p in found.model.friction if "width" in p.options), np.nan)
         bent[way] = fades(found)
     return Row(name, errors, seconds, delays, widths, bent)

@@ -11,6 +11,7 @@ import pytest
 from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot, validate
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.diagnosis.warnings import warnings_of
+from dynident.identification.problem.choices import Choices, GainUncertainty
 from dynident.model.friction import FRICTION, Motion
 
 
@@ -110,6 +111,6 @@ def test_doubtful_drive_gains_are_told_with_what_they_move() -> None:
     moved = np.zeros(len(estimate.beta))
     moved[:3] = 2.0 * estimate.deviations[:3]
     for relative, span in (({"joint1": 0.02, "joint2": 0.05, "joint3": 0.0}, "2 to 5 %"), ({"joint1": 0.02}, "2 %")):
-        stated = {"gain_std": {"relative": relative, "parameters": moved.tolist()}}
-        (found,) = warnings_of(replace(estimate, extras={**estimate.extras, **stated}))
+        stated = Choices(gain_std=GainUncertainty(relative, tuple(moved.tolist())))
+        (found,) = warnings_of(replace(estimate, choices=stated))
         assert found.startswith(f"drive gains have a relative std of {span}: it shifts 3 of {len(moved)} parameters")

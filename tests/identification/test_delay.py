@@ -59,9 +59,9 @@ def late(model: DynamicModel, exact_motion: ExactMotion) -> Callable[..., Log]:
 def test_a_delay_is_found_to_a_tenth_of_a_sample(model: DynamicModel, late: Callable[..., Log], samples: float) -> None:
     log = late(samples)
     estimate = identify(model, [log], "wls", AUTO)
-    (found,) = estimate.extras["delays"]
-    assert found["seconds"] * RATE == pytest.approx(samples, abs=0.1)
-    assert found["applied"] == found["seconds"] and 0 < found["std"] * RATE < 0.1
+    (found,) = estimate.choices.delays
+    assert found.seconds * RATE == pytest.approx(samples, abs=0.1)
+    assert found.applied == found.seconds and 0 < found.std * RATE < 0.1
     blind = identify(model, [log], "wls", replace(AUTO, delay_s=0.0))
     assert estimate.train.total_relative_error < 0.9 * blind.train.total_relative_error
     stated = identify(model, [log], "wls", replace(AUTO, delay_s=samples / RATE))
@@ -71,9 +71,9 @@ def test_a_delay_is_found_to_a_tenth_of_a_sample(model: DynamicModel, late: Call
 def test_no_delay_is_left_alone(model: DynamicModel, late: Callable[..., Log]) -> None:
     log = late(0.0)
     estimate, plain = (identify(model, [log], "wls", replace(AUTO, delay_s=each)) for each in (None, 0.0))
-    (found,) = estimate.extras["delays"]
-    assert abs(found["seconds"]) * RATE < 0.1
-    if not found["applied"]:
+    (found,) = estimate.choices.delays
+    assert abs(found.seconds) * RATE < 0.1
+    if not found.applied:
         np.testing.assert_array_equal(estimate.beta, plain.beta)
     assert estimate.train.total_relative_error == pytest.approx(plain.train.total_relative_error, rel=0.01)
 
@@ -82,7 +82,7 @@ def test_each_log_has_its_own_and_others_the_common_one(
     model: DynamicModel, late: Callable[..., Log], tmp_path: Path
 ) -> None:
     estimate = identify(model, [late(2.0, seed=1), late(3.0, seed=2, start=5.0)], "wls", AUTO)
-    found = [each["applied"] * RATE for each in estimate.extras["delays"]]
+    found = [each.applied * RATE for each in estimate.choices.delays]
     assert found == pytest.approx([2.0, 3.0], abs=0.1)
     common = estimate.preprocessing.delay_s
     assert common is not None and common * RATE == pytest.approx(2.5, abs=0.1)
@@ -104,9 +104,9 @@ def test_friction_that_turns_before_the_speed_is_no_delay(model: DynamicModel, e
     friction = 0.3 * np.std(bodies, axis=0) * np.tanh(ahead.dq / 0.01)
     noise = 0.01 * np.std(bodies, axis=0) * np.random.default_rng(2).normal(size=bodies.shape)
     log = Log(model.robot.joint_names, time, motion.q, torque=bodies + friction + noise)
-    (found,) = identify(model, [log], "wls", AUTO).extras["delays"]
-    assert abs(found["applied"]) * RATE < 0.1
-    assert abs(found["seconds"]) < 3 * found["std"]
+    (found,) = identify(model, [log], "wls", AUTO).choices.delays
+    assert abs(found.applied) * RATE < 0.1
+    assert abs(found.seconds) < 3 * found.std
 
 
 @pytest.mark.parametrize(("trim", "samples"), [(0.3, -1.6), (0.0, 20.0)])

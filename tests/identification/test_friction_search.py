@@ -70,10 +70,11 @@ def test_the_friction_of_each_joint_is_chosen(
     other_log = exact_log(mixed, with_friction(mixed, TRUTH), noise=0.3, samples=1000, rate=70.0, size=0.8, seed=5)
     bare = DynamicModel(mixed.robot)
     estimate = identify(bare, [mixed_log], "wls", GIVEN, choose_friction=True)
-    chosen = estimate.extras["friction_choice"]
+    chosen = estimate.choices.friction_choice
+    assert chosen is not None
     on = {
-        name: {part.split()[0] for step in steps if step["chosen"] for part in step["parts"]}
-        for name, steps in chosen["joints"].items()
+        name: {part.split()[0] for step in steps if step.chosen for part in step.parts}
+        for name, steps in chosen.joints.items()
     }
     assert {"load", "degressive"} <= on["joint2"] and "viscous" not in on["joint2"]
     for name in ("joint1", "joint3"):
@@ -88,7 +89,7 @@ def test_the_friction_of_each_joint_is_chosen(
     np.testing.assert_array_equal(read.beta, estimate.beta)
     steps = summary(read)["extras"]["friction_choice"]["joints"]["joint2"]
     assert sum(step["chosen"] for step in steps) == 1 and steps[0]["parts"] == []
-    (title, table), (other, alike), (fields, widths) = choice_tables(read.extras)
+    (title, table), (other, alike), (fields, widths) = choice_tables(read.choices)
     assert title == "Friction model selection by joint" and "+ load" in plain(table)
     assert other == "Shared friction model" and plain(alike).count("yes") == 1
     assert fields.startswith("Cross-validation of given") and {row[0] for row in widths.rows} == {
@@ -146,7 +147,8 @@ def test_one_friction_for_all_is_taken_where_it_is_as_good(
     monkeypatch.setattr(alike, "_held_out", unsolved)
     found, compared = same_for_all(sticky, [preprocess(log, GIVEN)])
     assert all(part.joints is None for part in found.friction)
-    assert all(np.isfinite(each.held_out) for each in compared) and sum(each.chosen for each in compared) == 1
+    assert all(np.isfinite(each.cross_validation_error) for each in compared)
+    assert sum(each.chosen for each in compared) == 1
 
 
 def test_too_short_a_log_chooses_nothing(mixed: DynamicModel, exact_log: MakeLog) -> None:
@@ -187,11 +189,11 @@ def test_identify_finds_fields_first(planar_2r: Robot, exact_log: MakeLog) -> No
     log = exact_log(model, theta, noise=0.02, samples=2000, rate=100.0)
     asked = replace(model, friction=(Coulomb(), Viscous(), Degressive(0.6, vary=("exponent",))))
     estimate = identify(asked, [log], "wls", GIVEN)
-    (found,) = estimate.extras["non_linear"]
-    assert found["value"] == pytest.approx(0.3, rel=0.1) and found["part"] == "degressive"
+    (found,) = estimate.choices.non_linear
+    assert found.value == pytest.approx(0.3, rel=0.1) and found.part == "degressive"
     part = estimate.model.friction[2]
-    assert isinstance(part, Degressive) and part.exponent == found["value"]
-    ((title, table),) = choice_tables(estimate.extras)
+    assert isinstance(part, Degressive) and part.exponent == found.value
+    ((title, table),) = choice_tables(estimate.choices)
     assert title.startswith("Friction fields") and table.rows[0][:3] == ("degressive", "all", "exponent")
 
 
@@ -256,6 +258,6 @@ def test_no_delay_is_found_where_friction_is_chosen_and_none_is_there(spatial_3r
     train, test = (exact_log(truth, values, noise=0.05, samples=1500, rate=100.0, seed=seed) for seed in (0, 4))
     chosen = identify(DynamicModel(spatial_3r), [train], "wls", replace(GIVEN, delay_s=None), choose_friction=True)
     known = identify(truth, [train], "wls", GIVEN)
-    assert abs(chosen.extras["delays"][0]["seconds"]) < 5e-4
+    assert abs(chosen.choices.delays[0].seconds) < 5e-4
     errors = [validate(estimate, [test]).total_relative_error for estimate in (chosen, known)]
     assert errors[0] < 1.02 * errors[1]

@@ -16,6 +16,7 @@ from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption
 from dynident.identification.files.estimate_file import summary
 from dynident.identification.identify import identify
+from dynident.identification.problem.choices import Choices
 from dynident.identification.selection.friction.held_out_fields import choose_fields
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
@@ -91,7 +92,7 @@ def test_too_few_rows_leave_what_is_stated(planar_2r: Robot, exact_log: MakeLog)
     log = logged(planar_2r, (Coulomb(0.2), Viscous()), [3.0, 1.0, 2.0, 0.5], exact_log, samples=30)
     _, (held,) = choose_fields(DynamicModel(planar_2r, (Coulomb(0.01, choose=("width",)), Viscous())), rows(log))
     assert (held.value, held.best, held.error) == (0.01, 0.01, None)
-    ((_, table),) = choice_tables({"chosen_fields": [vars(held)]})
+    ((_, table),) = choice_tables(Choices(chosen_fields=(held,)))
     assert table.rows[0][-1] == "given"
 
 
@@ -101,7 +102,7 @@ def test_identify_chooses_and_says_so(planar_2r: Robot, exact_log: MakeLog) -> N
     (held,) = json.loads(json.dumps(summary(estimate)))["extras"]["chosen_fields"]
     part = estimate.model.friction[0]
     assert isinstance(part, Coulomb) and part.width == held["value"] == pytest.approx(0.1, rel=0.06)
-    ((title, table),) = choice_tables(estimate.extras)
+    ((title, table),) = choice_tables(estimate.choices)
     assert title.startswith("Cross-validation of given") and table.rows[0][:4] == ("coulomb", "all", "width", "0.01")
     assert table.rows[0][-1] == "best"
 
@@ -127,7 +128,7 @@ def test_a_part_that_the_log_asks_for_is_taken_and_its_sign_turns_with_the_other
     assert dry.width == fading.width == pytest.approx(0.03, rel=0.06) and fading.velocity == pytest.approx(0.2, rel=0.1)
     taken = {(held.part, held.field): held for held in found}
     assert taken["stribeck", "part"].value == 1.0 and ("coulomb, stribeck", "width") in taken
-    ((_, table),) = choice_tables({"chosen_fields": [vars(held) for held in found]})
+    ((_, table),) = choice_tables(Choices(chosen_fields=found))
     assert ("left out", "there", "best") in [(row[3], row[4], row[7]) for row in table.rows]
 
 
@@ -177,8 +178,8 @@ def test_the_delay_is_found_again_with_the_friction_that_was_chosen(
     log = Log(planar_2r.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque)
     model = DynamicModel(planar_2r, (DRY, Viscous(), FADING))
     estimate = identify(model, [log], "wls", replace(GIVEN, delay_s=None))
-    (delay,) = estimate.extras["delays"]
-    assert delay["applied"] == pytest.approx(0.02, abs=2e-4)
+    (delay,) = estimate.choices.delays
+    assert delay.applied == pytest.approx(0.02, abs=2e-4)
     assert [type(part) for part in estimate.model.friction] == [Coulomb, Viscous, Stribeck]
     assert estimate.model.friction[0].options["width"] == pytest.approx(0.05, rel=0.1)
 
@@ -197,7 +198,7 @@ def test_what_is_chosen_last_is_chosen_with_the_delay_that_was_found(
     model = DynamicModel(planar_2r, (DRY, Viscous()))
     estimate = identify(model, [log], "wls", replace(GIVEN, delay_s=None))
     assert free == [True, False]
-    again = identify(model, [log], "wls", replace(GIVEN, delay_s=estimate.extras["delay_s"]))
-    (found,), (known,) = estimate.extras["chosen_fields"], again.extras["chosen_fields"]
-    assert (found["gain"], found["value"]) == pytest.approx((known["gain"], known["value"]), rel=2e-3)
-    assert found["value"] == pytest.approx(0.03, rel=0.01)
+    again = identify(model, [log], "wls", replace(GIVEN, delay_s=estimate.choices.delay_s))
+    (found,), (known,) = estimate.choices.chosen_fields, again.choices.chosen_fields
+    assert (found.gain, found.value) == pytest.approx((known.gain, known.value), rel=2e-3)
+    assert found.value == pytest.approx(0.03, rel=0.01)

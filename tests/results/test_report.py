@@ -22,6 +22,7 @@ from dynident.errors import FileError, LogMismatch
 from dynident.excitation.design.recheck import recheck
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
+from dynident.identification.problem.choices import Choices, DelayRecord
 from dynident.model.robot import Robot
 from dynident.results.plan_view import PlanView
 from dynident.results.report import Comparison, Subject, build_report, builder, write_report
@@ -72,11 +73,11 @@ def whole(case: tuple[Estimate, Validation]) -> str:
     estimate, test = case
     reference = Log(estimate.model.robot.joint_names, test.time, test.q, test.dq)
     rows: list[dict[str, Any]] = [{"method": "abc", "gap": "5 %"}, {"method": "ols", "gap": "1 %"}]
-    found = {"delays": [{"log": "train.csv", "seconds": 2.95e-3, "std": 8.8e-4, "applied": 2.95e-3}]}
+    found = Choices(delays=(DelayRecord("train.csv", 2.95e-3, 8.8e-4, 2.95e-3),))
     plan = plan_of(estimate.model.robot)
     trust = {"verdicts": ["residuals are white (before the filter)"], "joints": [], "parts": [], "cross_validation": []}
     return build_report(
-        replace(estimate, extras={**estimate.extras, **found}, diagnostics=trust),
+        replace(estimate, choices=found, diagnostics=trust),
         [test],
         comparison=rows,
         traces={"another": [5.0, 4.0, 3.0]},

@@ -17,6 +17,7 @@ from dynident.errors import LogMismatch
 from dynident.identification.consistency.labels import labels_of
 from dynident.identification.estimate.estimate import Consistency, Estimate
 from dynident.identification.estimate.validation import Validation
+from dynident.identification.problem.choices import Choices, CutoffRecord, CutoffSensitivity, CutoffTrial
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -375,20 +376,11 @@ def test_provenance_in_words(subject: Subject) -> None:
 
 def test_a_chosen_cut_off_stands_with_what_was_found_and_not_in_the_provenance(subject: Subject) -> None:
     first = subject.estimate.base.names[0]
-    row = {"cross_validation_error": 0.012345, "largest_change": 0.5, "parameter": first}
-    found = {
-        "cutoff_choice": {"reason": "8 Hz, the middle of 4 to 16 Hz"},
-        "cutoff_sensitivity": {
-            "cutoff_hz": 8.0,
-            "folds": 5,
-            "table": [
-                {**row, "cutoff_hz": 4.0},
-                {**row, "cutoff_hz": 8.0},
-                {**row, "cutoff_hz": 16.0, "parameter": "x"},
-            ],
-        },
-    }
-    given = replace(subject, estimate=replace(subject.estimate, extras=found))
+    rows = [(4.0, first), (8.0, first), (16.0, "x")]
+    table = tuple(CutoffTrial(hertz, 0.012345, 0.5, name, 0.5, name, ()) for hertz, name in rows)
+    chosen = CutoffRecord(8.0, (4.0, 16.0), "8 Hz, the middle of 4 to 16 Hz", 1.0, (), {})
+    found = Choices(cutoff_choice=chosen, cutoff_sensitivity=CutoffSensitivity(8.0, 5, table))
+    given = replace(subject, estimate=replace(subject.estimate, extras={}, choices=found))
     said = context("choices", given)
     assert said["reason"] == "8 Hz, the middle of 4 to 16 Hz" and said["tables"] == ()
     rows = said["cutoff"].rows

@@ -172,14 +172,14 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
         if validation is not None:
             console.answer()
             console.answer_table(fits_table(validation), f"{title}: total relative error {total_error(validation)}")
-    for title, table in choice_tables(estimate.extras):
+    for title, table in choice_tables(estimate.choices):
         console.answer()
         console.answer_table(table, title)
     console.answer()
     console.answer(consistency_line(estimate))
     if labels_line(estimate):
         console.answer(labels_line(estimate))
-    for line in cutoff_lines(estimate.extras):
+    for line in cutoff_lines(estimate.choices):
         console.answer(line)
     if estimate.diagnostics is not None:
         console.answer("\ndiagnostics")

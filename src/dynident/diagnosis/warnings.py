@@ -32,11 +32,10 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
         found.append(f"relative error {100 * total:.0f} % on the training data: check units, gains and gravity")
     found += _gains(estimate)
     found += _one_sided(estimate)
-    moved = sensitivity_warning(estimate.extras.get("cutoff_sensitivity") or {})
+    moved = sensitivity_warning(estimate.choices.cutoff_sensitivity)
     if moved:
         found.append(moved)
-    if estimate.extras.get("constraints_not_kept"):
-        name = estimate.extras["constraints_not_kept"]
+    if name := estimate.choices.constraints_not_kept:
         found.append(f"'{name}' violates the stated constraints: use the estimator 'consistent' to enforce them")
     if estimate.condition_number > POOR_CONDITION:
         size = f"{estimate.condition_number:.3g}"
@@ -74,11 +73,11 @@ def _weak(estimate: Estimate) -> list[str]:
 
 def _gains(estimate: Estimate) -> list[str]:
     """Warn of uncertain drive gains, where their uncertainty is stated: residuals do not contain their errors."""
-    stated = estimate.extras.get("gain_std")
-    if not stated:
+    stated = estimate.choices.gain_std
+    if stated is None:
         return []
-    known = [value for value in stated["relative"].values() if value > 0]
-    more = int(np.sum(np.asarray(stated["parameters"]) > estimate.deviations))
+    known = [value for value in stated.relative.values() if value > 0]
+    more = int(np.sum(np.asarray(stated.parameters) > estimate.deviations))
     span = f"{100 * min(known):.2g} to {100 * max(known):.2g} %" if len(known) > 1 else f"{100 * known[0]:.2g} %"
     return [
         f"drive gains have a relative std of {span}: it shifts {more} of {estimate.base.count} parameters by more than "

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, default_preprocessing, preprocess
 from dynident.errors import LogMismatch
+from dynident.identification.problem.choices import Choices, DelayRecord, FrictionRecord
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
@@ -71,16 +72,16 @@ def build_problem(
         from dynident.identification.selection.friction.alike import starting_friction  # few need it
 
         model = replace(model, friction=starting_friction())
-    prepared, facts = _prepared(without_optional(model), ordered, preprocessing, progress)
+    prepared, delays = _prepared(without_optional(model), ordered, preprocessing, progress)
+    choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
-        model, prepared, chosen = _with_chosen_fields(model, ordered, preprocessing, prepared, progress)
-        facts = {**facts, **chosen}
+        model, prepared, choices = _with_chosen_fields(model, ordered, preprocessing, (prepared, choices), progress)
     if choose_friction:
-        model, choice = _with_chosen_friction(model, prepared, preprocessing.delay_s is None, progress)
-        facts = {**facts, "friction_choice": choice}
+        model, friction = _with_chosen_friction(model, prepared, preprocessing.delay_s is None, progress)
+        choices = replace(choices, friction_choice=friction)
     if has_varying(model):
         model, varied = vary_fields(model, prepared, progress)
-        facts = {**facts, "non_linear": [asdict(field) for field in varied]}
+        choices = replace(choices, non_linear=tuple(varied))
     progress("base parameters")
     base = base_parameters(model)
     progress("reduction")
@@ -88,7 +89,7 @@ def build_problem(
     knowledge.constraints.check(model.robot, model.parameters)
     return replace(
         problem,
-        facts={**facts, **cutoff},
+        choices=choices,
         constraints=knowledge.constraints,
         prior=knowledge.prior and knowledge.prior.for_model(model),
     )
@@ -98,29 +99,31 @@ def _with_chosen_fields(
     model: DynamicModel,
     logs: Sequence[Log],
     preprocessing: Preprocessing,
-    prepared: Sequence[Prepared],
+    before: tuple[Sequence[Prepared], Choices],
     progress: Callable[[str], None],
-) -> tuple[DynamicModel, Sequence[Prepared], dict[str, Any]]:
-    """Return the model with the fields that held-out rows ask for, the logs with their delay, and the facts of both.
+) -> tuple[DynamicModel, Sequence[Prepared], Choices]:
+    """Return the model with the fields that held-out rows ask for, the logs with their delay, and the choice of both.
 
     A delay that is to be found is free at first, so that neither it nor friction passes for the other. A free delay
     also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found.
     """
-    facts: dict[str, Any] = {}
+    prepared, choices = before
     delay_is_free = preprocessing.delay_s is None
     chosen, held = choose_fields(model, prepared, progress, delay_is_free)
     if delay_is_free:
         if any(choice.value != choice.stated for choice in held):
-            prepared, facts = _prepared(chosen, logs, preprocessing, progress)
+            prepared, delays = _prepared(chosen, logs, preprocessing, progress)
+            choices = replace(choices, **delays)
         first, (chosen, held) = chosen, choose_fields(model, prepared, progress)
         if chosen != first:
-            prepared, facts = _prepared(chosen, logs, preprocessing, progress)
-    return chosen, prepared, {**facts, "chosen_fields": [asdict(choice) for choice in held]}
+            prepared, delays = _prepared(chosen, logs, preprocessing, progress)
+            choices = replace(choices, **delays)
+    return chosen, prepared, replace(choices, chosen_fields=tuple(held))
 
 
 def _with_chosen_friction(
     model: DynamicModel, logs: Sequence[Prepared], delay_is_free: bool, progress: Callable[[str], None]
-) -> tuple[DynamicModel, dict[str, Any]]:
+) -> tuple[DynamicModel, FrictionRecord]:
     """Return the model with the friction that the logs ask for, in place of the usual one if better, and how."""
     from dynident.identification.selection.friction.alike import same_for_all  # few need it
     from dynident.identification.selection.friction.friction_choice import choose_friction
@@ -128,7 +131,7 @@ def _with_chosen_friction(
     choice = choose_friction(model, logs, progress, delay_is_free)
     own = replace(model, friction=choice.friction)
     shared, compared = same_for_all(own, logs, progress, model.friction, choice.pays)
-    return shared, {**choice.figures(), "shared": [comparison.figures() for comparison in compared]}
+    return shared, replace(choice.record(), shared=compared)
 
 
 def _prepared(
@@ -143,8 +146,8 @@ def _prepared(
     progress("time delay between torque and position")
     simple = without_load(model)
     delays, prepared = find_delays(simple, base_parameters(simple), logs, preprocessing)
-    table = [
-        {"log": log.name, "seconds": delay.seconds, "std": delay.deviation, "applied": delay.applied}
+    table = tuple(
+        DelayRecord(log.name, delay.seconds, delay.deviation, delay.applied)
         for log, delay in zip(logs, delays, strict=True)
-    ]
+    )
     return prepared, {"delays": table, "delay_s": common_delay(delays)}

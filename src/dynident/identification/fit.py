@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Callable
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, is_dataclass, replace
 from importlib.metadata import version
 from typing import Any
 
@@ -18,6 +18,7 @@ from dynident.identification.estimate.envelope import envelope_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimators import ESTIMATORS, Estimator
 from dynident.identification.estimators.wls import WLS
+from dynident.identification.problem.choices import GainUncertainty
 from dynident.identification.problem.estimator import Solution
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.coloured import spectral_uncertainty
@@ -52,7 +53,11 @@ def fit(problem: Problem, estimator: Estimator, progress: Callable[[str], None] 
     train = validate_prepared(model, base, problem.logs, solution.beta)
     factors = correlation_factors(np.split(train.residual, train.starts[1:]), problem.masks)
     covariance, degrees = solution.covariance, solution.degrees
-    facts = {**problem.facts, **_gain_facts(problem, solution.weights), **_not_kept(problem, estimator)}
+    choices = replace(
+        problem.choices,
+        gain_std=_gain_uncertainty(problem, solution.weights),
+        constraints_not_kept=not_kept(problem, estimator),
+    )
     if covariance is None:
         found = spectral_uncertainty(problem, solution.weights, solution.beta)
         covariance, degrees = found.covariance, found.degrees
@@ -73,7 +78,8 @@ def fit(problem: Problem, estimator: Estimator, progress: Callable[[str], None] 
         train=train,
         preprocessing=problem.preprocessing,
         columns=ColumnMap(joints=model.robot.joint_names),
-        extras={**solution.extras, **facts, "seconds": seconds},
+        choices=choices,
+        extras={**solution.extras, "seconds": seconds},
         provenance={**versions(), "logs": [asdict(log.kept.source) for log in problem.logs]},
         degrees=degrees,
         envelope=envelope_of([log.kept for log in problem.logs], problem.triangles, covariance),
@@ -92,20 +98,20 @@ def _solved(problem: Problem, estimator: Estimator, progress: Callable[[str], No
     return problem, solution
 
 
-def _not_kept(problem: Problem, estimator: Estimator) -> dict[str, Any]:
-    """Return the name of an estimator that leaves stated constraints aside, for a warning; nothing where none are."""
+def not_kept(problem: Problem, estimator: Estimator) -> str | None:
+    """Return the name of an estimator that leaves stated constraints aside, for a warning; None where none are."""
     if problem.constraints.is_empty or estimator.keeps_constraints:
-        return {}
-    return {"constraints_not_kept": ESTIMATORS.name_of(estimator)}
+        return None
+    return ESTIMATORS.name_of(estimator)
 
 
-def _gain_facts(problem: Problem, weights: Array) -> dict[str, Any]:
-    """Return what stated deviations of drive gains do to the estimate; nothing where none are."""
+def _gain_uncertainty(problem: Problem, weights: Array) -> GainUncertainty | None:
+    """Return what stated deviations of drive gains do to the estimate; None where none are."""
     if not any(joint.drive.gain_deviation for joint in problem.model.robot.active):
-        return {}
-    from dynident.identification.uncertainty.gain_propagation import gain_facts  # few need it
+        return None
+    from dynident.identification.uncertainty.gain_propagation import gain_uncertainty  # few need it
 
-    return gain_facts(problem, weights)
+    return gain_uncertainty(problem, weights)
 
 
 def versions() -> dict[str, Any]:

@@ -55,8 +55,7 @@ def identify(
         progress("other cut-offs")
         ordered = [log.ordered(model.robot.joint_names) for log in logs]
         table = cutoff_sensitivity(estimate, problem, ordered)
-        if table:
-            estimate = replace(estimate, extras={**estimate.extras, "cutoff_sensitivity": table})
+        estimate = replace(estimate, choices=replace(estimate.choices, cutoff_sensitivity=table))
     if not (trust.diagnose or trust.bootstrap):
         return estimate
     progress("diagnostics")

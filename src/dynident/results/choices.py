@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
 
+from dynident.identification.problem.choices import (
+    Choices,
+    DelayRecord,
+    FieldChoice,
+    FieldEstimate,
+    FrictionRecord,
+    FrictionScore,
+    GainUncertainty,
+)
 from dynident.model.friction import WHOLE
 from dynident.results.text import (
     MISSING,
@@ -18,28 +26,28 @@ from dynident.results.text import (
 )
 
 
-def choice_tables(extras: Mapping[str, Any]) -> tuple[tuple[str, Table], ...]:
-    """Return the tables, each with its title, from the extras of an estimate; none where nothing was chosen."""
+def choice_tables(choices: Choices) -> tuple[tuple[str, Table], ...]:
+    """Return the tables, each with its title, from the choices of an estimate; none where nothing was chosen."""
     tables = []
-    if extras.get("delays"):
-        tables.append(("Time delay between torque and position signals", _delays(extras["delays"])))
-    if extras.get("friction_choice"):
-        tables.append(("Friction model selection by joint", _friction(extras["friction_choice"])))
-        if extras["friction_choice"].get("shared"):
-            tables.append(("Shared friction model", _alike(extras["friction_choice"]["shared"])))
-    if extras.get("chosen_fields"):
-        tables.append(("Cross-validation of given friction fields", _held_out(extras["chosen_fields"])))
-    if extras.get("non_linear"):
-        tables.append(("Friction fields estimated from the logs", _fields(extras["non_linear"])))
-    if extras.get("gain_std"):
-        tables.append(("Drive gain uncertainty", _gains(extras["gain_std"])))
+    if choices.delays:
+        tables.append(("Time delay between torque and position signals", _delays(choices.delays)))
+    if choices.friction_choice is not None:
+        tables.append(("Friction model selection by joint", _friction(choices.friction_choice)))
+        if choices.friction_choice.shared:
+            tables.append(("Shared friction model", _alike(choices.friction_choice.shared)))
+    if choices.chosen_fields:
+        tables.append(("Cross-validation of given friction fields", _held_out(choices.chosen_fields)))
+    if choices.non_linear:
+        tables.append(("Friction fields estimated from the logs", _fields(choices.non_linear)))
+    if choices.gain_std is not None:
+        tables.append(("Drive gain uncertainty", _gains(choices.gain_std)))
     return tuple(tables)
 
 
-def cutoff_table(extras: Mapping[str, Any]) -> Table | None:
+def cutoff_table(choices: Choices) -> Table | None:
     """Return how the estimate depends on the cut-off of its filter; None where that was not tried."""
-    found = extras.get("cutoff_sensitivity")
-    if not found:
+    found = choices.cutoff_sensitivity
+    if found is None:
         return None
     columns = (
         Column("cut-off", "Hz", numeric=True),
@@ -48,19 +56,17 @@ def cutoff_table(extras: Mapping[str, Any]) -> Table | None:
         Column("by", "std", numeric=True),
     )
     rows = []
-    for row in found["table"]:
-        own = row["cutoff_hz"] == found["cutoff_hz"]
-        moved = (
-            ("the fit's own", MISSING) if own else (label(row["parameter"]), format_number(row["largest_change"], 2))
-        )
-        error = format_number(100.0 * row["cross_validation_error"], 3)
-        rows.append((format_given(row["cutoff_hz"]), error, *moved))
-    note = f"Errors are those of {found['folds']} blocks of the training data, each held out once."
+    for row in found.table:
+        own = row.cutoff_hz == found.cutoff_hz
+        moved = ("the fit's own", MISSING) if own else (label(row.parameter), format_number(row.largest_change, 2))
+        error = format_number(100.0 * row.cross_validation_error, 3)
+        rows.append((format_given(row.cutoff_hz), error, *moved))
+    note = f"Errors are those of {found.folds} blocks of the training data, each held out once."
     return Table(columns, tuple(rows), note)
 
 
-def _gains(stated: Mapping[str, Any]) -> Table:
-    rows = tuple((label(joint), format_percent(value, sign=False)) for joint, value in stated["relative"].items())
+def _gains(stated: GainUncertainty) -> Table:
+    rows = tuple((label(joint), format_percent(value, sign=False)) for joint, value in stated.relative.items())
     note = (
         "Parameters carry these errors beside their own deviations, which do not contain them: a gain that is 2 % off "
         "moves what its drive determines by 2 %. extras.gain_std.parameters of the estimate has the figures."
@@ -68,7 +74,7 @@ def _gains(stated: Mapping[str, Any]) -> Table:
     return Table((Column("joint"), Column("rel. std of the gain", "%", numeric=True)), rows, note)
 
 
-def _delays(delays: list[Mapping[str, Any]]) -> Table:
+def _delays(delays: Sequence[DelayRecord]) -> Table:
     columns = (
         Column("log"),
         Column("delay", "ms", numeric=True),
@@ -77,9 +83,9 @@ def _delays(delays: list[Mapping[str, Any]]) -> Table:
     )
     rows = tuple(
         (
-            label(each["log"]),
-            *format_value(1e3 * each["seconds"], 1e3 * each["std"]),
-            "yes" if each["applied"] else "no",
+            label(each.log),
+            *format_value(1e3 * each.seconds, 1e3 * each.std),
+            "yes" if each.applied else "no",
         )
         for each in delays
     )
@@ -87,7 +93,7 @@ def _delays(delays: list[Mapping[str, Any]]) -> Table:
     return Table(columns, rows, note)
 
 
-def _friction(choice: Mapping[str, Any]) -> Table:
+def _friction(choice: FrictionRecord) -> Table:
     columns = (
         Column("joint"),
         Column("change"),
@@ -96,22 +102,22 @@ def _friction(choice: Mapping[str, Any]) -> Table:
         Column("chosen"),
     )
     rows = []
-    for joint, steps in choice["joints"].items():
-        before: list[str] = []
+    for joint, steps in choice.joints.items():
+        before: Sequence[str] = ()
         for step in steps:
-            error = format_number(step["standard_error"], 2) if step["standard_error"] > 0 else MISSING
-            added = _change(before, step["parts"])
-            before = step["parts"]
-            mark = "up to here" if step["chosen"] else ""
-            rows.append((label(joint), label(added), format_number(step["cross_validation_error"], 4), error, mark))
+            error = format_number(step.standard_error, 2) if step.standard_error > 0 else MISSING
+            added = _change(before, step.parts)
+            before = step.parts
+            mark = "up to here" if step.chosen else ""
+            rows.append((label(joint), label(added), format_number(step.cross_validation_error, 4), error, mark))
     note = (
-        f"Mean squared residual of all joints over {choice['blocks']} blocks of the training logs, each held out once, "
+        f"Mean squared residual of all joints over {choice.blocks} blocks of the training logs, each held out once, "
         "in units of the start. Chosen is the shortest list within one standard deviation of the best."
     )
     return Table(columns, tuple(rows), note)
 
 
-def _alike(compared: list[Mapping[str, Any]]) -> Table:
+def _alike(compared: Sequence[FrictionScore]) -> Table:
     columns = (
         Column("parts"),
         Column("held-out error", numeric=True),
@@ -120,10 +126,10 @@ def _alike(compared: list[Mapping[str, Any]]) -> Table:
     )
     rows = tuple(
         (
-            label(" + ".join(each["parts"])),
-            format_number(each["cross_validation_error"], 4),
-            format_number(each["standard_error"], 2) if each["standard_error"] > 0 else MISSING,
-            "yes" if each["chosen"] else "",
+            label(" + ".join(each.parts)),
+            format_number(each.cross_validation_error, 4),
+            format_number(each.standard_error, 2) if each.standard_error > 0 else MISSING,
+            "yes" if each.chosen else "",
         )
         for each in compared
     )
@@ -135,7 +141,7 @@ def _alike(compared: list[Mapping[str, Any]]) -> Table:
     return Table(columns, rows, note)
 
 
-def _change(before: list[str], after: list[str]) -> str:
+def _change(before: Sequence[str], after: Sequence[str]) -> str:
     """Return what came and went from one list of parts to the next."""
     words = [f"+ {part}" for part in after if part not in before] + [
         f"- {part}" for part in before if part not in after
@@ -143,12 +149,12 @@ def _change(before: list[str], after: list[str]) -> str:
     return " ".join(words) or "none"
 
 
-def _field(found: Mapping[str, Any]) -> tuple[str, str, str]:
+def _field(found: FieldChoice | FieldEstimate) -> tuple[str, str, str]:
     """Return part, joints and name of a field."""
-    return label(found["part"]), ", ".join(map(label, found["joints"] or ())) or "all", label(found["field"])
+    return label(found.part), ", ".join(map(label, found.joints or ())) or "all", label(found.field)
 
 
-def _held_out(found: list[Mapping[str, Any]]) -> Table:
+def _held_out(found: Sequence[FieldChoice]) -> Table:
     columns = (
         Column("part"),
         Column("joints"),
@@ -163,12 +169,8 @@ def _held_out(found: list[Mapping[str, Any]]) -> Table:
         (
             *_field(each),
             *_values(each),
-            *(
-                (MISSING, MISSING)
-                if each["error"] is None
-                else format_value(100.0 * each["gain"], 100.0 * each["error"])
-            ),
-            "given" if each["value"] == each["stated"] else "best",
+            *((MISSING, MISSING) if each.error is None else format_value(100.0 * each.gain, 100.0 * each.error)),
+            "given" if each.value == each.stated else "best",
         )
         for each in found
     )
@@ -179,14 +181,14 @@ def _held_out(found: list[Mapping[str, Any]]) -> Table:
     return Table(columns, rows, note)
 
 
-def _values(held: Mapping[str, Any]) -> tuple[str, str]:
+def _values(held: FieldChoice) -> tuple[str, str]:
     """Return the stated and the best value of a field; of a whole part, whether it is there."""
-    if held["field"] == WHOLE:
-        return "left out", "there" if held["best"] else "left out"
-    return format_given(held["stated"]), format_number(held["best"], 3)
+    if held.field == WHOLE:
+        return "left out", "there" if held.best else "left out"
+    return format_given(held.stated), format_number(held.best, 3)
 
 
-def _fields(found: list[Mapping[str, Any]]) -> Table:
+def _fields(found: Sequence[FieldEstimate]) -> Table:
     columns = (
         Column("part"),
         Column("joints"),
@@ -198,7 +200,7 @@ def _fields(found: list[Mapping[str, Any]]) -> Table:
     rows = tuple(
         (
             *_field(each),
-            *(format_number(each[key], 3) for key in ("value", "low", "high")),
+            *(format_number(value, 3) for value in (each.value, each.low, each.high)),
         )
         for each in found
     )

@@ -15,7 +15,7 @@ from dynident.errors import BadOption
 from dynident.identification.build_problem import build_problem
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.fit import fit
-from dynident.identification.uncertainty.gain_propagation import gain_facts, gain_slopes
+from dynident.identification.uncertainty.gain_propagation import gain_slopes, gain_uncertainty
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Robot
 
@@ -128,9 +128,10 @@ def test_an_estimate_states_what_its_gains_add(spatial_3r: Robot) -> None:
     gains = dict(zip(spatial_3r.joint_names, GAINS, strict=True))
     problem = build_problem(model, [torque_from_current(arm.log(False, 0.02), gains)], GIVEN)
     estimate = fit(problem, WLS())
-    stated = estimate.extras["gain_std"]
-    assert stated["relative"] == dict.fromkeys(gains, 0.03)
-    assert len(stated["parameters"]) == estimate.base.count
+    stated = estimate.choices.gain_std
+    assert stated is not None
+    assert stated.relative == dict.fromkeys(gains, 0.03)
+    assert len(stated.parameters) == estimate.base.count
     assert any("drive gains have a relative std of 3 to 3 %" in text for text in warnings_of(estimate))
     plain = replace(problem, model=arm.model)
-    assert gain_facts(plain, np.ones(3)) == {}
+    assert gain_uncertainty(plain, np.ones(3)) is None

@@ -133,23 +133,24 @@ def test_block_triangles_are_the_rows(cell: Cell) -> None:
 
 def test_a_stated_cut_off_is_kept_and_a_log_that_says_nothing_gets_the_stated_default(cell: Cell) -> None:
     stated = replace(HOW, filter=Butterworth(3.0))
-    assert with_cutoff(cell.model, [cell.log()], stated) == (stated, {})
+    assert with_cutoff(cell.model, [cell.log()], stated) == (stated, None)
     given = replace(HOW, filter=AsGiven())
-    assert with_cutoff(cell.model, [cell.log()], given) == (given, {})
+    assert with_cutoff(cell.model, [cell.log()], given) == (given, None)
     still = replace(cell.log(), torque=None)
-    how, facts = with_cutoff(cell.model, [still], HOW)
+    how, choice = with_cutoff(cell.model, [still], HOW)
     assert how.filter == Butterworth(5.0)
-    assert "could be tried" in facts["cutoff_choice"]["reason"] and not facts["cutoff_choice"]["candidates"]
+    assert choice is not None and "could be tried" in choice.reason and not choice.candidates
 
 
 def test_identification_states_its_cut_off_and_why(cell: Cell) -> None:
     estimate = identify(cell.model, [cell.log(position=1e-4, torque=0.01)], "wls")
-    choice = estimate.extras["cutoff_choice"]
-    assert estimate.preprocessing.filter == Butterworth(choice["cutoff_hz"])
-    assert estimate.train.filter["cutoff_hz"] == choice["cutoff_hz"]
-    for joint in choice["spectra"]["joints"]:
+    choice = estimate.choices.cutoff_choice
+    assert choice is not None
+    assert estimate.preprocessing.filter == Butterworth(choice.cutoff_hz)
+    assert estimate.train.filter["cutoff_hz"] == choice.cutoff_hz
+    for joint in choice.spectra["joints"]:
         assert joint["position_noise_std"] == pytest.approx(1e-4, rel=0.1)
-        assert len(joint["position"]) == len(joint["torque"]) == len(choice["spectra"]["hertz"])
+        assert len(joint["position"]) == len(joint["torque"]) == len(choice.spectra["hertz"])
         assert joint["excited_hz"] < joint["noise_from_hz"]
 
 

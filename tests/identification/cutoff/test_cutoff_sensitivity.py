@@ -43,23 +43,26 @@ def sensitive(model: DynamicModel, log: Log, how: Preprocessing = HOW) -> Estima
 
 def test_a_right_model_moves_by_chance_alone(model: DynamicModel, log: Log) -> None:
     estimate = sensitive(model, log)
-    found = estimate.extras["cutoff_sensitivity"]
-    assert [row["cutoff_hz"] for row in found["table"]] == [3.0, 6.0, 12.0]
-    own = found["table"][1]
-    assert own["largest_change"] == 0.0
-    assert all(row["beyond_chance"] < 3 for row in found["table"])
+    found = estimate.choices.cutoff_sensitivity
+    assert found is not None
+    assert [row.cutoff_hz for row in found.table] == [3.0, 6.0, 12.0]
+    own = found.table[1]
+    assert own.largest_change == 0.0
+    assert all(row.beyond_chance < 3 for row in found.table)
     # held out at its own cut-off: noise through the filter, which the fit cannot remove
-    assert own["cross_validation_error"] == pytest.approx(estimate.train.total_relative_error, rel=0.1)
+    assert own.cross_validation_error == pytest.approx(estimate.train.total_relative_error, rel=0.1)
     assert not any("moves by" in warning for warning in warnings_of(estimate))
 
 
 def test_changes_are_those_of_fits_at_the_other_cut_offs(model: DynamicModel, log: Log) -> None:
     estimate = sensitive(model, log)
-    for row in estimate.extras["cutoff_sensitivity"]["table"]:
-        other = identify(model, [log], "wls", replace(HOW, filter=Butterworth(row["cutoff_hz"])))
+    found = estimate.choices.cutoff_sensitivity
+    assert found is not None
+    for row in found.table:
+        other = identify(model, [log], "wls", replace(HOW, filter=Butterworth(row.cutoff_hz)))
         change = (other.beta - estimate.beta) / estimate.deviations
-        np.testing.assert_allclose(row["changes"], change, atol=0.15)
-        assert row["largest_change"] == pytest.approx(np.abs(row["changes"]).max())
+        np.testing.assert_allclose(row.changes, change, atol=0.15)
+        assert row.largest_change == pytest.approx(np.abs(row.changes).max())
 
 
 def test_noise_of_the_positions_that_biases_is_told(model: DynamicModel, log: Log) -> None:
@@ -71,14 +74,14 @@ def test_noise_of_the_positions_that_biases_is_told(model: DynamicModel, log: Lo
 
 def test_lines_json_and_file(model: DynamicModel, log: Log, tmp_path) -> None:  # type: ignore[no-untyped-def]
     estimate = sensitive(model, log)
-    (line,) = cutoff_lines(estimate.extras)
+    (line,) = cutoff_lines(estimate.choices)
     assert line.startswith("held-out error on blocks of the training data: ") and "at 12 Hz (" in line
     assert summary(estimate)["extras"]["cutoff_sensitivity"]["folds"] == 5
     write_estimate(estimate, tmp_path / "e.json")
     again = read_estimate(tmp_path / "e.json")
-    assert cutoff_lines(again.extras) == [line] and again.preprocessing == estimate.preprocessing
+    assert cutoff_lines(again.choices) == [line] and again.preprocessing == estimate.preprocessing
     chosen = identify(model, [log], "wls", trust=TrustOptions(sensitivity=True))
-    assert len(cutoff_lines(chosen.extras)) == 2
+    assert len(cutoff_lines(chosen.choices)) == 2
 
 
 def test_nothing_is_said_without_a_cut_off_or_beyond_the_log(
@@ -86,7 +89,8 @@ def test_nothing_is_said_without_a_cut_off_or_beyond_the_log(
 ) -> None:
     theta = np.append(model.robot.nominal, np.tile([0.5, 0.3], 2))
     given = exact_log(model, theta, noise=0.1)
-    assert "cutoff_sensitivity" not in sensitive(model, given, Preprocessing(AsGiven())).extras
-    assert "cutoff_sensitivity" not in identify(model, [given], "wls", Preprocessing(AsGiven())).extras
+    assert sensitive(model, given, Preprocessing(AsGiven())).choices.cutoff_sensitivity is None
+    assert identify(model, [given], "wls", Preprocessing(AsGiven())).choices.cutoff_sensitivity is None
     high = sensitive(model, given, replace(HOW, filter=Butterworth(15.0)))  # 50 samples a second
-    assert [row["cutoff_hz"] for row in high.extras["cutoff_sensitivity"]["table"]] == [7.5, 15.0]
+    found = high.choices.cutoff_sensitivity
+    assert found is not None and [row.cutoff_hz for row in found.table] == [7.5, 15.0]

@@ -26,6 +26,7 @@ from dynident.identification.files.saved_values import (
     preprocessing_from_dict,
     preprocessing_to_dict,
 )
+from dynident.identification.problem.choices import CHOICES, choices_of
 from dynident.identification.uncertainty.propagation import mass_matrix
 from dynident.model.base_parameters import base_parameters
 
@@ -68,7 +69,7 @@ def summary(estimate: Estimate, test: Validation | None = None, warnings: Sequen
         "extrapolation": None if test is None or test.departure is None else test.departure.figures(),
         "diagnostics": None if estimate.diagnostics is None else plain(estimate.diagnostics),
         "filter": plain(estimate.train.filter),
-        "extras": plain(estimate.extras),
+        "extras": plain({**estimate.extras, **estimate.choices.data()}),
     }
 
 
@@ -204,7 +205,8 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
         train=validation,
         preprocessing=how,
         columns=columns,
-        extras=facts["extras"],
+        extras={name: value for name, value in facts["extras"].items() if name not in CHOICES},
+        choices=choices_of(facts["extras"]),
         provenance=data["provenance"],
         degrees=_degrees(facts, base.count),
         envelope=envelope,

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared, Preprocessing, at_rest
 from dynident.errors import PoorExcitation
+from dynident.identification.problem.choices import Choices
 from dynident.identification.problem.motion_checks import check_motion, check_temperature, check_torque
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
@@ -69,7 +70,7 @@ class Problem:
         masks: Which of the kept rows count for each joint, per log, shape (N, n).
         triangles: The unweighted rows of each joint, reduced, over all logs.
         load: Base parameters whose torque without friction loads the drives, shape (b,); None where no part asks.
-        facts: What was found out on the way to the problem, such as the delay of each log; goes with the estimate.
+        choices: What was chosen on the way to the problem, such as the delay of each log; goes with the estimate.
         constraints: What is known about bodies beforehand; estimators of possible robots keep it, others do not.
         prior: Standard parameters known beforehand, in place of the description's; None for the description's.
         left: What is known of rows that are gone; None where logs and rows are there.
@@ -81,7 +82,7 @@ class Problem:
     masks: tuple[BoolArray, ...]
     triangles: tuple[Triangle, ...]
     load: Array | None = None
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    choices: Choices = field(default_factory=Choices)
     constraints: Constraints = field(default_factory=Constraints)
     prior: BodyPrior | None = None
     left: LeftOver | None = None
@@ -94,8 +95,8 @@ class Problem:
     @property
     def preprocessing(self) -> Preprocessing:
         """How logs that had no part in the fit are prepared: as those of the problem, with the delay found there."""
-        own = self.logs[0].how
-        return replace(own, delay_s=self.facts["delay_s"]) if "delay_s" in self.facts else own
+        own, delay_s = self.logs[0].how, self.choices.delay_s
+        return own if delay_s is None else replace(own, delay_s=delay_s)
 
     @property
     def samples(self) -> int:

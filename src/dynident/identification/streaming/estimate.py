@@ -16,7 +16,8 @@ from dynident.identification.estimate.envelope import Envelope, torque_bands
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Fit, Validation
 from dynident.identification.estimators import ESTIMATORS, Estimator
-from dynident.identification.fit import versions
+from dynident.identification.fit import not_kept, versions
+from dynident.identification.problem.choices import Choices
 from dynident.identification.problem.estimator import Solution
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem, check_rank
@@ -98,9 +99,8 @@ def identify_digest(
     solution = part.solve(problem)
     extras = {**solution.extras, "streamed": True, "segments": len(digest.joints[0].counts)}
     extras["seconds"] = time.perf_counter() - started
-    if not problem.constraints.is_empty and not part.keeps_constraints:
-        extras["constraints_not_kept"] = ESTIMATORS.name_of(part)
-    return assembled(digest, problem, part, replace(solution, extras=extras), provenance or {})
+    found = assembled(digest, problem, part, replace(solution, extras=extras), provenance or {})
+    return replace(found, choices=Choices(constraints_not_kept=not_kept(problem, part)))
 
 
 def assembled(

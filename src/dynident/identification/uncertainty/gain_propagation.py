@@ -6,11 +6,10 @@ k is A^-1 sum_j w_j^2 X_j' C_kj K_k i_k. No residual shows such errors, so they 
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.identification.problem.choices import GainUncertainty
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.reduction import least_squares
@@ -34,16 +33,12 @@ def gain_slopes(problem: Problem, weights: Array, passes: RowPasses | None = Non
     return least_squares(problem.reduced(weights)).unscaled_covariance @ np.column_stack(products)
 
 
-def gain_facts(problem: Problem, weights: Array) -> dict[str, Any]:
-    """Return what the stated deviations of the gains add to each base parameter, for the estimate; {} without any.
-
-    ``gain_std`` has ``relative`` (by joint: the stated ones) and ``parameters`` (standard deviation that they
-    add to each base parameter, errors of different gains independent), in the order of the base parameters.
-    """
+def gain_uncertainty(problem: Problem, weights: Array) -> GainUncertainty | None:
+    """Return what the stated deviations of the gains add to each base parameter, for the estimate; None without any."""
     joints = problem.model.robot.active
     stated = np.array([joint.drive.gain_deviation for joint in joints])
     if not np.any(stated):
-        return {}
+        return None
     added = np.sqrt(np.sum((gain_slopes(problem, weights) * stated) ** 2, axis=1))
     relative = {joint.name: float(value) for joint, value in zip(joints, stated, strict=True)}
-    return {"gain_std": {"relative": relative, "parameters": added.tolist()}}
+    return GainUncertainty(relative, tuple(added.tolist()))

@@ -99,7 +99,7 @@ class Outcome:
         """What the method says of its own end, where that is not a plain success; empty where it says nothing."""
         extras = {} if self.estimate is None else self.estimate.extras
         words = [str(extras["verdict"])] if extras.get("verdict", "converged") != "converged" else []
-        if extras.get("constraints_not_kept"):
+        if self.estimate is not None and self.estimate.choices.constraints_not_kept:
             words.append("does not keep the stated constraints")
         return "; ".join(words)
 

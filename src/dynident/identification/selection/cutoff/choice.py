@@ -23,6 +23,7 @@ from dynident.data.preprocessing import Preprocessing, resample
 from dynident.data.preprocessing._spectra import Spectra, spectra_of
 from dynident.data.preprocessing.butterworth import STATED_HZ
 from dynident.errors import DynidentError
+from dynident.identification.problem.choices import CutoffRecord
 from dynident.identification.selection.cutoff.candidates import Bench, Candidate, stretch_of
 from dynident.identification.selection.delay import find_delays
 from dynident.identification.selection.friction.load import without_load
@@ -102,14 +103,15 @@ class CutoffChoice:
         grounds = " and ".join(filter(None, (below, above))) or "nothing that was tried is worse"
         return f"{self.hertz:g} Hz, the middle of {self.low:.3g} to {self.high:.3g} Hz, which are as good: {grounds}"
 
-    def figures(self) -> dict[str, Any]:
-        """Return the choice, its table and the spectra as plain data."""
-        return {
-            "cutoff_hz": self.hertz,
-            "as_good_hz": [self.low, self.high],
-            "reason": self.reason,
-            "share_of_time": self.share,
-            "candidates": [
+    def record(self) -> CutoffRecord:
+        """Return what the estimate states of the choice, with its table and the spectra."""
+        spectra = {"hertz": self.spectra.hertz.tolist(), "joints": [self._joint(k) for k in range(len(self.joints))]}
+        return CutoffRecord(
+            self.hertz,
+            (self.low, self.high),
+            self.reason,
+            self.share,
+            tuple(
                 {
                     "cutoff_hz": each.hertz,
                     "variance": each.variance,
@@ -118,12 +120,9 @@ class CutoffChoice:
                     "total": each.total,
                 }
                 for each in self.judged
-            ],
-            "spectra": {
-                "hertz": self.spectra.hertz.tolist(),
-                "joints": [self._joint(k) for k in range(len(self.joints))],
-            },
-        }
+            ),
+            spectra,
+        )
 
     def _joint(self, joint: int) -> dict[str, Any]:
         spectra = self.spectra
@@ -152,8 +151,8 @@ def with_cutoff(
     logs: Sequence[Log],
     how: Preprocessing,
     progress: Callable[[str], None] = lambda step: None,
-) -> tuple[Preprocessing, dict[str, Any]]:
-    """Return a preparation whose cut-off is a number, and how it was found; as it is where it is one already.
+) -> tuple[Preprocessing, CutoffRecord | None]:
+    """Return a preparation whose cut-off is a number, and its choice; as it is, and None, where it is one already.
 
     Args:
         model: The model that is to be identified.
@@ -162,10 +161,10 @@ def with_cutoff(
         progress: Told the step in words.
     """
     if not how.filter.is_open:
-        return how, {}
+        return how, None
     progress("cut-off of the filter")
     choice = choose_cutoff(model, logs, how)
-    return replace(how, filter=how.filter.with_cutoff(choice.hertz)), {"cutoff_choice": choice.figures()}
+    return replace(how, filter=how.filter.with_cutoff(choice.hertz)), choice.record()
 
 
 def choose_cutoff(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) -> CutoffChoice:

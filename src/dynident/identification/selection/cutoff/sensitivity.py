@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -14,6 +13,7 @@ from dynident.data.log import Log
 from dynident.data.preprocessing import ROWS_PER_PERIOD, Prepared, preprocess, resample
 from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.problem.choices import Choices, CutoffSensitivity, CutoffTrial
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.block_triangles import BlockTriangles, block_triangles
 from dynident.identification.selection.cutoff.candidates import SAMPLES_PER_HZ, thinned_out
@@ -31,8 +31,8 @@ HIGHEST = 0.4
 FAR = 3.0
 
 
-def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]) -> dict[str, Any]:
-    """Return what weighted least squares finds at half and at double the cut-off; empty where there is no cut-off.
+def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]) -> CutoffSensitivity | None:
+    """Return what weighted least squares finds at half and at double the cut-off; None where there is no cut-off.
 
     All is judged at the cut-off of the estimate: the held-out error is that of blocks of its rows, each predicted by a
     fit of the other blocks at the other cut-off. Changes of parameters are counted in the deviations of the estimate.
@@ -44,11 +44,11 @@ def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]
     """
     stated = problem.logs[0].how.filter.shared_cutoff()
     if stated is None:
-        return {}
+        return None
     try:
         own = _blocks(estimate, problem, logs, stated)
     except DynidentError:
-        return {}
+        return None
     rows = [_figures(estimate, own, own, stated, stated)]
     for factor in FACTORS:
         hertz = factor * stated
@@ -59,38 +59,38 @@ def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]
             rows.append(_figures(estimate, own, other, stated, hertz))
         except DynidentError:
             continue
-    table = sorted(rows, key=lambda row: row["cutoff_hz"])
-    return {"cutoff_hz": stated, "folds": len(own.blocks), "table": table} if len(table) > 1 else {}
+    table = tuple(sorted(rows, key=lambda row: row.cutoff_hz))
+    return CutoffSensitivity(stated, len(own.blocks), table) if len(table) > 1 else None
 
 
-def cutoff_lines(extras: Mapping[str, Any]) -> list[str]:
+def cutoff_lines(choices: Choices) -> list[str]:
     """Return a line on how the cut-off was chosen and one on what it matters, where they are known."""
     lines = []
-    if extras.get("cutoff_choice"):
-        lines.append(f"cut-off chosen: {extras['cutoff_choice']['reason']}")
-    found = extras.get("cutoff_sensitivity")
-    if found:
-        own = next(row for row in found["table"] if row["cutoff_hz"] == found["cutoff_hz"])
+    if choices.cutoff_choice is not None:
+        lines.append(f"cut-off chosen: {choices.cutoff_choice.reason}")
+    found = choices.cutoff_sensitivity
+    if found is not None:
+        own = next(row for row in found.table if row.cutoff_hz == found.cutoff_hz)
         others = [
-            f"{100 * row['cross_validation_error']:.3g} % at {row['cutoff_hz']:g} Hz ({row['parameter']} moves by "
-            f"{row['largest_change']:.2g} std)"
-            for row in found["table"]
+            f"{100 * row.cross_validation_error:.3g} % at {row.cutoff_hz:g} Hz ({row.parameter} moves by "
+            f"{row.largest_change:.2g} std)"
+            for row in found.table
             if row is not own
         ]
-        error = f"{100 * own['cross_validation_error']:.3g} % at {own['cutoff_hz']:g} Hz"
+        error = f"{100 * own.cross_validation_error:.3g} % at {own.cutoff_hz:g} Hz"
         lines.append(f"held-out error on blocks of the training data: {error}, {', '.join(others)}")
     return lines
 
 
-def sensitivity_warning(found: Mapping[str, Any]) -> str:
+def sensitivity_warning(found: CutoffSensitivity | None) -> str:
     """Return a warning where a parameter moves far with the cut-off, else nothing."""
-    far = [row for row in found.get("table", ()) if row["beyond_chance"] > FAR]
-    if not far:
+    far = [row for row in (found.table if found is not None else ()) if row.beyond_chance > FAR]
+    if found is None or not far:
         return ""
-    worst = max(far, key=lambda row: row["beyond_chance"])
+    worst = max(far, key=lambda row: row.beyond_chance)
     return (
-        f"{worst['farthest']} moves by {worst['beyond_chance']:.2g} of its standard deviations where the cut-off is "
-        f"{worst['cutoff_hz']:g} Hz in place of {found['cutoff_hz']:g} Hz: the model error (friction, "
+        f"{worst.farthest} moves by {worst.beyond_chance:.2g} of its standard deviations where the cut-off is "
+        f"{worst.cutoff_hz:g} Hz in place of {found.cutoff_hz:g} Hz: the model error (friction, "
         "flexible joints, time delay) exceeds the stated standard deviations; compare cut-offs, or use cutoff_hz: auto"
     )
 
@@ -107,7 +107,7 @@ def _blocks(estimate: Estimate, problem: Problem, logs: Sequence[Log], hertz: fl
 
 def _figures(
     estimate: Estimate, own: BlockTriangles, other: BlockTriangles, own_hertz: float, hertz: float
-) -> dict[str, Any]:
+) -> CutoffTrial:
     """Return the figures of the fit of other rows, judged by the rows of the estimate's own cut-off."""
     change: Array = (other.fit[0] - own.fit[0]) / np.maximum(estimate.deviations, 1e-300)
     largest = int(np.argmax(np.abs(change)))
@@ -117,15 +117,15 @@ def _figures(
         beta = other.without([fold]) if len(other.blocks) > 1 else other.fit[0]
         error += sum(triangle.residual_square(beta) for triangle in block)
         torque += sum(triangle.torque_square for triangle in block)
-    return {
-        "cutoff_hz": hertz,
-        "cross_validation_error": float(np.sqrt(error / torque)) if torque > 0 else 0.0,
-        "largest_change": float(np.abs(change[largest])),
-        "parameter": estimate.base.names[largest],
-        "beyond_chance": float(surprise.max()),
-        "farthest": estimate.base.names[int(np.argmax(surprise))],
-        "changes": change.tolist(),
-    }
+    return CutoffTrial(
+        cutoff_hz=hertz,
+        cross_validation_error=float(np.sqrt(error / torque)) if torque > 0 else 0.0,
+        largest_change=float(np.abs(change[largest])),
+        parameter=estimate.base.names[largest],
+        beyond_chance=float(surprise.max()),
+        farthest=estimate.base.names[int(np.argmax(surprise))],
+        changes=tuple(change.tolist()),
+    )
 
 
 def _spread(blocks: BlockTriangles, hertz: float) -> Array:

@@ -11,9 +11,8 @@ choice as such is no better than that list (:mod:`friction_choice`).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.errors import PoorExcitation, SolverFailed
 from dynident.identification.estimators.consistent import Consistent
+from dynident.identification.problem.choices import FrictionScore
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cross_validation import cross_validate
 from dynident.identification.selection.friction.load import problem_of
@@ -35,32 +35,7 @@ NOTHING = 5e-3
 BLOCKS = 10
 
 
-@dataclass(frozen=True)
-class Common:
-    """A list of parts for all drives beside those of their own.
-
-    Attributes:
-        parts: Names of the parts; ``each its own`` for the lists of the drives.
-        held_out: Mean squared residual of what was left out, each joint in units of its own in the fit.
-        error: Standard error of the difference to the lists of the drives.
-        chosen: Whether this is the one.
-    """
-
-    parts: tuple[str, ...]
-    held_out: float
-    error: float
-    chosen: bool
-
-    def figures(self) -> dict[str, Any]:
-        """Return the same as plain data."""
-        return {
-            "parts": list(self.parts),
-            "cross_validation_error": self.held_out,
-            "standard_error": self.error,
-            "chosen": self.chosen,
-        }
-
-
+#: Stands for the lists of the drives' own.
 OWN = ("each its own",)
 
 
@@ -84,7 +59,7 @@ def same_for_all(
     progress: Callable[[str], None] = lambda step: None,
     usual: tuple[Friction, ...] = (),
     pays: bool = True,
-) -> tuple[DynamicModel, tuple[Common, ...]]:
+) -> tuple[DynamicModel, tuple[FrictionScore, ...]]:
     """Return the model with one friction for all drives if that is as good, and what was compared.
 
     Args:
@@ -131,7 +106,7 @@ def same_for_all(
     shortest = next((k for k in range(1, len(kept)) if _as_good(scores[k], scores[best])), best)
     pick = shortest if not pays or means[best] - means[0] <= gaps[best] else 0
     table = (
-        Common(parts, mean, gap, k == pick)
+        FrictionScore(parts, mean, gap, k == pick)
         for k, (parts, mean, gap) in enumerate(zip(names, means, gaps, strict=True))
         if np.isfinite(mean)
     )

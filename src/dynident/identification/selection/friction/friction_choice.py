@@ -16,13 +16,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.errors import BrokenPart, LogMismatch
+from dynident.identification.problem.choices import FrictionRecord, FrictionScore
 from dynident.identification.residuals.quantiles import student_quantile
 from dynident.identification.selection.friction.column_pool import Pool, fit, held_out, make_pool
 from dynident.identification.selection.friction.load import default_load
@@ -51,23 +51,6 @@ EXCHANGES = 2
 
 
 @dataclass(frozen=True)
-class Step:
-    """One model of a drive on the way.
-
-    Attributes:
-        parts: Its parts, in the order in which they came.
-        score: Held-out mean squared residual over all joints, each in units of its own in the fit; smaller is better.
-        error: Standard error of the difference to the best step.
-        chosen: Whether this is the one.
-    """
-
-    parts: tuple[str, ...]
-    score: float
-    error: float
-    chosen: bool
-
-
-@dataclass(frozen=True)
 class FrictionChoice:
     """The friction of a robot and how it was found.
 
@@ -81,7 +64,7 @@ class FrictionChoice:
     """
 
     friction: tuple[Friction, ...]
-    steps: dict[str, tuple[Step, ...]]
+    steps: dict[str, tuple[FrictionScore, ...]]
     blocks: int
     gain: float = 0.0
     error: float = 0.0
@@ -92,21 +75,9 @@ class FrictionChoice:
         bound = self.error * float(student_quantile(1.0 - CHANCE, self.blocks - 1))
         return self.gain > max(NOTHING, bound)
 
-    def figures(self) -> dict[str, Any]:
-        """Return the choice as plain data for JSON and reports."""
-        joints = {
-            name: [
-                {
-                    "parts": list(s.parts),
-                    "cross_validation_error": s.score,
-                    "standard_error": s.error,
-                    "chosen": s.chosen,
-                }
-                for s in own
-            ]
-            for name, own in self.steps.items()
-        }
-        return {"blocks": self.blocks, "joints": joints, "gain": self.gain, "standard_error": self.error}
+    def record(self) -> FrictionRecord:
+        """Return what the estimate states of the choice."""
+        return FrictionRecord(self.blocks, self.steps, self.gain, self.error)
 
 
 def choose_friction(
@@ -256,7 +227,7 @@ class _Search:
     def __init__(self, pool: Pool, start: tuple[int, ...]) -> None:
         self.pool, self.start = pool, start
         self.sets: list[tuple[int, ...]] = [start] * pool.products.shape[1]
-        self.steps: list[tuple[Step, ...]] = [()] * len(self.sets)
+        self.steps: list[tuple[FrictionScore, ...]] = [()] * len(self.sets)
         self.blocks = len(pool.products)
         self._held = pool.weighted(pool.weights(self.sets))
         self._all = self._held.sum(axis=0)
@@ -339,7 +310,7 @@ class _Search:
         pick = next(k for k, each in enumerate(scores) if _as_good(each, scores[lowest]))
         self.sets[joint] = path[pick]
         self.steps[joint] = tuple(
-            Step(tuple(label(self.pool.parts[p]) for p in own), float(np.mean(each)), float(error), k == pick)
+            FrictionScore(tuple(label(self.pool.parts[p]) for p in own), float(np.mean(each)), float(error), k == pick)
             for k, (own, each, error) in enumerate(zip(path, scores, errors, strict=True))
         )
 

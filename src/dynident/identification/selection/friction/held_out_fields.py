@@ -22,6 +22,7 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.data.preprocessing import Prepared
+from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.residuals.quantiles import student_quantile
 from dynident.identification.selection.friction.column_pool import Pool, fit, held_out, loss, make_pool
 from dynident.identification.selection.friction.load import default_load
@@ -51,31 +52,6 @@ NOTHING = 5e-3
 _ABSENT, _THERE = 0.0, 1.0
 
 
-@dataclass(frozen=True)
-class Held:
-    """A field that the logs could have had otherwise.
-
-    Attributes:
-        part: Name of the friction part; of all whose sign turns over one width.
-        joints: The joints that it is for; None for all.
-        field: Name of the field; ``part`` for the part itself, whose values are 0 (left out) and 1 (there).
-        stated: The value that was stated.
-        best: The value with the least held-out error, made finer by all rows where it was taken.
-        value: The one that was taken.
-        gain: Share of the held-out mean squared residual that the best value takes off.
-        error: Standard error of that share, block by block; None where the logs have too few rows to hold some out.
-    """
-
-    part: str
-    joints: tuple[str, ...] | None
-    field: str
-    stated: float
-    best: float
-    value: float
-    gain: float
-    error: float | None
-
-
 def has_choices(model: DynamicModel) -> bool:
     """Return whether a friction part leaves fields, or itself, to the logs where held-out rows ask for it."""
     return any(part.choose for part in model.friction)
@@ -91,7 +67,7 @@ def choose_fields(
     logs: Sequence[Prepared],
     progress: Callable[[str], None] = lambda step: None,
     late: bool = False,
-) -> tuple[DynamicModel, tuple[Held, ...]]:
+) -> tuple[DynamicModel, tuple[FieldChoice, ...]]:
     """Return the model with the stated or the best values of the fields that its parts leave to the logs, and why.
 
     Args:
@@ -161,16 +137,16 @@ class _Search:
             for name, span in spans_of(part, "choose", fastest).items()
         }
 
-    def fields(self) -> dict[tuple[int, str], Held]:
+    def fields(self) -> dict[tuple[int, str], FieldChoice]:
         """Choose the fields of all parts that are there, one after another."""
-        found: dict[tuple[int, str], Held] = {}
+        found: dict[tuple[int, str], FieldChoice] = {}
         for (p, name), span in self._spans.items():
             group = self._group(p, name)
             if p not in self.absent and p == group[0]:
                 found[p, name] = self._chosen(group, name, span)
         return found
 
-    def polished(self, found: dict[tuple[int, str], Held]) -> dict[tuple[int, str], Held]:
+    def polished(self, found: dict[tuple[int, str], FieldChoice]) -> dict[tuple[int, str], FieldChoice]:
         """Return what was found with the values taken made finer in turn: what is best of one hangs on the others."""
         for key in [key for key, held in found.items() if held.value != held.stated] * POLISHED:
             p, name = key
@@ -183,7 +159,7 @@ class _Search:
             found[key] = replace(found[key], best=best, value=best)
         return found
 
-    def with_part(self, p: int) -> Held:
+    def with_part(self, p: int) -> FieldChoice:
         """Hold a part against its absence, with the best value of its first field, and put it there if it is better."""
         part = self.model.friction[p]
         self._progress(f"friction: {FRICTION.name_of(part)} on held-out rows")
@@ -196,13 +172,13 @@ class _Search:
         about = (FRICTION.name_of(part), part.joints, WHOLE, _ABSENT)
         tried = self._tried((p,), name, grid)
         if not tried.tells:
-            return Held(*about, _ABSENT, _ABSENT, 0.0, None)
+            return FieldChoice(*about, _ABSENT, _ABSENT, 0.0, None)
         k, gain, error, better = tried.compared()
         if not better:
-            return Held(*about, _THERE, _ABSENT, gain, error)
+            return FieldChoice(*about, _THERE, _ABSENT, gain, error)
         self.absent = tuple(other for other in self.absent if other != p)
         self.model = _with_value(self.model, [p], name, float(grid[k])) if name else self.model
-        return Held(*about, _THERE, _THERE, gain, error)
+        return FieldChoice(*about, _THERE, _THERE, gain, error)
 
     def _group(self, p: int, name: str) -> tuple[int, ...]:
         """Return the parts whose fields have one value: signs of dry friction on the same joints, stated alike."""
@@ -216,7 +192,7 @@ class _Search:
             if (other, name) in self._spans and (own.joints, getattr(own, name, None)) == alike
         )
 
-    def _chosen(self, group: tuple[int, ...], name: str, span: tuple[float, float]) -> Held:
+    def _chosen(self, group: tuple[int, ...], name: str, span: tuple[float, float]) -> FieldChoice:
         """Return what the logs say about one field of some parts, all else as it is in the model, and take it."""
         there = [p for p in group if p not in self.absent]
         part = self.stated.friction[there[0]]
@@ -228,15 +204,15 @@ class _Search:
         grid = np.geomspace(*span, COARSE)
         tried = self._tried(there, name, grid)
         if not tried.tells:
-            return Held(*about, stated, stated, 0.0, None)
+            return FieldChoice(*about, stated, stated, 0.0, None)
         k, gain, error, better = tried.compared()
         if not better:
-            return Held(*about, float(grid[k]), stated, gain, error)
+            return FieldChoice(*about, float(grid[k]), stated, gain, error)
         self.model = _with_value(self.model, there, name, float(grid[k]))
         grid = np.geomspace(grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)], FINE)
         best = self._tried(there, name, grid).finest(grid)
         self.model = _with_value(self.model, there, name, best)
-        return Held(*about, best, best, gain, error)
+        return FieldChoice(*about, best, best, gain, error)
 
     def _tried(self, group: Sequence[int], name: str, grid: Array) -> _Tried:
         """Return the model with values of a field of some parts; of one that is absent, it with each beside itself."""

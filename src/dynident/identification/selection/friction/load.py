@@ -78,4 +78,4 @@ def agrees(problem: Problem, beta: Array) -> bool:
 def with_load(problem: Problem, beta: Array) -> Problem:
     """Return the problem with the load of ``beta`` (b,)."""
     found = make_problem(problem.model, problem.base, problem.logs, beta)
-    return replace(found, facts=problem.facts, constraints=problem.constraints, prior=problem.prior)
+    return replace(found, choices=problem.choices, constraints=problem.constraints, prior=problem.prior)

@@ -9,13 +9,14 @@ are columns of one pass over the rows; the fields take turns.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption
+from dynident.identification.problem.choices import FieldEstimate
 from dynident.identification.selection.friction.column_pool import Pool, fit, loss, make_pool
 from dynident.identification.selection.friction.load import default_load
 from dynident.model.dynamic_model import DynamicModel
@@ -25,27 +26,6 @@ from dynident.model.friction import FRICTION, WHOLE, Friction
 VALUES, ROUNDS, TURNS = 7, 3, 3
 
 
-@dataclass(frozen=True)
-class Found:
-    """Value of one non-linear field.
-
-    Attributes:
-        part: Name of the friction part.
-        joints: The joints that it is for; None for all.
-        field: Name of the field.
-        value: The best value.
-        low: Values below leave a residual that is worse by more than it is certain, or the end of the range.
-        high: The same above.
-    """
-
-    part: str
-    joints: tuple[str, ...] | None
-    field: str
-    value: float
-    low: float
-    high: float
-
-
 def has_varying(model: DynamicModel) -> bool:
     """Return whether a friction part asks for values of its fields from the log."""
     return any(part.vary for part in model.friction)
@@ -53,7 +33,7 @@ def has_varying(model: DynamicModel) -> bool:
 
 def vary_fields(
     model: DynamicModel, logs: Sequence[Prepared], progress: Callable[[str], None] = lambda step: None
-) -> tuple[DynamicModel, tuple[Found, ...]]:
+) -> tuple[DynamicModel, tuple[FieldEstimate, ...]]:
     """Return the model with the best values of the fields that its parts vary, and these values.
 
     Args:
@@ -72,7 +52,7 @@ def vary_fields(
     }
     load = default_load(model, logs) if "torque" in model.needs else None
     parts = list(model.friction)
-    found: dict[tuple[int, str], Found] = {}
+    found: dict[tuple[int, str], FieldEstimate] = {}
     for turn in range(ROUNDS):
         progress(f"non-linear friction, round {turn + 1} of {ROUNDS}")
         grids = {key: np.geomspace(*span, VALUES) for key, span in spans.items()}
@@ -82,7 +62,7 @@ def vary_fields(
         for key, grid, (value, low, high) in zip(grids, grids.values(), best, strict=True):
             p, name = key
             parts[p] = replace(parts[p], **{name: value})
-            found[key] = Found(FRICTION.name_of(parts[p]), parts[p].joints, name, value, low, high)
+            found[key] = FieldEstimate(FRICTION.name_of(parts[p]), parts[p].joints, name, value, low, high)
             step = grid[1] / grid[0]
             spans[key] = (max(value / step, spans[key][0]), min(value * step, spans[key][1]))
     return replace(model, friction=tuple(parts)), tuple(found.values())

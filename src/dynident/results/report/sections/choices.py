@@ -20,15 +20,15 @@ class ChoicesSection(Section):
     template: ClassVar = "choices.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
-        extras = subject.estimate.extras
-        reason, cutoff = extras.get("cutoff_choice", {}).get("reason", ""), _cutoff(subject)
-        tables = choice_tables(extras)
+        choices, cutoff = subject.estimate.choices, _cutoff(subject)
+        reason = "" if choices.cutoff_choice is None else choices.cutoff_choice.reason
+        tables = choice_tables(choices)
         return {"tables": tables, "reason": reason, "cutoff": cutoff} if tables or reason or cutoff else {}
 
 
 def _cutoff(subject: Subject) -> Table | None:
     """Return the table of the cut-off with base parameters as mathematics."""
-    table, base = cutoff_table(subject.estimate.extras), subject.estimate.base
+    table, base = cutoff_table(subject.estimate.choices), subject.estimate.base
     if table is None:
         return None
     rows = (

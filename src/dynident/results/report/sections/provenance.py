@@ -15,13 +15,8 @@ from dynident.results.text import format_number, label, plain_value
 #: Lists longer than this are counted, not written out.
 _LONG = 12
 
-#: Shown elsewhere: the files with the data, findings on them, the command above the facts, the trace as a figure, and
-#: what was found from the logs.
-_ELSEWHERE = (
-    "logs", "log_quality", "command", "trace",
-    "cutoff_choice", "cutoff_sensitivity", "delays", "friction_choice", "chosen_fields", "non_linear",
-    "gain_std",
-)  # fmt: skip
+#: Shown elsewhere: the files with the data, findings on them, the command above the facts, the trace as a figure.
+_ELSEWHERE = ("logs", "log_quality", "command", "trace")
 
 
 @dataclass(frozen=True)
@@ -32,10 +27,12 @@ class Provenance(Section):
     template: ClassVar = "provenance.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
-        estimate = subject.estimate
+        estimate, choices = subject.estimate, subject.estimate.choices
+        aside = {"delay_s": choices.delay_s, "constraints_not_kept": choices.constraints_not_kept}
+        facts = {**estimate.extras, **{name: value for name, value in aside.items() if value is not None}}
         groups = [
             ("Estimator", [("method", label(estimate.estimator)), *_entries(estimate.options)]),
-            ("What the method reports", list(_entries(estimate.extras))),
+            ("What the method reports", list(_entries(facts))),
             ("Preparation", list(_entries(estimate.preprocessing.statement()))),
             (
                 "Fit",

@@ -1,0 +1,246 @@
+"""What was chosen from the logs on the way to an estimate, as the estimate, its file and its report state it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, get_args, get_origin, get_type_hints
+
+
+@dataclass(frozen=True)
+class DelayRecord:
+    """Time delay between torque and position signals of one log.
+
+    Attributes:
+        log: Name of the log.
+        seconds: By how much its torque lags behind its positions, in s.
+        std: Standard deviation of it, in s.
+        applied: What the motion is shifted by, in s.
+    """
+
+    log: str
+    seconds: float
+    std: float
+    applied: float
+
+
+@dataclass(frozen=True)
+class FieldChoice:
+    """A field of a friction part that the logs could have had otherwise.
+
+    Attributes:
+        part: Name of the friction part; of all whose sign turns over one width.
+        joints: The joints that it is for; None for all.
+        field: Name of the field; ``part`` for the part itself, whose values are 0 (left out) and 1 (there).
+        stated: The value that was stated.
+        best: The value with the least cross-validation error, made finer by all rows where it was taken.
+        value: The one that was taken.
+        gain: Share of the mean squared cross-validation residual that the best value takes off.
+        error: Standard error of that share, block by block; None where the logs have too few rows to hold some out.
+    """
+
+    part: str
+    joints: tuple[str, ...] | None
+    field: str
+    stated: float
+    best: float
+    value: float
+    gain: float
+    error: float | None
+
+
+@dataclass(frozen=True)
+class FieldEstimate:
+    """Value of one non-linear field of a friction part.
+
+    Attributes:
+        part: Name of the friction part.
+        joints: The joints that it is for; None for all.
+        field: Name of the field.
+        value: The best value.
+        low: Values below leave a residual that is worse by more than it is certain, or the end of the range.
+        high: The same above.
+    """
+
+    part: str
+    joints: tuple[str, ...] | None
+    field: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class FrictionScore:
+    """One list of friction parts that was compared with others.
+
+    Attributes:
+        parts: Names of its parts, in the order in which they came; ``each its own`` for lists of the drives.
+        cross_validation_error: Mean squared residual of what was left out, each joint in units of its own in the fit.
+        standard_error: Of the difference to the best list, or to the lists of the drives.
+        chosen: Whether this is the one.
+    """
+
+    parts: tuple[str, ...]
+    cross_validation_error: float
+    standard_error: float
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class FrictionRecord:
+    """The selection of friction.
+
+    Attributes:
+        blocks: Number of blocks, each left out once.
+        joints: By joint, the lists on the way.
+        gain: What the choice takes off the mean squared cross-validation residual, as a share of it.
+        standard_error: Of that share.
+        shared: Lists for all drives beside those of their own.
+    """
+
+    blocks: int
+    joints: Mapping[str, tuple[FrictionScore, ...]]
+    gain: float
+    standard_error: float
+    shared: tuple[FrictionScore, ...] = ()
+
+
+@dataclass(frozen=True)
+class CutoffRecord:
+    """The cut-off that was chosen.
+
+    Attributes:
+        cutoff_hz: The cut-off.
+        as_good_hz: Least and greatest of those that are as good.
+        reason: The choice in one sentence.
+        share_of_time: Share of the recorded time that was looked at.
+        candidates: Variance and squared biases of each cut-off that was tried.
+        spectra: Of the longest log.
+    """
+
+    cutoff_hz: float
+    as_good_hz: tuple[float, ...]
+    reason: str
+    share_of_time: float
+    candidates: tuple[Mapping[str, float], ...]
+    spectra: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class CutoffTrial:
+    """The fit at one cut-off, judged at that of the estimate.
+
+    Attributes:
+        cutoff_hz: The cut-off.
+        cross_validation_error: Relative error on blocks of the training data, each left out once.
+        largest_change: Of a parameter, in standard deviations of the estimate.
+        parameter: The one that changes most.
+        beyond_chance: Largest change in standard deviations at the cut-off that knows less.
+        farthest: The parameter of that change.
+        changes: Of all parameters, in standard deviations, shape (b,).
+    """
+
+    cutoff_hz: float
+    cross_validation_error: float
+    largest_change: float
+    parameter: str
+    beyond_chance: float
+    farthest: str
+    changes: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class CutoffSensitivity:
+    """How the estimate depends on the cut-off of its filter.
+
+    Attributes:
+        cutoff_hz: That of the estimate.
+        folds: Blocks, each left out once.
+        table: Cut-offs that were tried, its own included.
+    """
+
+    cutoff_hz: float
+    folds: int
+    table: tuple[CutoffTrial, ...]
+
+
+@dataclass(frozen=True)
+class GainUncertainty:
+    """What uncertain drive gains do to the estimate.
+
+    Attributes:
+        relative: Stated relative standard deviation of the gain, by joint.
+        parameters: Standard deviation that they add to each base parameter, shape (b,), gains independent.
+    """
+
+    relative: Mapping[str, float]
+    parameters: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What was chosen on the way to an estimate, and what is known of it; None where it was not asked for.
+
+    Attributes:
+        cutoff_choice: The cut-off, where it was open.
+        delays: Of each log.
+        delay_s: What logs that had no part in the fit are shifted by, in s.
+        chosen_fields: Fields of friction parts that cross-validation decided.
+        friction_choice: Friction parts.
+        non_linear: Fields of friction parts that were estimated.
+        gain_std: What uncertain drive gains add.
+        cutoff_sensitivity: Fits at other cut-offs.
+        constraints_not_kept: Name of an estimator that leaves stated constraints aside.
+    """
+
+    cutoff_choice: CutoffRecord | None = None
+    delays: tuple[DelayRecord, ...] | None = None
+    delay_s: float | None = None
+    chosen_fields: tuple[FieldChoice, ...] | None = None
+    friction_choice: FrictionRecord | None = None
+    non_linear: tuple[FieldEstimate, ...] | None = None
+    gain_std: GainUncertainty | None = None
+    cutoff_sensitivity: CutoffSensitivity | None = None
+    constraints_not_kept: str | None = None
+
+    def data(self) -> dict[str, Any]:
+        """Return what is known as plain data; files and JSON have these keys."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+
+#: Keys of the choices in files and JSON.
+CHOICES = frozenset(each.name for each in fields(Choices))
+
+
+def choices_of(data: Mapping[str, Any]) -> Choices:
+    """Return the choices in plain data; other keys are left aside.
+
+    Raises:
+        KeyError: A key of a choice is missing.
+    """
+    known = {each.name: data[each.name] for each in fields(Choices) if each.name in data}
+    return Choices(**{name: _read(_hints(Choices)[name], value) for name, value in known.items()})
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
+def _read(hint: Any, value: Any) -> Any:
+    """Return a value of a kind from plain data."""
+    if value is None or hint is Any:
+        return value
+    if get_origin(hint) is UnionType:
+        return _read(next(kind for kind in get_args(hint) if kind is not NoneType), value)
+    if is_dataclass(hint):
+        names = [each.name for each in fields(hint) if each.name in value or each.default is MISSING]
+        return hint(**{name: _read(_hints(hint)[name], value[name]) for name in names})  # type: ignore[operator]
+    if isinstance(value, Mapping):
+        return {key: _read(get_args(hint)[1], own) for key, own in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return tuple(_read(get_args(hint)[0], own) for own in value)
+    return value
