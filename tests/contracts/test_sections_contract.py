@@ -18,7 +18,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
 from dynident.results.report.builder import render
 from dynident.results.report.sections import SECTIONS
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 
 PARTS = SECTIONS.names()
@@ -54,7 +54,7 @@ def text(page: str) -> str:
 
 
 def test_titles_and_templates_are_its_own(name: str) -> None:
-    part: Section = SECTIONS.make(name)
+    part: ReportSection = SECTIONS.make(name)
     assert part.title and part.template.endswith(".html")
     others = [SECTIONS.get(other) for other in PARTS if other != name]
     assert part.title not in {other.title for other in others}

@@ -16,7 +16,7 @@ from dynident.identification.consistency import consistent_fit as fitting
 from dynident.identification.consistency.barrier import inside, solve_barrier
 from dynident.identification.consistency.certificate import check_room, deepest
 from dynident.identification.consistency.conditions import conditions_of
-from dynident.identification.consistency.conic import Candidate, solve_conic, solve_whitened
+from dynident.identification.consistency.conic import ConicCandidate, solve_conic, solve_whitened
 from dynident.identification.consistency.consistent_fit import (
     METRICS,
     ConsistentFit,
@@ -28,7 +28,7 @@ from dynident.identification.consistency.program import Multipliers, Program, op
 from dynident.identification.consistency.verdicts import broken_conditions
 from dynident.identification.problem.prior import Scale, natural_scale
 from dynident.model.base_parameters import BaseParameters, base_parameters
-from dynident.model.body_constraints import BodyConstraints, Box, Constraints, Ellipsoid, Range
+from dynident.model.body_constraints import BodyConstraints, BoundingBox, Constraints, Ellipsoid, ValueRange
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.inertia import Inertia
@@ -208,21 +208,21 @@ def test_multipliers_times_slacks_are_written_out() -> None:
     assert less.complementarity == 0.0
 
 
-def nothing(program: Program) -> Candidate:
+def nothing(program: Program) -> ConicCandidate:
     """A solver that says it has solved the problem and hands back nonsense."""
     zero = Multipliers(
         np.zeros(len(program.conditions.zero)), np.zeros(len(program.conditions.sign)), np.zeros((program.links, 4, 4))
     )
-    return Candidate(-program.start, zero, "Solved", 1)
+    return ConicCandidate(-program.start, zero, "Solved", 1)
 
 
-def crashing(program: Program) -> Candidate:
+def crashing(program: Program) -> ConicCandidate:
     raise ValueError("injected")
 
 
 @pytest.mark.parametrize("fault", [nothing, crashing])
 def test_later_paths_stand_in_for_broken_ones(
-    fault: Callable[[Program], Candidate], monkeypatch: pytest.MonkeyPatch
+    fault: Callable[[Program], ConicCandidate], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     posed = noisy(11)
     whole = fit_of(posed)
@@ -250,11 +250,13 @@ def test_stated_constraints_hold() -> None:
     corners = np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
     known = Constraints(
         {
-            "link1": BodyConstraints(mass=Range(1.2 * mass[0], 1.5 * mass[0]), centre_hull=corners),
-            "link2": BodyConstraints(mass=Range(2.0, 2.0), centre_box=Box(-np.full(3, 0.02), np.full(3, 0.02))),
+            "link1": BodyConstraints(mass=ValueRange(1.2 * mass[0], 1.5 * mass[0]), centre_hull=corners),
+            "link2": BodyConstraints(
+                mass=ValueRange(2.0, 2.0), centre_box=BoundingBox(-np.full(3, 0.02), np.full(3, 0.02))
+            ),
             "link3": BodyConstraints(symmetry={"y": 0.01}, body_ellipsoid=ellipsoid),
         },
-        total_mass=Range(high=0.9 * mass.sum() + 2.0 + mass[0]),
+        total_mass=ValueRange(high=0.9 * mass.sum() + 2.0 + mass[0]),
         fixed={"Fv[joint2]": 0.25},
     )
     for metric in METRICS:
@@ -281,9 +283,9 @@ def test_matter_stays_in_its_box_and_centres_in_their_plane() -> None:
     flat = np.array([[0.0, 0.0, 0.02], [0.3, 0.0, 0.02], [0.0, 0.3, 0.02]])
     known = Constraints(
         {
-            "link1": BodyConstraints(body_box=Box(low, high)),
+            "link1": BodyConstraints(body_box=BoundingBox(low, high)),
             "link2": BodyConstraints(centre_hull=flat),
-            "link3": BodyConstraints(centre_box=Box(np.array([0.01, -1, -1]), np.array([0.01, 1, 1]))),
+            "link3": BodyConstraints(centre_box=BoundingBox(np.array([0.01, -1, -1]), np.array([0.01, 1, 1]))),
         }
     )
     fit = fit_of(posed, constraints=known)
@@ -299,14 +301,14 @@ def test_matter_stays_in_its_box_and_centres_in_their_plane() -> None:
     assert beyond.max() > 0.01 and abs(free[1].centre_of_mass[2] - 0.02) > 0.01  # the data alone would break them
 
 
-BOX = Box(np.array([0.5, -0.1, -0.1]), np.array([0.6, 0.1, 0.1]))
+BOX = BoundingBox(np.array([0.5, -0.1, -0.1]), np.array([0.6, 0.1, 0.1]))
 SMALL = Ellipsoid(np.zeros(3), np.full(3, 0.1))
 
 CLASHES = {
     "masses": (
         Constraints(
-            {"link1": BodyConstraints(mass=Range(low=5.0)), "link2": BodyConstraints(mass=Range(low=4.0))},
-            total_mass=Range(high=8.0),
+            {"link1": BodyConstraints(mass=ValueRange(low=5.0)), "link2": BodyConstraints(mass=ValueRange(low=4.0))},
+            total_mass=ValueRange(high=8.0),
         ),
         ["link1: mass >= 5 kg", "link2: mass >= 4 kg", "total mass <= 8 kg", "short by"],
     ),
@@ -316,8 +318,8 @@ CLASHES = {
     ),
     "equations": (
         Constraints(
-            {"link1": BodyConstraints(mass=Range(3, 3)), "link2": BodyConstraints(mass=Range(2, 2)),
-             "link3": BodyConstraints(mass=Range(1, 1))}, total_mass=Range(7, 7)
+            {"link1": BodyConstraints(mass=ValueRange(3, 3)), "link2": BodyConstraints(mass=ValueRange(2, 2)),
+             "link3": BodyConstraints(mass=ValueRange(1, 1))}, total_mass=ValueRange(7, 7)
         ),
         ["link1: mass = 3 kg", "link3: mass = 1 kg", "total mass = 7 kg"],
     ),
@@ -347,8 +349,8 @@ def test_what_is_short_is_told_in_its_unit() -> None:
 def test_the_deepest_point_is_proven() -> None:
     """Three masses of at least 1, 2 and 3 kg under a total of 9 kg leave 3 kg to share: the depth has a closed form."""
     model, _, _, scale = noisy(11, 3)
-    lows = {f"link{i}": BodyConstraints(mass=Range(low=float(i))) for i in (1, 2, 3)}
-    rules = conditions_of(model, scale, 0.0, Constraints(lows, Range(high=9.0)))
+    lows = {f"link{i}": BodyConstraints(mass=ValueRange(low=float(i))) for i in (1, 2, 3)}
+    rules = conditions_of(model, scale, 0.0, Constraints(lows, ValueRange(high=9.0)))
     found = deepest(rules)
     assert 0 < found.depth <= found.bound + 1e-6 and found.left_over < 1e-6
     assert rules.shortfall(found.phi) == 0.0 and check_room(rules) is not None

@@ -22,7 +22,7 @@ from dynident.identification.files.estimate_file import read_estimate, summary, 
 from dynident.identification.files.prior_file import read_prior
 from dynident.identification.identify import identify
 from dynident.identification.problem.prior import BodyPrior
-from dynident.model.body_constraints import BodyConstraints, Constraints, Range
+from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import Inertia
@@ -108,7 +108,7 @@ def test_a_prior_of_another_robot(made: tuple[DynamicModel, Log], spatial_3r: Ro
 
 
 def test_constraints_reach_the_estimate_or_a_warning(made: tuple[DynamicModel, Log]) -> None:
-    known = Constraints({"link2": BodyConstraints(mass=Range(1.0, 1.25))})
+    known = Constraints({"link2": BodyConstraints(mass=ValueRange(1.0, 1.25))})
     kept = identify(made[0], [made[1]], "consistent", GIVEN, knowledge=PriorKnowledge(known))
     assert kept.theta is not None and kept.theta[19] <= 1.25 * (1 + 1e-6)
     left = identify(made[0], [made[1]], "wls", GIVEN, knowledge=PriorKnowledge(known))

@@ -32,7 +32,7 @@ from dynident.identification.selection.friction.load import agrees, with_load
 from dynident.identification.uncertainty.propagation import mass_matrix, torque_deviations
 from dynident.identification.validate import validate
 from dynident.model.base_parameters import base_parameters
-from dynident.model.body_constraints import Constraints, Range
+from dynident.model.body_constraints import Constraints, ValueRange
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.friction.coulomb import Coulomb
@@ -128,7 +128,7 @@ def test_what_is_known_about_bodies_holds_in_every_pass(spatial_3r: Robot, exact
     """Each pass poses the problem anew; what was stated beforehand goes with it."""
     model = DynamicModel(spatial_3r, PARTS)
     theta = truth(model)
-    known = Constraints(total_mass=Range(20.0, 20.0))
+    known = Constraints(total_mass=ValueRange(20.0, 20.0))
     prior = BodyPrior(theta, tuple(p.name for p in model.parameters), "a drawing")
     problem = build_problem(model, [exact_log(model, theta, noise=0.2)], GIVEN, knowledge=PriorKnowledge(known, prior))
     assert problem.load is not None

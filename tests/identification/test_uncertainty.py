@@ -31,7 +31,7 @@ from dynident.identification.residuals.coloured import (
 from dynident.identification.residuals.quantiles import chi_square_tail, normal_quantile, normal_share, student_quantile
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.identification.residuals.stretches import stretches
-from dynident.identification.uncertainty.bootstrap import Draws, automatic_block, block_bootstrap
+from dynident.identification.uncertainty.bootstrap import BootstrapDraws, automatic_block, block_bootstrap
 from dynident.identification.uncertainty.trust import refit_draws, with_diagnostics
 from dynident.model.reduction import least_squares
 from dynident.model.robot import Robot
@@ -247,4 +247,4 @@ def test_possible_robots_are_drawn_and_vary_no_more_than_free_ones(bench: Bench)
     assert np.all(np.std(draws.beta, axis=0) < 1.5 * estimate.deviations)
     with pytest.raises(BadOption, match="bootstrap = 5"):
         with_diagnostics(estimate, problem, Consistent(), draws=5)
-    assert isinstance(draws, Draws) and draws.block == 0.0
+    assert isinstance(draws, BootstrapDraws) and draws.block == 0.0

@@ -12,10 +12,10 @@ from dynident.arrays import Array
 from dynident.errors import BadOption, UnknownChoice
 from dynident.model.body_constraints import (
     BodyConstraints,
-    Box,
+    BoundingBox,
     Constraints,
     Ellipsoid,
-    Range,
+    ValueRange,
     box_quadrics,
     halfspaces,
 )
@@ -59,7 +59,7 @@ def test_a_density_in_an_ellipsoid_or_a_box_has_non_negative_traces() -> None:
     np.testing.assert_allclose(values, 0.0, atol=1e-12)  # zero on the surface
     inner = shape.centre + generator.uniform(0, 1, (50, 1)) * (surface - shape.centre)
     assert np.trace(pseudo_of(inner, generator.uniform(0, 1, 50)) @ quadric) > 0
-    box = Box(np.array([-0.1, 0.0, 0.2]), np.array([0.3, 0.1, 0.5]))
+    box = BoundingBox(np.array([-0.1, 0.0, 0.2]), np.array([0.3, 0.1, 0.5]))
     filled = generator.uniform(box.lower, box.upper, (50, 3))
     assert all(np.trace(pseudo_of(filled, np.ones(50)) @ q) > 0 for q in box_quadrics(box))
     ends = np.array([box.lower, box.upper])  # all matter on the two ends of every axis: the limit
@@ -69,11 +69,11 @@ def test_a_density_in_an_ellipsoid_or_a_box_has_non_negative_traces() -> None:
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: Range(2.0, 1.0),
-        lambda: Range(np.nan, 1.0),
-        lambda: Box(np.zeros(3), np.array([1.0, -1.0, 1.0])),
+        lambda: ValueRange(2.0, 1.0),
+        lambda: ValueRange(np.nan, 1.0),
+        lambda: BoundingBox(np.zeros(3), np.array([1.0, -1.0, 1.0])),
         lambda: Ellipsoid(np.zeros(3), np.array([1.0, 0.0, 1.0])),
-        lambda: BodyConstraints(mass=Range(-2.0, -1.0)),
+        lambda: BodyConstraints(mass=ValueRange(-2.0, -1.0)),
         lambda: BodyConstraints(centre_hull=np.zeros((0, 3))),
     ],
 )
@@ -87,4 +87,4 @@ def test_names_that_are_not_there(planar_2r: Robot) -> None:
         Constraints(links={"link3": BodyConstraints()}).check(planar_2r)
     with pytest.raises(UnknownChoice, match="no axis called 'w'"):
         BodyConstraints(symmetry={"w": 0.0})
-    assert Constraints().is_empty and not Constraints(total_mass=Range(1.0)).is_empty
+    assert Constraints().is_empty and not Constraints(total_mass=ValueRange(1.0)).is_empty

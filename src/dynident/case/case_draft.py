@@ -22,7 +22,7 @@ from dynident.case.draft.readings import long_gap, opened
 from dynident.case.draft.recognise import cutoff_of, recognised
 from dynident.case.draft.told_units import position_factors
 from dynident.case.questions import Question, questions_in
-from dynident.data.formats import FORMATS, LARGE, LogFormat, Table, bytes_of
+from dynident.data.formats import FORMATS, LARGE, LogFormat, LogTable, bytes_of
 from dynident.data.formats._clocked_table import with_clock, with_sum
 from dynident.data.preprocessing import BRIDGED, SPLIT
 from dynident.data.profiles import PROFILES
@@ -157,7 +157,7 @@ def _word(certain: bool, likely: object) -> str:
     return "certain" if certain else "likely, asked" if likely else "asked"
 
 
-def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> tuple[list[Table], str]:
+def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> tuple[list[LogTable], str]:
     """Return the opened logs, and the line of the case file that says how, where the suffix does not."""
     if form:
         made = FORMATS.make_from_text(form, options)
@@ -180,7 +180,7 @@ def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> t
     raise first
 
 
-def _summed(tables: Sequence[Table]) -> list[Table]:
+def _summed(tables: Sequence[LogTable]) -> list[LogTable]:
     """Return the tables with a time that is the sum of two columns, where whole seconds and parts of one say so."""
     parts = split_time(tables[0].header)
     if parts is None or any(not {name for name, _ in parts} <= set(table.header) for table in tables):
@@ -197,7 +197,7 @@ def _scope() -> LogFormat:
     return FORMATS.make("twincat_scope")
 
 
-def _readable(logs: Sequence[str], form: LogFormat) -> list[Table]:
+def _readable(logs: Sequence[str], form: LogFormat) -> list[LogTable]:
     try:
         tables = [opened(log, form) for log in logs]
         return tables if _is_table(tables[0]) else []
@@ -215,7 +215,7 @@ def _numbers_with_commas(log: str) -> int:
         return 0
 
 
-def _numbers(table: Table) -> int:
+def _numbers(table: LogTable) -> int:
     """Return how many columns hold a number in the first row; all of a file that is no text."""
     if table.line is None:
         return len(table.header)
@@ -229,7 +229,7 @@ def _numbers(table: Table) -> int:
     return found
 
 
-def _is_table(table: Table) -> bool:
+def _is_table(table: LogTable) -> bool:
     """Return whether the first column holds numbers; a header alone is no proof that a text was read rightly."""
     if table.line is None:
         return True

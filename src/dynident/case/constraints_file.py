@@ -14,7 +14,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import DescriptionError, DynidentError
 from dynident.files import unreadable
-from dynident.model.body_constraints import AXES, BodyConstraints, Box, Constraints, Ellipsoid, Range
+from dynident.model.body_constraints import AXES, BodyConstraints, BoundingBox, Constraints, Ellipsoid, ValueRange
 from dynident.model.descriptions.base import rotation_from_rpy
 from dynident.model.documents.sections import Section
 from dynident.model.documents.strict_yaml import load_yaml
@@ -86,22 +86,22 @@ def _body(section: Section) -> BodyConstraints:
     )
 
 
-def _range(section: Section, key: str) -> Range:
+def _range(section: Section, key: str) -> ValueRange:
     """Return a range that is written as one number, or as {min: a, max: b} with either left out."""
     if not section.has(key):
-        return Range()
+        return ValueRange()
     if not isinstance(section.values[key], dict):
         value = section.number(key)
-        return Range(value, value)
+        return ValueRange(value, value)
     inner = section.section(key, ("min", "max"))
     low = inner.number("min", -np.inf) if inner.has("min") else -np.inf
     high = inner.number("max", np.inf) if inner.has("max") else np.inf
-    return _guard(section, key, lambda: Range(low, high))
+    return _guard(section, key, lambda: ValueRange(low, high))
 
 
-def _box(section: Section) -> Box:
+def _box(section: Section) -> BoundingBox:
     corners = section.matrix("box", 2, 3)
-    return _guard(section, "box", lambda: Box(corners[0], corners[1]))
+    return _guard(section, "box", lambda: BoundingBox(corners[0], corners[1]))
 
 
 def _hull(section: Section) -> Array:

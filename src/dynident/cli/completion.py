@@ -39,7 +39,7 @@ _ROBOTS = ("inspect", "excite", "init", "identify", "check", "compare")
 
 
 @dataclass(frozen=True)
-class Choices:
+class OptionChoices:
     """What may follow in one command.
 
     Attributes:
@@ -82,9 +82,9 @@ def completion(parser: argparse.ArgumentParser, shell: str) -> str:
     return _bash(known) if shell == "bash" else _zsh(known)
 
 
-def _commands(parser: argparse.ArgumentParser) -> dict[str, Choices]:
+def _commands(parser: argparse.ArgumentParser) -> dict[str, OptionChoices]:
     """Return the choices of each command, in the order of the help."""
-    found: dict[str, Choices] = {}
+    found: dict[str, OptionChoices] = {}
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             for name, own in action.choices.items():
@@ -92,7 +92,7 @@ def _commands(parser: argparse.ArgumentParser) -> dict[str, Choices]:
     return found
 
 
-def _choices(name: str, parser: argparse.ArgumentParser) -> Choices:
+def _choices(name: str, parser: argparse.ArgumentParser) -> OptionChoices:
     from dynident.model.descriptions.base import shipped_robots
     from dynident.plugins import part_names
 
@@ -115,7 +115,7 @@ def _choices(name: str, parser: argparse.ArgumentParser) -> Choices:
         if not action.option_strings:
             words += given
     words += shipped_robots() if name in _ROBOTS else ()
-    return Choices(tuple(options), values, tuple(bare), tuple(words))
+    return OptionChoices(tuple(options), values, tuple(bare), tuple(words))
 
 
 #: The words of one command line: $1 the command, $2 the word before, then what to offer, or files.
@@ -155,7 +155,7 @@ complete -o filenames -F _dynident dynident
 """
 
 
-def _bash(known: dict[str, Choices]) -> str:
+def _bash(known: dict[str, OptionChoices]) -> str:
     values = [
         f'    "{name} {option}") words="{" ".join(words)}" ;;'
         for name, own in known.items()
@@ -167,12 +167,12 @@ def _bash(known: dict[str, Choices]) -> str:
     return _BASH.format(commands=" ".join(known), **{key: "\n".join(lines) for key, lines in blocks.items()})
 
 
-def _zsh(known: dict[str, Choices]) -> str:
+def _zsh(known: dict[str, OptionChoices]) -> str:
     """Return the bash function behind zsh's own layer for it."""
     return f"autoload -Uz bashcompinit && bashcompinit\n{_bash(known)}"
 
 
-def _fish(known: dict[str, Choices]) -> str:
+def _fish(known: dict[str, OptionChoices]) -> str:
     lines = [f"complete -c dynident -n __fish_use_subcommand -f -a {name}" for name in known]
     for name, own in known.items():
         seen = f"complete -c dynident -n '__fish_seen_subcommand_from {name}'"

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynident.arrays import BoolArray, IntArray
 from dynident.case.case import Case
-from dynident.data.formats import ColumnMap, Table, open_log
+from dynident.data.formats import ColumnMap, LogTable, open_log
 from dynident.data.formats._text_table import TextTable
 from dynident.data.log import Log, Source, torque_from_current
 from dynident.data.motor_side import joint_side, with_zero
@@ -26,7 +26,7 @@ class Recording:
     """
 
     log: Log
-    table: Table
+    table: LogTable
     columns: ColumnMap
     rows: IntArray
 

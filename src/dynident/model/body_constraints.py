@@ -20,7 +20,7 @@ AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
-class Range:
+class ValueRange:
     """From ``low`` to ``high``; equal bounds fix a value, an infinite one is none."""
 
     low: float = -np.inf
@@ -37,7 +37,7 @@ class Range:
 
 
 @dataclass(frozen=True)
-class Box:
+class BoundingBox:
     """A box along the axes of the link frame.
 
     Attributes:
@@ -102,10 +102,10 @@ class BodyConstraints:
         symmetry: Planes of symmetry: position in m of the plane along each axis that it is normal to.
     """
 
-    mass: Range = field(default_factory=Range)
-    centre_box: Box | None = None
+    mass: ValueRange = field(default_factory=ValueRange)
+    centre_box: BoundingBox | None = None
     centre_hull: Array | None = None
-    body_box: Box | None = None
+    body_box: BoundingBox | None = None
     body_ellipsoid: Ellipsoid | None = None
     symmetry: Mapping[str, float] = field(default_factory=dict)
 
@@ -133,13 +133,13 @@ class Constraints:
     """
 
     links: Mapping[str, BodyConstraints] = field(default_factory=dict)
-    total_mass: Range = field(default_factory=Range)
+    total_mass: ValueRange = field(default_factory=ValueRange)
     fixed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def is_empty(self) -> bool:
         """Whether nothing is stated."""
-        return not (self.links or self.fixed) and self.total_mass == Range()
+        return not (self.links or self.fixed) and self.total_mass == ValueRange()
 
     def check(self, robot: Robot, parameters: Sequence[Parameter] | None = None) -> None:
         """Refuse names that the robot, or the list of standard parameters, does not have.
@@ -183,7 +183,7 @@ def halfspaces(points: Array) -> tuple[Array, Array, Array, Array]:
     return normals, limits + normals @ middle, equations, equations @ middle
 
 
-def box_quadrics(box: Box) -> Array:
+def box_quadrics(box: BoundingBox) -> Array:
     """Return Q of each slab of a box, q(x) = (upper - x)(x - lower) per axis, shape (3, 4, 4)."""
     matrices = np.zeros((3, 4, 4))
     for axis, (low, high) in enumerate(zip(box.lower, box.upper, strict=True)):

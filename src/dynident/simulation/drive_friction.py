@@ -16,7 +16,7 @@ from dynident.model.friction import FRICTION, Friction, Motion
 from dynident.model.friction.base import Inputs, Number, State
 from dynident.model.kernels.compiled import kept
 from dynident.model.kernels.operations import VALUED
-from dynident.model.kernels.trace import Program, Scalar, Trace, gradient
+from dynident.model.kernels.trace import Scalar, Trace, TracedProgram, gradient
 from dynident.simulation.friction_machine import DQ, FIRST, LOAD, MOVED, OPERATIONS, RISE, STEP, TEMPERATURE, Q
 
 #: Speeds at which friction is looked at: up to the fastest, finest at standstill, in rad/s or m/s; how many intervals.
@@ -151,11 +151,11 @@ class DriveFriction:
         each = tuple((type(part), repr(part), np.any(block, axis=0).tobytes()) for part, block in self.parts)
         return "friction", each, self.drives, self.per_kelvin, self.bristles, dry
 
-    def _program(self, dry: bool) -> Program:
+    def _program(self, dry: bool) -> TracedProgram:
         """Return the torque of the smooth or of the dry friction; no output where it is zero."""
         return kept(self._key(dry), lambda: self._traced(dry, 0))
 
-    def _traced(self, dry: bool, order: int) -> Program:
+    def _traced(self, dry: bool, order: int) -> TracedProgram:
         """Return the torque of the smooth or of the dry friction, with its slopes by load and by speed up to an order.
 
         Slopes that are zero, and a torque that is, have no output.
@@ -185,7 +185,7 @@ class DriveFriction:
                 column += 1
         return total
 
-    def update(self) -> Program:
+    def update(self) -> TracedProgram:
         """Return the states after a step; slot: state."""
         trace = Trace()
         at = Inputs.of(trace, len(self.states))
@@ -217,7 +217,7 @@ def _varies(value: Number) -> bool:
 class _Layout:
     """Where a machine has inputs, states, constants, coefficients and results, for any coefficients."""
 
-    def __init__(self, friction: DriveFriction, program: Program) -> None:
+    def __init__(self, friction: DriveFriction, program: TracedProgram) -> None:
         self._values = [0.0] * FIRST + [state.start for state in friction.states]
         self._known: dict[tuple[str, float], int] = {}
         self._code, ends = self._operations(program)
@@ -236,7 +236,7 @@ class _Layout:
                 memory[row] = friction.start if name == "start" else coefficients[int(entry)]
         return self._code.copy(), memory, self._ends.copy(), self._update.copy(), self._states.copy()
 
-    def _operations(self, program: Program) -> tuple[Any, dict[int, int]]:
+    def _operations(self, program: TracedProgram) -> tuple[Any, dict[int, int]]:
         """Return the operations of a program, (K, 4), and the rows of its outputs."""
         lines, at = [], []
         for node in program.nodes:
@@ -307,7 +307,7 @@ def drive_friction(
     return DriveFriction(tuple(parts), at, per_kelvin, bristles)
 
 
-def _is_straight(program: Program) -> bool:
+def _is_straight(program: TracedProgram) -> bool:
     """Say whether the slope by the load (slot 1) depends on the sign of the load alone."""
     ahead, found = [program.outputs[1]] if 1 in program.outputs else [], True
     while ahead:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array, finite
 from dynident.case.case import Case
-from dynident.data.formats import ColumnMap, Table, open_log
+from dynident.data.formats import ColumnMap, LogTable, open_log
 from dynident.errors import BadOption
 
 #: Columns that are looked at, and rows that are shown as numbers.
@@ -115,18 +115,18 @@ def motion_of_plan(path: Path) -> dict[str, Any]:
     return {"joints": list(plan.joints), "time": time.tolist(), "q": q.tolist(), "still": {}}
 
 
-def _opened(path: Path, columns: ColumnMap | None, changed: int) -> Table:
+def _opened(path: Path, columns: ColumnMap | None, changed: int) -> LogTable:
     return _tables(path, changed, columns) if columns is not None else _by_suffix(path, changed)
 
 
 @lru_cache(maxsize=4)
-def _by_suffix(path: Path, changed: int) -> Table:
+def _by_suffix(path: Path, changed: int) -> LogTable:
     del changed
     return open_log(path)
 
 
 @lru_cache(maxsize=4)
-def _tables(path: Path, changed: int, columns: ColumnMap) -> Table:
+def _tables(path: Path, changed: int, columns: ColumnMap) -> LogTable:
     del changed
     return open_log(path, columns)
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dynident.results.report.sections import Section
+from dynident.results.report.sections import ReportSection
 from dynident.results.report.subject import Subject
 
 
 @dataclass(frozen=True)
-class Counted(Section):
+class Counted(ReportSection):
     """The number of base parameters in one sentence."""
 
     title: ClassVar = "Counted by a guest"

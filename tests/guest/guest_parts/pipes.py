@@ -10,7 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats import LogFormat, Table
+from dynident.data.formats import LogFormat, LogTable
 from dynident.data.formats.base import written_table
 from dynident.data.log import Log
 from dynident.errors import LogFormatError
@@ -20,7 +20,7 @@ _STEP = "write names and numbers with | between them"
 
 
 @dataclass(frozen=True, kw_only=True)
-class PipeTable(Table):
+class PipeTable(LogTable):
     """Rows of text, cut into cells."""
 
     cells: tuple[tuple[str, ...], ...]

@@ -18,10 +18,10 @@ from dynident.model.kernels.c_source import c99_function
 from dynident.model.kernels.compiled import Kernel, kernel, lanes
 from dynident.model.kernels.emit import Access, Buffer, Layout, llvm_assembly
 from dynident.model.kernels.recursion import TracedChain
-from dynident.model.kernels.trace import Program, Trace, cosine, sine
+from dynident.model.kernels.trace import Trace, TracedProgram, cosine, sine
 
 
-def turning() -> tuple[Program, Layout]:
+def turning() -> tuple[TracedProgram, Layout]:
     """Sine and cosine of one angle, by row."""
     trace = Trace()
     x = trace.input("x", 0)
@@ -105,7 +105,7 @@ def test_a_kernel_is_made_once_and_the_oldest_goes_first(monkeypatch: pytest.Mon
     monkeypatch.setattr(compiled, "_ready", compiled.OrderedDict())
     monkeypatch.setattr(compiled, "KEPT", 2)
 
-    def make() -> tuple[Program, Layout]:
+    def make() -> tuple[TracedProgram, Layout]:
         made.append(1)
         return turning()
 

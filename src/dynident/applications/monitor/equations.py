@@ -23,7 +23,7 @@ from dynident.model.kernels.emit import Access, Buffer, Layout
 from dynident.model.kernels.generated import LARGEST, by_sample, chain_key
 from dynident.model.kernels.inputs import kernel_choice
 from dynident.model.kernels.recursion import TracedChain
-from dynident.model.kernels.trace import Number, Program, gradient
+from dynident.model.kernels.trace import Number, TracedProgram, gradient
 
 #: Step along the motion for the change of the mass matrix where no kernel is generated, in s.
 ALONG = 1e-4
@@ -126,7 +126,7 @@ class Equations:
     def _inertial(self) -> Array:
         return self.theta[: self.model.inertial_count]
 
-    def _compiled(self) -> tuple[Program, Layout] | None:
+    def _compiled(self) -> tuple[TracedProgram, Layout] | None:
         """Return M dq, C' dq, g, C dq + g, M, and the columns of the bodies at no acceleration, as one program."""
         chain = self.model.robot.chain
         size, count = chain.joints, len(self._body_columns)

@@ -10,7 +10,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.data.evidence.positions import STILL, travel
 from dynident.data.evidence.rows import same_as_before
-from dynident.data.formats import LogFormat, Table, open_log
+from dynident.data.formats import LogFormat, LogTable, open_log
 from dynident.data.formats._table import MIN_SAMPLES
 from dynident.data.preprocessing import longest_step
 from dynident.errors import LogFormatError
@@ -58,7 +58,7 @@ class LogReading:
         return float(self.time[-1] - self.time[0])
 
 
-def opened(path: str, form: LogFormat | None = None) -> Table:
+def opened(path: str, form: LogFormat | None = None) -> LogTable:
     """Return the columns of a log file, its rows not read yet.
 
     Raises:
@@ -68,7 +68,7 @@ def opened(path: str, form: LogFormat | None = None) -> Table:
     return open_log(path) if form is None else form.open(path)
 
 
-def read_rows(table: Table, time: str, columns: Mapping[str, Sequence[str]]) -> LogReading:
+def read_rows(table: LogTable, time: str, columns: Mapping[str, Sequence[str]]) -> LogReading:
     """Return the rows of a log that can be used, and what is wrong with the others.
 
     Args:
@@ -106,7 +106,7 @@ def read_rows(table: Table, time: str, columns: Mapping[str, Sequence[str]]) -> 
     )
 
 
-def _head(table: Table, names: Sequence[str]) -> tuple[Array, bool]:
+def _head(table: LogTable, names: Sequence[str]) -> tuple[Array, bool]:
     """Return some columns of the first rows of a log, and whether there are more."""
     parts, rows = list[Array](), 0
     for values in table.batches(names, 1 << 16):

@@ -26,7 +26,7 @@ from dynident.case.draft.yaml_words import listed, quoted
 from dynident.data.evidence.positions import STILL, strays, travel
 from dynident.data.evidence.torques import torque_evidence
 from dynident.data.evidence.velocities import is_near, velocity_pair
-from dynident.data.formats import Table
+from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import SUM, TimedTable
 from dynident.data.formats.base import UNITS
 from dynident.data.turns import jumps_of_a_turn, turns_counted
@@ -39,7 +39,7 @@ CUTOFF_FACTOR = 10.0
 LEAST_CUTOFF, LARGEST_SHARE = 2.0, 0.2
 
 
-def recognised(robot: Robot, tables: Sequence[Table], profile: str = "") -> Recognised:
+def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> Recognised:
     """Return what is recognised in the logs of a robot.
 
     Args:

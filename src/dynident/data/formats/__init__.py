@@ -8,7 +8,7 @@ from dynident.data.formats._clocked_table import clocked
 from dynident.data.formats._live_table import live_rows
 from dynident.data.formats._simulated_bag import numbered
 from dynident.data.formats._stream import LogStream
-from dynident.data.formats._table import LARGE, Table, bytes_of, log_of
+from dynident.data.formats._table import LARGE, LogTable, bytes_of, log_of
 from dynident.data.formats._unrepeated_table import unrepeated
 from dynident.data.formats.base import ColumnMap, LogFormat, Units, written_columns
 from dynident.data.log import Log
@@ -23,7 +23,7 @@ __all__ = [
     "ColumnMap",
     "LogFormat",
     "LogStream",
-    "Table",
+    "LogTable",
     "Units",
     "bytes_of",
     "live_rows",
@@ -73,7 +73,7 @@ def stream_log(path: str | Path, columns: ColumnMap | None = None, *, folder: Pa
     return LogStream(table, chosen.resolved(table.header, table.path, table.line), folder)
 
 
-def open_log(path: str | Path, columns: ColumnMap | None = None) -> Table:
+def open_log(path: str | Path, columns: ColumnMap | None = None) -> LogTable:
     """Return the table of a log file, with its faults: its values are read but not checked.
 
     Args:
@@ -114,7 +114,7 @@ def write_log(log: Log, path: str | Path, *, form: str | LogFormat | None = None
     _chosen(path, form).write(log, path)
 
 
-def _as_mapped(table: Table, columns: ColumnMap) -> Table:
+def _as_mapped(table: LogTable, columns: ColumnMap) -> LogTable:
     """Return the table with the time, and without the rows, that a map of columns says."""
     return unrepeated(clocked(numbered(table, columns), columns), columns)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, Table
+from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, LogTable
 from dynident.errors import FileError, LogFormatError
 from dynident.files import sha256_of, unreadable
 
@@ -24,7 +24,7 @@ MAX_WIDTH = 256
 
 
 @dataclass(frozen=True)
-class Place:
+class ArrayPlace:
     """Where a column stands: an array, and an index of its second (``across``) or first dimension; None in a vector."""
 
     array: str
@@ -33,7 +33,7 @@ class Place:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ArrayTable(Table):
+class ArrayTable(LogTable):
     """Columns out of named arrays that are loaded when they are asked for.
 
     Attributes:
@@ -44,13 +44,13 @@ class ArrayTable(Table):
             None.
     """
 
-    places: Mapping[str, Place]
+    places: Mapping[str, ArrayPlace]
     load: Callable[[str], Array]
     rows: int = 0
     parts: Callable[[str, int], Iterator[Array]] | None = None
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`Table.columns`."""
+        """Return some columns; see :meth:`LogTable.columns`."""
         if self.rows * len(names) > MAX_CELLS:
             evidence = f"{self.rows:,} rows of {len(names)} columns, more than are read at once"
             raise LogFormatError(self.path, None, evidence, TOO_LARGE)
@@ -72,7 +72,7 @@ class ArrayTable(Table):
         return np.stack(found, axis=1)
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Yield some columns in blocks; see :meth:`Table.batches`."""
+        """Yield some columns in blocks; see :meth:`LogTable.batches`."""
         if self.parts is None:
             return (yield from super().batches(names, rows))
         places = [self.places[name] for name in names]
@@ -85,7 +85,7 @@ class ArrayTable(Table):
 
 def columns_of(
     path: str | Path, shapes: Mapping[str, tuple[int, ...]], number_vectors: bool
-) -> tuple[dict[str, Place], int]:
+) -> tuple[dict[str, ArrayPlace], int]:
     """Return the columns of a file of arrays, and the number of their rows.
 
     A vector of N numbers is a column of its own name; an array (N, k) or (k, N) is the columns name1, ..., namek. N is
@@ -106,17 +106,17 @@ def columns_of(
         raise LogFormatError(path, None, "it holds no arrays of numbers over time", step)
     most = max(lengths.values())
     count = _rows_by_vectors(shapes, max(length for length, times in lengths.items() if times == most))
-    found: dict[str, Place] = {}
+    found: dict[str, ArrayPlace] = {}
     for name, shape in shapes.items():
         if len(shape) == 1 and shape[0] == count:
-            found[name] = Place(name)
+            found[name] = ArrayPlace(name)
         elif len(shape) == 2 and count in shape:
             across = shape[0] == count
             width = shape[1] if across else shape[0]
             if width > MAX_WIDTH:
                 continue
             single = width == 1 and not number_vectors
-            found |= {name if single else f"{name}{k + 1}": Place(name, k, across) for k in range(width)}
+            found |= {name if single else f"{name}{k + 1}": ArrayPlace(name, k, across) for k in range(width)}
     return found, count
 
 

@@ -16,7 +16,7 @@ from dynident.data.formats._arrays import checked_file
 from dynident.data.formats._bag_decoding import Decoder
 from dynident.data.formats._bag_definitions import check_arrays, check_texts, common_types
 from dynident.data.formats._bag_messages import Numbers
-from dynident.data.formats._mcap_salvage import Channel, is_cut, salvaged
+from dynident.data.formats._mcap_salvage import McapChannel, is_cut, salvaged
 from dynident.errors import BadOption, FileError, LogFormatError, MissingDependency
 from dynident.files import unreadable
 
@@ -123,7 +123,7 @@ class BagSource:
                 yield connection.topic, received, decode(data, connection.topic, connection.msgtype)
 
     def _salvaged(self, topics: Collection[str]) -> Iterator[tuple[str, int, Numbers]]:
-        known: set[Channel] = set()
+        known: set[McapChannel] = set()
         store = _rosbags().get_typestore(_rosbags().Stores.EMPTY)
         decode = Decoder(store.deserialize_cdr)
         for channel, received, data in salvaged(self.place):
@@ -243,7 +243,7 @@ def _named_release(place: Path) -> str:
     return ""
 
 
-def _types(channel: Channel) -> Any:
+def _types(channel: McapChannel) -> Any:
     typesys = _rosbags()
     if channel.encoding == "ros2msg":
         return typesys.get_types_from_msg(channel.definition, channel.msgtype)

@@ -16,7 +16,7 @@ from dynident.data.formats._alignment import TIME, Series, aligned, chosen, unus
 from dynident.data.formats._bag_messages import Layout, columns_of
 from dynident.data.formats._bag_source import BagSource
 from dynident.data.formats._bag_stream import MOST_BACK, Held
-from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, Table
+from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, LogTable
 from dynident.data.formats.base import shown
 from dynident.errors import LogFormatError
 
@@ -28,7 +28,7 @@ _MOST_NOT_FINITE = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class BagTable(Table):
+class BagTable(LogTable):
     """Columns out of messages of a recording, decoded when they are asked for.
 
     Attributes:
@@ -44,11 +44,11 @@ class BagTable(Table):
     rereads: ClassVar = False
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`Table.columns`."""
+        """Return some columns; see :meth:`LogTable.columns`."""
         return self.read(names)[0]
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
-        """Return some columns and what was done to get them; see :meth:`Table.read`.
+        """Return some columns and what was done to get them; see :meth:`LogTable.read`.
 
         The rows are those of the messages that carry most of the columns. Columns of other messages are taken at the
         same stamps, by linear interpolation where they have others.
@@ -69,7 +69,7 @@ class BagTable(Table):
         return np.stack([places[name] for name in names], axis=1), tuple(notes)
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Yield some columns in blocks; see :meth:`Table.batches`.
+        """Yield some columns in blocks; see :meth:`LogTable.batches`.
 
         Where no message carries all columns, messages are put together at their stamps, which takes all rows at once.
         """

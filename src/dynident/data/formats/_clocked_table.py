@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import Blocks, Table
+from dynident.data.formats._table import Blocks, LogTable
 from dynident.data.formats._units import UNITS
 from dynident.data.formats.base import ColumnMap, missing_column
 from dynident.errors import BadOption, LogFormatError
@@ -24,7 +24,7 @@ SUM = re.compile(r"(.+) (s|ms|us|ns) \+ (.+) (s|ms|us|ns)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class TimedTable(Table):
+class TimedTable(LogTable):
     """A table with one column more: the time, in s.
 
     Attributes:
@@ -32,7 +32,7 @@ class TimedTable(Table):
         clock: Name of the added column, as the map of columns states it.
     """
 
-    inner: Table
+    inner: LogTable
     clock: str
 
     rereads: ClassVar = False
@@ -47,18 +47,18 @@ class TimedTable(Table):
         """Return the time of rows in s, shape (rows,); ``columns`` are those of the file that were read for them."""
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`Table.columns`."""
+        """Return some columns; see :meth:`LogTable.columns`."""
         inside = self._inside(names)
         return self._timed(self.inner.columns(inside), inside, names, 0)
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
-        """Return some columns and what was done; see :meth:`Table.read`."""
+        """Return some columns and what was done; see :meth:`LogTable.read`."""
         inside = self._inside(names)
         values, notes = self.inner.read(inside)
         return self._timed(values, inside, names, 0), notes
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Yield some columns in blocks; see :meth:`Table.batches`."""
+        """Yield some columns in blocks; see :meth:`LogTable.batches`."""
         inside, start = self._inside(names), 0
         blocks = self.inner.batches(inside, rows)
         while True:
@@ -70,7 +70,7 @@ class TimedTable(Table):
             start += len(values)
 
     def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
-        """Return the error to raise for a row; see :meth:`Table.fault`."""
+        """Return the error to raise for a row; see :meth:`LogTable.fault`."""
         return self.inner.fault(row, evidence, step)
 
     def _inside(self, names: Sequence[str]) -> list[str]:
@@ -132,7 +132,7 @@ def _seconds(unit: str) -> float:
     return numerator / denominator
 
 
-def clocked(table: Table, columns: ColumnMap) -> Table:
+def clocked(table: LogTable, columns: ColumnMap) -> LogTable:
     """Return a table with a column of the time, where the map of columns states a rate or a sum in its place.
 
     Raises:
@@ -160,7 +160,7 @@ def clocked(table: Table, columns: ColumnMap) -> Table:
     return with_clock(table, columns.time, rate)
 
 
-def with_clock(table: Table, clock: str, rate: float) -> ClockedTable:
+def with_clock(table: LogTable, clock: str, rate: float) -> ClockedTable:
     """Return a table with a column of the time called ``clock``, at ``rate`` rows a second."""
     return ClockedTable(
         path=table.path,
@@ -174,7 +174,7 @@ def with_clock(table: Table, clock: str, rate: float) -> ClockedTable:
     )
 
 
-def with_sum(table: Table, clock: str, parts: tuple[tuple[str, str], tuple[str, str]]) -> SummedTimeTable:
+def with_sum(table: LogTable, clock: str, parts: tuple[tuple[str, str], tuple[str, str]]) -> SummedTimeTable:
     """Return a table with a column of the time called ``clock``, the sum of two columns in units of their own."""
     return SummedTimeTable(
         path=table.path,

@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import Blocks, Checked, Table, names_of
+from dynident.data.formats._table import Blocks, Checked, LogTable, names_of
 from dynident.data.formats._text_header import cells_of, delimiter_of
 from dynident.data.formats.base import ColumnMap, shown
 from dynident.data.log import Log
@@ -48,7 +48,7 @@ def live_rows(lines: Iterable[str], columns: ColumnMap) -> Iterator[Log]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _LiveTable(Table):
+class _LiveTable(LogTable):
     """Lines as they come, each read once."""
 
     first: str

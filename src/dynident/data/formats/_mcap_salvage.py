@@ -22,7 +22,7 @@ _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 
 
 @dataclass(frozen=True)
-class Channel:
+class McapChannel:
     """What a channel of the file carries.
 
     Attributes:
@@ -51,10 +51,10 @@ def is_cut(path: Path) -> bool:
         return start == MAGIC and (size < 2 * len(MAGIC) or stream.read() != MAGIC)
 
 
-def salvaged(path: Path) -> Iterator[tuple[Channel, int, bytes]]:
+def salvaged(path: Path) -> Iterator[tuple[McapChannel, int, bytes]]:
     """Yield channel, receive time in ns and content of every message up to the first record that is not whole."""
     schemas: dict[int, tuple[str, str, str]] = {}
-    channels: dict[int, Channel] = {}
+    channels: dict[int, McapChannel] = {}
     with open(path, "rb") as stream:
         size = stream.seek(0, io.SEEK_END)
         stream.seek(len(MAGIC))
@@ -136,11 +136,11 @@ def _read_schema(content: bytes, schemas: dict[int, tuple[str, str, str]]) -> No
     schemas[key] = name, encoding, definition
 
 
-def _read_channel(content: bytes, schemas: dict[int, tuple[str, str, str]], channels: dict[int, Channel]) -> None:
+def _read_channel(content: bytes, schemas: dict[int, tuple[str, str, str]], channels: dict[int, McapChannel]) -> None:
     key, schema = struct.unpack_from("<HH", content)
     topic, _ = _text(content, 4)
     if schema in schemas:
-        channels[key] = Channel(topic, *schemas[schema])
+        channels[key] = McapChannel(topic, *schemas[schema])
 
 
 def _text(content: bytes, at: int) -> tuple[str, int]:

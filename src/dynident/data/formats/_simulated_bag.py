@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from dynident.arrays import Array
 from dynident.data.formats._bag_table import BagTable
-from dynident.data.formats._table import Blocks, Table
+from dynident.data.formats._table import Blocks, LogTable
 from dynident.data.formats.base import NUMBERED, ColumnMap
 from dynident.errors import LogFormatError
 
@@ -24,7 +24,7 @@ _WORDS = {"q": "position", "dq": "velocity", "torque": "effort"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class RenamedTable(Table):
+class RenamedTable(LogTable):
     """A table with other names for some columns.
 
     Attributes:
@@ -32,32 +32,32 @@ class RenamedTable(Table):
         own: Names in the file, by those in the header.
     """
 
-    inner: Table
+    inner: LogTable
     own: Mapping[str, str]
 
     rereads: ClassVar = False
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`Table.columns`."""
+        """Return some columns; see :meth:`LogTable.columns`."""
         return self.inner.columns(self._inside(names))
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
-        """Return some columns and what was done; see :meth:`Table.read`."""
+        """Return some columns and what was done; see :meth:`LogTable.read`."""
         return self.inner.read(self._inside(names))
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Return some columns in blocks; see :meth:`Table.batches`."""
+        """Return some columns in blocks; see :meth:`LogTable.batches`."""
         return self.inner.batches(self._inside(names), rows)
 
     def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
-        """Return the error to raise for a row; see :meth:`Table.fault`."""
+        """Return the error to raise for a row; see :meth:`LogTable.fault`."""
         return self.inner.fault(row, evidence, step)
 
     def _inside(self, names: Sequence[str]) -> list[str]:
         return [self.own.get(name, name) for name in names]
 
 
-def numbered(table: Table, columns: ColumnMap) -> Table:
+def numbered(table: LogTable, columns: ColumnMap) -> LogTable:
     """Return a table with numbered names, where the virtual cell wrote it and the map of columns names no positions."""
     if not isinstance(table, BagTable) or columns.q is not None or table.source.frame(table.topics[0]) != FRAME:
         return table

@@ -12,7 +12,7 @@ from typing import IO, Generic, TypeVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import Blocks, Checked, Table, names_of
+from dynident.data.formats._table import Blocks, Checked, LogTable, names_of
 from dynident.data.formats.base import ColumnMap
 from dynident.data.log import Log, Source
 from dynident.files import written_for_a_while
@@ -49,7 +49,7 @@ class LogStream:
         folder: Where the temporary file is; None for the system's folder for such files.
     """
 
-    table: Table
+    table: LogTable
     columns: ColumnMap
     folder: Path | None = None
     _kept: list[_Kept] = field(default_factory=list, init=False, repr=False, compare=False)

@@ -36,7 +36,7 @@ Blocks: TypeAlias = Generator[Array, None, tuple[str, ...]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table(ABC):
+class LogTable(ABC):
     """A file whose bytes are sound and whose columns are known; its rows are read by :meth:`columns`.
 
     Attributes:
@@ -90,7 +90,7 @@ class Table(ABC):
         return LogFormatError(self.path, None, f"row {row + 1}: {evidence}", step)
 
 
-def log_of(table: Table, columns: ColumnMap) -> Log:
+def log_of(table: LogTable, columns: ColumnMap) -> Log:
     """Return the log that a map of columns makes of a table, in SI units.
 
     Raises:
@@ -123,7 +123,7 @@ class Checked:
         rows: Rows seen so far.
     """
 
-    def __init__(self, table: Table, columns: ColumnMap) -> None:
+    def __init__(self, table: LogTable, columns: ColumnMap) -> None:
         self.rows = 0
         self._table, self._columns, self._names = table, columns, names_of(columns)
         self._last: float | None = None

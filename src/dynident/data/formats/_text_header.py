@@ -28,7 +28,7 @@ _SEPARATOR = re.compile(r"sep=(.)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
-class Layout:
+class TextLayout:
     """Where the header of a text table is and how it reads.
 
     Attributes:
@@ -54,7 +54,7 @@ class _Line:
     text: str
 
 
-def find_header(path: str | Path, decimal: str) -> Layout:
+def find_header(path: str | Path, decimal: str) -> TextLayout:
     """Return where the header of a text file stands.
 
     It is the first line that is no comment; or, where most of the next lines have another number of cells, the first
@@ -72,7 +72,7 @@ def find_header(path: str | Path, decimal: str) -> Layout:
         inside = _names(comment.text.lstrip("#%"), delimiter_of([comment.text.lstrip("#%")], decimal, stated))
         if len(inside) == len(names) and not any(_is_number(name, decimal) for name in inside):
             note = ", its header in a comment"
-            return Layout(comment.number, inside, delimiter, first.number - 1, comment.text, note)
+            return TextLayout(comment.number, inside, delimiter, first.number - 1, comment.text, note)
     shown = comment.text if comment is not None else ""
     alike = sum(len(cells_of(line.text, delimiter)) == len(names) for line in lines)
     if len(names) == 1 or 2 * alike < len(lines):
@@ -81,11 +81,11 @@ def find_header(path: str | Path, decimal: str) -> Layout:
             if found is not None:
                 number = lines[k].number
                 note = f", {k} lines before the header passed over"
-                return Layout(number, *found, number, shown, note)
-    return Layout(first.number, names, delimiter, first.number, shown)
+                return TextLayout(number, *found, number, shown, note)
+    return TextLayout(first.number, names, delimiter, first.number, shown)
 
 
-def headless(path: str | Path, decimal: str, names: Sequence[str]) -> Layout:
+def headless(path: str | Path, decimal: str, names: Sequence[str]) -> TextLayout:
     """Return the layout of a text file that begins with its first row of numbers.
 
     Raises:
@@ -101,7 +101,7 @@ def headless(path: str | Path, decimal: str, names: Sequence[str]) -> Layout:
     if words:
         step = "the file has a header: leave the names out, or map its columns with columns:"
         raise LogFormatError(path, first.number, f"'{words[0]}' in the first row is no number", step)
-    return Layout(first.number, tuple(names), delimiter, first.number - 1, note=", its columns named by the case")
+    return TextLayout(first.number, tuple(names), delimiter, first.number - 1, note=", its columns named by the case")
 
 
 def cells_of(text: str, delimiter: str | None) -> list[str]:

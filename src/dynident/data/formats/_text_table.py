@@ -17,12 +17,12 @@ from typing import ClassVar, TextIO
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._table import TOO_LARGE, Blocks, Table
+from dynident.data.formats._table import TOO_LARGE, Blocks, LogTable
 from dynident.data.formats._text_header import (
     DELIMITERS,
     ENCODING,
     NUMBER,
-    Layout,
+    TextLayout,
     cells_of,
     find_header,
     headless,
@@ -43,7 +43,7 @@ _DATE = re.compile(r"\d{4}-\d\d-\d\d|\d{1,2}[./]\d{1,2}[./]\d{2,4}|\d{1,2}:\d\d:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TextTable(Table):
+class TextTable(LogTable):
     """A text file whose bytes are sound and whose header is known; the rows are read by :meth:`columns`.
 
     Attributes:
@@ -75,7 +75,7 @@ class TextTable(Table):
         return values
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Yield some columns in blocks; see :meth:`Table.batches`."""
+        """Yield some columns in blocks; see :meth:`LogTable.batches`."""
         wanted = [self.header.index(name) for name in names]
         some = False
         with _opened(self.path) as stream:
@@ -110,7 +110,7 @@ class TextTable(Table):
         return values if len(values) else np.empty((0, len(self.header)))
 
     def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
-        """Return the error to raise for a row, with its line; see :meth:`Table.fault`."""
+        """Return the error to raise for a row, with its line; see :meth:`LogTable.fault`."""
         return LogFormatError(self.path, self.line_of(row), evidence, step)
 
     def line_of(self, row: int) -> int:
@@ -282,7 +282,7 @@ def _check_bytes(path: str | Path) -> str:
     return digest.hexdigest()
 
 
-def _check_header(path: str | Path, layout: Layout) -> None:
+def _check_header(path: str | Path, layout: TextLayout) -> None:
     header, line = layout.header, layout.line
     if len(header) > MAX_COLUMNS:
         raise LogFormatError(path, line, f"{len(header)} columns", f"at most {MAX_COLUMNS} are read")

@@ -9,13 +9,13 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.data.formats._table import Blocks, Table
+from dynident.data.formats._table import Blocks, LogTable
 from dynident.data.formats.base import ColumnMap
 from dynident.errors import LogFormatError
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnrepeatedTable(Table):
+class UnrepeatedTable(LogTable):
     """A table without the rows whose time and values are those of the row before.
 
     Attributes:
@@ -23,18 +23,18 @@ class UnrepeatedTable(Table):
         clock: Its column of the time, which is compared along with whatever is read.
     """
 
-    inner: Table
+    inner: LogTable
     clock: str
     _left_out: list[int] = field(default_factory=list, init=False, repr=False, compare=False)
 
     rereads: ClassVar = False
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`Table.columns`."""
+        """Return some columns; see :meth:`LogTable.columns`."""
         return self.read(names)[0]
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
-        """Return some columns and what was done; see :meth:`Table.read`."""
+        """Return some columns and what was done; see :meth:`LogTable.read`."""
         inside = self._inside(names)
         values, notes = self.inner.read(inside)
         same = _repeats(values)
@@ -42,7 +42,7 @@ class UnrepeatedTable(Table):
         return values[~same][:, : len(names)], (*notes, *self._note())
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Yield some columns in blocks; see :meth:`Table.batches`."""
+        """Yield some columns in blocks; see :meth:`LogTable.batches`."""
         blocks, start, before = self.inner.batches(self._inside(names), rows), 0, None
         self._left_out.clear()
         while True:
@@ -57,7 +57,7 @@ class UnrepeatedTable(Table):
                 yield values[~same][:, : len(names)]
 
     def fault(self, row: int, evidence: str, step: str) -> LogFormatError:
-        """Return the error to raise for a row of those that are left; see :meth:`Table.fault`."""
+        """Return the error to raise for a row of those that are left; see :meth:`LogTable.fault`."""
         kept_before = np.asarray(self._left_out) - np.arange(len(self._left_out))
         return self.inner.fault(row + int(np.searchsorted(kept_before, row, side="right")), evidence, step)
 
@@ -78,7 +78,7 @@ def _repeats(values: Array, before: Array | None = None) -> BoolArray:
     return same
 
 
-def unrepeated(table: Table, columns: ColumnMap) -> Table:
+def unrepeated(table: LogTable, columns: ColumnMap) -> LogTable:
     """Return a table without repeated rows, where the map of columns says so."""
     if columns.repeats != "drop":
         return table

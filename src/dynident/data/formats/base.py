@@ -20,7 +20,7 @@ from dynident.data.turns import turns_counted
 from dynident.errors import BadOption, LogFormatError, LogMismatch, nearest
 
 if TYPE_CHECKING:
-    from dynident.data.formats._table import Table
+    from dynident.data.formats._table import LogTable
 
 #: Default column names: the signal's word and the number of the joint, counted from 1.
 NUMBERED = {
@@ -279,7 +279,7 @@ class LogFormat(ABC):
         return os.fspath(path).rstrip(os.sep).lower().endswith(cls.suffixes)
 
     @abstractmethod
-    def open(self, path: str | Path) -> Table:
+    def open(self, path: str | Path) -> LogTable:
         """Return the columns of a file, its rows not read yet.
 
         Raises:

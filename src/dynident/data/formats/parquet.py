@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.formats._arrays import MAX_WIDTH, Place, checked_file
-from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, Table
+from dynident.data.formats._arrays import MAX_WIDTH, ArrayPlace, checked_file
+from dynident.data.formats._table import MAX_CELLS, TOO_LARGE, Blocks, LogTable
 from dynident.data.formats.base import LogFormat, written_table
 from dynident.data.log import Log
 from dynident.errors import LogFormatError, MissingDependency
@@ -24,7 +24,7 @@ _BATCH, _BUFFER = 1 << 16, 1 << 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class ParquetTable(Table):
+class ParquetTable(LogTable):
     """Columns of a Parquet file, read in batches of rows.
 
     Attributes:
@@ -33,10 +33,10 @@ class ParquetTable(Table):
     """
 
     rows: int
-    places: Mapping[str, Place]
+    places: Mapping[str, ArrayPlace]
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`Table.columns`."""
+        """Return some columns; see :meth:`LogTable.columns`."""
         if self.rows * len(names) > MAX_CELLS:
             evidence = f"{self.rows:,} rows of {len(names)} columns, more than are read at once"
             raise LogFormatError(self.path, None, evidence, TOO_LARGE)
@@ -50,7 +50,7 @@ class ParquetTable(Table):
         return found
 
     def batches(self, names: Sequence[str], rows: int) -> Blocks:
-        """Yield some columns in blocks; see :meth:`Table.batches`. Memory holds one block and its pages."""
+        """Yield some columns in blocks; see :meth:`LogTable.batches`. Memory holds one block and its pages."""
         places, start = [self.places[name] for name in names], 0
         file = _opened(self.path, _BUFFER)
         for batch in _batches(self.path, file, rows, list(dict.fromkeys(p.array for p in places))):
@@ -121,19 +121,19 @@ class Parquet(LogFormat):
         write_atomically(path, sink.getvalue().to_pybytes())
 
 
-def _places(path: str | Path, file: Any) -> dict[str, Place]:
+def _places(path: str | Path, file: Any) -> dict[str, ArrayPlace]:
     """Return where the columns of numbers stand."""
     import pyarrow as pa
 
-    found: dict[str, Place] = {}
+    found: dict[str, ArrayPlace] = {}
     for item in file.schema_arrow:
         kind = item.type
         if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_timestamp(kind):
-            found[item.name] = Place(item.name)
+            found[item.name] = ArrayPlace(item.name)
         elif _is_list(kind) and (pa.types.is_integer(kind.value_type) or pa.types.is_floating(kind.value_type)):
             width = kind.list_size if pa.types.is_fixed_size_list(kind) else _first_length(path, file, item.name)
             if 0 < width <= MAX_WIDTH:
-                found |= {f"{item.name}{k + 1}": Place(item.name, k) for k in range(width)}
+                found |= {f"{item.name}{k + 1}": ArrayPlace(item.name, k) for k in range(width)}
     return found
 
 

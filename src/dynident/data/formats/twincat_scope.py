@@ -11,7 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.formats._alignment import TIME, Series, aligned, chosen
-from dynident.data.formats._table import Table
+from dynident.data.formats._table import LogTable
 from dynident.data.formats._text_header import DELIMITERS, ENCODING, NUMBER, cells_of
 from dynident.data.formats._text_table import check_text
 from dynident.data.formats.base import LogFormat, shown
@@ -24,7 +24,7 @@ _STEP = "export the recording from TwinCAT Scope as CSV, with its header"
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScopeTable(Table):
+class ScopeTable(LogTable):
     """Channels of an export, each with its own time in ms.
 
     Attributes:
@@ -40,11 +40,11 @@ class ScopeTable(Table):
     before: int
 
     def columns(self, names: Sequence[str]) -> Array:
-        """Return some columns; see :meth:`Table.columns`."""
+        """Return some columns; see :meth:`LogTable.columns`."""
         return self.read(names)[0]
 
     def read(self, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
-        """Return some columns and what was done to get them; see :meth:`Table.read`.
+        """Return some columns and what was done to get them; see :meth:`LogTable.read`.
 
         The rows are those of the channels that share one time most often; others are interpolated linearly.
         """

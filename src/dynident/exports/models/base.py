@@ -12,7 +12,7 @@ from dynident.exports.base import Exporter, Proof
 from dynident.exports.models.proving.proof import Reloaded, proofs_of
 from dynident.exports.models.subject.drives import Term
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States, states_of
+from dynident.exports.models.subject.states import StateSet, states_of
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class ModelExporter(Exporter[Identified, ModelContent]):
         """
 
     @abstractmethod
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         """Load the files again in every engine that reads them and return the torques that each gives.
 
         Args:

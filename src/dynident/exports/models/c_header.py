@@ -11,7 +11,7 @@ from dynident.exports.c_compiler import NoCompilerRuns, find_compiler
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.c_proof import run_header
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.c_text import check_names, header_text, prefix_of
 from dynident.exports.models.writing.document import base_torque
 
@@ -50,7 +50,7 @@ class CHeader(ModelExporter):
         ]
         return ModelContent({path: text.encode("ascii")}, (), tuple(own))
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         compiler = find_compiler()
         if compiler is None:
             yield Reloaded("C compiler", why_not="none of cc, gcc, clang is on the path; set CC to name another")

@@ -13,7 +13,7 @@ import numpy as np
 
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.casadi_text import casadi_text
 from dynident.exports.names_in_files import module_notes
 
@@ -33,7 +33,7 @@ class Casadi(ModelExporter):
         notes += module_notes(path, "casadi")
         return ModelContent({path: casadi_text(subject).encode("ascii")}, (), tuple(notes))
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         path = folder / next(iter(content.files)).name
         space: dict[str, Any] = {"__name__": "dynident_export"}
         exec(compile(path.read_bytes(), str(path.name), "exec"), space)  # what was just written, names as literals

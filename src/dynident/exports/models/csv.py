@@ -14,7 +14,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.identified import NONE, Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import base_torque
 from dynident.exports.models.writing.xml_text import number
 from dynident.identification.consistency.labels import labels_of
@@ -63,7 +63,7 @@ class CsvParameters(ModelExporter):
             files[path.with_name(f"{path.stem}-standard{path.suffix}")] = _standard(subject)
         return ModelContent(files, (), tuple(notes))
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         paths = [folder / file.name for file in content.files]
         own, motion = subject.estimate, states.motion
         beta = _column(paths[0], 1)

@@ -17,7 +17,7 @@ from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.sdf_proof import sdf_by_drake, sdf_by_reader
 from dynident.exports.models.subject.drives import Drives, Term, drives_of, simulated_term
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, left_out, place_beside
 from dynident.exports.models.writing.sdf_text import base_name, base_note, sdf_text
 from dynident.exports.names_in_files import comment_text
@@ -58,7 +58,7 @@ class Drake(ModelExporter):
             notes.append("joints that follow another move freely")
         return ModelContent(files, (*_dry_terms(drives), *left_out(drives, armature=True, coupled=False)), tuple(notes))
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         path = folder / next(iter(content.files)).name
         yield sdf_by_reader(subject, _sdf_place(path), states)
         yield sdf_by_drake(subject, path, states, self._package(path))

@@ -13,7 +13,7 @@ from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.fmu_proof import proofs_of_unit
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.c_text import check_names, prefix_of
 from dynident.exports.models.writing.document import document_bytes
 from dynident.exports.models.writing.fmu_text import archive, built, platform_tuple, unit_files
@@ -53,7 +53,7 @@ class Fmu(ModelExporter):
         ]
         return ModelContent({path: archive(files)}, (), tuple(notes))
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         yield from proofs_of_unit(subject, next(iter(content.files.values())), folder, states)
 
 

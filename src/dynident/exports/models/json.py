@@ -10,7 +10,7 @@ from typing import ClassVar
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import base_torque, document_bytes, read_document
 
 
@@ -25,7 +25,7 @@ class Json(ModelExporter):
     def content(self, subject: Identified, path: Path) -> ModelContent:
         return ModelContent({path: document_bytes(subject, drives_of(subject))}, (), ())
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         model, values, standard = read_document(folder / next(iter(content.files)).name)
         own, motion = subject.estimate, states.motion
         if standard:

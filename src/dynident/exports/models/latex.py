@@ -12,7 +12,7 @@ import numpy as np
 
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import base_torque
 
 _ESCAPES = {
@@ -65,7 +65,7 @@ class Latex(ModelExporter):
         notes = (f"values have {self.digits} digits; the tables of the exporter csv have all",)
         return ModelContent({path: ("\n".join(lines) + "\n").encode("ascii")}, (), notes)
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         rows = (folder / next(iter(content.files)).name).read_text(encoding="ascii").splitlines()[5:-2]
         beta = np.array([_read(_cells(row)[2]) for row in rows])
         own, motion = subject.estimate, states.motion

@@ -15,7 +15,7 @@ from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.engines import mujoco_torque, mujoco_version, pinocchio_torque, pinocchio_version
 from dynident.exports.models.subject.drives import Drives, drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
 from dynident.exports.models.writing.xml_text import checked_names, number, numbers, quaternion, unused_name
 from dynident.model.parameters import to_mujoco_fullinertia
@@ -48,7 +48,7 @@ class Mjcf(ModelExporter):
             notes.append("frictionloss is regularised by MuJoCo's solver: solreffriction and solimpfriction set how")
         return ModelContent(files, left, (*notes, *sharp_note(drives, "MJCF")))
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         path = folder / next(iter(content.files)).name
         drives = drives_of(subject)
         rigid = rigid_torque(subject, states.motion)

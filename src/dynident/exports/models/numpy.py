@@ -13,7 +13,7 @@ from dynident.arrays import Array, IntArray
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States, states_of
+from dynident.exports.models.subject.states import StateSet, states_of
 from dynident.exports.models.writing.c_friction import drive_terms
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.exports.models.writing.numpy_template import SOURCE
@@ -73,7 +73,7 @@ class Numpy(ModelExporter):
             text = text.replace(f"@{name}@", str(value))
         return ModelContent({path: text.encode("ascii")}, (), module_notes(path, "numpy"))
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         path = folder / next(iter(content.files)).name
         space: dict[str, Any] = {"__name__": "dynident_export"}
         exec(compile(path.read_bytes(), str(path.name), "exec"), space)  # what was just written, names as literals

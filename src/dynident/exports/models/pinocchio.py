@@ -15,7 +15,7 @@ from dynident.exports.models.proving.engines import pinocchio_torque, pinocchio_
 from dynident.exports.models.proving.urdf_proof import locked_of, stated_friction
 from dynident.exports.models.subject.drives import Drives, drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
 from dynident.exports.models.writing.urdf import written_urdf
 from dynident.model.robot import Robot
@@ -49,7 +49,7 @@ class Pinocchio(ModelExporter):
         left = left_out(drives, armature=True, coupled=False)
         return ModelContent(files, left, (*notes, *own, *sharp_note(drives, "Pinocchio")))
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         path, settings, _ = (folder / file.name for file in content.files)
         name = pinocchio_version()
         if not name:

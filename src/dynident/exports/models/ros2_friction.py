@@ -15,7 +15,7 @@ from dynident.errors import BadOption
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.names_in_files import ros_names
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
@@ -71,7 +71,7 @@ class Ros2Friction(ModelExporter):
             notes = ()
         return ModelContent({path: ("\n".join(lines) + "\n").encode("ascii")}, (), notes)
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         data: Any = yaml.safe_load((folder / next(iter(content.files)).name).read_bytes())
         facts = data[self.node]["ros__parameters"]
         model = subject.model

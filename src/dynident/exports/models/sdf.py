@@ -11,7 +11,7 @@ from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.sdf_proof import sdf_by_drake, sdf_by_reader
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
 from dynident.exports.models.writing.sdf_text import base_note, sdf_text
 
@@ -39,7 +39,7 @@ class Sdf(ModelExporter):
         left = left_out(drives, armature=True, coupled=False)
         return ModelContent(files, left, (*notes, *sharp_note(drives, "SDF")))
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         path = folder / next(iter(content.files)).name
         yield sdf_by_reader(subject, path, states)
         yield sdf_by_drake(subject, path, states)

@@ -11,7 +11,7 @@ from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.urdf_proof import reload_urdf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
 from dynident.exports.models.writing.urdf import written_urdf
 
@@ -40,6 +40,6 @@ class UrdfModel(ModelExporter):
         left = left_out(drives, armature=False, coupled=False)
         return ModelContent(files, left, (*notes, *sharp_note(drives, "URDF")))
 
-    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: States) -> Iterator[Reloaded]:
+    def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         first, beside = (folder / file.name for file in content.files)
         return reload_urdf(subject, first, beside)

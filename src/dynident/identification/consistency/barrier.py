@@ -14,7 +14,7 @@ import scipy.linalg
 
 from dynident.arrays import Array
 from dynident.identification.consistency.conditions import IDENTITY_VECTOR, Conditions, stack_vectors
-from dynident.identification.consistency.conic import Candidate
+from dynident.identification.consistency.conic import ConicCandidate
 from dynident.identification.consistency.program import Multipliers, Program, along_basis, whitened_rows
 from dynident.model.reduction import triangle_of
 
@@ -47,7 +47,7 @@ class _Place:
     bodies: Array
 
 
-def solve_barrier(program: Program, start: Array, tolerance: float = TOLERANCE) -> Candidate:
+def solve_barrier(program: Program, start: Array, tolerance: float = TOLERANCE) -> ConicCandidate:
     """Return the optimum from a point strictly inside all conditions that meets the equations.
 
     Args:
@@ -85,7 +85,7 @@ def solve_barrier(program: Program, start: Array, tolerance: float = TOLERANCE) 
     prices = Multipliers(
         _equation_prices(program, place, mu), mu / place.signs if len(rules.sign) else np.zeros(0), _prices(place, mu)
     )
-    return Candidate(place.phi, prices, said, steps)
+    return ConicCandidate(place.phi, prices, said, steps)
 
 
 def inside(program: Program) -> Array | None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.identification.problem.prior import Scale
-from dynident.model.body_constraints import AXES, BodyConstraints, Box, Constraints, box_quadrics, halfspaces
+from dynident.model.body_constraints import AXES, BodyConstraints, BoundingBox, Constraints, box_quadrics, halfspaces
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import PSEUDO_BASIS
 
@@ -206,7 +206,7 @@ def _link_rows(known: BodyConstraints) -> Iterator[tuple[Array, float, str, bool
             yield _trace_row(quadric), 0.0, words, True
 
 
-def _box_rows(box: Box, mass: Array, moment: Array) -> Iterator[tuple[Array, float, str, bool]]:
+def _box_rows(box: BoundingBox, mass: Array, moment: Array) -> Iterator[tuple[Array, float, str, bool]]:
     for axis, row, low, high in zip(AXES, moment, box.lower, box.upper, strict=True):
         what = f"centre of mass {axis}"
         if low == high:

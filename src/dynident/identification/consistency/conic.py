@@ -22,7 +22,7 @@ from dynident.model.reduction import triangle_of
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ConicCandidate:
     """What a solver handed back, not yet checked.
 
     Attributes:
@@ -38,7 +38,7 @@ class Candidate:
     iterations: int
 
 
-def solve_conic(program: Program) -> Candidate:
+def solve_conic(program: Program) -> ConicCandidate:
     """Return Clarabel's answer with A kept as it is: e = A phi - y as equations, never A'A (Sousa and Cortesao 2014).
 
     The entropic prior becomes exponential cones: t <= log det Q where [[Q, Z], [Z', diag(Z)]] >= 0 with Z lower
@@ -66,12 +66,12 @@ def solve_conic(program: Program) -> Candidate:
             linear[size + rows + 14 * link + 10 : size + rows + 14 * link + 14] = -program.weight
     found = run_clarabel(quadratic, linear, np.vstack(blocks), np.concatenate(offsets), cones)
     duals = np.array(found.z)[rows : rows + len(inside)]
-    return Candidate(
+    return ConicCandidate(
         np.array(found.x)[:size], split_duals(program.conditions, duals), str(found.status), int(found.iterations)
     )
 
 
-def solve_whitened(program: Program) -> Candidate:
+def solve_whitened(program: Program) -> ConicCandidate:
     """Return Clarabel's answer in variables in which the Hessian at the prior is the identity: phi = free + J^-1 v.
 
     The quadratic part only; another scaling of the same problem, for where the first stalls.
@@ -87,7 +87,7 @@ def solve_whitened(program: Program) -> Candidate:
     found = run_clarabel(np.eye(size), np.zeros(size), turned, offset - inside @ free, cones)
     phi = free + scipy.linalg.solve_triangular(root, np.array(found.x))
     duals = split_duals(program.conditions, np.array(found.z))
-    return Candidate(phi, duals, str(found.status), int(found.iterations))
+    return ConicCandidate(phi, duals, str(found.status), int(found.iterations))
 
 
 @dataclass(frozen=True)

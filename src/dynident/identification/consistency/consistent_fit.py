@@ -12,7 +12,7 @@ import scipy.linalg
 from dynident.arrays import Array
 from dynident.errors import SolverFailed
 from dynident.identification.consistency.conditions import Conditions, conditions_of
-from dynident.identification.consistency.conic import Candidate, solve_conic, solve_whitened
+from dynident.identification.consistency.conic import ConicCandidate, solve_conic, solve_whitened
 from dynident.identification.consistency.program import Optimality, Program, optimality, whitened_rows
 from dynident.identification.problem.prior import PULL, Scale, natural_scale
 from dynident.identification.problem.problem import Problem
@@ -49,7 +49,7 @@ Metric: TypeAlias = Literal["natural", "pull_back", "entropic"]
 
 METRICS: tuple[Metric, ...] = ("natural", "pull_back", "entropic")
 
-Path: TypeAlias = Callable[[Program], Candidate]
+Path: TypeAlias = Callable[[Program], ConicCandidate]
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def paths_of(program: Program) -> dict[str, Path]:
     return {"Clarabel": solve_conic, "Clarabel, whitened": solve_whitened, "log-det barrier": _solve_barrier}
 
 
-def _solve_barrier(program: Program) -> Candidate:
+def _solve_barrier(program: Program) -> ConicCandidate:
     from dynident.identification.consistency.barrier import inside, solve_barrier  # few programs come here
 
     found = inside(program)
@@ -189,7 +189,7 @@ class _Answer:
     """A checked answer, the program that it answers, and the path that gave it."""
 
     program: Program
-    candidate: Candidate
+    candidate: ConicCandidate
     optimality: Optimality
     path: str
 
@@ -259,7 +259,7 @@ def _in_own_units(program: Program, place: Array) -> _Answer | None:
     return best
 
 
-def _checked(program: Program, raw: Candidate) -> tuple[Candidate, Optimality] | None:
+def _checked(program: Program, raw: ConicCandidate) -> tuple[ConicCandidate, Optimality] | None:
     """Return an answer mended by roundings until it meets its conditions, and how good it is; None where it cannot."""
     if not (np.all(np.isfinite(raw.phi)) and np.all(np.isfinite(raw.multipliers.sign))):
         return None
@@ -300,7 +300,7 @@ def _clipped(rules: Conditions, phi: Array) -> Array:
     return clipped
 
 
-def active_conditions(rules: Conditions, found: Candidate) -> tuple[Mapping[str, Any], ...]:
+def active_conditions(rules: Conditions, found: ConicCandidate) -> tuple[Mapping[str, Any], ...]:
     """Return the conditions that hold an answer: stated in words, with slack and multiplier in natural sizes."""
     active = []
     for words, slack, price in zip(rules.sign_words, rules.signs(found.phi), found.multipliers.sign, strict=True):

@@ -74,7 +74,7 @@ def find_delays(
         LogMismatch: A log is too short.
     """
     plain = [preprocess(log, how) for log in logs]
-    search = _Search(RegressorStream(model, base), logs, plain)
+    search = _DelaySearch(RegressorStream(model, base), logs, plain)
     whole, careful = _asked_by_all_rows(search), _away_from_reversals(search)
     asked = tuple(max(pair, key=lambda one: one.applied) for pair in zip(careful, whole, strict=True))
     applied = [np.array([delay.applied for delay in found]) for found in (careful, asked)]
@@ -92,13 +92,13 @@ def common_delay(delays: Sequence[Delay]) -> float:
     return float(weights @ [delay.applied for delay in delays] / weights.sum())
 
 
-def _asked_by_all_rows(search: _Search) -> tuple[Delay, ...]:
+def _asked_by_all_rows(search: _DelaySearch) -> tuple[Delay, ...]:
     """Return the delays that leave the least of all rows, the joints' friction taken for that of the model."""
     step = search.settled(pooled=True)
     return _significant(search.seconds, step.deviation, SIGNIFICANT)
 
 
-def _away_from_reversals(search: _Search) -> tuple[Delay, ...]:
+def _away_from_reversals(search: _DelaySearch) -> tuple[Delay, ...]:
     """Return the delays that the joints agree about, without the rows near reversals where these say something else."""
     step = search.settled()
     away = search.step(np.ones(len(search.rows), bool))
@@ -133,7 +133,7 @@ class _Step:
     agree: BoolArray
 
 
-class _Search:
+class _DelaySearch:
     """The delays as far as they are known, and the rows of the logs."""
 
     def __init__(self, regressor: RegressorStream, logs: Sequence[Log], plain: Sequence[Prepared]) -> None:

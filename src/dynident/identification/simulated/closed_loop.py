@@ -43,7 +43,7 @@ SETTLED, LONGEST_WAIT = 7.0, 0.25
 
 
 @dataclass(frozen=True)
-class Segment:
+class SimulatedSegment:
     """Some rows of a simulation, and what its derivative needs.
 
     Attributes:
@@ -119,7 +119,7 @@ class ClosedLoop:
         motion = self.problem.model.with_states(motion, 1.0 / course.rate)
         return motion if load is None else self.problem.model.loaded(motion, self.problem.base.to_standard(load))
 
-    def follow(self, course: Course, beta: Array, tangent: bool = True) -> Iterator[Segment]:
+    def follow(self, course: Course, beta: Array, tangent: bool = True) -> Iterator[SimulatedSegment]:
         """Simulate one log segment by segment; ``tangent`` keeps the stages of the integration.
 
         Raises:
@@ -145,7 +145,7 @@ class ClosedLoop:
                 at = start / course.rate + failed * step
                 evidence = f"the motion is lost at {at:.4g} s"
                 raise SolverFailed("the simulated closed loop", evidence, self._advice())
-            yield Segment(rows, reference, pace.implicit, counts, step, out, stages)
+            yield SimulatedSegment(rows, reference, pace.implicit, counts, step, out, stages)
 
     def body(self, beta: Array) -> Plant:
         """Return the robot with the base parameters ``beta``, shape (b,)."""

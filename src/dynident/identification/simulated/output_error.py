@@ -27,7 +27,7 @@ SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625, 0.03125)
 
 
 @dataclass(frozen=True)
-class Fit:
+class OutputErrorFit:
     """Where an output-error method ended.
 
     Attributes:
@@ -122,7 +122,9 @@ def _segments(rows: _Rows) -> Iterator[Segment]:
         start += len(error)
 
 
-def output_error(loop: ClosedLoop, start: Array, of: str, iterations: int, tolerance: float, solver: str) -> Fit:
+def output_error(
+    loop: ClosedLoop, start: Array, of: str, iterations: int, tolerance: float, solver: str
+) -> OutputErrorFit:
     """Return the parameters whose simulation comes nearest to the measured torques or positions.
 
     Gauss-Newton steps, shortened until the weighted error falls and the mass matrix stays positive definite; the weight
@@ -162,7 +164,7 @@ def output_error(loop: ClosedLoop, start: Array, of: str, iterations: int, toler
             news = {"iterations": len(changes), "simulations": simulations * len(loop.courses)}
             news |= {"trace": trace, "changes": changes, "bounded": bounded, **loop.facts}
             sure = task.uncertainty(rows, weights, fit)
-            return Fit(beta, weights, sure.covariance, sure.degrees, news)
+            return OutputErrorFit(beta, weights, sure.covariance, sure.degrees, news)
     evidence = f"after {iterations} steps a parameter still moves by {changes[-1]:.3g} of its deviation"
     raise SolverFailed(solver, evidence, after_changes(changes, tolerance))
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.excitation.design.observation import Observation
-from dynident.identification.simulated.closed_loop import ClosedLoop, Segment
+from dynident.identification.simulated.closed_loop import ClosedLoop, SimulatedSegment
 from dynident.identification.simulated.course import Course, refuse_states
 from dynident.identification.simulated.implicit import implicit_tangent
 from dynident.model.friction import Motion
@@ -149,7 +149,7 @@ def _one_joint_each(observation: Observation, joints: range, beta: Array, sample
     return weights
 
 
-def _fed_slopes(loop: ClosedLoop, observation: Observation, segment: Segment, beta: Array) -> Array:
+def _fed_slopes(loop: ClosedLoop, observation: Observation, segment: SimulatedSegment, beta: Array) -> Array:
     """Return the derivative of the torque fed forward at every half step, shape (2 S + 1, n, b)."""
     reference = segment.reference
     if loop.feedforward == "computed":

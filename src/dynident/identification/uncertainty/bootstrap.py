@@ -22,7 +22,7 @@ from dynident.model.reduction import Reduced, least_squares
 
 
 @dataclass(frozen=True)
-class Draws:
+class BootstrapDraws:
     """Estimates over noise drawn anew.
 
     Attributes:
@@ -46,7 +46,7 @@ class Draws:
         return low, high
 
 
-def block_bootstrap(problem: Problem, weights: Array, beta: Array, draws: int = 200, seed: int = 0) -> Draws:
+def block_bootstrap(problem: Problem, weights: Array, beta: Array, draws: int = 200, seed: int = 0) -> BootstrapDraws:
     """Return least-squares estimates over residuals drawn in circular blocks, each log by itself.
 
     Residuals are made as large as the noise: the fit takes b degrees of freedom of the rows, those that hang together
@@ -76,7 +76,7 @@ def errors_drawn(
     inverse: Array,
     draws: int = 200,
     seed: int = 0,
-) -> Draws:
+) -> BootstrapDraws:
     """Return the errors of the same, from rows in stretches of time, their columns, residuals (N, n) and (X'X)^-1."""
     generator = np.random.default_rng(seed)
     found, blocks = np.zeros((draws, len(inverse))), list[float]()
@@ -89,7 +89,7 @@ def errors_drawn(
         order = (starts[:, :, None] + np.arange(length)).reshape(draws, -1)[:, :count] % count
         for i, (mine, block) in enumerate(zip(columns, stretch.blocks, strict=True)):
             found[:, mine] += (weights[i] ** 2 * stretch.step) * own[order, i] @ block.T
-    return Draws(found @ inverse, block=float(np.mean(blocks)))
+    return BootstrapDraws(found @ inverse, block=float(np.mean(blocks)))
 
 
 def automatic_block(series: Array) -> float:
@@ -128,7 +128,7 @@ def refitted(
     to_beta: Callable[[Array], Array],
     draws: int = 200,
     seed: int = 0,
-) -> Draws:
+) -> BootstrapDraws:
     """Return estimates of standard parameters over base parameters drawn from a normal distribution.
 
     Args:
@@ -144,4 +144,4 @@ def refitted(
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     noise = np.random.default_rng(seed).normal(size=(draws, len(beta))) @ root.T
     theta = np.array([fit(replace(reduced, z=reduced.r @ (beta + one))) for one in noise])
-    return Draws(np.array([to_beta(one) for one in theta]), theta)
+    return BootstrapDraws(np.array([to_beta(one) for one in theta]), theta)

@@ -21,9 +21,9 @@ from dynident.identification.uncertainty.propagation import prediction_deviation
 from dynident.model.reduction import Reduced, least_squares
 
 if TYPE_CHECKING:
-    from dynident.identification.uncertainty.bootstrap import Draws
+    from dynident.identification.uncertainty.bootstrap import BootstrapDraws
 
-#: Draws below which a quantile of 2.5 % is a guess.
+#: BootstrapDraws below which a quantile of 2.5 % is a guess.
 FEWEST_DRAWS = 40
 
 
@@ -106,7 +106,9 @@ def _bootstrap(estimate: Estimate, problem: Problem, estimator: Estimator, draws
     }
 
 
-def refit_draws(problem: Problem, refit: Callable[[Reduced], Array], covariance: Array, draws: int = 200) -> Draws:
+def refit_draws(
+    problem: Problem, refit: Callable[[Reduced], Array], covariance: Array, draws: int = 200
+) -> BootstrapDraws:
     """Return possible robots fitted to base parameters drawn from N(least squares, covariance).
 
     Args:

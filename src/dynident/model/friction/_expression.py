@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from dynident.model.kernels.numpy_source import Function, numpy_function
-from dynident.model.kernels.trace import Number, Program, Scalar, Source, Trace, gradient
+from dynident.model.kernels.trace import InputSource, Number, Scalar, Trace, TracedProgram, gradient
 
 #: Arrays that the programs read, of one entry each; ``state`` has one for each state.
 INPUTS = ("q", "dq", "ddq", "load", "temperature", "moved", "step")
@@ -80,7 +80,7 @@ class Expression:
 
     def is_input(self, term: Number, name: str) -> bool:
         """Say whether an expression is an input as it stands."""
-        return isinstance(term, Scalar) and self._trace.nodes[term.number].source == Source(name, 0)
+        return isinstance(term, Scalar) and self._trace.nodes[term.number].source == InputSource(name, 0)
 
     def _slots(self, values: tuple[Number, ...]) -> dict[int, Number]:
         """Return values by slot, as nodes: a program would leave out those that are 0."""
@@ -89,7 +89,7 @@ class Expression:
         }
 
     @cached_property
-    def programs(self) -> tuple[Program, ...]:
+    def programs(self) -> tuple[TracedProgram, ...]:
         """The program of each coefficient alone; slot: 0."""
         return tuple(self._trace.program(self._slots((term,))) for term in self.terms)
 

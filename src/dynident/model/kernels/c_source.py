@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dynident.model.kernels.trace import Program
+from dynident.model.kernels.trace import TracedProgram
 
 _SIGNS = {"add": "+", "sub": "-", "mul": "*"}
 
@@ -30,7 +30,7 @@ class Spelling:
 
 
 def c99_function(
-    program: Program, name: str, arrays: Sequence[str], width: int, spelling: Spelling | None = None
+    program: TracedProgram, name: str, arrays: Sequence[str], width: int, spelling: Spelling | None = None
 ) -> str:
     """Return the text of ``void name(const double *array, ..., double *out)``.
 

@@ -14,7 +14,7 @@ import numpy as np
 from dynident.arrays import Array, address
 from dynident.model.kernels.code_files import kept_code
 from dynident.model.kernels.emit import Access, Layout, llvm_assembly
-from dynident.model.kernels.trace import Program
+from dynident.model.kernels.trace import TracedProgram
 
 #: Kernels and programs kept ready; the one used longest ago goes first.
 KEPT = 64
@@ -30,7 +30,7 @@ _lock = threading.Lock()
 class Kernel:
     """Machine code of one program on this processor."""
 
-    def __init__(self, program: Program, layout: Layout) -> None:
+    def __init__(self, program: TracedProgram, layout: Layout) -> None:
         self.program, self.layout, self.lanes = program, layout, lanes()
         self._engine = machine_code(llvm_assembly(program, layout, self.lanes))
         kind = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)
@@ -68,7 +68,7 @@ class Kernel:
             array[...] = copied[:samples] if buffer.access is Access.BY_SAMPLE else copied[:, :samples]
 
 
-def kernel(key: Hashable, make: Callable[[], tuple[Program, Layout] | None]) -> Kernel | None:
+def kernel(key: Hashable, make: Callable[[], tuple[TracedProgram, Layout] | None]) -> Kernel | None:
     """Return the kernel known by ``key``, compiled now if need be; safe to call from several threads.
 
     Args:

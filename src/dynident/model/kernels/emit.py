@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from dynident.model.kernels.trace import Node, Program
+from dynident.model.kernels.trace import Node, TracedProgram
 
 _REDUCTION = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)  # pi/2 in three parts
 _ROUNDER = 6755399441055744.0  # 1.5 * 2^52: adding it leaves the nearest whole number in the last bits
@@ -67,7 +67,7 @@ class Layout:
     places: Mapping[int, tuple[int, int]]
 
 
-def llvm_assembly(program: Program, layout: Layout, lanes: int, name: str = "kernel") -> str:
+def llvm_assembly(program: TracedProgram, layout: Layout, lanes: int, name: str = "kernel") -> str:
     """Return LLVM assembly of ``void name(i64 count, i64 stride, ptr arrays)``.
 
     Args:
@@ -76,13 +76,13 @@ def llvm_assembly(program: Program, layout: Layout, lanes: int, name: str = "ker
         lanes: Samples per step; ``count`` must be at least that. ``stride`` is N of the arrays laid out by row.
         name: Name of the function.
     """
-    return "\n".join(_Assembly(program, layout, lanes).function(name)) + "\n"
+    return "\n".join(_CodeAssembly(program, layout, lanes).function(name)) + "\n"
 
 
-class _Assembly:
+class _CodeAssembly:
     """Writes the lines of one function; ``%v7`` is node 7 of the program."""
 
-    def __init__(self, program: Program, layout: Layout, lanes: int) -> None:
+    def __init__(self, program: TracedProgram, layout: Layout, lanes: int) -> None:
         self.program, self.layout, self.lanes = program, layout, lanes
         self.real, self.whole = f"<{lanes} x double>", f"<{lanes} x i64>"
         self.temporaries = 0

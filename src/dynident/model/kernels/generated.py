@@ -12,7 +12,7 @@ from dynident.model.kernels.compiled import Kernel, kept, kernel
 from dynident.model.kernels.emit import Access, Buffer, Layout
 from dynident.model.kernels.inputs import kernel_choice
 from dynident.model.kernels.recursion import TracedChain
-from dynident.model.kernels.trace import Number, Program
+from dynident.model.kernels.trace import Number, TracedProgram
 from dynident.model.robot import Chain
 
 Quantity: TypeAlias = Literal["regressor", "torque", "mass", "frames"]
@@ -82,12 +82,12 @@ def by_sample(chain: Chain, names: tuple[str, ...]) -> tuple[Buffer, ...]:
     )
 
 
-def is_small(program: Program) -> bool:
+def is_small(program: TracedProgram) -> bool:
     """Say whether a program is worth compiling."""
     return program.operations <= LARGEST
 
 
-def _quantity(chain: Chain, quantity: Quantity, forced: bool) -> tuple[Program, Layout] | None:
+def _quantity(chain: Chain, quantity: Quantity, forced: bool) -> tuple[TracedProgram, Layout] | None:
     # The regressor alone has l^2 / 2 blocks of ten: no need to trace a large robot to see that it is too large.
     if not forced and chain.links > LARGEST // 100:
         return None
@@ -98,7 +98,7 @@ def _quantity(chain: Chain, quantity: Quantity, forced: bool) -> tuple[Program, 
     return program, Layout(by_sample(chain, _READS[quantity]), (output,), {slot: (0, slot) for slot in program.outputs})
 
 
-def _program(chain: Chain, quantity: Quantity) -> tuple[Program, int]:
+def _program(chain: Chain, quantity: Quantity) -> tuple[TracedProgram, int]:
     """Return the program of a quantity, and how many slots it has."""
     traced = TracedChain(chain)
     values, width = _values(traced, quantity)

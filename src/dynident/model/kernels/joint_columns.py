@@ -15,7 +15,7 @@ from dynident.model.kernels.emit import Access, Buffer, Layout
 from dynident.model.kernels.generated import by_sample, chain_key, is_small
 from dynident.model.kernels.inputs import column_indices, kernel_choice, samples
 from dynident.model.kernels.recursion import TracedChain
-from dynident.model.kernels.trace import Program, Scalar, gradient
+from dynident.model.kernels.trace import Scalar, TracedProgram, gradient
 from dynident.model.robot import Chain
 
 _MOTION = ("q", "dq", "ddq")
@@ -137,7 +137,7 @@ class JointColumns:
         gravity = (Buffer("gravity", Access.FIXED),) if self.any_gravity else ()
         return Layout((*by_sample(self.chain, _MOTION), *gravity), rows, self._places)
 
-    def _gradient(self) -> tuple[Program, Layout]:
+    def _gradient(self) -> tuple[TracedProgram, Layout]:
         """Return the program of :meth:`pullback`."""
         joints = range(self.chain.joints)
         traced = TracedChain(self.chain)
@@ -197,7 +197,7 @@ class JointColumns:
         return tuple(arrays)
 
 
-def _moving_entries(chain: Chain, wanted: IntArray, any_gravity: bool) -> Program:
+def _moving_entries(chain: Chain, wanted: IntArray, any_gravity: bool) -> TracedProgram:
     """Return the program of the entries of the regressor that are not zero at every motion, nor in every gravity."""
     traced = TracedChain(chain, reads={"gravity": "gravity"} if any_gravity else None)
     values = traced.regressor(wanted)

@@ -9,7 +9,7 @@ from typing import Any, Final, TypeAlias
 
 from dynident.arrays import Array
 from dynident.model.kernels.operations import VALUED, VALUES
-from dynident.model.kernels.trace import Program
+from dynident.model.kernels.trace import TracedProgram
 
 #: From the arrays by name, each a sequence of its entries, to the outputs by slot.
 Function: TypeAlias = Callable[[Mapping[str, Any]], dict[int, Array]]
@@ -17,14 +17,14 @@ Function: TypeAlias = Callable[[Mapping[str, Any]], dict[int, Array]]
 _SIGNS: Final = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 
 
-def numpy_function(program: Program) -> Function:
-    """Return a function with the values of :meth:`Program.evaluate`; constants stay numbers."""
+def numpy_function(program: TracedProgram) -> Function:
+    """Return a function with the values of :meth:`TracedProgram.evaluate`; constants stay numbers."""
     space: dict[str, Any] = {**VALUES, "inf": math.inf, "nan": math.nan}
     exec("\n".join(_lines(program)), space)  # our own text: names of operations, inputs and numbers
     return space["run"]
 
 
-def _lines(program: Program) -> list[str]:
+def _lines(program: TracedProgram) -> list[str]:
     """Return the source: what is read once stands where it is read, so that NumPy can use its memory again."""
     reads = Counter(k for node in program.nodes for k in node.operands)
     reads.update(program.outputs.values())

@@ -82,7 +82,7 @@ def transposed(matrix: Matrix) -> Matrix:
 
 
 @dataclass(frozen=True)
-class Motion:
+class LinkMotion:
     """What the links do, each in its own frame.
 
     Attributes:
@@ -153,7 +153,7 @@ class TracedChain:
             found.append(int(self.chain.parent[found[-1]]))
         return found
 
-    def motion(self) -> Motion:
+    def motion(self) -> LinkMotion:
         """Return velocities and accelerations of all links."""
         base = (NOTHING, NOTHING, self._lift())
         found: list[tuple[Vector, Vector, Vector]] = []
@@ -170,7 +170,7 @@ class TracedChain:
                 swing = add(swing, add(rate, cross(spin, speed)))
                 spin = add(spin, speed)
             found.append((spin, swing, push))
-        return Motion(*(tuple(link[k] for link in found) for k in range(3)))
+        return LinkMotion(*(tuple(link[k] for link in found) for k in range(3)))
 
     def unit_twist(self, i: int) -> tuple[Vector, Vector]:
         """Return direction of turning and velocity of the origin for a unit speed of link i's joint, in its frame."""
@@ -237,7 +237,7 @@ class TracedChain:
         xx, xy, xz, yy, yz, zz, hx, hy, hz, mass = ten
         return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), (hx, hy, hz), mass
 
-    def _wrench(self, i: int, motion: Motion) -> tuple[Vector, Vector]:
+    def _wrench(self, i: int, motion: LinkMotion) -> tuple[Vector, Vector]:
         """Return force and moment about its origin that move link i."""
         inertia, first, mass = self._parameters(i)
         spin, swing, push = motion.velocity[i], motion.acceleration[i], motion.linear[i]

@@ -19,7 +19,7 @@ from dynident.arrays import Array
 from dynident.model.kernels.operations import SIZES, VALUED, VALUES, Rules
 
 
-class Source(NamedTuple):
+class InputSource(NamedTuple):
     """Where an input stands: an array of the caller and the entry in it."""
 
     array: str
@@ -33,7 +33,7 @@ class Node(NamedTuple):
     left: int = -1
     right: int = -1
     value: float = 0.0
-    source: Source | None = None
+    source: InputSource | None = None
 
     @property
     def operands(self) -> tuple[int, ...]:
@@ -54,16 +54,16 @@ class Trace:
 
     def input(self, array: str, entry: int) -> Scalar:
         """Return the scalar that stands for one entry of an array of the caller."""
-        return self._numbered(Node("input", source=Source(array, entry)))
+        return self._numbered(Node("input", source=InputSource(array, entry)))
 
-    def program(self, outputs: Mapping[int, Number]) -> Program:
+    def program(self, outputs: Mapping[int, Number]) -> TracedProgram:
         """Return the program of some outputs, by slot; outputs that are exactly zero are left out."""
         ends = {slot: self._node_of(value) for slot, value in outputs.items() if not is_zero(value)}
         keep = self.needed(ends.values())
         place = {old: new for new, old in enumerate(keep)}
         nodes = [self.nodes[k] for k in keep]
         moved = (n._replace(left=place.get(n.left, -1), right=place.get(n.right, -1)) for n in nodes)
-        return Program(tuple(moved), {slot: place[k] for slot, k in ends.items()})
+        return TracedProgram(tuple(moved), {slot: place[k] for slot, k in ends.items()})
 
     def needed(self, ends: Iterable[int]) -> list[int]:
         """Return the nodes that some nodes need, operands first."""
@@ -246,7 +246,7 @@ def _compared(operation: str, one: Number, other: Number) -> Number:
 
 
 @dataclass(frozen=True)
-class Program:
+class TracedProgram:
     """Operations in an order in which they can run.
 
     Attributes:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.exports.c_compiler import Compiler, build_program, run_program
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 
 _DRIVER: Final = """#include <stdio.h>
 #include "@HEADER@"
@@ -91,7 +91,7 @@ class HeaderRun:
 
 
 def run_header(
-    compiler: Compiler, folder: Path, header: str, prefix: str, states: States, regressor: bool
+    compiler: Compiler, folder: Path, header: str, prefix: str, states: StateSet, regressor: bool
 ) -> HeaderRun:
     """Compile a header, run its self-test, and evaluate it on states.
 

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.xml_edit import without_elements
 
 
@@ -25,7 +25,7 @@ def pinocchio_version() -> str:
 
 
 def pinocchio_torque(
-    path: Path, kind: Literal["urdf", "mjcf"], states: States, settings: Mapping[str, Any] | None = None
+    path: Path, kind: Literal["urdf", "mjcf"], states: StateSet, settings: Mapping[str, Any] | None = None
 ) -> Array:
     """Return the torques of a file on the states, shape (N, n), in N m or N.
 
@@ -74,7 +74,7 @@ def mujoco_version() -> str:
     return f"MuJoCo {mujoco.__version__}"
 
 
-def mujoco_torque(path: Path, kind: Literal["urdf", "mjcf"], states: States) -> Array:
+def mujoco_torque(path: Path, kind: Literal["urdf", "mjcf"], states: StateSet) -> Array:
     """Return the torques of a URDF or MJCF on the states, shape (N, n), in N m or N.
 
     ``mj_inverse`` has armature and damping of joints and tendons. Dry friction is a constraint of its solver: it is
@@ -121,7 +121,7 @@ def drake_version() -> str:
         return "Drake"
 
 
-def drake_torque(path: Path, states: States, base: str, package: str = "") -> Array:
+def drake_torque(path: Path, states: StateSet, base: str, package: str = "") -> Array:
     """Return the torques of an SDF or of a file of model directives on the states, shape (N, n), in N m or N.
 
     Inverse dynamics has reflected inertia and, from the force elements, damping. Drake has no Coulomb friction.

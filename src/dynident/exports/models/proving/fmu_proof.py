@@ -27,7 +27,7 @@ from dynident.exports.c_compiler import (
 from dynident.exports.models.proving import fmu_caller
 from dynident.exports.models.proving.proof import Reloaded
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.fmu_text import DESCRIPTION, SOURCE, platform_tuple
 
 #: Parts whose sum is the torque.
@@ -75,7 +75,7 @@ def unpacked(data: bytes, folder: Path) -> Unpacked:
     return Unpacked(folder, simulation.attrib["modelIdentifier"], root.attrib["instantiationToken"], references)
 
 
-def proofs_of_unit(subject: Identified, data: bytes, folder: Path, states: States) -> Iterator[Reloaded]:
+def proofs_of_unit(subject: Identified, data: bytes, folder: Path, states: StateSet) -> Iterator[Reloaded]:
     """Return the torques that engines find in a unit, by its binary or, where it has none, by its sources."""
     unit = unpacked(data, folder / "unit")
     name, suffix = platform_tuple()
@@ -99,7 +99,7 @@ def proofs_of_unit(subject: Identified, data: bytes, folder: Path, states: State
 
 
 def _by_calls(
-    subject: Identified, unit: Unpacked, library: Path, folder: Path, states: States, what: str
+    subject: Identified, unit: Unpacked, library: Path, folder: Path, states: StateSet, what: str
 ) -> Iterator[Reloaded]:
     """Return torques by Co-Simulation, and the sum of their parts by Model Exchange."""
     kinds, rows = _inputs(states)
@@ -120,7 +120,7 @@ def _by_calls(
         yield Reloaded("calls by FMI 3.0", told, torque, expected)
 
 
-def _by_fmpy(subject: Identified, unit: Unpacked, folder: Path, states: States, binary: bool) -> Iterator[Reloaded]:
+def _by_fmpy(subject: Identified, unit: Unpacked, folder: Path, states: StateSet, binary: bool) -> Iterator[Reloaded]:
     """Have FMPy check the unit against the standard's schema and rules, and simulate it."""
     if find_spec("fmpy") is None:
         yield Reloaded("FMPy", why_not="not installed")
@@ -154,7 +154,7 @@ def _by_fmpy(subject: Identified, unit: Unpacked, folder: Path, states: States, 
     yield Reloaded(f"FMPy {fmpy.__version__}", "valid; Co-Simulation, torque", found, expected)
 
 
-def _inputs(states: States) -> tuple[tuple[str, ...], Array]:
+def _inputs(states: StateSet) -> tuple[tuple[str, ...], Array]:
     """Return the kinds of inputs and their values, a row a state."""
     motion = states.motion
     kinds = {"q": motion.q, "dq": motion.dq, "ddq": motion.ddq}

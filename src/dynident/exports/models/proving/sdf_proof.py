@@ -13,7 +13,7 @@ from dynident.exports.models.proving.engines import drake_torque, drake_version
 from dynident.exports.models.proving.proof import Reloaded
 from dynident.exports.models.subject.drives import drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States
+from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.sdf_text import base_name
 from dynident.model.descriptions.base import rotation_from_rpy
 from dynident.model.inertia import Inertia
@@ -21,7 +21,7 @@ from dynident.model.kernels import batched
 from dynident.model.robot import Drive, Joint, Link, Mimic, Robot
 
 
-def sdf_by_reader(subject: Identified, path: Path, states: States) -> Reloaded:
+def sdf_by_reader(subject: Identified, path: Path, states: StateSet) -> Reloaded:
     """Return the torques of an SDF by the rules of the specification."""
     known, motion = subject.model.robot, states.motion
     follows = {joint.name: joint.mimic for joint in known.joints if joint.mimic is not None}
@@ -34,7 +34,7 @@ def sdf_by_reader(subject: Identified, path: Path, states: States) -> Reloaded:
     return Reloaded("dynident", "bodies, armature, damping, Coulomb friction", found, expected)
 
 
-def sdf_by_drake(subject: Identified, path: Path, states: States, package: str = "") -> Reloaded:
+def sdf_by_drake(subject: Identified, path: Path, states: StateSet, package: str = "") -> Reloaded:
     """Return the torques of an SDF, or of directives that name one, by Drake."""
     name = drake_version()
     if not name:

@@ -14,7 +14,7 @@ from dynident.exports.models.proving.engines import mujoco_torque, mujoco_versio
 from dynident.exports.models.proving.proof import Reloaded
 from dynident.exports.models.subject.drives import drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import States, states_of
+from dynident.exports.models.subject.states import StateSet, states_of
 from dynident.exports.models.writing.document import read_document
 from dynident.exports.models.writing.placement import place
 from dynident.model.descriptions.urdf import read_urdf, read_urdf_bodies
@@ -69,7 +69,7 @@ def _asked(name: str, subject: Identified, path: Path, torque: Callable[[Path], 
         raise
 
 
-def locked_of(subject: Identified, path: Path) -> tuple[Robot, States]:
+def locked_of(subject: Identified, path: Path) -> tuple[Robot, StateSet]:
     """Return the robot of a written URDF with the model's locked joints, and states that hold those still."""
     data, known = path.read_bytes(), subject.model.robot
     locked = place(path, known, *read_urdf_bodies(path, data)).locked
@@ -94,7 +94,7 @@ def _joined(robot: Robot, known: Robot, subject: Identified) -> Robot:
     return replace(robot.with_drives(drives, known.coupling), gravity=subject.model.robot.gravity)
 
 
-def _own_torque(robot: Robot, states: States) -> Array:
+def _own_torque(robot: Robot, states: StateSet) -> Array:
     motion = states.motion
     assert robot.nominal is not None
     rigid = batched.inverse_dynamics(robot.chain, robot.nominal, motion.q, motion.dq, motion.ddq)
@@ -102,7 +102,7 @@ def _own_torque(robot: Robot, states: States) -> Array:
     return rigid + motion.dq * damping + np.sign(motion.dq) * dry
 
 
-def stated_friction(subject: Identified, robot: Robot, states: States) -> Array:
+def stated_friction(subject: Identified, robot: Robot, states: StateSet) -> Array:
     """Return the friction that the file states for joints of which the model has none, shape (N, n)."""
     drives = drives_of(subject)
     untold = ~np.any((drives.coupling != 0) & drives.has_friction[:, None], axis=0)

@@ -17,7 +17,7 @@ STATES, SEED = 1000, 20
 
 
 @dataclass(frozen=True)
-class States:
+class StateSet:
     """Random motion of the n joints, and how every joint of a file follows from it.
 
     Attributes:
@@ -57,7 +57,7 @@ class States:
         return turn, shift
 
 
-def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) -> States:
+def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) -> StateSet:
     """Return the states of a proof; ``locked`` are joints of the file that the model has fixed, with positions."""
     column = {name: i for i, name in enumerate(model.robot.joint_names)}
     follows = {name: (-1, 0.0, float(position)) for name, position in (locked or {}).items()}
@@ -70,4 +70,4 @@ def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) ->
         )
     motion = model.random_motion(STATES, SEED)
     # Friction that depends on the load takes the model's own torque, not a drawn one.
-    return States(Motion(motion.q, motion.dq, motion.ddq, None, motion.temperature), model.robot.gravity, follows)
+    return StateSet(Motion(motion.q, motion.dq, motion.ddq, None, motion.temperature), model.robot.gravity, follows)

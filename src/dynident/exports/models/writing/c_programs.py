@@ -14,7 +14,7 @@ from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.kernels import batched
 from dynident.model.kernels.recursion import TracedChain
-from dynident.model.kernels.trace import Number, Program, gradient
+from dynident.model.kernels.trace import Number, TracedProgram, gradient
 
 #: Operations of all functions together above which no header is written: compilers take minutes for more.
 LARGEST = 120_000
@@ -41,7 +41,7 @@ def folded(model: DynamicModel, theta: Array) -> Array:
     return short if np.all(away <= SAME * np.maximum(size, 1e-9 * size.max(initial=0.0))) else own
 
 
-def programs_of(model: DynamicModel, theta: Array, estimate: Estimate | None) -> dict[str, Program]:
+def programs_of(model: DynamicModel, theta: Array, estimate: Estimate | None) -> dict[str, TracedProgram]:
     """Return the traced functions by name.
 
     ``rigid``: M ddq + c + g with the rotors. ``gravity``, ``coriolis``: parts of it. ``mass_matrix``: M, row-major.
@@ -106,7 +106,7 @@ def _with_rotors(traced: TracedChain, torque: Mapping[int, Number], rotors: Arra
     return found
 
 
-def _momentum(traced: TracedChain, rotors: Array) -> Program:
+def _momentum(traced: TracedChain, rotors: Array) -> TracedProgram:
     """Return M dq and, behind it, C' dq, which is the slope of the kinetic energy (De Luca and Mattone 2003)."""
     size = len(rotors)
     speeds = {k: traced.trace.input("dq", k) for k in range(size)}

@@ -11,7 +11,7 @@ from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.writing.c_friction import combination, drive_terms, motor_lines
 from dynident.exports.models.writing.c_programs import programs_of
 from dynident.exports.models.writing.expressions import Dialect
-from dynident.model.kernels.trace import Program
+from dynident.model.kernels.trace import TracedProgram
 
 #: Functions of CasADi and NumPy go by the same names.
 _PYTHON: Final = Dialect(
@@ -126,7 +126,7 @@ def casadi_text(subject: Identified) -> str:
     return text
 
 
-def _python_function(program: Program, name: str, arrays: Sequence[str], width: int) -> Iterator[str]:
+def _python_function(program: TracedProgram, name: str, arrays: Sequence[str], width: int) -> Iterator[str]:
     """Yield the lines of one traced function; it returns a list."""
     signs = {"add": "+", "sub": "-", "mul": "*"}
     yield f"def _{name}(m, {', '.join(arrays)}):"

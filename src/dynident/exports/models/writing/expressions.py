@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from dynident.model.kernels.trace import Program
+from dynident.model.kernels.trace import TracedProgram
 
 _SIGNS: Final = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 
@@ -53,7 +53,7 @@ class Dialect:
         """Return a function by its name in C."""
         return self.call.format(self.names.get(name, name))
 
-    def expression(self, program: Program, names: Mapping[str, str]) -> str:
+    def expression(self, program: TracedProgram, names: Mapping[str, str]) -> str:
         """Return the one output of a program; ``names`` are those of its inputs."""
         terms: list[str] = []
         for node in program.nodes:

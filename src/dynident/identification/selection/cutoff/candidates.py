@@ -44,7 +44,7 @@ SEED = 20
 
 
 @dataclass(frozen=True)
-class Candidate:
+class CutoffCandidate:
     """An estimate at one cut-off.
 
     Attributes:
@@ -93,7 +93,7 @@ class Bench:
         """What makes the rows."""
         return RegressorStream(self.model, self.base)
 
-    def candidate(self, hertz: float) -> Candidate | None:
+    def candidate(self, hertz: float) -> CutoffCandidate | None:
         """Return the estimate at a cut-off; None where the rows do not determine it, or not how sure it is."""
         if self._independent(hertz) < FEWEST_ROWS * self.base.count:
             return None
@@ -109,7 +109,7 @@ class Bench:
                 move = 0.5 * (move + self.rows(hertz, -1.0).fit[0] - beta)
         except DynidentError:
             return None
-        return Candidate(hertz, beta, covariance, move, gram)
+        return CutoffCandidate(hertz, beta, covariance, move, gram)
 
     def rows(self, hertz: float, added: float = 0.0) -> BlockTriangles:
         """Return the rows at a cut-off, noise of the positions' own size times ``added`` put on top of it."""

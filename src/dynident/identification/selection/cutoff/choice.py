@@ -24,7 +24,7 @@ from dynident.data.preprocessing._spectra import Spectra, spectra_of
 from dynident.data.preprocessing.butterworth import STATED_HZ
 from dynident.errors import DynidentError
 from dynident.identification.problem.choices import CutoffRecord
-from dynident.identification.selection.cutoff.candidates import Bench, Candidate, stretch_of
+from dynident.identification.selection.cutoff.candidates import Bench, CutoffCandidate, stretch_of
 from dynident.identification.selection.delay import find_delays
 from dynident.identification.selection.friction.load import without_load
 from dynident.model.base_parameters import base_parameters
@@ -202,7 +202,7 @@ def choose_cutoff(model: DynamicModel, logs: Sequence[Log], how: Preprocessing) 
 
 def _tried(bench: Bench, lowest: float, highest: float) -> tuple[Judged, ...]:
     """Return cut-offs from the lowest on until the error has grown beyond hope."""
-    found: list[Candidate] = []
+    found: list[CutoffCandidate] = []
     hertz = min(lowest, highest)
     while hertz <= highest * (1 + 1e-9):
         one = bench.candidate(hertz)
@@ -238,7 +238,7 @@ def _sharpest(errors: Sequence[tuple[float, float]], best: int) -> int:
     return last
 
 
-def _metric(found: Sequence[Candidate]) -> Array:
+def _metric(found: Sequence[CutoffCandidate]) -> Array:
     """Return the products that all are judged by: those of the candidate that is best by them."""
     gram = found[0].gram
     for _ in range(3):

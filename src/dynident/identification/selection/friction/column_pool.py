@@ -32,7 +32,7 @@ RIDGE = 1e-11
 
 
 @dataclass(frozen=True)
-class Candidate(Friction):
+class PartCandidate(Friction):
     """A friction part under a label of its own, so that several of a kind can stand side by side."""
 
     part: Friction
@@ -59,7 +59,7 @@ class Candidate(Friction):
 
 
 @dataclass(frozen=True)
-class Pool:
+class ColumnPool:
     """Inner products of all columns and the torque, by block of rows and joint.
 
     Attributes:
@@ -106,7 +106,7 @@ def make_pool(
     blocks: int = 1,
     load: Array | None = None,
     late: bool = False,
-) -> Pool:
+) -> ColumnPool:
     """Read logs once with the columns of all candidate parts on all drives.
 
     A list of parts is not to earn by what a late torque does, nor another one lose by it: with ``late`` every fit has a
@@ -121,7 +121,7 @@ def make_pool(
         load: Standard inertial parameters (10 l,) whose torque loads the drives; None where no part asks.
         late: Whether the delay of the torque is free.
     """
-    labelled = tuple(Candidate(part, str(k), joints=part.joints) for k, part in enumerate(parts))
+    labelled = tuple(PartCandidate(part, str(k), joints=part.joints) for k, part in enumerate(parts))
     whole = DynamicModel(model.robot, labelled)
     rigid = base_parameters(DynamicModel(model.robot))
     independent = np.concatenate([rigid.independent, np.arange(whole.inertial_count, len(whole.parameters))])
@@ -147,7 +147,7 @@ def make_pool(
     )
     signs = np.array([base.parameters[k].nonnegative for k in independent])
     signs = np.insert(signs, rigid.count, [False] * late)
-    return Pool(tuple(parts), shared, columns, np.concatenate(products), np.concatenate(rows), signs)
+    return ColumnPool(tuple(parts), shared, columns, np.concatenate(products), np.concatenate(rows), signs)
 
 
 def fit(products: Array, keep: IntArray) -> Array:

@@ -24,7 +24,7 @@ from dynident.data.preprocessing import Prepared
 from dynident.errors import BrokenPart, LogMismatch
 from dynident.identification.problem.choices import FrictionRecord, FrictionScore
 from dynident.identification.residuals.quantiles import student_quantile
-from dynident.identification.selection.friction.column_pool import Pool, fit, held_out, make_pool
+from dynident.identification.selection.friction.column_pool import ColumnPool, fit, held_out, make_pool
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.variable_projection import vary_fields
 from dynident.model.dynamic_model import DynamicModel
@@ -100,7 +100,7 @@ def choose_friction(
     """
     logs = [log.sparser(ROWS) for log in logs]
     progress("friction: candidates")
-    search = _Search.over(model, _candidates(model, logs), logs, late)
+    search = _PartSearch.over(model, _candidates(model, logs), logs, late)
     names = model.robot.joint_names
     gain, error = search.judged(_places(search.pool.parts, model), names, progress) if model.friction else (0.0, 0.0)
     search.improve_all(names, progress)
@@ -165,8 +165,8 @@ def _places(parts: Sequence[Friction], model: DynamicModel) -> list[tuple[int, .
 
 
 def _refined(
-    search: _Search, model: DynamicModel, logs: Sequence[Prepared], progress: Callable[[str], None], late: bool
-) -> _Search:
+    search: _PartSearch, model: DynamicModel, logs: Sequence[Prepared], progress: Callable[[str], None], late: bool
+) -> _PartSearch:
     """Return the search once more with fields of the drives' own, where some drives took a part that has such fields.
 
     They are found by variable projection with the parts that were chosen; what is held out then decides whether they,
@@ -185,7 +185,7 @@ def _refined(
     found, _ = vary_fields(replace(model, friction=(*fixed, *varied)), logs, progress)
     kinds = dict.fromkeys(replace(part, joints=None, vary=None) for part in found.friction[len(fixed) :])
     place = next(p for p, part in enumerate(pool.parts) if part.refined)
-    finer = _Search.over(model, (*others[:place], *kinds, *others[place:]), logs, late)
+    finer = _PartSearch.over(model, (*others[:place], *kinds, *others[place:]), logs, late)
     fields = ", ".join(dict.fromkeys(f"{FRICTION.name_of(part)} {' and '.join(part.refined)}" for part in varied))
     for joint, name in enumerate(names):
         progress(f"friction: {name}, {fields} of its own")
@@ -221,10 +221,10 @@ def _as_good(scores: Array, others: Array, share: float = np.inf) -> bool:
     return bool(np.mean(gap) <= min(np.std(gap, ddof=1) / np.sqrt(len(gap)), share * np.mean(others)))
 
 
-class _Search:
+class _PartSearch:
     """Sets of parts, one a drive, and what is held out."""
 
-    def __init__(self, pool: Pool, start: tuple[int, ...]) -> None:
+    def __init__(self, pool: ColumnPool, start: tuple[int, ...]) -> None:
         self.pool, self.start = pool, start
         self.sets: list[tuple[int, ...]] = [start] * pool.products.shape[1]
         self.steps: list[tuple[FrictionScore, ...]] = [()] * len(self.sets)
@@ -236,7 +236,7 @@ class _Search:
         self._known: dict[bytes, Array] = {}
 
     @classmethod
-    def over(cls, model: DynamicModel, parts: Sequence[Friction], logs: Sequence[Prepared], late: bool) -> _Search:
+    def over(cls, model: DynamicModel, parts: Sequence[Friction], logs: Sequence[Prepared], late: bool) -> _PartSearch:
         """Return the search among some parts, before its first step."""
         kinds = [FRICTION.name_of(part) for part in parts]
         usual = dict.fromkeys(kind for kind, part in zip(kinds, parts, strict=True) if part.is_default)
@@ -267,7 +267,7 @@ class _Search:
             progress(f"friction: the choice held out, {half + 1} of 2")
             seen = np.arange(self.blocks) % 2 == half
             pool = replace(self.pool, products=self.pool.products[seen], rows=self.pool.rows[seen])
-            search = _Search(pool, self.start)
+            search = _PartSearch(pool, self.start)
             search.improve_all(names, lambda step: None)
             unseen = self._held[~seen]
             learned = np.broadcast_to(self._held[seen].sum(axis=0), unseen.shape)

@@ -24,7 +24,7 @@ from dynident.arrays import Array, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.residuals.quantiles import student_quantile
-from dynident.identification.selection.friction.column_pool import Pool, fit, held_out, loss, make_pool
+from dynident.identification.selection.friction.column_pool import ColumnPool, fit, held_out, loss, make_pool
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.variable_projection import fastest_of, minimum, spans_of
 from dynident.model.dynamic_model import DynamicModel
@@ -83,7 +83,7 @@ def choose_fields(
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
     logs = [log.sparser(ROWS) for log in logs]
     load = default_load(without_optional(model), logs) if "torque" in model.needs else None
-    search = _Search(model, logs, load, late, progress)
+    search = _FieldSearch(model, logs, load, late, progress)
     found = search.fields()
     for p in search.absent:
         held = search.with_part(p)
@@ -111,7 +111,7 @@ def _with_value(model: DynamicModel, group: Sequence[int], name: str, value: flo
     return replace(model, friction=tuple(parts))
 
 
-class _Search:
+class _FieldSearch:
     """The model as far as it is chosen.
 
     Attributes:
@@ -238,7 +238,7 @@ class _Search:
         return _Tried(held, pool.rows.sum(axis=1), tuple(keeps))
 
 
-def _possible(pool: Pool, whole: Array, keep: IntArray, always: IntArray) -> IntArray:
+def _possible(pool: ColumnPool, whole: Array, keep: IntArray, always: IntArray) -> IntArray:
     """Return the columns of a model without those of an optional part whose coefficients would have a wrong sign."""
     while True:
         beta = fit(whole, keep)

@@ -17,7 +17,7 @@ from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption
 from dynident.identification.problem.choices import FieldEstimate
-from dynident.identification.selection.friction.column_pool import Pool, fit, loss, make_pool
+from dynident.identification.selection.friction.column_pool import ColumnPool, fit, loss, make_pool
 from dynident.identification.selection.friction.load import default_load
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE, Friction
@@ -98,7 +98,7 @@ def spans_of(part: Friction, asked: str, fastest: float) -> dict[str, tuple[floa
 
 
 def _best(
-    model: DynamicModel, pool: Pool, grids: Sequence[Array], owners: Sequence[int]
+    model: DynamicModel, pool: ColumnPool, grids: Sequence[Array], owners: Sequence[int]
 ) -> list[tuple[float, float, float]]:
     """Return the best value of each field and the interval that is as good, the fields taking turns."""
     stated = len(model.friction)

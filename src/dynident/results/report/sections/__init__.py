@@ -1,8 +1,8 @@
 """Sections of the report, a family: one part and one template per file."""
 
 from dynident.plugins import Family
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 
-SECTIONS: Family[Section] = Family("dynident.results.report.sections", Section, "report section")  # type: ignore[type-abstract]
+SECTIONS: Family[ReportSection] = Family("dynident.results.report.sections", ReportSection, "report section")  # type: ignore[type-abstract]
 
-__all__ = ["SECTIONS", "Section"]
+__all__ = ["SECTIONS", "ReportSection"]

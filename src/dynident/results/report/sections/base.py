@@ -11,7 +11,7 @@ from dynident.results.figures.files import file_stem
 from dynident.results.report.subject import MOST_DRAWN, Subject
 
 
-class Section(ABC):
+class ReportSection(ABC):
     """A frozen dataclass whose fields are its options.
 
     Attributes:

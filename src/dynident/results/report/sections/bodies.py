@@ -12,7 +12,7 @@ from dynident.arrays import Array
 from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import TEN_UNITS
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import Column, format_number, format_value, label, line_up, pretty_unit
 
@@ -50,7 +50,7 @@ class JudgedTable:
 
 
 @dataclass(frozen=True)
-class Bodies(Section):
+class Bodies(ReportSection):
     """Standard parameters, where the estimator found some."""
 
     title: ClassVar = "Standard parameters of the links"

@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 
 from dynident.results.choices import choice_tables, cutoff_table
 from dynident.results.report.combinations import combination
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import Table
 
 
 @dataclass(frozen=True)
-class ChoicesSection(Section):
+class ChoicesSection(ReportSection):
     """Cut-off, delays, the friction of each joint, fields of friction parts; left out where nothing was tried."""
 
     title: ClassVar = "Model selection"

@@ -9,13 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dynident.results.figures import convergence_chart
-from dynident.results.report.sections.base import Section, drawn
+from dynident.results.report.sections.base import ReportSection, drawn
 from dynident.results.report.subject import Subject
 from dynident.results.text import Column, Table, format_number, format_percent, label
 
 
 @dataclass(frozen=True)
-class Convergence(Section):
+class Convergence(ReportSection):
     """The objective per iteration: the estimate's ``extras`` (``trace``, ``optimum``) and the comparison's traces."""
 
     title: ClassVar = "Convergence"

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Dataset, Subject
 from dynident.results.text import MISSING, Column, Table, format_number, label, plain_value, statement
 
@@ -25,7 +25,7 @@ class SourceFile:
 
 
 @dataclass(frozen=True)
-class DataSection(Section):
+class DataSection(ReportSection):
     """Logs, filter and sources."""
 
     title: ClassVar = "Data and filter"

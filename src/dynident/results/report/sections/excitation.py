@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from dynident.results.report.plan_context import plan_context
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 
 
 @dataclass(frozen=True)
-class ExcitationSection(Section):
+class ExcitationSection(ReportSection):
     """A plan, where the report has one."""
 
     title: ClassVar = "Excitation"

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import label
 
@@ -49,7 +49,7 @@ class Examined:
 
 
 @dataclass(frozen=True)
-class LogQuality(Section):
+class LogQuality(ReportSection):
     """Findings on each log; left out where the logs were not examined."""
 
     title: ClassVar = "Log quality"

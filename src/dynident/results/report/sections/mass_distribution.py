@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.model.inertia import Inertia
 from dynident.results.figures import Scene, mass_scene, scene_chart, scene_text
-from dynident.results.report.sections.base import Section, drawn
+from dynident.results.report.sections.base import ReportSection, drawn
 from dynident.results.report.subject import Subject
 
 #: Views of a page without its script: name, direction of the eye about the vertical and above it, in rad.
@@ -17,7 +17,7 @@ VIEWS = (("from above", -1.01, 0.42), ("from the front", 0.0, 0.0), ("from the s
 
 
 @dataclass(frozen=True)
-class MassDistribution(Section):
+class MassDistribution(ReportSection):
     """The robot at the mean posture of the fit; left out where neither estimate nor description has inertias."""
 
     title: ClassVar = "Mass distribution"

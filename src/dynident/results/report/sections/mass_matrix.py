@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from dynident.identification.uncertainty.propagation import mass_matrix
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import Column, Table, format_given, format_value, label
 
 
 @dataclass(frozen=True)
-class MassMatrix(Section):
+class MassMatrix(ReportSection):
     """M(q) at the mean posture of the fit."""
 
     title: ClassVar = "Mass matrix"

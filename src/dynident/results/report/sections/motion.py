@@ -10,13 +10,13 @@ from markupsafe import Markup
 from dynident.arrays import Array
 from dynident.model.robot import Robot
 from dynident.results.figures import path_chart, tool_path, trajectory_chart
-from dynident.results.report.sections.base import Section, drawn, left_out
+from dynident.results.report.sections.base import ReportSection, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Subject
 from dynident.results.text import label
 
 
 @dataclass(frozen=True)
-class MotionSection(Section):
+class MotionSection(ReportSection):
     """Positions and speeds over time and the path in space, of reference motions and of the logs."""
 
     title: ClassVar = "Trajectories and tool path"

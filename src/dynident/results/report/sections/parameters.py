@@ -12,13 +12,13 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.results.figures import deviation_chart
 from dynident.results.report.combinations import combination
 from dynident.results.report.judgement import LOST, WELL_KNOWN
-from dynident.results.report.sections.base import Section, drawn
+from dynident.results.report.sections.base import ReportSection, drawn
 from dynident.results.report.subject import Subject
 from dynident.results.text import Table, format_number, format_percent, parameters_table
 
 
 @dataclass(frozen=True)
-class Parameters(Section):
+class Parameters(ReportSection):
     """The table of base parameters and a chart of the least known.
 
     Attributes:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import format_number, label, plain_value
 
@@ -20,7 +20,7 @@ _ELSEWHERE = ("logs", "log_quality", "command", "trace")
 
 
 @dataclass(frozen=True)
-class Provenance(Section):
+class Provenance(ReportSection):
     """Method, options, news of the method, versions and the exact command."""
 
     title: ClassVar = "Provenance"

@@ -11,7 +11,7 @@ from markupsafe import Markup
 from dynident.model.robot import Robot
 from dynident.results.figures import line_chart, residual_chart
 from dynident.results.figures.residuals import spectrum, thinned
-from dynident.results.report.sections.base import Section, drawn, left_out
+from dynident.results.report.sections.base import ReportSection, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
 from dynident.results.text import MISSING, Column, Table, format_number, format_to, label, pretty_unit
 
@@ -20,7 +20,7 @@ _FAINT = 1e-4
 
 
 @dataclass(frozen=True)
-class Residuals(Section):
+class Residuals(ReportSection):
     """Size, memory, dependence on speed and spectrum of the residual."""
 
     title: ClassVar = "Residuals"

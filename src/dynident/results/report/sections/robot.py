@@ -9,13 +9,13 @@ import numpy as np
 
 from dynident.model.friction import FRICTION, Friction
 from dynident.model.robot import Robot
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import MISSING, Column, Table, format_given, label, pretty_unit, statement
 
 
 @dataclass(frozen=True)
-class RobotSection(Section):
+class RobotSection(ReportSection):
     """Joints, drives, links and gravity as the description states them."""
 
     title: ClassVar = "Robot"

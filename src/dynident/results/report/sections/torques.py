@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from dynident.results.figures import TorqueBands, torque_chart
-from dynident.results.report.sections.base import Section, drawn, left_out
+from dynident.results.report.sections.base import ReportSection, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
 from dynident.results.text import Column, Table, format_number, format_percent, label, pretty_unit, statement
 
@@ -21,7 +21,7 @@ _ROWS = 8
 
 
 @dataclass(frozen=True)
-class Torques(Section):
+class Torques(ReportSection):
     """A figure per joint and data set; the figures of a data set are zoomed together."""
 
     title: ClassVar = "Torques"

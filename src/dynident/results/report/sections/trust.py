@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import MISSING, Column, Table, format_number, format_percent, label
 
 
 @dataclass(frozen=True)
-class Trust(Section):
+class Trust(ReportSection):
     """What the diagnostics say; left out where none were made and no log leaves what the fit has seen."""
 
     title: ClassVar = "Diagnostics"

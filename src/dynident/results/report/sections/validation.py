@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Dataset, Subject
 from dynident.results.text import Table, fits_table, format_number, total_error
 
@@ -22,7 +22,7 @@ class Figures:
 
 
 @dataclass(frozen=True)
-class ValidationSection(Section):
+class ValidationSection(ReportSection):
     """Errors and correlations of each joint."""
 
     title: ClassVar = "Validation"

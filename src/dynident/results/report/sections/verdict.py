@@ -11,7 +11,7 @@ import numpy as np
 from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.results.report.judgement import GAP, LOST, WELL_KNOWN, grade, tone
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import format_percent, label, shorten
 
@@ -38,7 +38,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Verdict(Section):
+class Verdict(ReportSection):
     """Held-out error, physical consistency and how well the parameters are known."""
 
     title: ClassVar = "Verdict"
