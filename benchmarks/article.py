@@ -32,7 +32,7 @@ from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robots import er16_article as article
-from dynident.simulation.virtual_robot import Noise, simulate
+from dynident.simulation.virtual_robot import Noise, Timing, simulate
 from dynident.studies.benchmark.possible_robots import told
 from dynident.studies.benchmark.records import Records
 from dynident.studies.benchmark.runner import run_tasks
@@ -189,7 +189,7 @@ def virtual_data(seed: int) -> tuple[Contest, tuple[Motion, np.ndarray], np.ndar
     excitation, validation = trajectories()
     noise = article.NOISE_SHARE * np.std(model.torque(states(excitation), theta), axis=0)
     sensors = Noise(position=POSITION_NOISE, torque=noise)
-    log = simulate(model, theta, excitation, duration=article.PERIOD, noise=sensors, seed=seed).log
+    log = simulate(model, theta, excitation, timing=Timing(duration=article.PERIOD), noise=sensors, seed=seed).log
     filtering = Preprocessing(FourierFit(period_s=article.PERIOD, harmonics=5), rest="keep")
     contest = Contest(build_problem(told(model, None), [log], filtering), (), theta)
     _ = contest.least

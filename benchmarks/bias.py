@@ -33,7 +33,7 @@ from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robots.er16_article import LOCKED
 from dynident.simulation.plant import plant
-from dynident.simulation.virtual_robot import JointController, Noise, simulate
+from dynident.simulation.virtual_robot import JointController, Noise, Timing, simulate
 
 NOISE, RATE, CONTROL, PERIOD, BANDWIDTH = 1e-4, 200.0, 2000.0, 5.0, 5.0
 
@@ -53,7 +53,7 @@ def cell(robot, size):
 def problem_of(model, theta, path, stiffness, damping, seed):
     controller = JointController(rate=CONTROL, stiffness=stiffness, damping=damping, gravity=False)
     noise = Noise(position=NOISE, torque=0.2)
-    run = simulate(model, theta, path, rate=RATE, controller=controller, noise=noise, seed=seed)
+    run = simulate(model, theta, path, timing=Timing(rate=RATE), controller=controller, noise=noise, seed=seed)
     if run.saturated:
         raise SystemExit(f"{run.saturated} torques were cut at their limits")
     dq = central_differences(run.log.q, run.log.rate)

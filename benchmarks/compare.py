@@ -25,7 +25,7 @@ from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robots.er16_article import NOISE_SHARE, PERIOD, RATE, SAMPLES
 from dynident.results.text import comparison_table
-from dynident.simulation.virtual_robot import Noise, simulate
+from dynident.simulation.virtual_robot import Noise, Timing, simulate
 from dynident.studies.comparison.compare import compare, contest_of, ranked
 from dynident.studies.comparison.comparison_view import comparison_rows
 from dynident.studies.reproduction import POSITION_NOISE, er16_three_joints, trajectories
@@ -41,7 +41,7 @@ def er16(seed=0):
     spread = NOISE_SHARE * np.std(model.torque(motion, theta), axis=0)
     noise = Noise(position=POSITION_NOISE, torque=spread)
     train, test = (
-        simulate(model, theta, path, duration=PERIOD, noise=noise, seed=seed + i).log
+        simulate(model, theta, path, timing=Timing(duration=PERIOD), noise=noise, seed=seed + i).log
         for i, path in enumerate(trajectories(), start=1)
     )
     links = tuple(replace(link, inertia=None) for link in model.robot.links)

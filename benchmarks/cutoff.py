@@ -30,7 +30,7 @@ from dynident.identification.validate import validate_prepared
 from dynident.model.base_parameters import base_parameters
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.simulation.virtual_robot import Noise
+from dynident.simulation.virtual_robot import Noise, Timing
 
 CASES = ("panda", "tx40", "lwr4", "tiago", "ur10e")
 PERIOD, HALF_TICK = 10.0, -0.0005  # a row that falls on a tick of the controller has the torque that begins there
@@ -58,12 +58,14 @@ class Arm:
         middle = np.array([0.0, 0.3, 0.08, 0.0]) if "scara" in name else np.tile([0.0, 0.4], joints)[:joints]
         draw = np.random.default_rng(seed).uniform(-1, 1, (2, joints, 5)) * reach[:, None] / np.arange(1, 6)
         self.path = FourierSeries(middle, *draw, period=PERIOD)
-        self.size = np.asarray(simulate(self.model, self.theta, self.path, rate=100.0).truth.torque).std(axis=0)
+        self.size = np.asarray(simulate(self.model, self.theta, self.path, timing=Timing(rate=100.0)).truth.torque).std(
+            axis=0
+        )
 
     def log(self, noise: Noise, step: float, rate: float, seed: int):
         noise = replace(noise, torque=np.asarray(noise.torque) * self.size)
-        how = {"duration": 2 * PERIOD, "rate": rate, "noise": noise, "resolution": step, "seed": seed}
-        return simulate(self.model, self.theta, self.path, **how).log
+        noise, timing = replace(noise, resolution=step), Timing(duration=2 * PERIOD, rate=rate)
+        return simulate(self.model, self.theta, self.path, noise=noise, timing=timing, seed=seed).log
 
 
 def virtual(seeds: int) -> None:

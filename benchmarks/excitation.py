@@ -32,6 +32,7 @@ from dynident.excitation.design.feasibility import feasible_start, shrunk
 from dynident.excitation.design.finishing import FINER
 from dynident.excitation.design.limits import MotionLimits, limits_of
 from dynident.excitation.design.observation import Observation
+from dynident.excitation.design.options import DesignKnowledge, SearchOptions, SpaceLimits, TrajectoryOptions
 from dynident.excitation.design.parametrisation import parametrise
 from dynident.excitation.design.prior import Prior, deviations_of
 from dynident.model.friction import Motion
@@ -64,7 +65,13 @@ def article_figures() -> None:
     rows = [("beta_1", published, 0.0)]
     for criterion in ("condition", "unit_condition"):
         started = time.perf_counter()
-        plan = design_excitation(model, limits, criterion, period=article.PERIOD, starts=8)
+        plan = design_excitation(
+            model,
+            limits,
+            criterion,
+            trajectory=TrajectoryOptions(period=article.PERIOD),
+            search=SearchOptions(starts=8),
+        )
         seconds = time.perf_counter() - started
         time_ = np.arange(article.SAMPLES) / article.RATE
         rows.append((f"{criterion}, at rest at both ends", Motion(*plan.trajectory.evaluate(time_)), seconds))
@@ -81,7 +88,14 @@ def virtual_robot() -> None:
     base = base_parameters(model)
     truth = base.from_standard(theta)
     noise = article.NOISE_SHARE * model.torque(published, theta).std(axis=0)
-    plan = design_excitation(model, limits, "d_optimal", period=article.PERIOD, starts=8, noise=noise)
+    plan = design_excitation(
+        model,
+        limits,
+        "d_optimal",
+        trajectory=TrajectoryOptions(period=article.PERIOD),
+        search=SearchOptions(starts=8),
+        knowledge=DesignKnowledge(noise=noise),
+    )
     print("2. virtual ER-16, equal torque noise and duration: relative standard deviations of the base parameters")
     for name, motion in (("beta_1", series), ("D-optimal, beta_1's ranges", plan.trajectory)):
         found = []
@@ -106,7 +120,12 @@ def cell():
 def six_joints(seeds: int = 20) -> None:
     model, clearance = cell()
     name = model.robot.name
-    design_excitation(model, criterion="condition", trajectory="fourier", starts=1, time_limit=0.01)  # compiles
+    design_excitation(
+        model,
+        criterion="condition",
+        trajectory=TrajectoryOptions(kind="fourier"),
+        search=SearchOptions(starts=1, time_limit=0.01),
+    )  # compiles
     print(f"3. {name}, 66 free numbers, 10 s, position to torque rate, one start a seed")
     for criterion in ("condition", "unit_condition", "d_optimal"):
         for distances in (None, clearance):
@@ -114,7 +133,11 @@ def six_joints(seeds: int = 20) -> None:
             for seed in range(seeds):
                 started = time.perf_counter()
                 plan = design_excitation(
-                    model, criterion=criterion, trajectory="fourier", starts=1, seed=seed, clearance=distances
+                    model,
+                    criterion=criterion,
+                    trajectory=TrajectoryOptions(kind="fourier"),
+                    search=SearchOptions(starts=1, seed=seed),
+                    space=SpaceLimits(clearance=distances),
                 )
                 seconds.append(time.perf_counter() - started)
                 figures.append(plan.values[criterion])
@@ -215,7 +238,12 @@ def panda() -> None:
     print("5. Panda, the maker's limits with jerk and torque less a margin, 20 s, at rest at both ends, 4 starts")
     for criterion in ("condition", "unit_condition", "d_optimal"):
         started = time.perf_counter()
-        plan = design_excitation(model, criterion=criterion, period=20.0, time_limit=25.0, jobs=None)
+        plan = design_excitation(
+            model,
+            criterion=criterion,
+            trajectory=TrajectoryOptions(period=20.0),
+            search=SearchOptions(time_limit=25.0, jobs=None),
+        )
         seconds = time.perf_counter() - started
         worst = max(plan.rows, key=lambda row: row.used)
         print(
@@ -229,13 +257,21 @@ def one_after_another() -> None:
     base = base_parameters(model)
     print("6. 6R, 10 s: standard deviations after two runs, the second designed after the first, over the first twice")
     for criterion in ("d_optimal", "bayesian_d", "a_optimal"):
-        first = design_excitation(model, criterion=criterion, starts=4, clearance=clearance)
+        first = design_excitation(
+            model, criterion=criterion, search=SearchOptions(starts=4), space=SpaceLimits(clearance=clearance)
+        )
         known = first.settings["outlook"]
         motion = Motion(*first.trajectory.evaluate(np.arange(2000) * first.trajectory.period / 2000))
         triangle = Observation(model, base).triangle(motion, np.array(first.settings["noise"]))
         information = known["effective_sample_size"] * triangle.T @ triangle
         earlier = Prior(information, None, "run 1")
-        second = design_excitation(model, criterion=criterion, starts=4, seed=1, clearance=clearance, earlier=earlier)
+        second = design_excitation(
+            model,
+            criterion=criterion,
+            search=SearchOptions(starts=4, seed=1),
+            space=SpaceLimits(clearance=clearance),
+            knowledge=DesignKnowledge(earlier=earlier),
+        )
         after = np.array([item["std_after"] for item in second.settings["outlook"]["parameters"]])
         ratios = after / deviations_of(2 * information)
         sizes = np.maximum(np.abs(base.from_standard(model.nominal())), 1e-12)
@@ -252,7 +288,11 @@ def processes() -> None:
         for jobs in (1, 2):
             started = time.perf_counter()
             design_excitation(
-                model, criterion="condition", trajectory="fourier", starts=starts, jobs=jobs, clearance=clearance
+                model,
+                criterion="condition",
+                trajectory=TrajectoryOptions(kind="fourier"),
+                search=SearchOptions(starts=starts, jobs=jobs),
+                space=SpaceLimits(clearance=clearance),
             )
             seconds.append(time.perf_counter() - started)
         print(f"   {starts} starts: {seconds[0]:.1f} s and {seconds[1]:.1f} s, {seconds[0] / seconds[1]:.2f}x")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import dynident
-from dynident.simulation.virtual_robot import Noise
+from dynident.simulation.virtual_robot import Noise, Timing
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 robot = dynident.read_robot("generic-scara")
@@ -29,7 +29,7 @@ def record(name: str, seed: int) -> dynident.Log:
     """Simulate a run of 10 s along a random Fourier series and write its log."""
     sine, cosine = (reach[:, None] * generator.uniform(-1, 1, (4, 4)) / [1, 2, 3, 4] for _ in range(2))
     trajectory = dynident.FourierSeries(offset, sine, cosine, period=10.0)
-    log = dynident.simulate(model, truth, trajectory, rate=500.0, noise=noise, seed=seed).log
+    log = dynident.simulate(model, truth, trajectory, timing=Timing(rate=500.0), noise=noise, seed=seed).log
     dynident.write_log(log, folder / name)
     return log
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dynident.api.compare import compare as compare
     from dynident.api.estimate_output import write_estimate as write_estimate
+    from dynident.api.excite import excite as excite
     from dynident.api.export import export as export
     from dynident.api.identify import identify as identify
     from dynident.api.init import init as init
@@ -27,6 +28,10 @@ if TYPE_CHECKING:
     from dynident.errors import DynidentError as DynidentError
     from dynident.excitation.design.excitation import design_excitation as design_excitation
     from dynident.excitation.design.limits import limits_of as limits_of
+    from dynident.excitation.design.options import DesignKnowledge as DesignKnowledge
+    from dynident.excitation.design.options import SearchOptions as SearchOptions
+    from dynident.excitation.design.options import SpaceLimits as SpaceLimits
+    from dynident.excitation.design.options import TrajectoryOptions as TrajectoryOptions
     from dynident.excitation.design.plan import read_plan as read_plan
     from dynident.excitation.design.plan import write_plan as write_plan
     from dynident.excitation.trajectories.fourier import FourierSeries as FourierSeries
@@ -47,6 +52,8 @@ if TYPE_CHECKING:
     from dynident.model.robot import Link as Link
     from dynident.model.robot import Robot as Robot
     from dynident.results.report import write_report as write_report
+    from dynident.simulation.virtual_robot import Noise as Noise
+    from dynident.simulation.virtual_robot import Timing as Timing
     from dynident.simulation.virtual_robot import simulate as simulate
 
 _HOMES = {
@@ -55,6 +62,7 @@ _HOMES = {
     "identification.files.estimate_file": ("read_estimate",),
     "api.compare": ("compare",),
     "api.estimate_output": ("write_estimate",),
+    "api.excite": ("excite",),
     "api.export": ("export",),
     "api.identify": ("identify",),
     "api.init": ("init",),
@@ -66,10 +74,11 @@ _HOMES = {
     "data.formats": ("ColumnMap", "Units", "read_log", "write_log"),
     "excitation.design.limits": ("limits_of",),
     "data.log": ("Log",),
+    "excitation.design.options": ("DesignKnowledge", "SearchOptions", "SpaceLimits", "TrajectoryOptions"),
     "excitation.design.plan": ("read_plan", "write_plan"),
     "data.preprocessing": ("FILTERS", "Preprocessing", "preprocess"),
     "excitation.trajectories.fourier": ("FourierSeries",),
-    "simulation.virtual_robot": ("simulate",),
+    "simulation.virtual_robot": ("Noise", "Timing", "simulate"),
     "model.base_parameters": ("BaseParameters", "base_parameters"),
     "model.descriptions": ("read_robot",),
     "model.dynamic_model": ("DynamicModel",),

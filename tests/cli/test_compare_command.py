@@ -63,7 +63,7 @@ def test_the_table_is_in_the_order_of_the_test_error(capsys: Capture) -> None:
     shown, said = capsys.readouterr()
     assert shown.startswith("planar-2r: 2 joints, ") and "to test on\nfilter kind butterworth" in shown
     head, _, *rows = shown.split("\n\n")[1].splitlines()
-    for heading in ("held-out error [%]", "training error [%]", "above wls [%]", "parameter error [%]", "possible"):
+    for heading in ("test error [%]", "training error [%]", "above wls [%]", "parameter error [%]", "consistent"):
         assert heading in head
     names = [row.split()[0] for row in rows]
     assert sorted(names) == ["consistent", "de:iterations=3", "map", "ols", "wls"]
@@ -71,7 +71,7 @@ def test_the_table_is_in_the_order_of_the_test_error(capsys: Capture) -> None:
     errors = [float(row.split()[1]) for row in rows[:-1]]
     assert errors == sorted(errors)
     assert re.search(r"^map: .*; .*$", shown, re.MULTILINE)
-    assert "the known truth has a held-out error of " in shown
+    assert "the known truth has a test error of " in shown
     assert "  wls (2 of 5)\n" in said
 
 

@@ -17,6 +17,7 @@ from dynident.excitation.design.feasibility import feasible_start, shrunk
 from dynident.excitation.design.limits import MotionLimits, check_limits, limits_of
 from dynident.excitation.design.multistart import SearchState
 from dynident.excitation.design.observation import Observation
+from dynident.excitation.design.options import DesignKnowledge, SearchOptions, TrajectoryOptions
 from dynident.excitation.design.parametrisation import parametrise
 from dynident.excitation.design.plan import Plan
 from dynident.excitation.design.prior import Prior
@@ -55,7 +56,12 @@ def model(request: pytest.FixtureRequest) -> DynamicModel:
 
 @pytest.fixture(scope="module")
 def plan(planar_2r: Robot) -> Plan:
-    return design_excitation(model_of(planar_2r), criterion="condition", period=6.0, harmonics=4, starts=2, samples=80)
+    return design_excitation(
+        model_of(planar_2r),
+        criterion="condition",
+        trajectory=TrajectoryOptions(period=6.0, harmonics=4, samples=80),
+        search=SearchOptions(starts=2),
+    )
 
 
 # --- the observation matrix --------------------------------------------------------------------------------------
@@ -196,7 +202,12 @@ def test_the_figures_are_those_of_the_motion(plan: Plan, planar_2r: Robot) -> No
 
 @pytest.mark.parametrize("criterion", ["unit_condition", "d_optimal", "e_optimal", "a_optimal"])
 def test_each_criterion_is_best_at_its_own_figure(plan: Plan, planar_2r: Robot, criterion: str) -> None:
-    own = design_excitation(model_of(planar_2r), criterion=criterion, period=6.0, harmonics=4, starts=4, samples=80)
+    own = design_excitation(
+        model_of(planar_2r),
+        criterion=criterion,
+        trajectory=TrajectoryOptions(period=6.0, harmonics=4, samples=80),
+        search=SearchOptions(starts=4),
+    )
     assert own.feasible and own.criterion == criterion
     sign = -1.0 if CRITERIA.get(criterion).larger_is_better else 1.0
     # The smallest eigenvalue and the condition number ask for nearly the same here: local optima differ by as much.
@@ -206,7 +217,11 @@ def test_each_criterion_is_best_at_its_own_figure(plan: Plan, planar_2r: Robot, 
 
 def test_a_seed_gives_the_same_plan_and_another_seed_another(planar_2r: Robot) -> None:
     def table(seed: int) -> Array:
-        plan = design_excitation(model_of(planar_2r), period=6.0, harmonics=3, starts=1, samples=60, seed=seed)
+        plan = design_excitation(
+            model_of(planar_2r),
+            trajectory=TrajectoryOptions(period=6.0, harmonics=3, samples=60),
+            search=SearchOptions(starts=1, seed=seed),
+        )
         return np.asarray(plan.trajectory.sine)
 
     np.testing.assert_array_equal(table(0), table(0))
@@ -215,7 +230,11 @@ def test_a_seed_gives_the_same_plan_and_another_seed_another(planar_2r: Robot) -
 
 def test_a_fourier_series_gets_a_run_in_that_keeps_the_limits(planar_2r: Robot) -> None:
     model = model_of(planar_2r)
-    plan = design_excitation(model, trajectory="fourier", period=6.0, harmonics=3, starts=1, samples=60)
+    plan = design_excitation(
+        model,
+        trajectory=TrajectoryOptions(kind="fourier", period=6.0, harmonics=3, samples=60),
+        search=SearchOptions(starts=1),
+    )
     assert plan.feasible and plan.run_in > 0
     motion = plan.motion()
     assert motion.duration == 6.0 + 2 * plan.run_in
@@ -226,7 +245,11 @@ def test_a_fourier_series_gets_a_run_in_that_keeps_the_limits(planar_2r: Robot) 
 
 def test_a_run_in_is_no_harsher_than_the_motion_where_nothing_is_stated(planar_2r: Robot) -> None:
     model = model_of(planar_2r, JointLimits(-2.0, 2.0, 2.0))
-    plan = design_excitation(model, trajectory="fourier", period=6.0, harmonics=3, starts=1, samples=60)
+    plan = design_excitation(
+        model,
+        trajectory=TrajectoryOptions(kind="fourier", period=6.0, harmonics=3, samples=60),
+        search=SearchOptions(starts=1),
+    )
     time = np.linspace(0, 6, 601)
     own = np.abs(plan.trajectory.evaluate(time)[2]).max(axis=0)
     outside = np.r_[np.linspace(0, plan.run_in, 200), plan.motion().duration - np.linspace(0, plan.run_in, 200)]
@@ -243,7 +266,10 @@ def test_a_shifted_series_begins_later() -> None:
 def test_the_time_limit_ends_the_search_with_a_feasible_plan(planar_2r: Robot) -> None:
     seen: list[SearchState] = []
     plan = design_excitation(
-        model_of(planar_2r), period=6.0, harmonics=4, starts=50, samples=80, time_limit=0.2, progress=seen.append
+        model_of(planar_2r),
+        trajectory=TrajectoryOptions(period=6.0, harmonics=4, samples=80),
+        search=SearchOptions(starts=50, time_limit=0.2),
+        progress=seen.append,
     )
     assert plan.feasible
     assert plan.settings["seconds"] < 5.0
@@ -254,7 +280,11 @@ def test_limits_of_ones_own_and_given_noise(planar_2r: Robot) -> None:
     none = np.full(2, np.inf)
     limits = MotionLimits(("joint1", "joint2"), (True, True), -none, none, np.array([0.5, 0.7]), none, none, none)
     plan = design_excitation(
-        model_of(planar_2r), limits, period=6.0, harmonics=2, starts=1, samples=60, noise=[1.0, 0.1]
+        model_of(planar_2r),
+        limits,
+        trajectory=TrajectoryOptions(period=6.0, harmonics=2, samples=60),
+        search=SearchOptions(starts=1),
+        knowledge=DesignKnowledge(noise=[1.0, 0.1]),
     )
     speed = {row.joint: row for row in plan.rows if row.quantity == "velocity"}
     assert speed["joint1"].limit == 0.5 and speed["joint2"].limit == 0.7
@@ -265,7 +295,9 @@ def test_a_robot_without_inertias_has_no_torque_rows(planar_2r: Robot) -> None:
     model = model_of(planar_2r)
     bare = tuple(replace(link, inertia=None) for link in model.robot.links)
     plan = design_excitation(
-        replace(model, robot=replace(model.robot, links=bare)), period=6.0, harmonics=2, starts=1, samples=60
+        replace(model, robot=replace(model.robot, links=bare)),
+        trajectory=TrajectoryOptions(period=6.0, harmonics=2, samples=60),
+        search=SearchOptions(starts=1),
     )
     assert not [row for row in plan.rows if row.quantity == "torque"]
     assert plan.settings["torque_limits"] == "not checked: no nominal inertias"
@@ -275,7 +307,12 @@ def test_the_torque_of_a_heavier_estimate_is_kept(planar_2r: Robot) -> None:
     model = model_of(planar_2r, replace(LIMITS, effort=80.0))
     nominal = model.nominal()
     assert nominal is not None
-    plan = design_excitation(model, period=6.0, harmonics=3, starts=1, samples=60, theta=1.5 * nominal)
+    plan = design_excitation(
+        model,
+        trajectory=TrajectoryOptions(period=6.0, harmonics=3, samples=60),
+        search=SearchOptions(starts=1),
+        knowledge=DesignKnowledge(theta=1.5 * nominal),
+    )
     assert plan.settings["torque_limits"] == "parameters given"
     shown = {row.joint: abs(row.value) for row in plan.rows if row.quantity == "torque"}
     time = np.linspace(0, 6, 601)
@@ -287,21 +324,30 @@ def test_the_torque_of_a_heavier_estimate_is_kept(planar_2r: Robot) -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"starts": 0}, "starts = 0"),
-        ({"time_limit": 0.0}, "time_limit = 0.0"),
-        ({"period": -1.0}, "period = -1.0"),
-        ({"harmonics": 1}, "harmonics = 1 is not possible; give 2 or more to start and end at rest"),
-        ({"trajectory": "fourier", "harmonics": 0}, "harmonics = 0"),
-        ({"samples": 10}, "samples = 10 is not possible; give 21 or more"),
-        ({"noise": 0.0}, "noise = 0.0"),
-        ({"noise": [1.0, 2.0, 3.0]}, "one for each of the 2 joints"),
-        ({"theta": [1.0]}, r"theta = 'of shape \(1,\)'"),
-        ({"rows": 0.0}, "rows = 0.0 is not possible; give the number of rows of a joint that the run gives, above 0"),
+        ({"search": SearchOptions(starts=0)}, "starts = 0"),
+        ({"search": SearchOptions(time_limit=0.0)}, "time_limit = 0.0"),
+        ({"trajectory": TrajectoryOptions(period=-1.0)}, "period = -1.0"),
         (
-            {"criterion": "condition", "earlier": Prior(np.eye(3), None, "one")},
+            {"trajectory": TrajectoryOptions(harmonics=1)},
+            "harmonics = 1 is not possible; give 2 or more to start and end at rest",
+        ),
+        ({"trajectory": TrajectoryOptions("fourier", harmonics=0)}, "harmonics = 0"),
+        ({"trajectory": TrajectoryOptions(samples=10)}, "samples = 10 is not possible; give 21 or more"),
+        ({"knowledge": DesignKnowledge(noise=0.0)}, "noise = 0.0"),
+        ({"knowledge": DesignKnowledge(noise=[1.0, 2.0, 3.0])}, "one for each of the 2 joints"),
+        ({"knowledge": DesignKnowledge(theta=[1.0])}, r"theta = 'of shape \(1,\)'"),
+        (
+            {"knowledge": DesignKnowledge(rows=0.0)},
+            "rows = 0.0 is not possible; give the number of rows of a joint that the run gives, above 0",
+        ),
+        (
+            {"criterion": "condition", "knowledge": DesignKnowledge(earlier=Prior(np.eye(3), None, "one"))},
             "so earlier runs cannot be added; choose one of",
         ),
-        ({"criterion": "d_optimal", "earlier": Prior(np.eye(3), None, "one")}, "earlier = 'of 3 base parameters'"),
+        (
+            {"criterion": "d_optimal", "knowledge": DesignKnowledge(earlier=Prior(np.eye(3), None, "one"))},
+            "earlier = 'of 3 base parameters'",
+        ),
     ],
 )
 def test_options_that_cannot_be(planar_2r: Robot, given: dict[str, object], message: str) -> None:
@@ -311,7 +357,7 @@ def test_options_that_cannot_be(planar_2r: Robot, given: dict[str, object], mess
 
 def test_names_that_are_none(planar_2r: Robot) -> None:
     with pytest.raises(UnknownChoice, match="no trajectory to design called 'rest-fourier'"):
-        design_excitation(model_of(planar_2r), trajectory="rest-fourier")
+        design_excitation(model_of(planar_2r), trajectory=TrajectoryOptions(kind="rest-fourier"))
     with pytest.raises(UnknownChoice, match="no criterion called 'cond'"):
         design_excitation(model_of(planar_2r), criterion="cond")
 
@@ -343,6 +389,12 @@ def test_designs_within_the_ranges_of_the_published_trajectory_are_better() -> N
     assert figure("unit_condition", published) == pytest.approx(5.96, abs=0.005)
     smooth = DynamicModel(robot, (Coulomb(), Viscous()))
     for criterion, most in (("condition", 60.0), ("unit_condition", 3.9)):  # 8 starts: 50.3 and 3.1
-        plan = design_excitation(smooth, limits, criterion, period=article.PERIOD, starts=2)
+        plan = design_excitation(
+            smooth,
+            limits,
+            criterion,
+            trajectory=TrajectoryOptions(period=article.PERIOD),
+            search=SearchOptions(starts=2),
+        )
         assert plan.feasible
         assert figure(criterion, Motion(*plan.trajectory.evaluate(time))) < most

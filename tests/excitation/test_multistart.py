@@ -21,6 +21,7 @@ from dynident.errors import BadOption, FileError, InfeasibleTrajectory
 from dynident.excitation.design import multistart
 from dynident.excitation.design.excitation import design_excitation
 from dynident.excitation.design.multistart import SearchState
+from dynident.excitation.design.options import DesignKnowledge, SearchOptions, TrajectoryOptions
 from dynident.excitation.design.plan import Plan
 from dynident.excitation.design.prior import Prior, prior_of_covariance
 from dynident.model.base_parameters import base_parameters
@@ -28,7 +29,9 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import JointLimits, Robot
 
 LIMITS = JointLimits(-2.0, 1.5, 2.0, 8.0, 60.0, 150.0)
-QUICK: dict[str, Any] = {"period": 6.0, "harmonics": 3, "samples": 60, "starts": 3}
+SHAPE = TrajectoryOptions(period=6.0, harmonics=3, samples=60)
+SEARCH = SearchOptions(starts=3)
+QUICK: dict[str, Any] = {"trajectory": SHAPE, "search": SEARCH}
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +54,7 @@ def tables(plan: Plan) -> Array:
 
 def test_processes_find_the_same_plan_and_tell_how_far_they_are(model: DynamicModel, plan: Plan) -> None:
     seen: list[SearchState] = []
-    other = design_excitation(model, **QUICK, jobs=2, progress=seen.append)
+    other = design_excitation(model, trajectory=SHAPE, search=replace(SEARCH, jobs=2), progress=seen.append)
     np.testing.assert_array_equal(tables(other), tables(plan))
     assert other.settings["best_start"] == plan.settings["best_start"]
     assert other.settings["evaluations"] == plan.settings["evaluations"] == seen[-1].evaluations
@@ -69,7 +72,7 @@ def test_ctrl_c_ends_the_workers_at_once(model: DynamicModel) -> None:
 
     before = set(threading.enumerate())
     with pytest.raises(KeyboardInterrupt):
-        design_excitation(model, **{**QUICK, "starts": 200}, jobs=2, progress=stop)
+        design_excitation(model, trajectory=SHAPE, search=replace(SEARCH, starts=200, jobs=2), progress=stop)
     assert not [thread for thread in set(threading.enumerate()) - before if "QueueFeeder" in thread.name]
     assert not multiprocessing.active_children()
 
@@ -106,7 +109,9 @@ def test_an_error_of_a_worker_is_the_error_of_the_search(model: DynamicModel) ->
     weak = replace(LIMITS, lower=-0.4, upper=0.4, effort=5.0)
     joints = tuple(replace(joint, limits=weak) for joint in model.robot.joints)
     with pytest.raises(InfeasibleTrajectory, match="torque of joint1") as caught:
-        design_excitation(replace(model, robot=replace(model.robot, joints=joints)), **QUICK, jobs=2)
+        design_excitation(
+            replace(model, robot=replace(model.robot, joints=joints)), trajectory=SHAPE, search=replace(SEARCH, jobs=2)
+        )
     assert caught.value.bound == "the torque of joint1"
 
 
@@ -118,7 +123,7 @@ def test_errors_come_whole_from_another_process() -> None:
 @pytest.mark.parametrize("jobs", [0, -1])
 def test_a_number_of_processes_that_is_none(model: DynamicModel, jobs: int) -> None:
     with pytest.raises(BadOption, match=f"jobs = {jobs} is not possible; give 1 or more"):
-        design_excitation(model, **QUICK, jobs=jobs)
+        design_excitation(model, trajectory=SHAPE, search=replace(SEARCH, jobs=jobs))
 
 
 # --- finished starts in a file -----------------------------------------------------------------------------------
@@ -137,27 +142,29 @@ def test_a_search_goes_on_where_it_stopped(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        design_excitation(model, **QUICK, checkpoint=file, progress=stop)
+        design_excitation(model, trajectory=SHAPE, search=replace(SEARCH, checkpoint=file), progress=stop)
     assert list(json.loads(file.read_text())["starts"]) == ["1", "2"]
-    again = design_excitation(model, **QUICK, checkpoint=file)
+    again = design_excitation(model, trajectory=SHAPE, search=replace(SEARCH, checkpoint=file))
     assert searched == [1, 2, 3]
     np.testing.assert_array_equal(tables(again), tables(plan))
     assert again.settings["evaluations"] == plan.settings["evaluations"]
-    more = design_excitation(model, **{**QUICK, "starts": 5}, checkpoint=file)
+    more = design_excitation(model, trajectory=SHAPE, search=replace(SEARCH, starts=5, checkpoint=file))
     assert searched == [1, 2, 3, 4, 5]
     assert more.values["d_optimal"] >= plan.values["d_optimal"]
 
 
 def test_starts_of_another_problem_are_refused(model: DynamicModel, tmp_path: Path) -> None:
     file = tmp_path / "search.json"
-    one = {**QUICK, "starts": 1, "checkpoint": file}
+    search = replace(SEARCH, starts=1, checkpoint=file)
+    one: dict[str, Any] = {"trajectory": SHAPE, "search": search}
     design_excitation(model, **one)
-    for change, word in (
-        ({"noise": 2.0}, "noise"),
-        ({"criterion": "condition", "noise": 2.0}, "criterion, noise"),
-        ({"seed": 1}, "seed"),
-        ({"period": 7.0}, "trajectory"),
-    ):
+    changes: list[tuple[dict[str, Any], str]] = [
+        ({"knowledge": DesignKnowledge(noise=2.0)}, "noise"),
+        ({"criterion": "condition", "knowledge": DesignKnowledge(noise=2.0)}, "criterion, noise"),
+        ({"search": replace(search, seed=1)}, "seed"),
+        ({"trajectory": replace(SHAPE, period=7.0)}, "trajectory"),
+    ]
+    for change, word in changes:
         with pytest.raises(FileError, match=f"of another problem; different: {word}; give the options of that search"):
             design_excitation(model, **{**one, **change})
     lighter = replace(model.robot.links[0], inertia=None)
@@ -179,13 +186,14 @@ def test_a_file_of_starts_that_is_none(model: DynamicModel, tmp_path: Path, text
     file = tmp_path / "search.json"
     file.write_text(text)
     with pytest.raises(FileError, match=message):
-        design_excitation(model, **QUICK, checkpoint=file)
+        design_excitation(model, trajectory=SHAPE, search=replace(SEARCH, checkpoint=file))
     assert file.read_text() == text
 
 
 def test_a_damaged_file_of_starts_is_refused(model: DynamicModel, tmp_path: Path) -> None:
     file = tmp_path / "search.json"
-    one = {**QUICK, "starts": 1, "checkpoint": file}
+    search = replace(SEARCH, starts=1, checkpoint=file)
+    one: dict[str, Any] = {"trajectory": SHAPE, "search": search}
     design_excitation(model, **one)
     data = json.loads(file.read_text())
     data["starts"]["1"]["candidates"][0]["free"].pop()
@@ -206,14 +214,20 @@ def largest_after(plan: Plan) -> float:
 @pytest.mark.parametrize("criterion", ["a_optimal", "bayesian_d", "d_optimal", "e_optimal"])
 def test_a_run_designed_after_another_tells_more_than_the_same_run_again(criterion: str, model: DynamicModel) -> None:
     noise = [1.0, 1.0]
-    first = design_excitation(model, criterion=criterion, noise=noise, **QUICK)
+    first = design_excitation(model, criterion=criterion, knowledge=DesignKnowledge(noise=noise), **QUICK)
     information, outlook = run_information(model, first, noise), first.settings["outlook"]["parameters"]
     beta = np.array([item["value"] or 1.0 for item in outlook])  # friction is not stated
     if criterion != "bayesian_d":  # which counts the nominal model as well
         expected = np.sqrt(np.diagonal(np.linalg.inv(information)))
         np.testing.assert_allclose([item["std_after"] for item in outlook], expected, rtol=1e-6)
     earlier = Prior(information, beta, "run 1")
-    second = design_excitation(model, criterion=criterion, noise=noise, earlier=earlier, **{**QUICK, "seed": 1})
+    second = design_excitation(
+        model,
+        criterion=criterion,
+        knowledge=DesignKnowledge(noise=noise, earlier=earlier),
+        trajectory=SHAPE,
+        search=replace(SEARCH, seed=1),
+    )
     again = np.sqrt(np.diagonal(np.linalg.inv(2 * information))) / np.abs(beta)
     assert largest_after(second) < 0.95 * again.max()
     assert second.settings["outlook"]["before"].startswith("run 1")
@@ -232,11 +246,13 @@ def run_information(model: DynamicModel, plan: Plan, noise: list[float]) -> Arra
 def test_what_is_known_already_is_left_alone(model: DynamicModel) -> None:
     """With everything else known, the motion serves the one parameter that is not."""
     base = base_parameters(model)
-    plain = design_excitation(model, noise=1.0, **QUICK)
+    plain = design_excitation(model, knowledge=DesignKnowledge(noise=1.0), **QUICK)
     target = base.count - 1
     known = np.full(base.count, 1e8)
     known[target] = 0.0
-    focused = design_excitation(model, noise=1.0, earlier=Prior(np.diag(known), None, "a table"), **QUICK)
+    focused = design_excitation(
+        model, knowledge=DesignKnowledge(noise=1.0, earlier=Prior(np.diag(known), None, "a table")), **QUICK
+    )
     key = "std_after"
     shares = [p.settings["outlook"]["parameters"][target][key] for p in (focused, plain)]
     assert shares[0] < shares[1]
@@ -244,11 +260,15 @@ def test_what_is_known_already_is_left_alone(model: DynamicModel) -> None:
 
 def test_earlier_runs_of_another_model_or_beside_a_condition_number(model: DynamicModel) -> None:
     with pytest.raises(BadOption, match=r"earlier = 'of 2 base parameters'.*use the same robot and friction"):
-        design_excitation(model, earlier=prior_of_covariance(np.eye(2), None, "a.json"), **QUICK)
+        design_excitation(
+            model, knowledge=DesignKnowledge(earlier=prior_of_covariance(np.eye(2), None, "a.json")), **QUICK
+        )
     with pytest.raises(BadOption, match=r"criterion = 'condition'.*choose one of: a_optimal, bayesian_d, d_optimal"):
-        design_excitation(model, criterion="condition", earlier=Prior(np.eye(2), None, "a.json"), **QUICK)
+        design_excitation(
+            model, criterion="condition", knowledge=DesignKnowledge(earlier=Prior(np.eye(2), None, "a.json")), **QUICK
+        )
     with pytest.raises(BadOption, match=r"rows = 0\.0"):
-        design_excitation(model, rows=0.0, **QUICK)
+        design_excitation(model, knowledge=DesignKnowledge(rows=0.0), **QUICK)
 
 
 def test_a_nominal_prior_needs_a_nominal_model(model: DynamicModel) -> None:

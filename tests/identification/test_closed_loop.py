@@ -27,7 +27,7 @@ from dynident.model.friction.periodic import Periodic
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
-from dynident.simulation.virtual_robot import JointController, Noise, simulate
+from dynident.simulation.virtual_robot import JointController, Noise, Timing, simulate
 
 KP, KD = (500.0, 100.0), (40.0, 8.0)
 KNOWN = LoopOptions(kp=KP, kd=KD, control_hz=500.0)
@@ -46,7 +46,12 @@ def cell(planar_2r):
     theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
     controller = JointController(rate=500.0, stiffness=KP, damping=KD, gravity=False)
     run = simulate(
-        model, theta, wave(2), rate=250.0, controller=controller, noise=Noise(), lead_in=1.0, integration_rate=4000.0
+        model,
+        theta,
+        wave(2),
+        timing=Timing(rate=250.0, lead_in=1.0, integration_rate=4000.0),
+        controller=controller,
+        noise=Noise(),
     )
     problem = build_problem(model, [run.log], HOW)
     return problem, problem.base.from_standard(theta), run
@@ -106,7 +111,7 @@ def test_sensitivities_are_exact_with_every_friction_of_the_motion(planar_2r, co
     model = DynamicModel(planar_2r, parts)
     theta = np.append(planar_2r.nominal, np.tile(np.linspace(0.3, 0.8, 8), 2))
     controller = JointController(rate=500.0, stiffness=KP, damping=KD, gravity=False)
-    run = simulate(model, theta, wave(2), rate=250.0, duration=0.4, controller=controller, lead_in=1.0)
+    run = simulate(model, theta, wave(2), timing=Timing(rate=250.0, duration=0.4, lead_in=1.0), controller=controller)
     problem = build_problem(model, [run.log], HOW)
     truth = problem.base.from_standard(theta)
     beta = truth * np.linspace(0.9, 1.1, len(truth))
@@ -128,7 +133,7 @@ def loaded(planar_2r):
     model = DynamicModel(robot, (Coulomb(0.1), Viscous(), Load(0.1), Temperature(20.0, 0.1)))
     theta = np.append(robot.nominal, np.tile([0.8, 0.5, 0.2, -0.01, -0.02], 2))
     controller = JointController(rate=500.0, stiffness=KP, damping=KD, gravity=False)
-    run = simulate(model, theta, wave(2), rate=250.0, duration=0.4, controller=controller, lead_in=1.0)
+    run = simulate(model, theta, wave(2), timing=Timing(rate=250.0, duration=0.4, lead_in=1.0), controller=controller)
     warmth = np.linspace([20.0, 30.0], [45.0, 33.0], len(run.log.time))
     problem = build_problem(model, [replace(run.log, temperature=warmth)], HOW)
     truth = problem.base.from_standard(theta)
@@ -160,7 +165,14 @@ def stiff(planar_2r):
     model = DynamicModel(planar_2r, (Coulomb(0.02), Viscous()))
     theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
     controller = JointController(rate=500.0, stiffness=KP, damping=KD, gravity=False)
-    run = simulate(model, theta, wave(2), rate=250.0, duration=0.6, controller=controller, noise=Noise(), lead_in=0.2)
+    run = simulate(
+        model,
+        theta,
+        wave(2),
+        timing=Timing(rate=250.0, duration=0.6, lead_in=0.2),
+        controller=controller,
+        noise=Noise(),
+    )
     problem = build_problem(model, [run.log], HOW)
     return problem, problem.base.from_standard(theta)
 
@@ -212,7 +224,7 @@ def light(planar_2r, scaled, request):
     robot = replace(planar_2r, links=(planar_2r.links[0], scaled(planar_2r, request.param, 1.0).links[1]))
     model = DynamicModel(robot, (Coulomb(0.1), Viscous()))
     theta = np.append(robot.nominal, [1.0, 0.5, 0.5, 0.2])
-    run = simulate(model, theta, wave(2), rate=250.0, duration=0.4, noise=Noise())
+    run = simulate(model, theta, wave(2), timing=Timing(rate=250.0, duration=0.4), noise=Noise())
     problem = build_problem(model, [run.log], HOW)
     beta = problem.base.from_standard(theta)
     return closed_loop(problem, LoopOptions(feedforward="measured", reference="measured"), beta), beta

@@ -37,7 +37,7 @@ from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
 from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
-from dynident.simulation.virtual_robot import JointController, Noise, simulate
+from dynident.simulation.virtual_robot import JointController, Noise, Timing, simulate
 from presliding import Presliding
 
 KP, KD = (500.0, 100.0), (40.0, 8.0)
@@ -62,7 +62,9 @@ def cell(planar_2r):
     noise = Noise(position=2e-4, torque=0.05)
     problems = []
     for seed in range(RUNS):
-        run = simulate(model, theta, path, rate=250.0, controller=controller, noise=noise, lead_in=1.0, seed=seed)
+        run = simulate(
+            model, theta, path, timing=Timing(rate=250.0, lead_in=1.0), controller=controller, noise=noise, seed=seed
+        )
         problems.append(build_problem(model, [unfiltered(run.log)], Preprocessing(AsGiven(), rest="keep", trim_s=0.1)))
     return problems, problems[0].base.from_standard(theta)
 
@@ -200,7 +202,7 @@ def test_friction_of_load_or_temperature_is_found_under_a_stated_controller(plan
     controller = JointController(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
     noise = Noise(position=2e-5, torque=0.05)
     path = FourierSeries(np.zeros(2), sine, cosine, 2.0)
-    run = simulate(model, theta, path, rate=250.0, controller=controller, noise=noise, lead_in=1.0)
+    run = simulate(model, theta, path, timing=Timing(rate=250.0, lead_in=1.0), controller=controller, noise=noise)
     log = unfiltered(run.log)
     if part.needs == ("temperature",):  # the drives are at 25 degrees: friction and its change are one column
         model = DynamicModel(planar_2r, (Temperature(24.0, 0.2),))
@@ -220,7 +222,7 @@ def test_friction_with_a_state_is_simulated_and_refused_where_its_derivative_is_
     sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
     controller = JointController(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
     path, noise = FourierSeries(np.zeros(2), sine, cosine, 2.0), Noise(position=2e-5, torque=0.05)
-    run = simulate(model, theta, path, rate=250.0, controller=controller, noise=noise, lead_in=1.0)
+    run = simulate(model, theta, path, timing=Timing(rate=250.0, lead_in=1.0), controller=controller, noise=noise)
     problem = build_problem(model, [unfiltered(run.log)], Preprocessing(AsGiven(), rest="keep"))
     truth = problem.base.from_standard(theta)
     for method in (DIDIM(**KNOWN), IV(**KNOWN)):
@@ -241,7 +243,7 @@ def test_the_kalman_filter_finds_the_truth_and_knows_its_error(planar_2r):
     controller = JointController(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
     noise = Noise(position=2e-5, torque=0.05)
     path = FourierSeries(np.zeros(2), sine, cosine, 2.0)
-    run = simulate(model, theta, path, rate=250.0, controller=controller, noise=noise, lead_in=1.0)
+    run = simulate(model, theta, path, timing=Timing(rate=250.0, lead_in=1.0), controller=controller, noise=noise)
     problem = build_problem(model, [unfiltered(run.log)], Preprocessing(AsGiven(), rest="keep"))
     truth = problem.base.from_standard(theta)
     solution = Kalman(passes=1).solve(problem)

@@ -79,8 +79,7 @@ def whole(case: tuple[Estimate, Validation]) -> str:
     return build_report(
         replace(estimate, choices=found, diagnostics=trust),
         [test],
-        comparison=rows,
-        traces={"another": [5.0, 4.0, 3.0]},
+        comparison=Comparison(tuple(rows), {"another": [5.0, 4.0, 3.0]}),
         trajectories={"excitation": reference},
         command="dynident report arm.json \\\n  -o report.html",
         sources=[Source("runs/test.csv", "ab" * 32, 1500)],

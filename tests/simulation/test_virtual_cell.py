@@ -36,7 +36,7 @@ from dynident.simulation.effects import (
     Warming,
 )
 from dynident.simulation.truth import Truth
-from dynident.simulation.virtual_robot import simulate
+from dynident.simulation.virtual_robot import Timing, simulate
 
 #: A controller that leaves the joints alone.
 IDLE = CONTROLLERS.make("pd", stiffness=(0.0,), damping=(0.0,), feedforward="none")
@@ -91,7 +91,7 @@ def test_the_default_cell_is_the_virtual_robot():
     robot = two_links(np.array([[1.0, 0.0], [0.6, 1.0]]))
     model = DynamicModel(robot, (Coulomb(0.05), "viscous", "offset", "rotor_inertia"))
     theta = with_friction(model, [0.8, 1.1, -0.3, 0.07])
-    old = simulate(model, theta, wave(2), duration=1.5).truth
+    old = simulate(model, theta, wave(2), timing=Timing(duration=1.5)).truth
     new = go(model, theta, wave(2), 1.5).truth
     for name in ("q", "dq", "ddq", "torque"):
         np.testing.assert_allclose(getattr(new, name), getattr(old, name), rtol=1e-9, atol=1e-9)

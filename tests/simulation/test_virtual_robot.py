@@ -21,7 +21,7 @@ from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Drive, Joint, JointLimits, Link, Mimic, Robot
 from dynident.model.robots.er16_article import BETA_1, LOCKED, PERIOD
-from dynident.simulation.virtual_robot import JointController, Noise, free_motion, simulate
+from dynident.simulation.virtual_robot import JointController, Noise, Timing, free_motion, simulate
 from presliding import Presliding
 
 FOUR = ("coulomb", "viscous", "offset", "rotor_inertia")
@@ -180,12 +180,9 @@ def test_the_compiled_loop_is_the_plain_loop():
         model,
         with_friction(model, [0.8, 1.1, -0.3, 0.07]),
         motion,
-        duration=1.5,
-        rate=500.0,
+        timing=Timing(duration=1.5, rate=500.0, lead_in=0.0, integration_rate=1000.0),
         controller=JointController(rate=250.0, stiffness=kp, damping=kd),
-        resolution=1e-4,
-        lead_in=0.0,
-        integration_rate=1000.0,
+        noise=Noise(resolution=1e-4),
     )
     truth = run.truth
     for got, want in zip((truth.q, truth.dq, truth.ddq, truth.torque), np.moveaxis(expected[::2], 1, 0), strict=True):
@@ -199,7 +196,7 @@ def test_inverse_dynamics_along_the_truth_give_the_applied_torque(name):
     robot = made.get(name, lambda: read_robot(name))()
     model = DynamicModel(robot, FOUR)
     theta = with_friction(model, [1.5, 0.9, 0.2, 0.05])
-    truth = simulate(model, theta, wave(robot.dof, size=0.1), duration=1.0, lead_in=0.5).truth
+    truth = simulate(model, theta, wave(robot.dof, size=0.1), timing=Timing(duration=1.0, lead_in=0.5)).truth
     again = model.torque(Motion(truth.q, truth.dq, truth.ddq), theta)
     np.testing.assert_allclose(again, truth.torque, rtol=1e-9, atol=1e-9)
 
@@ -223,20 +220,25 @@ def test_the_run_in_brings_the_arm_to_the_speed_of_the_start():
     model = DynamicModel(robot)
     series = FourierSeries.from_table(BETA_1, PERIOD)
     q, dq, _ = (values[0] for values in series.evaluate(0.0))
-    led = simulate(model, robot.nominal, series, duration=0.5).truth
+    led = simulate(model, robot.nominal, series, timing=Timing(duration=0.5)).truth
     np.testing.assert_allclose(led.dq[0], dq, atol=0.02)
     np.testing.assert_allclose(led.q[0], q, atol=0.005)
-    put = simulate(model, robot.nominal, series, duration=0.5, lead_in=0.0).truth
+    put = simulate(model, robot.nominal, series, timing=Timing(duration=0.5, lead_in=0.0)).truth
     np.testing.assert_allclose(put.q[0], q, rtol=1e-14)
     np.testing.assert_allclose(put.dq[0], dq, rtol=1e-14)
-    odd = simulate(model, robot.nominal, series, duration=0.5, lead_in=0.3337).truth  # no whole number of ticks
+    odd = simulate(
+        model, robot.nominal, series, timing=Timing(duration=0.5, lead_in=0.3337)
+    ).truth  # no whole number of ticks
     np.testing.assert_allclose(odd.dq[0], dq, atol=0.2)
 
 
-def run_of_two(**options):
-    robot = two_link_arm()
-    model = DynamicModel(robot, FOUR)
-    return simulate(model, with_friction(model, [0.5, 0.4, 0.1, 0.02]), wave(2), duration=4.0, lead_in=0.5, **options)
+FOUR_SECONDS = Timing(duration=4.0, lead_in=0.5)
+
+
+def run_of_two(timing=FOUR_SECONDS, **options):
+    model = DynamicModel(two_link_arm(), FOUR)
+    theta = with_friction(model, [0.5, 0.4, 0.1, 0.02])
+    return simulate(model, theta, wave(2), timing=timing, **options)
 
 
 def test_the_same_seed_gives_the_same_log_and_another_seed_another():
@@ -268,7 +270,7 @@ def test_noise_has_the_deviation_asked_for_and_stays_out_of_the_truth():
 
 
 def test_encoders_round_to_their_resolution():
-    run = run_of_two(resolution=(2e-3, 0.0))
+    run = run_of_two(noise=Noise(resolution=(2e-3, 0.0)))
     counts = run.log.q[:, 0] / 2e-3
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
     assert np.max(np.abs(run.log.q[:, 0] - run.truth.q[:, 0])) <= 1e-3 + 1e-12
@@ -280,7 +282,7 @@ def test_currents_are_the_motor_torques_by_their_gains(coupling):
     robot = two_link_arm(coupling=coupling)
     model = DynamicModel(robot)
     gains = {"shoulder": 12.0, "elbow": -8.0}
-    run = simulate(model, robot.nominal, wave(2), duration=0.5, gains=gains)
+    run = simulate(model, robot.nominal, wave(2), timing=Timing(duration=0.5), gains=gains)
     assert run.log.torque is None
     back = torque_from_current(run.log, gains, np.asarray(robot.coupling))
     np.testing.assert_allclose(back.torque, run.truth.torque, atol=1e-10)
@@ -294,7 +296,7 @@ def test_torques_stop_at_the_effort_limits():
         base,
         joints=tuple(replace(j, limits=JointLimits(effort=e)) for j, e in zip(base.joints, (9.0, 30.0), strict=True)),
     )
-    run = simulate(DynamicModel(limited), limited.nominal, wave(2), duration=2.0)
+    run = simulate(DynamicModel(limited), limited.nominal, wave(2), timing=Timing(duration=2.0))
     assert run.saturated > 0
     assert np.max(np.abs(run.truth.torque[:, 0])) == 9.0
     assert np.max(np.abs(run.truth.torque[:, 1])) < 30.0
@@ -305,16 +307,16 @@ def test_the_integration_keeps_up_with_narrow_friction():
     robot = two_link_arm()
     model = DynamicModel(robot, (Coulomb(1e-3),))
     theta = with_friction(model, [2.0])
-    chosen = simulate(model, theta, wave(2), duration=1.0)
+    chosen = simulate(model, theta, wave(2), timing=Timing(duration=1.0))
     rate = float(chosen.log.source.steps[0].split(" Hz integration")[0].split()[-1])
     assert rate > 1000
     assert rate % 1000 == 0
-    finer = simulate(model, theta, wave(2), duration=1.0, integration_rate=4 * rate)
+    finer = simulate(model, theta, wave(2), timing=Timing(duration=1.0, integration_rate=4 * rate))
     np.testing.assert_allclose(chosen.truth.q, finer.truth.q, atol=1e-6)
 
 
 def test_rows_and_controls_may_have_different_rates():
-    run = run_of_two(rate=400.0, controller=JointController(rate=600.0))
+    run = run_of_two(Timing(4.0, rate=400.0, lead_in=0.5), controller=JointController(rate=600.0))
     assert run.log.samples == 1600
     assert "1200 Hz integration" in run.log.source.steps[0]
 
@@ -338,7 +340,9 @@ def test_every_friction_part_at_once_is_that_of_inverse_dynamics():
     model = DynamicModel(two_link_arm(), tuple(parts))
     values = np.random.default_rng(0).uniform(0.05, 0.2, model.coefficients_per_joint)
     theta = with_friction(model, values)
-    run = simulate(model, theta, wave(2), duration=1.0, rate=2000.0, integration_rate=2000.0, lead_in=0.0)
+    run = simulate(
+        model, theta, wave(2), timing=Timing(duration=1.0, rate=2000.0, integration_rate=2000.0, lead_in=0.0)
+    )
     true, fixed = run.truth, run.log
     assert fixed.temperature is not None and np.ptp(fixed.temperature) == 0.0
     moved = model.with_states(Motion(true.q, true.dq, true.ddq, temperature=fixed.temperature), 1.0 / 2000.0)
@@ -354,7 +358,7 @@ def refused(change):
     theta = with_friction(model, np.ones(model.coefficients_per_joint)) if theta is None else theta
     motion = change.pop("trajectory", wave(2))
     with pytest.raises((BadOption, UnknownChoice, NotConsistent)) as caught:
-        simulate(model, theta, motion, **{"duration": 0.5, **change})
+        simulate(model, theta, motion, **{"timing": Timing(duration=0.5), **change})
     return str(caught.value)
 
 
@@ -377,19 +381,19 @@ def refused(change):
         ),
         ({"trajectory": wave(3)}, "trajectory = 'for 3 joints' is not possible; the robot has 2"),
         (
-            {"trajectory": Quintic(np.zeros((3, 2)), np.zeros((3, 2)), 1.0), "duration": 2.0},
+            {"trajectory": Quintic(np.zeros((3, 2)), np.zeros((3, 2)), 1.0), "timing": Timing(duration=2.0)},
             "duration = 2.0 is not possible; the trajectory ends after 1 s and has no period",
         ),
-        ({"duration": -1.0}, "duration = -1.0 is not possible; give seconds, above 0"),
-        ({"rate": 1.0}, "duration = 0.5 is not possible; give seconds for 2 to 1e+08 rows at 1 Hz"),
-        ({"lead_in": -1.0}, "lead_in = -1.0 is not possible; give seconds, 0 or more"),
-        ({"lead_in": 1e12}, "lead_in = 1000000000000.0 is not possible; give 1000 s or less"),
+        ({"timing": Timing(duration=-1.0)}, "duration = -1.0 is not possible; give seconds, above 0"),
+        ({"timing": Timing(0.5, rate=1.0)}, "duration = 0.5 is not possible; give seconds for 2 to 1e+08 rows at 1 Hz"),
+        ({"timing": Timing(0.5, lead_in=-1.0)}, "lead_in = -1.0 is not possible; give seconds, 0 or more"),
+        ({"timing": Timing(0.5, lead_in=1e12)}, "lead_in = 1000000000000.0 is not possible; give 1000 s or less"),
         (
-            {"rate": 300.0, "integration_rate": 4000.0},
+            {"timing": Timing(0.5, rate=300.0, integration_rate=4000.0)},
             "integration_rate = 4000.0 is not possible; give a multiple of 3000 Hz, which 300 and 1000 Hz divide",
         ),
         (
-            {"rate": 999.999, "controller": JointController(rate=1000.1)},
+            {"timing": Timing(0.5, rate=999.999), "controller": JointController(rate=1000.1)},
             "rate = 999.999 is not possible; the log's and the controller's 1000.1 Hz fit no common step; "
             "choose another rate",
         ),
@@ -399,7 +403,7 @@ def refused(change):
             "controller.stiffness = 'of shape (3,)' is not possible; give one number, or one for each of the 2 joints",
         ),
         ({"noise": Noise(position=-1.0)}, "noise.position = -1.0 is not possible; give finite numbers, 0 or more"),
-        ({"resolution": np.nan}, "resolution = nan is not possible; give finite numbers, 0 or more"),
+        ({"noise": Noise(resolution=np.nan)}, "noise.resolution = nan is not possible; give finite numbers, 0 or more"),
         (
             {"gains": {"shoulder": 1.0}},
             "gains['elbow'] is not given; give each joint's drive gain in N m/A, not 0",
@@ -419,7 +423,7 @@ def test_friction_too_narrow_for_the_steps_is_refused_with_what_it_needs():
     robot = two_link_arm()
     masses = batched.mass_matrix(robot.chain, robot.nominal, wave(2).evaluate(np.linspace(0, 0.5, 2000))[0])
     lightest = np.min(np.linalg.eigvalsh(masses + robot.reflected_inertia))
-    message = refused({"friction": (Coulomb(1e-3),), "integration_rate": 1000.0, "lead_in": 0.0})
+    message = refused({"friction": (Coulomb(1e-3),), "timing": Timing(0.5, lead_in=0.0, integration_rate=1000.0)})
     found = re.fullmatch(
         r"integration_rate = 1000.0 is not possible; the friction needs (\S+) Hz or more; "
         r"give that, or a greater Coulomb width",

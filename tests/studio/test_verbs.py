@@ -74,8 +74,8 @@ def test_the_other_verbs(client, logs: tuple[Path, Path]) -> None:
     client.upload("own.yaml", text.encode())
     checked = client.run("check", case="own.yaml")
     assert checked["state"] == "done" and [log["findings"] for log in json.loads(checked["answer"])["logs"]] != []
-    mended = client.run("check", case="own.yaml", logs=[train], fix=True)
-    assert mended["outputs"] == ["mended_1.csv"] and (client.folder / "mended_1.csv").exists()
+    fixed = client.run("check", case="own.yaml", logs=[train], fix=True)
+    assert fixed["outputs"] == ["fixed_1.csv"] and (client.folder / "fixed_1.csv").exists()
     for estimator in ("ols", "wls"):
         assert client.run("identify", case="own.yaml", estimator=estimator, quick=True)["state"] == "done"
     beside = client.run("diff", estimates=["estimate_1.json", "estimate_2.json"])

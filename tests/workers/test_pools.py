@@ -20,8 +20,8 @@ from dynident.errors import BadOption, LogMismatch, PoolFailed
 from dynident.workers import dask_pool
 from dynident.workers.dask_pool import DaskPool
 from dynident.workers.lifetime import uninterrupted_start
-from dynident.workers.pool import Done, Here, Pool, Tell, local_pool
-from dynident.workers.processes import Processes
+from dynident.workers.pool import Done, Here, Pool, Tell
+from dynident.workers.processes import Processes, local_pool
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from dynident.simulation.cell_simulation import simulate_cell
 from dynident.simulation.controllers import CONTROLLERS
 from dynident.simulation.effects import Bristles, Effort, Encoder, Payload, Recorder, Ripple, Tilt, Warming
 from dynident.simulation.plant import plant
-from dynident.simulation.virtual_robot import JointController, simulate
+from dynident.simulation.virtual_robot import JointController, Timing, simulate
 
 SECONDS, RATE, REPEATS = 25.0, 1000, 5
 STIFFNESS, DAMPING, WIDTH, COULOMB = 1500.0, 80.0, 0.02, 2.0
@@ -46,7 +46,9 @@ def measure() -> Record:
     controller = JointController(rate=RATE, stiffness=STIFFNESS, damping=DAMPING)
 
     def ours() -> Any:
-        return simulate(model, theta, motion, rate=RATE, integration_rate=RATE, controller=controller, lead_in=0.0)
+        return simulate(
+            model, theta, motion, timing=Timing(rate=RATE, integration_rate=RATE, lead_in=0.0), controller=controller
+        )
 
     pd = CONTROLLERS.make("pd", rate=RATE, stiffness=(STIFFNESS,), damping=(DAMPING,))
     bare = Cell(pd, lead_in=0.0, integration_rate=RATE)

@@ -1,8 +1,8 @@
 """Compare estimators on one problem by their error on test logs.
 
-Logs are read, prepared and reduced once; each estimator starts from there with its default options, or with those that
-are named. The order is that of the error on the test logs. A method that fails is a line of the table with its reason.
-Ctrl-C shows what is done.
+Logs are read, preprocessed and compressed to QR factors once; each estimator starts from there with its default
+options, or with those that are named. The order is that of the error on the test logs. A method that fails is a line
+of the table with its reason. Ctrl-C shows what is done.
 
   dynident compare case.yaml                            all estimators; test part as in the case file
   dynident compare case.yaml a.csv --test b.csv --estimators wls,consistent,huber,huber:bound=2
@@ -185,7 +185,7 @@ def _show(contest: Contest, table: Sequence[Outcome]) -> None:
         far = bool(table) and contest.truth_error > NOT_THE_TRUTH * table[0].figure
         lacking = "these logs do not fit the given truth (friction that a robot model does not state counts as zero)"
         meaning = lacking if far else "that is noise"
-        console.answer(f"the known truth has a held-out error of {percent(contest.truth_error)}: {meaning}")
+        console.answer(f"the known truth has a test error of {percent(contest.truth_error)}: {meaning}")
     if not contest.tests:
         console.answer(
             "no test logs: the order is that of the training error, which is optimistic for flexible methods"

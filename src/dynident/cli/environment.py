@@ -1,4 +1,4 @@
-"""What is installed and from where: the first thing to look at when something behaves oddly, and to put into a report.
+"""What is installed and from where: to look at first when something fails, and to attach to an issue.
 
 Versions and places of the packages, those that PYTHONPATH or the working folder shadows, caches with size and rights,
 processors and threads, variables, optional packages with the line that installs each, and the C compiler for proofs of

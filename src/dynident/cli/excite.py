@@ -99,6 +99,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dataclasses import replace
 
+    from dynident.api.excite import space_limits
     from dynident.cli import console
     from dynident.cli.knowledge import knowledge_of
     from dynident.excitation.design.plan import plan_data, write_plan, write_samples
@@ -109,12 +110,11 @@ def run(options: argparse.Namespace) -> int:
         case = replace(case, friction=tuple(FRICTION.make(name) for name in options.friction))
     else:
         case = replace(case, friction=_known_before(case.friction, options.quiet or options.json))
-    clearance = _clearance(case)
-    plan = _design(options, case, knowledge_of(options, case, case.model), clearance, resume)
+    plan = _design(options, case, knowledge_of(options, case, case.model), resume)
     if options.json:
         console.answer_json(plan_data(plan))
     else:
-        _show(plan, clearance, bool(options.earlier or options.earlier_logs))
+        _show(plan, space_limits(case).clearance, bool(options.earlier or options.earlier_logs))
     if options.output:
         write_plan(plan, options.output)
         console.remark(f"saved {options.output}", options.quiet or options.json)
@@ -127,11 +127,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _known_before(friction: tuple[Friction, ...], quiet: bool) -> tuple[Friction, ...]:
-    """Return the parts whose columns follow from the motion alone; those that hang on a log are named."""
+    """Return the parts whose columns follow from the motion alone; those that depend on a log are named."""
+    from dynident.api.excite import friction_of_motion
     from dynident.cli import console
     from dynident.model.friction import FRICTION
 
-    kept = tuple(part for part in friction if not part.needs and not part.is_optional)
+    kept = friction_of_motion(friction)
     for part in friction:
         if part not in kept:
             unknown = f"its {' and '.join(sorted(part.needs))}" if part.needs else "whether it is there"
@@ -171,48 +172,34 @@ def _case(options: argparse.Namespace) -> tuple[Case, str | None]:
     return case, resume
 
 
-def _clearance(case: Case) -> Clearance | None:
-    """Return the distances to be kept; None where the case states no workspace."""
-    if case.workspace is None:
-        return None
-    from dynident.excitation.collision.clearance import clearance_of
-
-    return clearance_of(case.robot, case.workspace)
-
-
-def _design(
-    options: argparse.Namespace, case: Case, known: Knowledge, clearance: Clearance | None, resume: str | None
-) -> Plan:
+def _design(options: argparse.Namespace, case: Case, known: Knowledge, resume: str | None) -> Plan:
     from dataclasses import replace
 
+    from dynident.api.excite import excite
     from dynident.cli import console
-    from dynident.cli.plans import tool_limit
     from dynident.cli.pools import cluster_of
-    from dynident.excitation.design.excitation import ROWS_A_SECOND, design_excitation
+    from dynident.excitation.design.excitation import ROWS_A_SECOND
     from dynident.excitation.design.limits import limits_of
+    from dynident.excitation.design.options import DesignKnowledge, SearchOptions, TrajectoryOptions
 
     rate = known.rate or case.preprocessing.rate_hz or ROWS_A_SECOND
     with console.progress(max(options.starts, 1), options.quiet or options.json) as progress:
-        plan = design_excitation(
-            case.model,
-            limits_of(case.robot, options.margin, options.torque_margin),
+        plan = excite(
+            case,
             options.criterion,
-            trajectory=options.trajectory,
-            period=options.period,
-            harmonics=options.harmonics,
-            starts=options.starts,
-            seed=options.seed,
-            noise=known.noise,
-            theta=known.theta,
-            uncertainty=known.uncertainty,
-            clearance=clearance,
-            tool=tool_limit(case),
-            earlier=known.earlier,
-            rows=rate * options.period * options.repeats if options.rows is None else options.rows,
-            time_limit=options.time_limit,
-            jobs=options.jobs,
-            pool=cluster_of(options),
-            checkpoint=resume,
+            limits=limits_of(case.robot, options.margin, options.torque_margin),
+            trajectory=TrajectoryOptions(options.trajectory, options.period, options.harmonics),
+            knowledge=DesignKnowledge(
+                known.noise,
+                known.theta,
+                known.uncertainty,
+                known.earlier,
+                rate * options.period * options.repeats if options.rows is None else options.rows,
+            ),
+            search=SearchOptions(
+                options.starts, options.seed, options.time_limit, options.jobs, cluster_of(options), resume
+            ),
+            friction=case.friction,
             progress=_teller(progress, options.criterion),
         )
     facts = dict(plan.settings)

@@ -1,9 +1,9 @@
-"""Estimate many robots of one type together: each is drawn to their mean as far as its own log leaves it open.
+"""Estimate many robots of one type together: each estimate is shrunk to their mean as far as its own log is short.
 
 Give one file per robot: estimates of 'dynident identify -o', or QR factors of 'dynident reduce -o', all with one robot
 model and one friction model. What the robots have in common helps where logs are short; where they are long the
-estimates stay as they are. Robots that do not belong are named with the parameter that is furthest out; where all
-belong, any is named with the probability --rate. QR factors need not determine all base parameters.
+estimates stay as they are. Outliers are named with the parameter that is furthest from the mean; where there are
+none, any robot is named with the probability --rate. QR factors need not determine all base parameters.
 
   dynident fleet cell-*.json -o fleet             fleet/cell-1.json ... and fleet/fleet.json
   dynident fleet monday/*.tri --rate 0.01 --json
@@ -32,7 +32,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", nargs="+", metavar="FILE", help="estimates or QR factors, one file per robot")
     parser.add_argument("-o", "--output", metavar="FOLDER", help=f"write one estimate per robot and {WHOLE} here")
     parser.add_argument(
-        "--rate", type=float, default=0.05, metavar="P", help="probability of naming any robot where all belong (0.05)"
+        "--rate",
+        type=float,
+        default=0.05,
+        metavar="P",
+        help="probability of naming any robot where none is an outlier (0.05)",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     parser.add_argument("--quiet", action="store_true", help="no progress and no remarks")
@@ -117,11 +121,11 @@ def _show(fleet: Fleet) -> None:
         fleet.robots, found.distances, fleet.estimates, fleet.shares, strict=True
     ):
         verdict = "OUT" if robot.name in found.out else "belongs" if found.tested else "not tested"
-        possible = "yes" if estimate.consistency.consistent else "NO"
+        consistent = "yes" if estimate.consistency.consistent else "NO"
         furthest = shortened(label(fleet.base.names[distance.parameter]), 30)
         numbers = format_percent(float(np.median(share)), sign=False), format_number(distance.p, 2)
         score = format_number(float(distance.scores[distance.parameter]), 2)
-        rows.append((label(robot.name), *numbers, possible, furthest, score, verdict))
+        rows.append((label(robot.name), *numbers, consistent, furthest, score, verdict))
     console.answer_table(Table(heads, tuple(rows)))
     console.answer()
     heads = (

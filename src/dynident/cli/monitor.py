@@ -2,15 +2,16 @@
 
 Thresholds come from clean runs, by default the logs of the fit: per joint the torque band of the estimate times a
 factor, so that the observer's residual of clean runs rises above it --rate times an hour. Tails beyond the
-range of the clean runs are extrapolated. Velocities and torques are used as a controller would have them, without a
-filter that knows the future. The exit code is 1 where there is an alarm.
+range of the clean runs are extrapolated. Velocities and torques are used as a controller would have them: filters are
+causal. The exit code is 1 where there is an alarm.
 
   dynident monitor estimate.json run.csv --rate 1
   dynident monitor estimate.json run.csv --clean monday.csv tuesday.csv --json
   record-the-robot | dynident monitor estimate.json - --clean monday.csv
 
-The log - is a text on standard input that is still being written: a header and a row a sample, columns and units as
-those of the fit. Each alarm is told as it begins; with --json each is one object on a line, the last line is the sum.
+The log - is a text on standard input that is still being written: a header and a line a sample, columns and units as
+those of the fit. Each alarm is printed as it begins; with --json each is one object on a line, and the last line is
+the total.
 """
 
 from __future__ import annotations

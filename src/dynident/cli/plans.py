@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dynident.case.case import Case
     from dynident.errors import FileError
-    from dynident.excitation.design.limits import LimitRow, ToolLimit
+    from dynident.excitation.design.limits import LimitRow
     from dynident.model.robot import Robot
     from dynident.results.plan_view import PlanView
 
@@ -71,9 +70,9 @@ def plan_view(
             if value is not None:
                 raise BadOption(name, value, "it needs --case, the robot whose torques it is about")
         return PlanView(plan, recheck(plan), robot, source=path)
+    from dynident.api.excite import space_limits
     from dynident.case.case import read_case
     from dynident.cli.knowledge import knowledge_of
-    from dynident.excitation.collision.clearance import clearance_of
     from dynident.excitation.design.recheck import with_friction_of
 
     case = read_case(case_path)
@@ -81,21 +80,11 @@ def plan_view(
     nothing = {"noise": None, "noise_from": None, "earlier": None, "earlier_logs": []}
     known = knowledge_of(argparse.Namespace(model=estimate, sigmas=sigmas, **nothing), case, model)
     theta = model.nominal() if known.theta is None else known.theta
-    clearance = None if case.workspace is None else clearance_of(case.robot, case.workspace)
-    check = recheck(plan, model, theta=theta, uncertainty=known.uncertainty, clearance=clearance, tool=tool_limit(case))
+    space = space_limits(case)
+    check = recheck(plan, model, theta=theta, uncertainty=known.uncertainty, clearance=space.clearance, tool=space.tool)
     free = f", {known.uncertainty.sigmas:g} sigmas free" if known.uncertainty else ""
     torques = "" if theta is None else f"{known.model or 'the nominal masses'}{free}"
-    return PlanView(plan, check, case.robot, model, theta, case.workspace, clearance, torques, path)
-
-
-def tool_limit(case: Case) -> ToolLimit | None:
-    """Return the limit on the speed of the tool; None where the case states none."""
-    from dynident.excitation.collision.tool_speed import tool_point_of
-    from dynident.excitation.design.limits import ToolLimit
-
-    if case.workspace is None or case.workspace.tool_speed == float("inf"):
-        return None
-    return ToolLimit(tool_point_of(case.robot, case.workspace), case.workspace.tool_speed)
+    return PlanView(plan, check, case.robot, model, theta, case.workspace, space.clearance, torques, path)
 
 
 def check_kept(view: PlanView, path: str) -> None:

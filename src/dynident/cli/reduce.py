@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.identification.streaming.one_log import Checkpoint
     from dynident.identification.streaming.reduction import reduce_logs
     from dynident.identification.streaming.triangle_file import write_digest
-    from dynident.workers.pool import local_pool
+    from dynident.workers.processes import local_pool
 
     if not 0 <= options.checkpoint < float("inf"):
         raise BadOption("--checkpoint", options.checkpoint, "give seconds, 0 for none")

@@ -3,8 +3,8 @@
 CASE is a case file or a robot model. The motion is a plan of 'dynident excite' (--plan), or is designed here. A
 virtual cell around a robot with known, physically consistent parameters records it with noise: that of the case's
 section 'cell', as for 'dynident simulate', or a PD controller where there is none. The case's filter and estimator
-identify it without being told any masses; the result is compared with the truth. Logs of half, double and four times
-the length say what time would buy. The exit code is 1 where the planned log does not meet the tolerance.
+identify it without the masses; the result is compared with the truth. Logs of half, double and four times
+the length show how the errors fall with it. The exit code is 1 where the planned log does not meet the tolerance.
 
   dynident selftest case.yaml --plan plan.json
   dynident selftest robot.urdf --noise 0.5 --tolerance 0.03
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 SUMMARY = "rehearse a run on a virtual robot: what would be found, and how well"
 
 #: Words for what stands behind the virtual robot.
-_DESCRIBED, _RANDOM = "description", "random"
+_NOMINAL, _RANDOM = "nominal", "random"
 
 #: Noise of the encoders, in rad or m, where no cell states them.
 POSITION_NOISE = 2e-5
@@ -52,8 +52,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     robot.add_argument(
         "--truth",
         metavar="WHAT",
-        help="description (default, where the cell names no other): its masses, friction that it does not state is "
-        "invented; random: a random physically consistent robot near it; or a file: estimate, robot model, "
+        help="nominal (default, where the cell names no other): masses of the robot model; friction that it does not "
+        "state is invented; random: a random physically consistent robot near it; or a file: estimate, robot model, "
         "truth of simulate",
     )
     robot.add_argument(
@@ -71,7 +71,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="of the encoders, in rad or m; default: the cell's, 2e-5 where it has no encoder",
     )
     robot.add_argument("--resolution", type=float, metavar="RAD", help="step of the encoders; default: the cell's")
-    robot.add_argument("--rate", type=float, metavar="HZ", help="rows of the log a second; default: the cell's")
+    robot.add_argument("--rate", type=float, metavar="HZ", help="samples of the log a second; default: the cell's")
     robot.add_argument("--control-rate", type=float, metavar="HZ", help="of the controller; default: the cell's")
     robot.add_argument("--cell", metavar="FILE", help="the cell, in place of the case's (docs/virtual-cell.md)")
     robot.add_argument(
@@ -83,7 +83,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="change one setting of the cell, such as encoder.noise=1e-5 or controller=pid",
     )
     robot.add_argument("--seed", type=int, default=0, help="seed of truth, noise and search (0)")
-    asked = parser.add_argument_group("what is asked")
+    asked = parser.add_argument_group("acceptance")
     asked.add_argument("--estimator", metavar="NAME", help="see 'dynident list estimators'; default: that of the case")
     asked.add_argument(
         "--tolerance", type=float, default=0.05, metavar="SHARE", help="largest error of a joint's torque (0.05)"
@@ -153,8 +153,8 @@ def _truth(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[A
     from dynident.studies.comparison.truth import read_truth
 
     model, truth, stated = case.model, setup.truth, options.truth is not None
-    name = options.truth if stated else {"nominal": _DESCRIBED}.get(truth.parameters, truth.parameters)
-    if name == _DESCRIBED:
+    name = options.truth if stated else truth.parameters
+    if name == _NOMINAL:
         theta, source = (
             described_truth(model, options.seed),
             "the robot model; friction that it does not state is invented",
@@ -164,7 +164,7 @@ def _truth(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[A
     else:
         theta, source = read_truth(case.find(name), model, case.locked), name
     if stated:
-        truth = replace(truth, spread=0.0, friction=truth.friction if name in (_DESCRIBED, _RANDOM) else {})
+        truth = replace(truth, spread=0.0, friction=truth.friction if name in (_NOMINAL, _RANDOM) else {})
     changed = [f"{word} of the cell" for word, own in (("spread", truth.spread), ("friction", truth.friction)) if own]
     return true_parameters(model, theta, truth, options.seed), "; ".join([source, *changed])
 
@@ -230,21 +230,18 @@ def _cell(options: argparse.Namespace, case: Case, setup: CellSetup, noise: tupl
 
 def _designed(options: argparse.Namespace, case: Case, noise: Array | None) -> PlannedMotion:
     """Design a motion within the limits of the case."""
-    from dynident.cli.plans import tool_limit
-    from dynident.excitation.collision.clearance import clearance_of
+    from dynident.api.excite import space_limits
     from dynident.excitation.design.excitation import design_excitation
     from dynident.excitation.design.limits import limits_of
+    from dynident.excitation.design.options import DesignKnowledge, SearchOptions, TrajectoryOptions
 
     return design_excitation(
         case.model,
         limits_of(case.robot),
-        period=options.period,
-        starts=2,
-        seed=options.seed,
-        noise=noise,
-        clearance=None if case.workspace is None else clearance_of(case.robot, case.workspace),
-        tool=tool_limit(case),
-        time_limit=options.time_limit,
+        trajectory=TrajectoryOptions(period=options.period),
+        search=SearchOptions(starts=2, seed=options.seed, time_limit=options.time_limit),
+        knowledge=DesignKnowledge(noise=noise),
+        space=space_limits(case),
     )
 
 

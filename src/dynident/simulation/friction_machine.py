@@ -25,7 +25,7 @@ OPERATIONS: Final = (
     "add", "sub", "mul", "div", "neg", "sin", "cos", "exp", "tanh", "turn", "pow",
     "abs", "sign", "side", "max", "min", "greater", "ratio",
 )  # fmt: skip
-_ADD, _SUB, _MUL, _DIV, _NEG, _SIN, _COS, _EXP, _, _TURN, _POW = range(11)
+_ADD, _SUB, _MUL, _DIV, _, _SIN, _COS, _EXP, _TANH, _TURN, _POW = range(11)
 _ABS, _, _SIDE, _MAX, _MIN, _GREATER, _RATIO = range(11, 18)
 
 #: Passes at most in which the load is found, and the change of it that ends them.
@@ -39,13 +39,13 @@ Friction: TypeAlias = tuple[IntArray, Array, IntArray, IntArray, IntArray]
 @compiled
 def smooth_function(operation: int, x: float, y: float) -> float:
     """Return an operation that is a smooth function."""
-    value = math.tanh(x)
+    value = -x
     if operation == _TURN:
         value = math.tanh(x / y)
+    elif operation == _TANH:
+        value = math.tanh(x)
     elif operation == _DIV:
         value = x / y
-    elif operation == _NEG:
-        value = -x
     elif operation == _EXP:
         value = math.exp(x)
     elif operation == _POW:

@@ -17,6 +17,7 @@ from dynident.model.robot import Robot
 from dynident.simulation.commanded import CommandedCourse, course
 from dynident.simulation.drive_friction import ROOM
 from dynident.simulation.plant import Clock, Plant, clock, plant
+from dynident.simulation.recording import streams
 
 #: States along the motion at which the mass matrix is looked at.
 LOOKS = 200
@@ -30,18 +31,38 @@ BANDWIDTH_HZ = 8.0
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of white noise, one number or one per joint.
+    """Standard deviations of white noise, and the step of the encoders, one number or one per joint.
 
     Attributes:
         position: Of the encoders, in rad or m; the controller sees it too.
         velocity: Of the measured velocities, in rad/s or m/s. None: the log has no velocities, and the controller
             knows the true ones, as from a motor encoder far finer than the logged signal.
         torque: Of the measured motor torques, in N m or N; only in the log.
+        resolution: Step of the measured positions, in rad or m; 0 for none.
     """
 
     position: npt.ArrayLike = 0.0
     velocity: npt.ArrayLike | None = None
     torque: npt.ArrayLike = 0.0
+    resolution: npt.ArrayLike = 0.0
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Length and rates of a simulated log.
+
+    Attributes:
+        duration: Length of the log in s; None for the trajectory's. Only periodic motions go on beyond theirs.
+        rate: Samples of the log a second.
+        lead_in: Length in s of a run-in from rest that joins position, velocity and acceleration of the start; it is
+            simulated, not logged. 0 starts the plant on the trajectory.
+        integration_rate: Steps a second, a multiple of both rates; None chooses.
+    """
+
+    duration: float | None = None
+    rate: float = 1000.0
+    lead_in: float = 2.0
+    integration_rate: float | None = None
 
 
 @dataclass(frozen=True)
@@ -87,14 +108,10 @@ def simulate(
     theta: npt.ArrayLike,
     trajectory: Trajectory,
     *,
-    duration: float | None = None,
-    rate: float = 1000.0,
     controller: JointController | None = None,
     noise: Noise | None = None,
-    resolution: npt.ArrayLike = 0.0,
+    timing: Timing | None = None,
     gains: Mapping[str, float] | None = None,
-    lead_in: float = 2.0,
-    integration_rate: float | None = None,
     seed: int = 0,
 ) -> SimulatedRun:
     """Return the log of a robot with the parameters theta (p,) of ``model`` that follows ``trajectory``.
@@ -106,15 +123,10 @@ def simulate(
         model: Robot, coupling, known rotor inertia and friction of the plant.
         theta: Its parameters, shape (p,).
         trajectory: The commanded motion.
-        duration: Length of the log in s; None for the trajectory's. Only periodic motions go on beyond theirs.
-        rate: Rows of the log a second.
         controller: The controller; None for the default one.
-        noise: Measurement noise; None for none.
-        resolution: Step of the measured positions, in rad or m, one number or one per joint; 0 for none.
+        noise: Measurement noise and resolution; None for none.
+        timing: Length and rates; None for the default ones.
         gains: Drive gains by joint in N m/A (16); the log then has motor currents instead of joint torques.
-        lead_in: Length in s of a run-in from rest that joins position, velocity and acceleration of the start; it is
-            simulated, not logged. 0 starts the plant on the trajectory.
-        integration_rate: Steps a second, a multiple of both rates; None chooses.
         seed: Of the noise; position, velocity and torque draw from streams of their own.
 
     Raises:
@@ -123,14 +135,15 @@ def simulate(
         SolverFailed: The motion diverged.
         UnknownChoice: A drive gain for a joint that is not there.
     """
-    controller, noise, body = controller or JointController(), noise or Noise(), plant(model, theta)
-    motion = course(trajectory, lead_in, duration, body.joints)
+    controller, noise, timing = controller or JointController(), noise or Noise(), timing or Timing()
+    body, lead_in = plant(model, theta), timing.lead_in
+    motion = course(trajectory, lead_in, timing.duration, body.joints)
     q, dq, _ = motion.evaluate(np.linspace(-lead_in, motion.length, LOOKS))
     masses = body.masses(q)
     tables, decay = _gains(controller, masses, body.robot), body.fastest_decay(masses, q, dq)
-    ticks = clock(rate, controller.rate, integration_rate, decay, lead_in, motion.length)
+    ticks = clock(timing.rate, controller.rate, timing.integration_rate, decay, lead_in, motion.length)
     errors = _Errors.drawn(noise, ticks, body.joints, seed)
-    encoder = _per_joint("resolution", resolution, body.joints, 0.0)
+    encoder = _per_joint("noise.resolution", noise.resolution, body.joints, 0.0)
     reference = _reference(body, motion, ticks.control_times, controller.gravity)
     out, cut = body.run(ticks, reference[0, :2], tables, encoder, reference, errors.states)
     text = f"{controller.rate:g} Hz control, {ticks.rate:g} Hz integration, seed {seed}"
@@ -234,12 +247,14 @@ class _Errors:
 
     @classmethod
     def drawn(cls, noise: Noise, ticks: Clock, joints: int, seed: int) -> _Errors:
-        levels = (noise.position, 0.0 if noise.velocity is None else noise.velocity, noise.torque)
-        names, rows = ("position", "velocity", "torque"), (ticks.measurements, ticks.measurements, ticks.rows)
-        seeds = np.random.SeedSequence(seed).spawn(3)
+        drawn, velocity = streams(seed), 0.0 if noise.velocity is None else noise.velocity
         q, dq, torque = (
-            np.random.default_rng(one).normal(size=(count, joints)) * _per_joint(f"noise.{name}", level, joints, 0.0)
-            for one, name, level, count in zip(seeds, names, levels, rows, strict=True)
+            drawn[stream].normal(size=(count, joints)) * _per_joint(f"noise.{name}", level, joints, 0.0)
+            for stream, name, level, count in (
+                ("position", "position", noise.position, ticks.measurements),
+                ("velocity", "velocity", velocity, ticks.measurements),
+                ("effort", "torque", noise.torque, ticks.rows),
+            )
         )
         return cls(np.stack([q, dq], axis=1), torque)
 

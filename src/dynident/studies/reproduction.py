@@ -49,7 +49,7 @@ from dynident.model.robots.er16_article import (
     TABLE_2,
     TABLE_3,
 )
-from dynident.simulation.virtual_robot import Noise, simulate
+from dynident.simulation.virtual_robot import Noise, Timing, simulate
 
 #: Noise of the encoders in rad.
 POSITION_NOISE = 2e-5
@@ -191,7 +191,7 @@ def virtual_er16(
     logs = []
     for i, trajectory in enumerate(trajectories(), start=1):
         progress(f"(b) virtual ER-16 on beta_{i}")
-        logs.append(simulate(model, theta, trajectory, duration=PERIOD, noise=noise, seed=seed + i).log)
+        logs.append(simulate(model, theta, trajectory, timing=Timing(duration=PERIOD), noise=noise, seed=seed + i).log)
     limit = ArtificialBeeColony().colony // 2 * base.count
     methods: list[tuple[str, Estimator]] = [
         ("ABC as published", _colony(box, seed)),

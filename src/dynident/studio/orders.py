@@ -177,7 +177,7 @@ def _init(asked: Asked) -> Order:
 
 def _check(asked: Asked) -> Order:
     arguments = ["check", asked.file("case"), *asked.files("logs")]
-    out = (asked.output("mended", ".csv"),) if asked.yes("fix") else ()
+    out = (asked.output("fixed", ".csv"),) if asked.yes("fix") else ()
     return Order("check", (*arguments, *_listed("--fix", out), "--json"), out, good=(0, 1))
 
 

@@ -107,21 +107,6 @@ class Here(Pool):
             yield Done(task, time.monotonic() - begun, result)
 
 
-def local_pool(jobs: int, time_limit: float | None = None, processor_limit: float | None = None) -> Pool:
-    """Return this process where that can do it, one job without a limit, and else processes of this machine.
-
-    Raises:
-        BadOption: A number of jobs or a limit that cannot be.
-    """
-    from dynident.workers.processes import Processes
-
-    check_time_limit(time_limit)
-    check_time_limit(processor_limit, "processor limit")
-    if jobs < 1:
-        raise BadOption("jobs", jobs, "give 1 or more")
-    return Here() if jobs == 1 and time_limit is None and processor_limit is None else Processes(jobs, processor_limit)
-
-
 def check_time_limit(time_limit: float | None, name: str = "time limit") -> None:
     """Refuse a time limit that cannot be.
 

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from dynident.errors import BadOption, PoolFailed
 from dynident.workers.lifetime import end_with_parent, uninterrupted_start
-from dynident.workers.pool import Done, Pool, Tell, Work
+from dynident.workers.pool import Done, Here, Pool, Tell, Work, check_time_limit
 
 #: What a worker says: that it stands ready, something on its way, a result, or what the work raised.
 _READY, _NEWS, _RESULT, _RAISED = "ready", "news", "result", "raised"
@@ -184,3 +184,16 @@ def _serve(pipe: Connection, work: Work, processor_limit: float | None) -> None:
         if processor_limit is not None:
             signal.setitimer(signal.ITIMER_PROF, 0.0)
         pipe.send(answer)
+
+
+def local_pool(jobs: int, time_limit: float | None = None, processor_limit: float | None = None) -> Pool:
+    """Return this process where that can do it, one job without a limit, and else processes of this machine.
+
+    Raises:
+        BadOption: A number of jobs or a limit that cannot be.
+    """
+    check_time_limit(time_limit)
+    check_time_limit(processor_limit, "processor limit")
+    if jobs < 1:
+        raise BadOption("jobs", jobs, "give 1 or more")
+    return Here() if jobs == 1 and time_limit is None and processor_limit is None else Processes(jobs, processor_limit)

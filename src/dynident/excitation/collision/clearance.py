@@ -94,7 +94,7 @@ class Clearance:
 
         (q,) = samples(self.chain, {"q": q})
         out = np.empty((len(q), len(self.names)))
-        clearance_kernel.distances(*self._arguments(q, out))
+        clearance_kernel.distances(self._scene(), q, out)
         return out
 
     def gradient(self, q: npt.ArrayLike, pair: npt.ArrayLike) -> Array:
@@ -121,7 +121,7 @@ class Clearance:
         if chosen.size and not (0 <= chosen.min() and chosen.max() < len(self.names)):
             raise ValueError(f"pair reaches from {chosen.min()} to {chosen.max()}, expected 0 to {len(self.names) - 1}")
         out = np.empty((len(q), self.chain.joints))
-        clearance_kernel.gradient(*self._arguments(q, _read_only(chosen), out))
+        clearance_kernel.gradient(self._scene(), q, _read_only(chosen), out)
         return out
 
     def speed_bound(self) -> Array:
@@ -147,14 +147,14 @@ class Clearance:
             lines.append(f"not checked, they have no shape: {', '.join(self.unchecked)}")
         return tuple(lines)
 
-    def _arguments(self, *rest: Array | IntArray) -> list[Any]:
-        """Return the arguments of a kernel; the tables are read-only, which after unpickling they are not."""
+    def _scene(self) -> tuple[Any, ...]:
+        """Return the tables of the kernels; they are read-only, which after unpickling they are not."""
         from dynident.model.kernels.generic import pack
 
         links, reals, _ = pack(self.chain)
         own = self.geometry
         tables = (own.ends, own.radii, own.bodies, own.boxes, own.planes, self.tests, self.starts)
-        return [links, reals, *map(_read_only, tables), *rest]
+        return (links, reals, *map(_read_only, tables))
 
 
 def clearance_of(robot: Robot, workspace: Workspace) -> Clearance:

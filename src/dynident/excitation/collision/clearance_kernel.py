@@ -13,6 +13,7 @@ zonotope (Gottschalk, Lin and Manocha 1996 for its fifteen, here six, directions
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 import numpy as np
 
@@ -29,6 +30,9 @@ TOUCHING = 1e-11
 
 #: Squared sine of the angle of two segments below which their ends are tried as well.
 NEARLY_PARALLEL = 1e-6
+
+#: links, reals, ends, radii, bodies, boxes, planes, tests and starts; see the head of the file.
+Scene: TypeAlias = tuple[IntArray, Array, Array, Array, IntArray, Array, Array, IntArray, IntArray]
 
 #: What a test gives: signed distance, places on the two segments (0 start, 1 end), normal towards the first.
 Contact = tuple[float, float, float, float, float, float]
@@ -285,17 +289,16 @@ def base_pose(world: Array) -> None:
 
 @inlined
 def add_slope(
-    links: IntArray,
-    reals: Array,
+    scene: Scene,
     world: Array,
     points: Array,
-    bodies: IntArray,
     place_on: tuple[int, float],
     normal: tuple[float, float, float],
     sign: float,
     out: Array,
 ) -> None:
     """Add the derivative by q of sign * normal . x for the point x at (capsule, share), out (n,)."""
+    links, reals, bodies = scene[0], scene[1], scene[4]
     i, s = place_on
     px = points[i, 0] + s * (points[i, 3] - points[i, 0])
     py = points[i, 1] + s * (points[i, 4] - points[i, 1])
@@ -313,11 +316,9 @@ def add_slope(
 
 
 @compiled
-def distances(
-    links: IntArray, reals: Array, ends: Array, radii: Array, bodies: IntArray, boxes: Array, planes: Array,
-    tests: IntArray, starts: IntArray, q: Array, out: Array,
-) -> None:  # fmt: skip
+def distances(scene: Scene, q: Array, out: Array) -> None:
     """Write the signed distances of the pairs, out (N, c)."""
+    links, reals, ends, radii, bodies, boxes, planes, tests, starts = scene
     work, world = np.empty((len(links) + 1, WORK)), np.empty((len(links) + 1, 12))
     points = np.empty((len(ends), 6))
     base_pose(world)
@@ -333,11 +334,9 @@ def distances(
 
 
 @compiled
-def gradient(
-    links: IntArray, reals: Array, ends: Array, radii: Array, bodies: IntArray, boxes: Array, planes: Array,
-    tests: IntArray, starts: IntArray, q: Array, pairs: IntArray, out: Array,
-) -> None:  # fmt: skip
+def gradient(scene: Scene, q: Array, pairs: IntArray, out: Array) -> None:
     """Write the derivative by q of the distance of one pair a sample, out (S, n)."""
+    links, reals, ends, radii, bodies, boxes, planes, tests, starts = scene
     work, world = np.empty((len(links) + 1, WORK)), np.empty((len(links) + 1, 12))
     points = np.empty((len(ends), 6))
     base_pose(world)
@@ -351,6 +350,6 @@ def gradient(
                 chosen, least = t, found[0]
         kind, i, j = tests[chosen, 0], tests[chosen, 1], tests[chosen, 2]
         _, first, second, nx, ny, nz = contact(points, radii, boxes, planes, kind, i, j)
-        add_slope(links, reals, world, points, bodies, (i, first), (nx, ny, nz), 1.0, out[s])
+        add_slope(scene, world, points, (i, first), (nx, ny, nz), 1.0, out[s])
         if kind == CAPSULE:
-            add_slope(links, reals, world, points, bodies, (j, second), (nx, ny, nz), -1.0, out[s])
+            add_slope(scene, world, points, (j, second), (nx, ny, nz), -1.0, out[s])

@@ -17,21 +17,19 @@ from dynident.errors import BadOption, InfeasibleTrajectory
 from dynident.excitation.criteria import CRITERIA, Criterion
 from dynident.excitation.design.checkpoint import DesignCheckpoint, problem_facts
 from dynident.excitation.design.design_problem import DesignProblem
-from dynident.excitation.design.distances import Distances
 from dynident.excitation.design.finishing import FINER, FinishingCandidate, checked_plan, first_that_starts
-from dynident.excitation.design.limits import MotionLimits, ToolLimit, limits_of
+from dynident.excitation.design.limits import MotionLimits, limits_of
 from dynident.excitation.design.multistart import MultistartSearch, SearchState, run_starts
 from dynident.excitation.design.observation import Observation
-from dynident.excitation.design.parametrisation import Parametrisation, parametrise
+from dynident.excitation.design.options import DesignKnowledge, SearchOptions, SpaceLimits, TrajectoryOptions
+from dynident.excitation.design.parametrisation import parametrise
 from dynident.excitation.design.plan import Plan
 from dynident.excitation.design.prior import Prior, outlook_of, prior_of_nominal
 from dynident.excitation.design.start import StartResult
-from dynident.excitation.design.torque_uncertainty import TorqueUncertainty
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.threads import one_blas_thread
-from dynident.workers.pool import Pool
 
 #: Noise of a joint's torque where none is given, as a share of its effort limit.
 NOISE_SHARE = 0.01
@@ -45,48 +43,22 @@ def design_excitation(
     limits: MotionLimits | None = None,
     criterion: str | Criterion = "d_optimal",
     *,
-    trajectory: str = "rest_fourier",
-    period: float = 10.0,
-    harmonics: int = 5,
-    starts: int = 4,
-    seed: int = 0,
-    samples: int = 200,
-    noise: npt.ArrayLike | None = None,
-    theta: npt.ArrayLike | None = None,
-    uncertainty: TorqueUncertainty | None = None,
-    clearance: Distances | None = None,
-    tool: ToolLimit | None = None,
-    earlier: Prior | None = None,
-    rows: float | None = None,
-    time_limit: float = 60.0,
-    jobs: int | None = 1,
-    pool: Pool | None = None,
-    checkpoint: str | Path | None = None,
+    trajectory: TrajectoryOptions | None = None,
+    knowledge: DesignKnowledge | None = None,
+    space: SpaceLimits | None = None,
+    search: SearchOptions | None = None,
     progress: Callable[[SearchState], None] = lambda state: None,
 ) -> Plan:
     """Design a motion that determines the base parameters as well as the limits allow; see docs/excitation.md.
 
     Args:
         model: Robot, drives and friction.
-        limits: What the motion must keep; None for the limits of the description less 5 % (torque 20 %).
+        limits: What the motion must keep; None for those of the robot model less 5 % (torque 20 %).
         criterion: Name or part.
-        trajectory: ``rest_fourier``, ``bspline``, or ``fourier`` (14) with a run-in from rest.
-        period: Period in s.
-        harmonics: Number of sine and cosine pairs per joint, or what is comparable.
-        starts: Number of random starts.
-        seed: Of the starts; start k of a seed is the same whatever their number.
-        samples: Samples of one period that the search looks at.
-        noise: Standard deviation of each joint's torque, one number or (n,); None for 1 % of the effort limits.
-        theta: Parameters for the torque limits, shape (p,); None for those of the description.
-        uncertainty: Chance margin of the torque limits; None for none.
-        clearance: Pairs of shapes to be kept apart; None leaves them out.
-        tool: Largest speed of the tool point; None leaves it out.
-        earlier: What is known before, for criteria that weigh by the noise: they are of both together.
-        rows: Independent rows of each joint that the run gives beside ``earlier``; None for 200 a second.
-        time_limit: Time in s after which the best motion so far is taken.
-        jobs: Processes, None for one a core; above 1 the main module must be importable.
-        pool: Where starts are run in place of ``jobs`` processes, such as a cluster.
-        checkpoint: File that keeps finished starts; those in it are not searched again.
+        trajectory: The family of motions; None for the default one.
+        knowledge: What is known before the run; None for the robot model alone.
+        space: What the motion keeps in space; None for nothing.
+        search: How it is searched; None for the default.
         progress: Told about five times a second and start, and when a start is done.
 
     Raises:
@@ -94,12 +66,15 @@ def design_excitation(
         DynidentError: An unknown part, a checkpoint of another problem, or a worker process that died.
         InfeasibleTrajectory: No motion that keeps the limits.
     """
-    _check_options(model, limits, starts, time_limit)
-    request = _Request(model, CRITERIA.make(criterion), noise, theta, earlier, _rows(rows, period))
-    shape, bounds = parametrise(trajectory, period, harmonics), limits or limits_of(model.robot)
+    trajectory, knowledge = trajectory or TrajectoryOptions(), knowledge or DesignKnowledge()
+    search, space = search or SearchOptions(), space or SpaceLimits()
+    _check_options(model, limits, search)
+    rows = _rows(knowledge.rows, trajectory.period)
+    request = _Request(model, CRITERIA.make(criterion), knowledge, rows)
     with one_blas_thread():
-        problem = request.problem(shape, bounds, samples, uncertainty, clearance, tool)
-        return request.plan(MultistartSearch(problem, starts, seed, time_limit, jobs, {}, pool), checkpoint, progress)
+        problem = request.problem(trajectory, limits or limits_of(model.robot), space)
+        starts = MultistartSearch(problem, search.starts, search.seed, search.time_limit, search.jobs, {}, search.pool)
+        return request.plan(starts, search.checkpoint, progress)
 
 
 @dataclass(frozen=True)
@@ -108,15 +83,13 @@ class _Request:
 
     model: DynamicModel
     part: Criterion
-    noise: npt.ArrayLike | None
-    theta: npt.ArrayLike | None
-    earlier: Prior | None
+    knowledge: DesignKnowledge
     rows: float
 
     @cached_property
     def levels(self) -> tuple[Array, str]:
         """Standard deviation of each joint's torque, shape (n,), and where it comes from."""
-        return _noise(self.model, self.noise)
+        return _noise(self.model, self.knowledge.noise)
 
     @cached_property
     def observation(self) -> Observation:
@@ -126,24 +99,27 @@ class _Request:
     @cached_property
     def prior(self) -> Prior | None:
         """What counts as known before the run."""
-        return _prior(self.observation, self.part, self.earlier)
+        return _prior(self.observation, self.part, self.knowledge.earlier)
 
-    def problem(
-        self,
-        shape: Parametrisation,
-        limits: MotionLimits,
-        samples: int,
-        uncertainty: TorqueUncertainty | None,
-        clearance: Distances | None,
-        tool: ToolLimit | None,
-    ) -> DesignProblem:
+    def problem(self, trajectory: TrajectoryOptions, limits: MotionLimits, space: SpaceLimits) -> DesignProblem:
         """Return the optimisation problem."""
         levels, _ = self.levels
-        theta = self.model.nominal() if self.theta is None else _parameters(self.model, self.theta)
-        known = None if self.prior is None else self.prior.triangle(self.rows)
+        given = self.knowledge.theta
+        theta = self.model.nominal() if given is None else _parameters(self.model, given)
         weights = levels if self.part.weighted else np.ones(len(levels))
-        more = {"uncertainty": uncertainty, "clearance": clearance, "earlier": known, "tool": tool}
-        return DesignProblem(self.observation, shape, self.part, limits, weights, theta, samples, **more)
+        return DesignProblem(
+            self.observation,
+            parametrise(trajectory.kind, trajectory.period, trajectory.harmonics),
+            self.part,
+            limits,
+            weights,
+            theta,
+            trajectory.samples,
+            uncertainty=self.knowledge.uncertainty,
+            clearance=space.clearance,
+            earlier=None if self.prior is None else self.prior.triangle(self.rows),
+            tool=space.tool,
+        )
 
     def plan(
         self, search: MultistartSearch, checkpoint: str | Path | None, progress: Callable[[SearchState], None]
@@ -164,7 +140,7 @@ class _Request:
             "seconds": time.perf_counter() - begun,
             "outlook": _outlook(problem, plan, levels, self.prior, self.rows),
         }
-        given = {} if self.theta is None else {"torque_limits": "parameters given"}
+        given = {} if self.knowledge.theta is None else {"torque_limits": "parameters given"}
         return replace(plan, settings={**_settings(problem), **facts, **given})
 
 
@@ -244,11 +220,11 @@ def _settings(problem: DesignProblem) -> dict[str, Any]:
     }
 
 
-def _check_options(model: DynamicModel, limits: MotionLimits | None, starts: int, time_limit: float) -> None:
-    if starts < 1:
-        raise BadOption("starts", starts, "give 1 or more")
-    if not 0 < time_limit:
-        raise BadOption("time_limit", time_limit, "give seconds, above 0")
+def _check_options(model: DynamicModel, limits: MotionLimits | None, search: SearchOptions) -> None:
+    if search.starts < 1:
+        raise BadOption("starts", search.starts, "give 1 or more")
+    if not 0 < search.time_limit:
+        raise BadOption("time_limit", search.time_limit, "give seconds, above 0")
     if limits is not None and limits.joints != model.robot.joint_names:
         step = f"give those of the robot's joints: {', '.join(model.robot.joint_names)}"
         raise BadOption("limits", f"of {', '.join(limits.joints)}", step)

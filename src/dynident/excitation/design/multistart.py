@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from dynident.errors import BadOption, PoolFailed
 from dynident.excitation.design.design_problem import DesignProblem
 from dynident.excitation.design.start import News, StartResult, run_start
-from dynident.workers.pool import Pool, Tell, local_pool
+from dynident.workers.pool import Pool, Tell
+from dynident.workers.processes import local_pool
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def convergence_chart(
         f"Objective over iterations: {said}.",
         log=(_is_wide(np.array([float(len(y)) for _, _, y in lines])), _is_wide(values[np.isfinite(values)])),
         levels=levels,
-        width=width,
+        size=(width, 210.0),
     )
 
 

@@ -24,8 +24,7 @@ def line_chart(
     description: str = "",
     log: tuple[bool, bool] = (False, False),
     levels: Sequence[Level] = (),
-    height: float = 210.0,
-    width: float = WIDTH,
+    size: tuple[float, float] = (WIDTH, 210.0),
 ) -> str:
     """Return a figure of lines over a common axis.
 
@@ -37,13 +36,12 @@ def line_chart(
         description: What can be seen, in words; by default the names of the lines.
         log: Whether the horizontal and the vertical axis are logarithmic.
         levels: Horizontal lines with a word each.
-        height: Of the rectangle.
-        width: Of the figure.
+        size: Width of the figure and height of its rectangle.
     """
     marks = coloured([(label(name), np.asarray(x, dtype=float), np.asarray(y, dtype=float)) for name, x, y in lines])
     said = description or f"{upwards} over {across}: {', '.join(mark.label for mark in marks)}."
-    plot = Plot(upwards, marks, height, log[1], tuple(levels))
-    return chart(title, said, Across(across, log=log[0]), [plot], width)
+    plot = Plot(upwards, marks, size[1], log[1], tuple(levels))
+    return chart(title, said, Across(across, log=log[0]), [plot], size[0])
 
 
 def coloured(lines: Sequence[tuple[str, Array, Array]]) -> tuple[Line, ...]:
@@ -89,7 +87,6 @@ def torque_chart(
     predicted: Array,
     starts: Sequence[int] = (0,),
     bands: TorqueBands | None = None,
-    width: float = WIDTH,
     detail: int = 0,
 ) -> str:
     """Return measured and predicted torque of a joint and, below on the same time axis, the residual.
@@ -105,7 +102,6 @@ def torque_chart(
         predicted: Shape (N,).
         starts: First row of each log; a gap stands between two.
         bands: Half widths; None draws none.
-        width: Of the figure.
         detail: So many values of each signal go with it, for a page that can zoom; 0 for none.
     """
     shown = run_time(time, starts)
@@ -128,7 +124,7 @@ def torque_chart(
     if bands is not None and len(known):
         inside = float(np.mean(np.abs(known) <= bands.whole[np.isfinite(residual)]))
         said += f" {format_percent(inside)} of the samples lie in the 95 % band."
-    return chart(label(joint), said, Across("time [s]", tuple(starts)), plots, width, detail)
+    return chart(label(joint), said, Across("time [s]", tuple(starts)), plots, WIDTH, detail)
 
 
 def torque_overview(

@@ -6,7 +6,7 @@ import base64
 import hashlib
 import inspect
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from os import PathLike
@@ -69,7 +69,6 @@ def write_report(
     validations: Iterable[Validation] = (),
     *,
     comparison: Comparison | Sequence[Mapping[str, Any]] | None = None,
-    traces: Mapping[str, Sequence[float]] | None = None,
     trajectories: Mapping[str, Log] | None = None,
     command: str = "",
     sources: Iterable[Source] = (),
@@ -86,7 +85,6 @@ def write_report(
         estimate,
         validations,
         comparison=comparison,
-        traces=traces,
         trajectories=trajectories,
         command=command,
         sources=sources,
@@ -100,7 +98,6 @@ def build_report(
     validations: Iterable[Validation] = (),
     *,
     comparison: Comparison | Sequence[Mapping[str, Any]] | None = None,
-    traces: Mapping[str, Sequence[float]] | None = None,
     trajectories: Mapping[str, Log] | None = None,
     command: str = "",
     sources: Iterable[Source] = (),
@@ -112,7 +109,6 @@ def build_report(
         estimate: What it is about.
         validations: Comparisons with logs that the fit did not see.
         comparison: Several estimators on the same data, or only the rows of their table.
-        traces: Objective after each iteration, by name; added to those of the comparison.
         trajectories: Reference motions by name, as logs with time, q and, where known, dq.
         command: The command line that repeats it; by default that of the estimate's provenance.
         sources: Files of the tests; those of the fit are in the estimate's provenance.
@@ -123,7 +119,6 @@ def build_report(
         LogMismatch: A validation or a trajectory has other joints than the robot.
     """
     beside = comparison if isinstance(comparison, Comparison) else Comparison(tuple(comparison or ()))
-    beside = replace(beside, traces={**beside.traces, **(traces or {})})
     given = (dict(trajectories or {}), command, tuple(sources), plan)
     return render(Subject(estimate, tuple(validations), beside, *given))
 

@@ -88,7 +88,7 @@ class Experiment:
         models: Robots by name, with friction and nominal bodies.
         cells: The virtual cell of each robot; noise is that of the condition.
         motion: Where motions come from.
-        truth: ``description``, or ``random``: each draw has a robot of its own.
+        truth: ``nominal``, or ``random``: each draw has a robot of its own.
         duration: Of a log, in s.
         rates: Rows a second that are used, in Hz.
         noise: Levels.
@@ -192,6 +192,10 @@ def _kept(entrants: tuple[Entrant, ...], wanted: Sequence[str]) -> tuple[Entrant
     return tuple(each for each in entrants if each.label in wanted or each.method.label in wanted)
 
 
+#: Words of ``truth``, and what files of before called it.
+_TRUTHS = {"nominal": "nominal", "random": "random", "description": "nominal"}
+
+
 def _experiment(path: Path, top: Section, short: Section | None) -> Experiment:
     def of(key: str) -> Section:
         return short if short is not None and short.has(key) else top
@@ -227,7 +231,7 @@ def _experiment(path: Path, top: Section, short: Section | None) -> Experiment:
             models=models,
             cells=cells,
             motion=plan,
-            truth=top.choice("truth", ("description", "random"), "description"),
+            truth=_TRUTHS[top.choice("truth", tuple(_TRUTHS), "nominal")],
             duration=top.number("duration_s", 10.0),
             rates=_numbers(of("rates_hz"), "rates_hz", (200.0,)),
             noise=noise,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dynident.errors import DynidentError, FileError
 from dynident.excitation.design.excitation import design_excitation
+from dynident.excitation.design.options import SearchOptions, TrajectoryOptions
 from dynident.excitation.design.plan import Plan, read_plan, write_plan
 from dynident.excitation.trajectories.base import Designable
 from dynident.model.dynamic_model import DynamicModel
@@ -62,11 +63,8 @@ def _designed(
     progress(f"design of a motion for {name}")
     plan = design_excitation(
         model,
-        period=motion.period,
-        harmonics=motion.harmonics,
-        starts=motion.starts,
-        seed=experiment.seed + seed,
-        time_limit=motion.time_limit,
+        trajectory=TrajectoryOptions(period=motion.period, harmonics=motion.harmonics),
+        search=SearchOptions(starts=motion.starts, seed=experiment.seed + seed, time_limit=motion.time_limit),
     )
     write_plan(plan, path)
     return plan.trajectory

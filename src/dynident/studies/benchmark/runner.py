@@ -11,7 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from dynident.errors import BadOption
 from dynident.studies.benchmark.records import Records
-from dynident.workers.pool import Done, Here, Pool, Tell, local_pool
+from dynident.workers.pool import Done, Here, Pool, Tell
+from dynident.workers.processes import local_pool
 
 
 class BenchmarkWork(Protocol):

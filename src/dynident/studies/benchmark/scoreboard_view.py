@@ -23,11 +23,11 @@ Result = tuple[str, str, Mapping[str, Any]]
 
 
 def scoreboard_table(board: Scoreboard, results: Sequence[Result]) -> Table:
-    """Return every set with our methods by their held-out error, then the published figures, then failures."""
+    """Return every set with our methods by their test error, then the published figures, then failures."""
     columns = (
         Column("set"),
         Column("who"),
-        Column("held-out error", "%", numeric=True),
+        Column("test error", "%", numeric=True),
         Column("training error", "%", numeric=True),
         Column("RMSE by joint"),
         Column("consistent"),
@@ -96,7 +96,7 @@ def _broken(name: str, method: str, result: Mapping[str, Any]) -> tuple[str, ...
 
 
 def best_of_sets(board: Scoreboard, results: Sequence[Result]) -> list[str]:
-    """Return a sentence a set: which method has the smallest held-out error, and how many are within 1 % of it."""
+    """Return a sentence a set: which method has the smallest test error, and how many are within 1 % of it."""
     said = []
     for each in board.sets:
         own = [(_figure(result), method) for name, method, result in results if name == each.name and _tested(result)]

@@ -120,7 +120,7 @@ class VirtualWork:
     def truth(self, robot: str, noise: NoiseLevel, draw: int) -> Array:
         """Return the true parameters behind a log but for a payload, shape (p,)."""
         experiment, model = self.experiment, self.experiment.models[robot]
-        if experiment.truth == "description":
+        if experiment.truth == "nominal":
             theta = described_truth(model, experiment.seed)
         else:
             theta = random_truth(model, experiment.seed + draw)

@@ -48,13 +48,13 @@ def _row(outcome: Outcome, best: Validation | None, known: bool) -> dict[str, An
     found = estimate is not None
     row: dict[str, Any] = {"method": outcome.method}
     if best is not None:
-        row["held-out error"] = percent(test.total_relative_error) if test is not None else None
+        row["test error"] = percent(test.total_relative_error) if test is not None else None
         row["as the best"] = ("yes" if like_the_best(test, best) else "no") if test is not None else None
     row["training error"] = percent(estimate.train.total_relative_error) if found else None
     row["above wls"] = percent(outcome.above) if np.isfinite(outcome.above) else None
     if known:
         row["parameter error"] = percent(outcome.parameter_error) if outcome.parameter_error is not None else None
-    row["possible"] = ("yes" if estimate.consistency.consistent else "NO") if found else None
+    row["consistent"] = ("yes" if estimate.consistency.consistent else "NO") if found else None
     row["worst"] = outcome.worst or None
     row["work"] = ", ".join(f"{count} {_COUNTED[name]}" for name, count in outcome.effort.items()) or None
     row["time [s]"] = format_number(outcome.seconds, 2)

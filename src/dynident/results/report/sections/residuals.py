@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from dynident.model.robot import Robot
 from dynident.results.figures import line_chart, residual_chart
+from dynident.results.figures.chart import WIDTH
 from dynident.results.figures.residuals import spectrum, thinned
 from dynident.results.report.sections.base import ReportSection, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
@@ -106,6 +107,6 @@ def _spectra(dataset: Dataset, robot: Robot) -> list[Markup]:
             if u == unit
         ]
         heading = f"density [{pretty_unit(unit)}/√Hz]"
-        chart = line_chart("Spectrum", lines, "frequency [Hz]", heading, log=(True, True), height=170.0)
+        chart = line_chart("Spectrum", lines, "frequency [Hz]", heading, log=(True, True), size=(WIDTH, 170.0))
         charts.append(drawn(chart, "residual-spectrum", dataset.name, "" if unit == "N m" else "forces"))
     return charts
