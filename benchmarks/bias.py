@@ -83,7 +83,7 @@ def main() -> None:
                 estimate = fit(problem, part)
                 seconds[method] += (time.perf_counter() - start) / runs
                 errors[method].append(estimate.beta - truth)
-                stated[method].append(estimate.deviations)
+                stated[method].append(estimate.std)
             loop, begin = started(problem, IV(), as_instruments=True)
             made = instruments(problem, simulated_logs(loop, loop.simulate(begin)))
             detected += durbin_wu_hausman(made).is_biased(0.01)

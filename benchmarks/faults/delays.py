@@ -23,7 +23,7 @@ SAMPLES = (0.3, 0.5, 1.0, 2.0, 3.7, 5.0, 10.0, 20.0)
 
 def worst_move(estimate: Estimate, against: Estimate) -> float:
     """Return the largest move of a base parameter known to 1 %, as a share."""
-    known = against.relative_deviations < 0.01
+    known = against.relative_std < 0.01
     return float(np.max(np.abs(estimate.beta - against.beta)[known] / np.abs(against.beta)[known]))
 
 

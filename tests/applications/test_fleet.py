@@ -180,8 +180,8 @@ def test_a_fleet_of_estimates_is_possible_and_written_out(estimates):
     for own, shrunk in zip(estimates, fleet.estimates, strict=True):
         assert shrunk.consistency.consistent and shrunk.estimator == "fleet" and shrunk.theta is not None
         np.testing.assert_allclose(shrunk.base.from_standard(shrunk.theta), shrunk.beta, rtol=1e-9)
-        assert np.all(shrunk.deviations < 1.3 * own.deviations)
-        assert np.median(shrunk.deviations / own.deviations) < 0.97  # five robots tell little of a spread
+        assert np.all(shrunk.std < 1.3 * own.std)
+        assert np.median(shrunk.std / own.std) < 0.97  # five robots tell little of a spread
     assert np.all((fleet.shares >= 0) & (fleet.shares <= 1))
 
 

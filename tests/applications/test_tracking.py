@@ -139,7 +139,7 @@ def test_where_nothing_is_shown_it_goes_back_to_the_estimate(arm):
         tracker.update(np.zeros((joints, size)), np.zeros(joints))
     beta, covariance = tracker.now()
     np.testing.assert_allclose(beta, arm.estimate.beta, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), 30.0 * arm.estimate.deviations, rtol=1e-6)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), 30.0 * arm.estimate.std, rtol=1e-6)
 
 
 def test_what_a_tracker_refuses(arm: Arm, thresholds):

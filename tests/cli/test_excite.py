@@ -112,7 +112,7 @@ def test_what_to_record_next(robot: str, capsys: pytest.CaptureFixture[str]) -> 
     assert "clearance: at least 0.05 m: " in shown and " | floor" in shown and "not checked: floor" not in shown
     estimate, outlook = read_estimate("estimate.json"), read_plan("next.json").settings["outlook"]
     before = [item["std_before"] for item in outlook["parameters"]]
-    np.testing.assert_allclose(before, estimate.deviations, rtol=1e-6)
+    np.testing.assert_allclose(before, estimate.std, rtol=1e-6)
     assert all(item["std_after"] < item["std_before"] for item in outlook["parameters"])
     assert main([*command, "logs.json", "--earlier-logs", "run.csv", "--criterion", "bayesian_d"]) == 0
     shown = capsys.readouterr().out

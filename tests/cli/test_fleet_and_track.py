@@ -96,7 +96,7 @@ def test_triangles_are_robots_too(capsys: Capture, tmp_path: Path) -> None:
     printed = json.loads(capsys.readouterr().out)
     assert [one["from"] for one in printed["robots"]] == ["QR factors", "estimate", "estimate", "estimate"]
     found, own = read_estimate(tmp_path / "out" / "r0.json"), read_estimate("r0.json")
-    assert np.all(np.abs(found.beta - own.beta) < 3.0 * own.deviations)
+    assert np.all(np.abs(found.beta - own.beta) < 3.0 * own.std)
     assert found.train.samples == own.train.samples
 
 

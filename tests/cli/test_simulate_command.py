@@ -148,7 +148,7 @@ def test_the_intervals_of_identify_hold_the_truth(here: Path) -> None:
     stated = json.loads(Path("run.truth.json").read_text())["parameters"]
     truth = estimate.base.from_standard(np.array([one["value"] for one in stated]))
     assert np.mean(np.abs(estimate.beta - truth) <= estimate.half_widths(0.95)) >= 0.9
-    assert np.sqrt(np.mean(((estimate.beta - truth) / estimate.deviations) ** 2)) < 1.5
+    assert np.sqrt(np.mean(((estimate.beta - truth) / estimate.std) ** 2)) < 1.5
 
 
 def test_the_truth_beside_a_log_is_what_methods_are_compared_with(here: Path, capsys: Capture) -> None:

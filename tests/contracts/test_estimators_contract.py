@@ -59,8 +59,8 @@ def posed(request: pytest.FixtureRequest, exact_log: Callable[..., Log]) -> tupl
 def test_the_truth_lies_within_five_deviations(part: Estimator, posed: tuple[Problem, Array]) -> None:
     problem, truth = posed
     estimate = fit(problem, part)
-    assert np.all(np.abs(estimate.beta - truth) < 5 * estimate.deviations)
-    assert np.all(estimate.deviations > 0) and estimate.consistency.consistent
+    assert np.all(np.abs(estimate.beta - truth) < 5 * estimate.std)
+    assert np.all(estimate.std > 0) and estimate.consistency.consistent
 
 
 def test_a_solution_is_whole(part: Estimator, posed: tuple[Problem, Array]) -> None:
@@ -98,7 +98,7 @@ def test_an_equal_problem_gives_an_equal_solution(part: Estimator, posed: tuple[
     halves = [log.rows(slice(0, 150), "first"), log.rows(slice(150, 300), "second")]
     forth, back = (build_problem(problem.model, part_of, GIVEN) for part_of in (halves, halves[::-1]))
     whole = part.solve(problem).beta
-    size = fit(problem, part).deviations
+    size = fit(problem, part).std
     for other in (forth, back):
         assert np.all(np.abs(part.solve(other).beta - whole) < STARTS_ANEW.get(ESTIMATORS.name_of(part), 0.05) * size)
 
@@ -129,8 +129,8 @@ def test_units_of_mass_and_length_do_not_matter(
     units = {"kg m^2": mass * length**2, "kg m": mass * length, "kg": mass}
     factor = np.array([units.get(unit, mass * length**2) for unit in here.base.units])
     one, other = fit(here, part), fit(there, part)
-    assert np.all(np.abs(other.beta / factor - one.beta) < 0.05 * one.deviations)
-    np.testing.assert_allclose(other.deviations / factor, one.deviations, rtol=0.05)
+    assert np.all(np.abs(other.beta / factor - one.beta) < 0.05 * one.std)
+    np.testing.assert_allclose(other.std / factor, one.std, rtol=0.05)
 
 
 def test_the_order_of_branches_does_not_matter(

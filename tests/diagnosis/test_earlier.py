@@ -37,12 +37,12 @@ def test_logs_know_what_their_estimate_knows(model: DynamicModel, logs: tuple[Lo
     prior, noise = prior_of_logs(model, logs, estimate.preprocessing)
     np.testing.assert_allclose(noise, noise_of(estimate), rtol=0.01)
     # A correlation factor per joint here, the colour of each parameter's own scores in the estimate.
-    share = deviations_of(prior.information) / estimate.deviations
+    share = deviations_of(prior.information) / estimate.std
     assert 0.8 < np.median(share) < 1.25 and np.all((share > 0.5) & (share < 2.0))
     assert prior.mean is not None
     np.testing.assert_allclose(prior.mean, estimate.beta, atol=0.02 * np.abs(estimate.beta).max())
     own = prior_of_estimate(estimate, model, "estimate.json")
-    np.testing.assert_allclose(deviations_of(own.information), estimate.deviations, rtol=1e-6)
+    np.testing.assert_allclose(deviations_of(own.information), estimate.std, rtol=1e-6)
 
 
 def test_two_logs_know_more_than_one(model: DynamicModel, logs: tuple[Log, ...]) -> None:

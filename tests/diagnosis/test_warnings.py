@@ -109,7 +109,7 @@ def test_doubtful_drive_gains_are_told_with_what_they_move() -> None:
     model, log = recorded()
     estimate = identify(model, [log], "wls", preprocessing=HOW)
     moved = np.zeros(len(estimate.beta))
-    moved[:3] = 2.0 * estimate.deviations[:3]
+    moved[:3] = 2.0 * estimate.std[:3]
     for relative, span in (({"joint1": 0.02, "joint2": 0.05, "joint3": 0.0}, "2 to 5 %"), ({"joint1": 0.02}, "2 %")):
         stated = Choices(gain_std=GainUncertainty(relative, tuple(moved.tolist())))
         (found,) = warnings_of(replace(estimate, choices=stated))

@@ -68,7 +68,7 @@ def main(folder: Path) -> dict[str, object]:
     for method in METHODS:
         estimate = identify(model, [train], method, filtered)
         test_figures = validate(estimate, [test]).figures()
-        found[method] = {"beta": estimate.beta, "std": estimate.deviations, "test": test_figures}
+        found[method] = {"beta": estimate.beta, "std": estimate.std, "test": test_figures}
     whole = identify(
         model, [train], "consistent", default_preprocessing(), trust=TrustOptions(diagnose=True, bootstrap=40)
     )

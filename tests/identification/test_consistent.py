@@ -96,7 +96,7 @@ def test_it_is_weighted_least_squares_where_that_is_possible(
     problem = build_problem(model, [exact_log(model, theta, noise=0.003 * size)], GIVEN)
     free, consistent = fit(problem, WLS()), fit(problem, Consistent())
     assert free.consistency.consistent
-    moved = np.linalg.norm((consistent.beta - free.beta) / free.deviations)
+    moved = np.linalg.norm((consistent.beta - free.beta) / free.std)
     assert moved < 0.02
     assert consistent.extras["residual_above_unconstrained"] < 1e-6
     assert consistent.extras["prior"] == "the robot model's inertias"
@@ -227,7 +227,7 @@ def same_robot_in(robot: Robot, scaled: Scaled, exact_log: MakeLog, mass: float,
     if not known:
         model = model_of(bare(model.robot), *PARTS)
     estimate = fit(build_problem(model, [log], GIVEN), Consistent())
-    return estimate, estimate.beta / estimate.deviations
+    return estimate, estimate.beta / estimate.std
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["description", "bare"])
@@ -266,7 +266,7 @@ def test_small_and_large_robots_under_the_same_gravity(
     problem = build_problem(model, [exact_log(model, theta, noise=0.01 * size)], GIVEN)
     estimate = fit(problem, Consistent())
     assert estimate.consistency.consistent
-    error = (estimate.beta - problem.base.from_standard(theta)) / estimate.deviations
+    error = (estimate.beta - problem.base.from_standard(theta)) / estimate.std
     assert np.abs(error).max() < 5
 
 
@@ -281,7 +281,7 @@ def test_a_gantry_with_short_links_and_long_strokes(exact_log: MakeLog) -> None:
     log = exact_log(model, theta, noise=np.array([1.0, 1.0, 0.01]), size=2.0)
     for robot in (model.robot, bare(model.robot)):
         estimate = fit(build_problem(model_of(robot, "coulomb", "viscous", "offset"), [log], GIVEN), Consistent())
-        error = (estimate.beta - estimate.base.from_standard(theta)) / estimate.deviations
+        error = (estimate.beta - estimate.base.from_standard(theta)) / estimate.std
         assert np.abs(error).max() < 5 and estimate.consistency.consistent
 
 

@@ -168,7 +168,7 @@ def test_an_estimate_carries_its_diagnostics(bench: Bench) -> None:
     found = estimate.diagnostics
     assert found is not None and len(found["cross_validation"][0]["folds"]) == 3
     assert found["bootstrap"]["kind"] == "blocks"
-    np.testing.assert_allclose(np.array(found["bootstrap"]["std"]) / estimate.deviations, 1.0, atol=0.5)
+    np.testing.assert_allclose(np.array(found["bootstrap"]["std"]) / estimate.std, 1.0, atol=0.5)
     assert identify(bench.model, [noisy(bench, bench.white(0))], "wls", GIVEN).diagnostics is None
 
 

@@ -64,12 +64,12 @@ def test_zeros_go_and_what_matters_stays(bench: Bench) -> None:
         dropped = {item["name"] for item in estimate.extras["dropped"]}
         gone.append(sum(name in dropped for name in ("F0[joint1]", "F0[joint2]", "F0[joint3]")))
         plain = fit(problem, WLS())
-        sure = {n for n, r in zip(bench.base.names, plain.relative_deviations, strict=True) if r < 0.1}
+        sure = {n for n, r in zip(bench.base.names, plain.relative_std, strict=True) if r < 0.1}
         assert not dropped & sure
-        assert np.all(estimate.deviations > 0)
+        assert np.all(estimate.std > 0)
         assert [estimate.beta[bench.base.names.index(name)] for name in dropped] == [0.0] * len(dropped)
         assert estimate.extras["kept"] + len(dropped) == bench.base.count
-        scores.append((estimate.beta - truth) / estimate.deviations)
+        scores.append((estimate.beta - truth) / estimate.std)
     assert np.mean(gone) > 2.5
     assert np.sqrt(np.mean(np.square(scores))) < 1.4
 

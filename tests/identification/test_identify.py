@@ -83,8 +83,8 @@ def test_parameters_as_plain_data(model: DynamicModel, log: Log) -> None:
     estimate = identify(model, [log], "wls", GIVEN)
     first = estimate.parameters()[0]
     assert first["name"] == "Izz[link1] + 0.25 m[link2]" and first["unit"] == "kg m^2"
-    assert first["value"] == estimate.beta[0] and first["std"] == estimate.deviations[0]
-    assert first["relative_std"] == pytest.approx(estimate.deviations[0] / abs(estimate.beta[0]))
+    assert first["value"] == estimate.beta[0] and first["std"] == estimate.std[0]
+    assert first["relative_std"] == pytest.approx(estimate.std[0] / abs(estimate.beta[0]))
     zero = replace(estimate, beta=np.zeros(12))
     assert zero.parameters()[0]["relative_std"] is None
 
@@ -152,7 +152,7 @@ def test_several_logs_are_one_data_set(model: DynamicModel, theta: Array, exact_
     alone = identify(model, logs[:1], "wls", GIVEN)
     assert estimate.samples == 1200 and len(estimate.provenance["logs"]) == 3
     assert estimate.train.starts == (0, 400, 800)
-    assert np.all(estimate.deviations < alone.deviations)
+    assert np.all(estimate.std < alone.std)
 
 
 def test_provenance_names_the_files(model: DynamicModel, log: Log) -> None:
@@ -178,7 +178,7 @@ def test_stated_deviations_cover_the_truth(
     for seed in range(40):
         problem = build_problem(model, [exact_log(model, theta, noise=np.array([0.6, 0.6]), seed=100 + seed)], GIVEN)
         estimate = fit(problem, estimator)
-        scores.append((estimate.beta - truth) / estimate.deviations)
+        scores.append((estimate.beta - truth) / estimate.std)
         np.testing.assert_allclose(estimate.correlation_factors, 1.0, atol=1.0)
     inside = np.abs(np.array(scores)) < stats.norm.ppf(0.975)
     for k in range(len(truth)):  # the correlation factors may only widen the intervals, by some ten per cent
@@ -194,8 +194,8 @@ def test_deviations_of_ols_know_that_noise_differs(model: DynamicModel, theta: A
     for seed in range(25):
         problem = build_problem(model, [exact_log(model, theta, noise=np.array([3.0, 0.3]), seed=300 + seed)], GIVEN)
         pair = [fit(problem, part) for part in (OLS(), WLS())]
-        scores.append([(e.beta - truth) / e.deviations for e in pair])
-        sizes.append([e.deviations for e in pair])
+        scores.append([(e.beta - truth) / e.std for e in pair])
+        sizes.append([e.std for e in pair])
     ols, wls = np.mean(sizes, axis=0)
     assert np.all(ols > 0.98 * wls) and np.any(ols > 1.5 * wls)
     inside = np.mean(np.abs(np.array(scores)) < stats.norm.ppf(0.975), axis=(0, 2))
@@ -215,7 +215,7 @@ def test_correlated_noise_widens_the_deviations(model: DynamicModel, theta: Arra
             noise[k] = 0.8 * noise[k - 1] + 0.6 * white[k]
         estimate = identify(model, [replace(clean, torque=quiet + 0.5 * noise)], "wls", GIVEN)
         assert np.all(estimate.correlation_factors > 3)
-        scores.append((estimate.beta - truth) / estimate.deviations)
+        scores.append((estimate.beta - truth) / estimate.std)
     inside = np.abs(np.array(scores)) < stats.norm.ppf(0.975)
     assert inside.mean() > 0.88
 

@@ -54,7 +54,7 @@ def test_forgetting_weighs_samples_as_written_out(problem):
     found = RLS(forgetting, weighted=False).solve(problem)
     np.testing.assert_allclose(found.beta, expected, atol=1e-9 * np.abs(expected).max())
     assert found.covariance is not None and found.degrees is not None
-    short, long = (fit(problem, RLS(value)).deviations for value in (0.99, 0.999))
+    short, long = (fit(problem, RLS(value)).std for value in (0.99, 0.999))
     assert np.all(short > long)  # a shorter memory knows less
     assert found.extras["memory"] == pytest.approx(100.0)
 

@@ -244,7 +244,7 @@ def test_possible_robots_are_drawn_and_vary_no_more_than_free_ones(bench: Bench)
     draws = refit_draws(problem, Consistent().refit(problem), estimate.covariance, 60)
     assert draws.theta is not None and draws.theta.shape == (60, len(bench.theta))
     np.testing.assert_allclose(draws.beta, draws.theta @ problem.base.matrix.T)
-    assert np.all(np.std(draws.beta, axis=0) < 1.5 * estimate.deviations)
+    assert np.all(np.std(draws.beta, axis=0) < 1.5 * estimate.std)
     with pytest.raises(BadOption, match="bootstrap = 5"):
         with_diagnostics(estimate, problem, Consistent(), draws=5)
     assert isinstance(draws, BootstrapDraws) and draws.block == 0.0

@@ -98,8 +98,8 @@ def test_the_motors_of_the_tx40_give_the_base_parameters_of_its_joints(tmp_path:
     same = estimated(at_joints, log.rows(slice(None, None, 5), "every fifth row"))
     whole = estimated(at_joints, log)
     assert one.base.names == same.base.names
-    assert np.max(np.abs(one.beta - same.beta) / same.deviations) < 0.01
-    assert np.max(np.abs(one.beta - whole.beta) / whole.deviations) < 1.0
+    assert np.max(np.abs(one.beta - same.beta) / same.std) < 0.01
+    assert np.max(np.abs(one.beta - whole.beta) / whole.std) < 1.0
 
 
 def test_the_wrist_channels_of_tiago_are_named_and_the_rest_is_identified(

@@ -315,11 +315,11 @@ def test_friction_coefficients_and_their_deviations(subject: Subject) -> None:
     rows = context("friction", subject)["table"].rows
     assert [row[:2] for row in rows[:4]] == [("joint1", "Fc"), ("joint1", "Fv"), ("joint1", "F0"), ("joint2", "Fc")]
     names = list(estimate.base.names)
-    assert float(rows[0][3]) == pytest.approx(estimate.deviations[names.index("Fc[joint1]")], rel=0.06)
+    assert float(rows[0][3]) == pytest.approx(estimate.std[names.index("Fc[joint1]")], rel=0.06)
     bare = replace(subject, estimate=replace(estimate, theta=None))
     for row in context("friction", bare)["table"].rows:
         place = names.index(f"{row[1]}[{row[0]}]")
-        assert float(row[2]) == pytest.approx(estimate.beta[place], abs=0.51 * estimate.deviations[place])
+        assert float(row[2]) == pytest.approx(estimate.beta[place], abs=0.51 * estimate.std[place])
 
 
 def test_friction_that_needs_more_than_speeds_has_no_curve(subject: Subject, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -229,8 +229,8 @@ def test_parameters_table_golden() -> None:
             units=("kg m^2", "N m", "kg m", "kg m^2"),
         ),
         beta=np.array([50.4438, 4.0, 0.0, -1.2e-7]),
-        deviations=np.array([0.123, 0.0, 0.5, 3e-8]),
-        relative_deviations=np.array([0.123 / 50.4438, 0.0, INF, 0.25]),
+        std=np.array([0.123, 0.0, 0.5, 3e-8]),
+        relative_std=np.array([0.123 / 50.4438, 0.0, INF, 0.25]),
     )
     table = parameters_table(cast(Estimate, estimate))
     assert plain(table) == (

@@ -119,7 +119,7 @@ def test_longer_logs_know_more_and_the_verdict_follows_the_tolerance(model: Dyna
     assert not any("intervals" in line for line in verdict(found))
     last = found.stages[-1]
     assert last.estimate is not None
-    away = replace(last, truth=last.truth + 3 * last.estimate.deviations * (np.arange(len(last.truth)) < 6))
+    away = replace(last, truth=last.truth + 3 * last.estimate.std * (np.arange(len(last.truth)) < 6))
     said = verdict(replace(found, stages=(*found.stages[:-1], away)))
     assert any("intervals hold the truth" in line for line in said)  # 6 misses of 20 are no chance
 

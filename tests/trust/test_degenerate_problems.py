@@ -221,7 +221,7 @@ def check(name: str, case: str, task: Task) -> None:
     except DynidentError as error:
         assert "; " in str(error) and "nan" not in str(error).split()
         return
-    deviations = estimate.deviations
+    deviations = estimate.std
     assert np.all(np.isfinite(estimate.beta)) and np.all(np.isfinite(deviations)) and np.all(deviations > 0)
     if task.theta is None:
         return

@@ -165,7 +165,7 @@ def test_joints_that_move_as_one(planar_2r: Robot, tmp_path: Path, capsys: Captu
     assert code == 0, text
     estimate = read_estimate(tmp_path / "e.json")
     away = np.abs(estimate.beta - estimate.base.from_standard(truth(planar_2r)))
-    assert np.all(away < 6 * estimate.deviations)
+    assert np.all(away < 6 * estimate.std)
 
 
 def test_collinear_data(planar_2r: Robot, tmp_path: Path, capsys: Capture) -> None:

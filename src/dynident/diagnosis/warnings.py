@@ -77,7 +77,7 @@ def _gains(estimate: Estimate) -> list[str]:
     if stated is None:
         return []
     known = [value for value in stated.relative.values() if value > 0]
-    more = int(np.sum(np.asarray(stated.parameters) > estimate.deviations))
+    more = int(np.sum(np.asarray(stated.parameters) > estimate.std))
     span = f"{100 * min(known):.2g} to {100 * max(known):.2g} %" if len(known) > 1 else f"{100 * known[0]:.2g} %"
     return [
         f"drive gains have a relative std of {span}: it shifts {more} of {estimate.base.count} parameters by more than "

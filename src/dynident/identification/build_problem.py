@@ -130,7 +130,7 @@ def _with_chosen_friction(
 
     choice = choose_friction(model, logs, progress, delay_is_free)
     own = replace(model, friction=choice.friction)
-    shared, compared = same_for_all(own, logs, progress, model.friction, choice.pays)
+    shared, compared = same_for_all(own, logs, progress, model.friction, choice.improves_significantly)
     return shared, replace(choice.record(), shared=compared)
 
 

@@ -247,7 +247,7 @@ def parameters_table(estimate: Estimate, width: int | None = None) -> Table:
     """
     base = estimate.base
     rows = []
-    known = zip(base.names, estimate.beta, base.units, estimate.deviations, estimate.relative_deviations, strict=True)
+    known = zip(base.names, estimate.beta, base.units, estimate.std, estimate.relative_std, strict=True)
     for number, (name, value, unit, deviation, relative) in enumerate(known, start=1):
         shown, spread = format_value(value, deviation)
         called = label(name) if width is None else shorten(label(name), width)

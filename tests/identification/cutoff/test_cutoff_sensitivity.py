@@ -60,7 +60,7 @@ def test_changes_are_those_of_fits_at_the_other_cut_offs(model: DynamicModel, lo
     assert found is not None
     for row in found.table:
         other = identify(model, [log], "wls", replace(HOW, filter=Butterworth(row.cutoff_hz)))
-        change = (other.beta - estimate.beta) / estimate.deviations
+        change = (other.beta - estimate.beta) / estimate.std
         np.testing.assert_allclose(row.changes, change, atol=0.15)
         assert row.largest_change == pytest.approx(np.abs(row.changes).max())
 

@@ -146,7 +146,7 @@ def test_estimators_of_triangles_say_the_same_over_several_logs(
     # Ridge asks for correlation factors, which stretches know in another way than rows.
     tolerance = 1e-3 if estimator == "ridge" else 1e-6
     assert np.linalg.norm(found.beta - wanted.beta) < tolerance * np.linalg.norm(wanted.beta)
-    assert np.all(np.abs(np.log(found.deviations / wanted.deviations)) < np.log(2.5))
+    assert np.all(np.abs(np.log(found.std / wanted.std)) < np.log(2.5))
     assert found.train.starts[0] == 0 and len(found.train.starts) == 3
     assert [log["path"] for log in found.provenance["logs"]] == [str(log) for log in logs]
 

@@ -57,7 +57,7 @@ class Fleet:
             "owner": self.joint_of(k),
             "unit": self.base.units[k],
             "value": float(self.estimates[place].beta[k]),
-            "std": float(self.estimates[place].deviations[k]),
+            "std": float(self.estimates[place].std[k]),
             "mean": float(population.mean[k]),
             "spread": float(population.deviations[k]),
             "score": float(distance.scores[k]),
@@ -81,7 +81,7 @@ class Fleet:
                     "own_share": float(np.median(share)),
                     "physically_consistent": estimate.consistency.consistent,
                     "beta": estimate.beta.tolist(),
-                    "std": estimate.deviations.tolist(),
+                    "std": estimate.std.tolist(),
                 }
                 for robot, distance, estimate, share in zip(
                     self.robots, found.distances, self.estimates, self.shares, strict=True

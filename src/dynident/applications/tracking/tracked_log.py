@@ -102,7 +102,7 @@ class Tracked:
     def figures(self, estimate: Estimate) -> dict[str, Any]:
         """Return events, and each parameter at the end beside the estimate, as plain data."""
         last, spread = self.beta[-1], self.deviations[-1]
-        moved = (last - estimate.beta) / np.hypot(spread, estimate.deviations)
+        moved = (last - estimate.beta) / np.hypot(spread, estimate.std)
         return {
             "log": self.log,
             "seconds": float(self.time[-1] - self.time[0]),

@@ -6,7 +6,6 @@ import numpy as np
 
 from dynident.case.draft.found import Recognised
 from dynident.case.draft.profile_fit import equally_good
-from dynident.case.draft.told_units import HEADER
 from dynident.case.draft.yaml_words import asked, offered, plain, quoted
 from dynident.model.robot import Joint, Robot
 
@@ -100,7 +99,7 @@ def _rough_gain(found: Recognised, name: str) -> str:
 def _stated_current(found: Recognised) -> str:
     """Return the unit of the currents that the header states, which the reader makes amperes of; empty for none."""
     told = found.units.get("current")
-    return told.text if told is not None and told.why.startswith(HEADER) else ""
+    return told.text if told is not None and told.from_header else ""
 
 
 def _vertical_slides(robot: Robot) -> dict[str, float]:

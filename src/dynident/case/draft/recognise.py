@@ -226,7 +226,7 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
     if effort == "current" and "current" not in units:
         unit = stated["current"]
         why = f"{HEADER} {unit}, gains are per A" if unit else "gains are per unit of these columns"
-        units["current"] = Told((unit or "A",), True, why)
+        units["current"] = Told((unit or "A",), True, why, from_header=bool(unit))
     if effort == "torque" and ("torque" not in units or found.drivers_differ):
         joints = () if moving is None or not fits_joints else moving.active
         count = len(joints)

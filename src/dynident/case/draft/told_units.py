@@ -29,11 +29,13 @@ class Told:
         words: One word of the case file per joint (one for the time); empty where nothing is likely.
         certain: Whether it can be written down; else it is asked, and the words are the likely answer.
         why: The evidence.
+        from_header: Whether the header of the file alone states it.
     """
 
     words: tuple[str, ...]
     certain: bool
     why: str
+    from_header: bool = False
 
     @property
     def text(self) -> str:

@@ -47,8 +47,8 @@ class CsvParameters(ModelExporter):
         estimate = subject.estimate
         half = estimate.half_widths(self.level)
         columns = zip(
-            estimate.base.names, estimate.beta, estimate.base.units, estimate.deviations,
-            estimate.relative_deviations, estimate.beta - half, estimate.beta + half, strict=True,
+            estimate.base.names, estimate.beta, estimate.base.units, estimate.std,
+            estimate.relative_std, estimate.beta - half, estimate.beta + half, strict=True,
         )  # fmt: skip
         head = ("parameter", "value", "unit", "std", "relative_std", "lower", "upper")
         rows = [

@@ -54,8 +54,8 @@ class Latex(ModelExporter):
             r"\hline",
         ]
         table = zip(
-            estimate.base.names, estimate.beta, estimate.deviations, estimate.base.units,
-            estimate.relative_deviations, strict=True,
+            estimate.base.names, estimate.beta, estimate.std, estimate.base.units,
+            estimate.relative_std, strict=True,
         )  # fmt: skip
         for k, (name, value, std, unit, relative) in enumerate(table, start=1):
             numbers = _number(value, self.digits), _number(std, 3)

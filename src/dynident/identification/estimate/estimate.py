@@ -91,7 +91,7 @@ class Estimate:
     standard_deviations: Array | None = None
 
     @property
-    def deviations(self) -> Array:
+    def std(self) -> Array:
         """Standard deviation of each base parameter, shape (b,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
@@ -103,15 +103,15 @@ class Estimate:
         return np.mean(self.train.q, axis=0) if len(self.train.q) else np.zeros(self.model.robot.dof)
 
     @property
-    def relative_deviations(self) -> Array:
+    def relative_std(self) -> Array:
         """Standard deviation over absolute value, a fraction, shape (b,); infinite for a value of zero."""
         size = np.abs(self.beta)
-        return np.divide(self.deviations, size, out=np.full(len(size), np.inf), where=size > 0)
+        return np.divide(self.std, size, out=np.full(len(size), np.inf), where=size > 0)
 
     def half_widths(self, level: float = 0.95) -> Array:
         """Return half the width of the interval that holds each base parameter at a level of confidence, shape (b,)."""
         degrees = np.full(len(self.beta), np.inf) if self.degrees is None else self.degrees
-        return self.deviations * student_quantile(0.5 + 0.5 * level, degrees)
+        return self.std * student_quantile(0.5 + 0.5 * level, degrees)
 
     def parameters(self) -> list[dict[str, Any]]:
         """Return name, value, unit, std and relative_std of each base parameter as plain data."""
@@ -124,6 +124,6 @@ class Estimate:
                 "relative_std": float(relative) if np.isfinite(relative) else None,
             }
             for name, value, unit, std, relative in zip(
-                self.base.names, self.beta, self.base.units, self.deviations, self.relative_deviations, strict=True
+                self.base.names, self.beta, self.base.units, self.std, self.relative_std, strict=True
             )
         ]

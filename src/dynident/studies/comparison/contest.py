@@ -122,7 +122,7 @@ class Outcome:
             "verdict": self.verdict or None,
             "joints": [] if test is None else test.figures()["joints"],
             "values": [] if estimate is None else estimate.beta.tolist(),
-            "std": [] if estimate is None else [finite(float(value)) for value in estimate.deviations],
+            "std": [] if estimate is None else [finite(float(value)) for value in estimate.std],
         }
 
 

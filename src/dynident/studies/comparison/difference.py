@@ -143,7 +143,7 @@ def difference(estimates: Sequence[Estimate], names: Sequence[str], seed: int = 
 def _parameters(
     estimates: Sequence[Estimate], names: Sequence[str]
 ) -> tuple[tuple[SharedParameter, ...], dict[str, tuple[str, ...]]]:
-    facts = [zip(each.base.units, each.beta, each.deviations, strict=True) for each in estimates]
+    facts = [zip(each.base.units, each.beta, each.std, strict=True) for each in estimates]
     own = [dict(zip(each.base.names, rows, strict=True)) for each, rows in zip(estimates, facts, strict=True)]
     everything = list(dict.fromkeys(name for each in own for name in each))
     shared = []

@@ -95,7 +95,7 @@ class RehearsalStage:
         if self.estimate is None:
             return np.full(len(self.truth), np.nan)
         size = np.abs(self.truth)
-        return np.divide(self.estimate.deviations, size, out=np.full(len(size), np.inf), where=size > 0)
+        return np.divide(self.estimate.std, size, out=np.full(len(size), np.inf), where=size > 0)
 
     @property
     def inside(self) -> float:
@@ -176,7 +176,7 @@ class Rehearsal:
 
     def _stage_figures(self, stage: RehearsalStage) -> dict[str, Any]:
         found = stage.estimate
-        deviations = np.full(len(stage.truth), np.nan) if found is None else found.deviations
+        deviations = np.full(len(stage.truth), np.nan) if found is None else found.std
         values = stage.truth + stage.errors
         return {
             "share": stage.share,

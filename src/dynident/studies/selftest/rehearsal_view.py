@@ -71,7 +71,7 @@ def _parameter_row(rehearsal: Rehearsal, stage: RehearsalStage, k: int, width: i
     weight = format_percent(float(rehearsal.weights[k]), sign=False)
     if stage.estimate is None:
         return (*head, format_number(float(stage.truth[k])), MISSING, MISSING, MISSING, MISSING, weight)
-    deviation = float(stage.estimate.deviations[k])
+    deviation = float(stage.estimate.std[k])
     value, spread = format_value(float(stage.estimate.beta[k]), deviation)
     off = float(stage.errors[k]) / deviation if deviation > 0 else float("nan")
     relative = format_percent(float(stage.relative_deviations[k]), sign=False)

@@ -109,7 +109,7 @@ def _figures(
     estimate: Estimate, own: BlockTriangles, other: BlockTriangles, own_hertz: float, hertz: float
 ) -> CutoffTrial:
     """Return the figures of the fit of other rows, judged by the rows of the estimate's own cut-off."""
-    change: Array = (other.fit[0] - own.fit[0]) / np.maximum(estimate.deviations, 1e-300)
+    change: Array = (other.fit[0] - own.fit[0]) / np.maximum(estimate.std, 1e-300)
     largest = int(np.argmax(np.abs(change)))
     surprise = np.abs(change) / np.sqrt(np.maximum(_spread(other, hertz) / _spread(own, own_hertz), 1.0))
     error = torque = 0.0

@@ -58,7 +58,7 @@ def same_for_all(
     logs: Sequence[Prepared],
     progress: Callable[[str], None] = lambda step: None,
     usual: tuple[Friction, ...] = (),
-    pays: bool = True,
+    improves_significantly: bool = True,
 ) -> tuple[DynamicModel, tuple[FrictionScore, ...]]:
     """Return the model with one friction for all drives if that is as good, and what was compared.
 
@@ -67,7 +67,7 @@ def same_for_all(
         logs: Preprocessed training logs.
         progress: Told each step in words.
         usual: A further list for all drives: that which the choice began with.
-        pays: Whether the lists of the drives' own may be taken.
+        improves_significantly: Whether the lists of the drives' own may be taken.
 
     Raises:
         PoorExcitation: The logs do not determine the parameters.
@@ -104,7 +104,7 @@ def same_for_all(
     gaps = [float(np.std(score - held, ddof=1) / np.sqrt(len(held))) if solved else 0.0 for score in scores]
     best = min(range(1, len(kept)), key=lambda k: means[k], default=0)
     shortest = next((k for k in range(1, len(kept)) if _as_good(scores[k], scores[best])), best)
-    pick = shortest if not pays or means[best] - means[0] <= gaps[best] else 0
+    pick = shortest if not improves_significantly or means[best] - means[0] <= gaps[best] else 0
     table = (
         FrictionScore(parts, mean, gap, k == pick)
         for k, (parts, mean, gap) in enumerate(zip(names, means, gaps, strict=True))

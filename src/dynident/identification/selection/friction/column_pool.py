@@ -105,12 +105,12 @@ def make_pool(
     logs: Sequence[Prepared],
     blocks: int = 1,
     load: Array | None = None,
-    late: bool = False,
+    delay_is_free: bool = False,
 ) -> ColumnPool:
     """Read logs once with the columns of all candidate parts on all drives.
 
-    A list of parts is not to earn by what a late torque does, nor another one lose by it: with ``late`` every fit has a
-    column more, the derivative of the torque by a delay of all logs.
+    A list of parts is not to earn by what a late torque does, nor another one lose by it: with ``delay_is_free`` every
+    fit has a column more, the derivative of the torque by a delay of all logs.
 
     Args:
         model: The robot; its friction is left aside.
@@ -119,7 +119,7 @@ def make_pool(
         blocks: Into how many stretches all rows are cut, at least one a log. Rows within a period of the filter of a
             cut belong to none.
         load: Standard inertial parameters (10 l,) whose torque loads the drives; None where no part asks.
-        late: Whether the delay of the torque is free.
+        delay_is_free: Whether the delay of the torque is free.
     """
     labelled = tuple(PartCandidate(part, str(k), joints=part.joints) for k, part in enumerate(parts))
     whole = DynamicModel(model.robot, labelled)
@@ -133,12 +133,12 @@ def make_pool(
     products, rows = [], []
     for log in logs:
         own = _blocks_of(log, max(1, round(blocks * len(log.keep) / sum(len(each.keep) for each in logs))))
-        found, counted = _products(regressor, log, own, rigid.count if late else None)
+        found, counted = _products(regressor, log, own, rigid.count if delay_is_free else None)
         products.append(found)
         rows.append(counted)
     drive, column = whole.terms
     starts = np.cumsum([0, *(len(part.coefficients) for part in parts)])
-    shared = rigid.count + late
+    shared = rigid.count + delay_is_free
     columns = tuple(
         tuple(
             shared + np.flatnonzero((drive == j) & (column >= first) & (column < last)) for j in range(model.robot.dof)
@@ -146,7 +146,7 @@ def make_pool(
         for first, last in itertools.pairwise(starts)
     )
     signs = np.array([base.parameters[k].nonnegative for k in independent])
-    signs = np.insert(signs, rigid.count, [False] * late)
+    signs = np.insert(signs, rigid.count, [False] * delay_is_free)
     return ColumnPool(tuple(parts), shared, columns, np.concatenate(products), np.concatenate(rows), signs)
 
 

@@ -70,7 +70,7 @@ class FrictionChoice:
     error: float = 0.0
 
     @property
-    def pays(self) -> bool:
+    def improves_significantly(self) -> bool:
         """Whether the choice is better than the model's own friction by more than chance."""
         bound = self.error * float(student_quantile(1.0 - CHANCE, self.blocks - 1))
         return self.gain > max(NOTHING, bound)
@@ -84,7 +84,7 @@ def choose_friction(
     model: DynamicModel,
     logs: Sequence[Prepared],
     progress: Callable[[str], None] = lambda step: None,
-    late: bool = False,
+    delay_is_free: bool = False,
 ) -> FrictionChoice:
     """Choose the friction of each drive from training logs.
 
@@ -93,18 +93,18 @@ def choose_friction(
             of dry friction turn over the same width.
         logs: Preprocessed training logs.
         progress: Told each step in words.
-        late: Whether a delay of the torque is free in what is compared.
+        delay_is_free: Whether a delay of the torque is free in what is compared.
 
     Raises:
         LogMismatch: Too few rows to hold some out.
     """
     logs = [log.sparser(ROWS) for log in logs]
     progress("friction: candidates")
-    search = _PartSearch.over(model, _candidates(model, logs), logs, late)
+    search = _PartSearch.over(model, _candidates(model, logs), logs, delay_is_free)
     names = model.robot.joint_names
     gain, error = search.judged(_places(search.pool.parts, model), names, progress) if model.friction else (0.0, 0.0)
     search.improve_all(names, progress)
-    search = _refined(search, model, logs, progress, late)
+    search = _refined(search, model, logs, progress, delay_is_free)
     return FrictionChoice(
         _gathered(search.pool.parts, search.sets, names),
         dict(zip(names, search.steps, strict=True)),
@@ -165,7 +165,11 @@ def _places(parts: Sequence[Friction], model: DynamicModel) -> list[tuple[int, .
 
 
 def _refined(
-    search: _PartSearch, model: DynamicModel, logs: Sequence[Prepared], progress: Callable[[str], None], late: bool
+    search: _PartSearch,
+    model: DynamicModel,
+    logs: Sequence[Prepared],
+    progress: Callable[[str], None],
+    delay_is_free: bool,
 ) -> _PartSearch:
     """Return the search once more with fields of the drives' own, where some drives took a part that has such fields.
 
@@ -185,7 +189,7 @@ def _refined(
     found, _ = vary_fields(replace(model, friction=(*fixed, *varied)), logs, progress)
     kinds = dict.fromkeys(replace(part, joints=None, vary=None) for part in found.friction[len(fixed) :])
     place = next(p for p, part in enumerate(pool.parts) if part.refined)
-    finer = _PartSearch.over(model, (*others[:place], *kinds, *others[place:]), logs, late)
+    finer = _PartSearch.over(model, (*others[:place], *kinds, *others[place:]), logs, delay_is_free)
     fields = ", ".join(dict.fromkeys(f"{FRICTION.name_of(part)} {' and '.join(part.refined)}" for part in varied))
     for joint, name in enumerate(names):
         progress(f"friction: {name}, {fields} of its own")
@@ -236,13 +240,15 @@ class _PartSearch:
         self._known: dict[bytes, Array] = {}
 
     @classmethod
-    def over(cls, model: DynamicModel, parts: Sequence[Friction], logs: Sequence[Prepared], late: bool) -> _PartSearch:
+    def over(
+        cls, model: DynamicModel, parts: Sequence[Friction], logs: Sequence[Prepared], delay_is_free: bool
+    ) -> _PartSearch:
         """Return the search among some parts, before its first step."""
         kinds = [FRICTION.name_of(part) for part in parts]
         usual = dict.fromkeys(kind for kind, part in zip(kinds, parts, strict=True) if part.is_default)
         places = tuple(kinds.index(name) for name in usual)
         start = replace(model, friction=tuple(parts[p] for p in places))
-        pool = make_pool(model, parts, logs, max(BLOCKS, len(logs)), default_load(start, logs), late)
+        pool = make_pool(model, parts, logs, max(BLOCKS, len(logs)), default_load(start, logs), delay_is_free)
         if len(pool.products) < 3 or np.min(pool.rows.sum(axis=1)) < 2 * pool.shared:
             rows = int(pool.rows.sum())
             raise LogMismatch(logs[0].log.name, f"{rows} rows are too few to choose friction", "give longer logs")

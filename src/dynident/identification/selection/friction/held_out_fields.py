@@ -66,7 +66,7 @@ def choose_fields(
     model: DynamicModel,
     logs: Sequence[Prepared],
     progress: Callable[[str], None] = lambda step: None,
-    late: bool = False,
+    delay_is_free: bool = False,
 ) -> tuple[DynamicModel, tuple[FieldChoice, ...]]:
     """Return the model with the stated or the best values of the fields that its parts leave to the logs, and why.
 
@@ -74,7 +74,7 @@ def choose_fields(
         model: With parts whose ``choose`` names non-linear fields, or ``part``.
         logs: Preprocessed logs.
         progress: Told each step in words.
-        late: Whether a delay of the torque is free in what is compared.
+        delay_is_free: Whether a delay of the torque is free in what is compared.
 
     Raises:
         BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
@@ -83,7 +83,7 @@ def choose_fields(
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
     logs = [log.sparser(ROWS) for log in logs]
     load = default_load(without_optional(model), logs) if "torque" in model.needs else None
-    search = _FieldSearch(model, logs, load, late, progress)
+    search = _FieldSearch(model, logs, load, delay_is_free, progress)
     found = search.fields()
     for p in search.absent:
         held = search.with_part(p)
@@ -124,12 +124,12 @@ class _FieldSearch:
         model: DynamicModel,
         logs: Sequence[Prepared],
         load: Array | None,
-        late: bool,
+        delay_is_free: bool,
         progress: Callable[[str], None],
     ) -> None:
         self.model, self.stated = model, model
         self.absent = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
-        self._logs, self._load, self._late, self._progress = logs, load, late, progress
+        self._logs, self._load, self._delay_is_free, self._progress = logs, load, delay_is_free, progress
         fastest = fastest_of(model, logs)
         self._spans = {
             (p, name): span
@@ -221,7 +221,9 @@ class _FieldSearch:
         parts = [model.friction[p] for p in present]
         options = [{name: float(value)} if name else {} for value in grid]
         stand_ins = [replace(model.friction[p], **each) for each in options for p in group]
-        pool = make_pool(model, [*parts, *stand_ins], self._logs, max(BLOCKS, len(self._logs)), self._load, self._late)
+        pool = make_pool(
+            model, [*parts, *stand_ins], self._logs, max(BLOCKS, len(self._logs)), self._load, self._delay_is_free
+        )
         acts = [set(model.drives_of(part)) for part in (*parts, *stand_ins)]
 
         def columns(value: int | None) -> list[list[int]]:

@@ -99,7 +99,7 @@ def _coefficients(estimate: Estimate) -> Table:
         parameter, value = base.parameters[k], float(theta[k])
         shown, spread = format_number(value), MISSING
         if k in alone:
-            shown, spread = format_value(value, float(estimate.deviations[alone[k]]))
+            shown, spread = format_value(value, float(estimate.std[alone[k]]))
         unit, verdict = pretty_unit(parameter.unit), base.verdicts[k]
         rows.append((label(parameter.owner), parameter.symbol, shown, spread, unit, verdict))
     return Table(columns, tuple(rows))

@@ -36,7 +36,7 @@ class Parameters(ReportSection):
 
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate = subject.estimate
-        relative = estimate.relative_deviations
+        relative = estimate.relative_std
         order = np.argsort(-np.where(np.isnan(relative), np.inf, relative), kind="stable")[: self.most]
         chart = deviation_chart([estimate.base.names[k] for k in order], relative[order], limits=(WELL_KNOWN,))
         count = estimate.base.count

@@ -144,7 +144,7 @@ def _about_robot(subject: Subject) -> list[str]:
 
 
 def _knowledge(estimate: Estimate) -> Answer:
-    relative = np.where(np.isnan(estimate.relative_deviations), np.inf, estimate.relative_deviations)
+    relative = np.where(np.isnan(estimate.relative_std), np.inf, estimate.relative_std)
     known = int(np.sum(relative <= WELL_KNOWN))
     share = known / max(len(relative), 1)
     worst = int(np.argmax(relative)) if len(relative) else -1
@@ -154,7 +154,7 @@ def _knowledge(estimate: Estimate) -> Answer:
 
 
 def _about_parameters(estimate: Estimate) -> list[str]:
-    relative = np.where(np.isnan(estimate.relative_deviations), np.inf, estimate.relative_deviations)
+    relative = np.where(np.isnan(estimate.relative_std), np.inf, estimate.relative_std)
     lost = [int(k) for k in np.argsort(-relative, kind="stable") if relative[k] > LOST]
     if not lost:
         return ["Every base parameter is significant at 95 %."]
