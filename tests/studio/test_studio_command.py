@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from dynident.cli.main import main
-from dynident.cli.studio import _endings
+from dynident.cli.studio import endings
 
 COMMAND = [sys.executable, "-m", "dynident", "studio", "--no-browser"]
 
@@ -92,7 +92,7 @@ def test_it_serves_until_it_is_ended(name: str) -> None:
 @pytest.mark.usefixtures("signals_reach_children")
 def test_what_ends_it_is_noted_and_raised_nowhere() -> None:
     before = signal.getsignal(signal.SIGINT)
-    with _endings() as asked:
+    with endings() as asked:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
         assert asked == [signal.SIGINT, signal.SIGTERM]
@@ -103,7 +103,7 @@ def test_what_ends_it_is_noted_and_raised_nowhere() -> None:
 def test_what_is_ignored_stays_ignored_but_for_sigterm() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
-    with _endings() as asked:
+    with endings() as asked:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
     assert asked == [signal.SIGTERM]

@@ -181,7 +181,7 @@ def test_every_command_is_one_that_the_parser_takes(folder: Folder, verb: str) -
 
 
 def test_every_verb_is_tried_here() -> None:
-    assert set(FULL) == set(orders._VERBS)
+    assert set(FULL) == set(orders.VERBS)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from dynident.case.case import Case
 from dynident.excitation.design.excitation import ROWS_A_SECOND, design_excitation
@@ -12,6 +13,9 @@ from dynident.excitation.design.multistart import SearchState
 from dynident.excitation.design.options import DesignKnowledge, SearchOptions, SpaceLimits, TrajectoryOptions
 from dynident.excitation.design.plan import Plan
 from dynident.model.friction import Friction
+
+if TYPE_CHECKING:
+    from dynident.excitation.collision.clearance import Clearance
 
 
 def excite(
@@ -68,12 +72,18 @@ def friction_of_motion(friction: Sequence[Friction]) -> tuple[Friction, ...]:
 
 def space_limits(case: Case) -> SpaceLimits:
     """Return the clearances and the tool speed that the workspace of a case asks for; none where it states none."""
-    if case.workspace is None:
-        return SpaceLimits()
-    from dynident.excitation.collision.clearance import clearance_of  # few cases have a workspace
-    from dynident.excitation.collision.tool_speed import tool_point_of
+    if case.workspace is None or case.workspace.tool_speed == float("inf"):
+        return SpaceLimits(case_clearance(case))
+    from dynident.excitation.collision.tool_speed import tool_point_of  # few cases have a workspace
 
-    tool = None
-    if case.workspace.tool_speed != float("inf"):
-        tool = ToolLimit(tool_point_of(case.robot, case.workspace), case.workspace.tool_speed)
-    return SpaceLimits(clearance_of(case.robot, case.workspace), tool)
+    tool = ToolLimit(tool_point_of(case.robot, case.workspace), case.workspace.tool_speed)
+    return SpaceLimits(case_clearance(case), tool)
+
+
+def case_clearance(case: Case) -> Clearance | None:
+    """Return the distances that the workspace of a case asks for; None where it states none."""
+    if case.workspace is None:
+        return None
+    from dynident.excitation.collision.clearance import clearance_of
+
+    return clearance_of(case.robot, case.workspace)

@@ -99,7 +99,7 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dataclasses import replace
 
-    from dynident.api.excite import space_limits
+    from dynident.api.excite import case_clearance
     from dynident.cli import console
     from dynident.cli.knowledge import knowledge_of
     from dynident.excitation.design.plan import plan_data, write_plan, write_samples
@@ -114,7 +114,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         console.answer_json(plan_data(plan))
     else:
-        _show(plan, space_limits(case).clearance, bool(options.earlier or options.earlier_logs))
+        _show(plan, case_clearance(case), bool(options.earlier or options.earlier_logs))
     if options.output:
         write_plan(plan, options.output)
         console.remark(f"saved {options.output}", options.quiet or options.json)

@@ -70,7 +70,7 @@ def plan_view(
             if value is not None:
                 raise BadOption(name, value, "it needs --case, the robot whose torques it is about")
         return PlanView(plan, recheck(plan), robot, source=path)
-    from dynident.api.excite import space_limits
+    from dynident.api.excite import case_clearance, space_limits
     from dynident.case.case import read_case
     from dynident.cli.knowledge import knowledge_of
     from dynident.excitation.design.recheck import with_friction_of
@@ -80,11 +80,11 @@ def plan_view(
     nothing = {"noise": None, "noise_from": None, "earlier": None, "earlier_logs": []}
     known = knowledge_of(argparse.Namespace(model=estimate, sigmas=sigmas, **nothing), case, model)
     theta = model.nominal() if known.theta is None else known.theta
-    space = space_limits(case)
-    check = recheck(plan, model, theta=theta, uncertainty=known.uncertainty, clearance=space.clearance, tool=space.tool)
+    clearance, tool = case_clearance(case), space_limits(case).tool
+    check = recheck(plan, model, theta=theta, uncertainty=known.uncertainty, clearance=clearance, tool=tool)
     free = f", {known.uncertainty.sigmas:g} sigmas free" if known.uncertainty else ""
     torques = "" if theta is None else f"{known.model or 'the nominal masses'}{free}"
-    return PlanView(plan, check, case.robot, model, theta, case.workspace, space.clearance, torques, path)
+    return PlanView(plan, check, case.robot, model, theta, case.workspace, clearance, torques, path)
 
 
 def check_kept(view: PlanView, path: str) -> None:

@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.studio.assets import three_js
     from dynident.studio.server import studio
 
-    with _endings() as asked, studio(options.port, options.work, options.max_upload) as running:
+    with endings() as asked, studio(options.port, options.work, options.max_upload) as running:
         console.answer(running.address)
         console.remark("open this address; it works on this machine only. Ctrl-C ends the studio", options.quiet)
         kept = "" if options.work else " (removed at the end)"
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 @contextmanager
-def _endings() -> Iterator[list[int]]:
+def endings() -> Iterator[list[int]]:
     """Collect the signals that ask for the end: SIGINT, SIGTERM and SIGHUP.
 
     They only make the list longer. An exception out of a signal's handler can leave a lock held for good, that of the

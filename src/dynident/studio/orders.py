@@ -153,11 +153,11 @@ def order_of(folder: Folder, verb: str, data: Mapping[str, Any]) -> Order:
         FileError: No such file.
         BadOption: A choice that cannot be.
     """
-    if verb not in _VERBS:
-        raise UnknownChoice("command", verb[:60], tuple(_VERBS))
+    if verb not in VERBS:
+        raise UnknownChoice("command", verb[:60], tuple(VERBS))
     asked = Asked(folder, data)
     try:
-        return _VERBS[verb](asked)
+        return VERBS[verb](asked)
     except BaseException:
         folder.release(asked.reserved)
         raise
@@ -288,7 +288,7 @@ def _listed(name: str, values: Sequence[str]) -> list[str]:
     return [name, *values] if values else []
 
 
-_VERBS: dict[str, Callable[[Asked], Order]] = {
+VERBS: dict[str, Callable[[Asked], Order]] = {
     "init": _init,
     "check": _check,
     "identify": _identify,
