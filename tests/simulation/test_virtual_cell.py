@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -19,9 +18,7 @@ from dynident.model.friction.coulomb import Coulomb
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Drive, Joint, Link, Robot
-from dynident.simulation import cell_simulation
 from dynident.simulation.cell import Cell
-from dynident.simulation.cell_loop import closed_cell
 from dynident.simulation.cell_simulation import simulate_cell
 from dynident.simulation.controllers import CONTROLLERS
 from dynident.simulation.effects import (
@@ -40,13 +37,6 @@ from dynident.simulation.virtual_robot import Timing, simulate
 
 #: A controller that leaves the joints alone.
 IDLE = CONTROLLERS.make("pd", stiffness=(0.0,), damping=(0.0,), feedforward="none")
-
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch):
-    """With numba off, as `make coverage` runs some of these, the loop of a cell is what it is as Python."""
-    if numba.config.DISABLE_JIT:
-        monkeypatch.setattr(cell_simulation, "_compiled", lambda law, arguments: closed_cell)
 
 
 def wave(joints, size=0.2, period=4.0):

@@ -287,11 +287,9 @@ def closed_cell(
     bodies: Bodies,
     drives: Drives,
     control: Control,
-    goals: Array,
-    noise: Array,
+    course: tuple[Array, Array],
     ticks: IntArray,
-    state: Array,
-    memory: Array,
+    start: tuple[Array, Array],
     out: Array,
 ) -> tuple[int, int]:
     """Run the cell and write one sample per logged tick.
@@ -301,18 +299,18 @@ def closed_cell(
         bodies: See :data:`Bodies`.
         drives: See :data:`Drives`.
         control: See :data:`Control`.
-        goals: Per tick of the controller, (K, 5, n).
-        noise: Per measured tick of q and dq, (T, 2, n).
+        course: Per tick of the controller the goals, (K, 5, n); per measured tick the noise of q and dq, (T, 2, n).
         ticks: Steps per control, per row and per row of noise; the first logged step; steps of the delay.
-        state: At step 0, (STATES, n); used as scratch.
-        memory: Of the law, (m, n), zeros.
+        start: State at step 0, (STATES, n), used as scratch; memory of the law, (m, n), zeros.
         out: Samples, (N, ROWS, n).
 
     Returns:
         The step at which the simulation failed, or -1; how many torques were cut at the limits in the logged part.
     """
+    goals, noise, state, memory = course[0], course[1], start[0], start[1]
     joints = state.shape[1]
     model, settings, limits, sensors, reals = control
+    robot = (limits, reals[1], model)
     per_control, per_row, per_noise, first, delay = ticks[0], ticks[1], ticks[2], ticks[3], ticks[4]
     work, slopes = np.zeros((len(bodies[0]) + 1, WORK)), np.zeros((4, STATES, joints))
     scratch = (np.empty((joints, joints)), np.zeros((8, joints)), work, slopes, np.zeros((STATES, joints)))
@@ -329,7 +327,7 @@ def closed_cell(
             feel(seen, felt, sensors, reals[1], reals[3], turn == 0)
             for i in range(joints):
                 memory[0, i] = turn
-            law(settings, goals[turn], felt, limits, reals[1], model, memory, work, tau)
+            law(settings, goals[turn], felt, robot, memory, work, tau)
             found = command(tau, limits, bodies[7], queue, turn, torques)
             cut += found if tick >= first else 0
         before[:], wanted = torques[2], queue[(max(tick - delay, 0) // per_control) % len(queue)]

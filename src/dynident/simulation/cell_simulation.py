@@ -177,9 +177,9 @@ def _run(
     sensors[1] = 1.0 if cell.encoder.velocity == "motor" else 0.0
     limits = np.array([joint.limits.effort if cell.saturation else np.inf for joint in body.robot.active])
     own = (*body.loop_tables(), (believed, settings, limits, sensors, np.array([step, period, decay, keep])))
-    rest = (np.ascontiguousarray(goals), noise, np.array(counts, dtype=np.int64))
+    rest = ((np.ascontiguousarray(goals), noise), np.array(counts, dtype=np.int64))
     memory = np.zeros((control.memory, n))
-    arguments = (*own, *rest, state, memory, out)
+    arguments = (*own, *rest, (state, memory), out)
     loop = mujoco_loop(body) if cell.plant == "mujoco" else _compiled(control.law(), arguments)
     failed, cut = loop(control.law(), *arguments)
     if failed >= 0:
@@ -191,9 +191,11 @@ def _run(
 
 def _compiled(law: Any, arguments: tuple[Any, ...]) -> Any:
     """Return the compiled loop for these kinds of arguments; laws are called by their address, so it is one for all."""
+    if numba.config.DISABLE_JIT:
+        return closed_cell
     matrix, vector = types.float64[:, ::1], types.float64[::1]
     model = numba.typeof(arguments[2][0])
-    kinds = (matrix, matrix, matrix, vector, types.float64, model, matrix, matrix, vector)
+    kinds = (matrix, matrix, matrix, types.Tuple((vector, types.float64, model)), matrix, matrix, vector)
     law.compile(kinds)
     loop: Any = closed_cell
     signature = (types.FunctionType(types.none(*kinds)), *map(numba.typeof, arguments))

@@ -203,7 +203,8 @@ class Plant:
         counts = np.array([ticks.per_control, ticks.per_row, ticks.per_noise, ticks.first], dtype=np.int64)
         out = np.empty((ticks.rows, 6, self.joints))
         arrays = [np.array(array, dtype=np.float64) for array in (gains, resolution, reference, noise)]
-        failed, cut = loop.closed_loop(self.tables(), *arrays, counts, 1.0 / ticks.rate, np.array(start), out)
+        clock_of = (counts, 1.0 / ticks.rate)
+        failed, cut = loop.closed_loop(self.tables(), (*arrays[:2],), *arrays[2:], clock_of, np.array(start), out)
         if failed >= 0:
             evidence = f"the motion is lost at {(failed - ticks.first) / ticks.rate:.4g} s"
             step = "give a lower bandwidth, a faster controller or a higher integration rate"

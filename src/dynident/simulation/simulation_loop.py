@@ -111,12 +111,10 @@ def control(gains: Array, goal: Array, seen: Array, tau: Array) -> int:
 @compiled
 def closed_loop(
     plant: Plant,
-    gains: Array,
-    resolution: Array,
+    control_of: tuple[Array, Array],
     reference: Array,
     noise: Array,
-    ticks: IntArray,
-    step: float,
+    clock: tuple[IntArray, float],
     state: Array,
     out: Array,
 ) -> tuple[int, int]:
@@ -124,19 +122,17 @@ def closed_loop(
 
     Args:
         plant: See :data:`Plant`.
-        gains: See :func:`control`.
-        resolution: Of the encoders, (n,).
+        control_of: Gains, see :func:`control`; resolution of the encoders, (n,).
         reference: Per control tick the goal, (K, 3, n).
         noise: Per measured tick the noise of q and dq, (T, 2, n).
-        ticks: Ticks per control, per logged row, per row of noise; the first logged tick.
-        step: Length of a tick in s.
+        clock: Ticks per control, per logged row, per row of noise, and the first logged tick; length of a tick in s.
         state: q and dq at tick 0, (2, n); overwritten.
         out: Rows of q, dq, ddq, torque, measured q, measured dq, (N, 6, n).
 
     Returns:
         The tick at which the simulation failed, or -1; how many torques were cut at the limits in the logged part.
     """
-    joints = state.shape[1]
+    joints, gains, resolution, ticks, step = state.shape[1], control_of[0], control_of[1], clock[0], clock[1]
     tau, seen, after = np.zeros(joints), np.empty((2, joints)), np.empty((2, joints))
     mass, vectors, work = np.empty((joints, joints)), np.empty((4, joints)), np.empty((len(plant[0]) + 1, WORK))
     scratch = (mass, vectors, work, np.empty((4, 2, joints)), np.empty((2, joints)))
@@ -188,8 +184,7 @@ def tracking(
     plant: Plant,
     gains: Array,
     goals: Array,
-    counts: IntArray,
-    step: float,
+    clock: tuple[IntArray, float],
     state: Array,
     tau: Array,
     out: Array,
@@ -201,9 +196,8 @@ def tracking(
         plant: See :data:`Plant`; its memory goes on where the call before has left it, unless the first step is 0.
         gains: See :func:`feedback`.
         goals: The course at every half step, (2 S + 1, 3, n) for S steps; (2 S + 1, 4, n) with temperatures of drives.
-        counts: Steps per row; steps that the controller holds its torque, 0 for one that acts continuously; the number
-            of the first step.
-        step: Length of a step in s.
+        clock: Steps per row, steps that the controller holds its torque, 0 for one that acts continuously, and the
+            number of the first step; length of a step in s.
         state: q and dq at the start, (2, n); overwritten by those at the end.
         tau: The torque that is held, (n,); overwritten.
         out: Rows of q, dq, ddq, torque, (S / steps per row, 4, n).
@@ -212,7 +206,7 @@ def tracking(
     Returns:
         The step at which the simulation failed, or -1.
     """
-    joints = state.shape[1]
+    joints, counts, step = state.shape[1], clock[0], clock[1]
     slopes, place = np.empty((4, 2, joints)), np.empty((2, joints))
     mass, vectors, work = np.empty((joints, joints)), np.empty((4, joints)), np.empty((len(plant[0]) + 1, WORK))
     scratch = (mass, vectors, work, slopes, place)

@@ -93,7 +93,8 @@ def stages(
         for start in range(0, len(draws.moves), step):
             moves = draws.moves[start : start + step]
             trace = np.empty(len(moves))
-            scouts += _fly(place, lower, upper, flock, found, moves, draws.scouts[start : start + step], limit, trace)
+            lost = draws.scouts[start : start + step]
+            scouts += _fly(place, (lower, upper), flock, found, moves, lost, limit, trace)
             done += len(trace)
             yield Stage(found[1:].copy(), trace, colony + 2 * sources * done + scouts, scouts)
 
@@ -253,8 +254,7 @@ def _scout(flock: _Flock, lower: Array, upper: Array, dice: Array, limit: int) -
 @compiled
 def _fly(
     place: _Place,
-    lower: Array,
-    upper: Array,
+    box: tuple[Array, Array],
     flock: _Flock,
     found: Array,
     moves: Array,
@@ -263,7 +263,7 @@ def _fly(
     trace: Array,
 ) -> int:
     """Run cycles; write (objective, x) of the best source and the trace; return the number of scouts."""
-    sources, sent = len(flock[0]), 0
+    sources, sent, lower, upper = len(flock[0]), 0, box[0], box[1]
     sums, lanes, chosen = np.empty(len(place[4])), np.empty(_LANES), np.empty(2 * sources, np.int64)
     for cycle in range(len(moves)):
         for bee in range(2 * sources):

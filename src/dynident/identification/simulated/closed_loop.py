@@ -140,7 +140,7 @@ class ClosedLoop:
             count = rows.stop - rows.start
             out = np.empty((count, 4, joints))
             stages = np.empty((count * steps if tangent else 0, kinds, 3, joints))
-            failed = track(tables, self.gains, goals, counts, step, state, torque, out, stages)
+            failed = track(tables, self.gains, goals, (counts, step), state, torque, out, stages)
             if failed >= 0:
                 at = start / course.rate + failed * step
                 evidence = f"the motion is lost at {at:.4g} s"
@@ -299,8 +299,8 @@ def _rule(implicit: bool) -> tuple[Callable[..., int], int]:
         return explicit.tracking, 4
     module: Any = importlib.import_module("dynident.identification.simulated.implicit_loop")
 
-    def track(tables: Any, gains: Array, goals: Array, *rest: Any) -> int:
-        return module.implicit_tracking(tables, gains, goals, RULE, *rest)
+    def track(tables: Any, gains: Array, goals: Array, clock: tuple[Any, float], *rest: Any) -> int:
+        return module.implicit_tracking(tables, gains, goals, (*clock, RULE), *rest)
 
     return track, len(NODES)
 

@@ -131,19 +131,19 @@ def solve_stages(
     plant: Plant,
     gains: Array,
     goals: Array,
-    rule: Array,
-    is_held: bool,
-    step: float,
+    clock: tuple[Array, bool, float],
     state: Array,
     tau: Array,
     motion: Array,
-    found: Torques,
-    system: System,
+    scratch: tuple[Torques, System],
 ) -> bool:
     """Write q, dq and ddq at the stages (3, 3, n); goals (3, 3, n) are those of the stages. False where none is found.
 
-    The accelerations that ``motion`` has are the start of the iteration.
+    The accelerations that ``motion`` has are the start of the iteration; clock: the rule, whether the torque is held,
+    and the length of the step in s.
     """
+    rule, is_held, step = clock
+    found, system = scratch
     before, share = np.inf, 1.0
     within = np.zeros_like(gains) if is_held else gains
     for _ in range(NEWTON_STEPS):
@@ -169,9 +169,7 @@ def implicit_tracking(
     plant: Plant,
     gains: Array,
     goals: Array,
-    rule: Array,
-    counts: IntArray,
-    step: float,
+    clock: tuple[IntArray, float, Array],
     state: Array,
     tau: Array,
     out: Array,
@@ -184,9 +182,8 @@ def implicit_tracking(
         gains: Stiffness and damping, (2, n).
         goals: The course at the start and the first two stages of every step, and at the end, (3 S + 1, 3, n);
             (3 S + 1, 4, n) with temperatures of the drives, held over a step.
-        rule: Coefficients of the velocities and of the positions in the accelerations of the stages, (2, 3, 3).
-        counts: As of the tracking loop.
-        step: Length of a step in s.
+        clock: As of the tracking loop, with the coefficients of the velocities and of the positions in the
+            accelerations of the stages, (2, 3, 3).
         state: q and dq at the start, (2, n); overwritten by those at the end.
         tau: The torque that is held, (n,); overwritten.
         out: Rows of q, dq, ddq, torque, (S / steps per row, 4, n).
@@ -195,6 +192,7 @@ def implicit_tracking(
     Returns:
         The step at which the simulation failed, or -1.
     """
+    counts, step, rule = clock
     joints, per_row, held, first = state.shape[1], counts[0], counts[1], counts[2]
     found = (
         np.empty(joints),
@@ -221,7 +219,7 @@ def implicit_tracking(
         if k % per_row == 0:
             out[k // per_row, :3], out[k // per_row, 3] = now, tau
         at_stages = goals[3 * k + 1 : 3 * k + 1 + STAGES]
-        if not solve_stages(plant, gains, at_stages, rule, held > 0, step, state, tau, motion, found, system):
+        if not solve_stages(plant, gains, at_stages, (rule, held > 0, step), state, tau, motion, (found, system)):
             return k
         if len(stages) > 0:
             stages[k] = motion

@@ -146,7 +146,7 @@ class Predictor:
         step = 1.0 / (self._course.rate * steps)
         moved, out = state.reshape(2, joints).copy(), np.empty((1, 4, joints))
         stages = np.empty((steps, 4, 3, joints))
-        if self._loop.tracking(body.tables(), gains, goals, counts, step, moved, np.zeros(joints), out, stages) >= 0:
+        if self._loop.tracking(body.tables(), gains, goals, (counts, step), moved, np.zeros(joints), out, stages) >= 0:
             raise SolverFailed("the Kalman filter", f"the motion is lost at row {row}", "state more torque_noise")
         by_q, by_dq, by_beta, inverse = (slopes[at : at + steps] for slopes in self._slopes)
         wide = np.zeros((steps, 4, joints, 4 * joints + count))

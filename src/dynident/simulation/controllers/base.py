@@ -2,16 +2,16 @@
 
 A law is called once a tick of the controller, as
 
-    law(settings, goal, seen, limits, period, model, memory, work, tau)
+    law(settings, goal, seen, robot, memory, work, tau)
 
 with settings (s, n), what :meth:`Controller.settings` made of the options; goal (5, n), the commanded q, dq and ddq,
 the torque fed forward, and what the drives give beside the bodies there (believed friction where it is fed forward,
-less the known bias); seen (2, n), the measured q and dq; limits (n,), the largest torques, infinite for none; period,
-the time between two ticks in s; model, what the controller believes of the robot: links, reals, gravity and theta as in
-:mod:`dynident.model.kernels.generic`, and the rotor inertia at the joints (n, n); memory (m, n), zeros at the start,
-its own to write; work, scratch of the kernels; and it writes tau (n,), the torque at the joints. The cell cuts it at
-the limits and holds it until the next tick. The first row of the memory is that of the ticks: it is 0, 1, 2, ... in all
-columns.
+less the known bias); seen (2, n), the measured q and dq; robot, three things: limits (n,), the largest torques,
+infinite for none; the time between two ticks in s; and what the controller believes of the robot: links, reals,
+gravity and theta as in :mod:`dynident.model.kernels.generic`, and the rotor inertia at the joints (n, n);
+memory (m, n), zeros at the start, its own to write; work, scratch of the kernels; and it writes tau (n,), the
+torque at the joints. The cell cuts it at the limits and holds it until the next tick. The first row of the
+memory is that of the ticks: it is 0, 1, 2, ... in all columns.
 """
 
 from __future__ import annotations

@@ -58,17 +58,8 @@ class Cascade(Controller):
 
 
 @compiled
-def _law(
-    settings: Array,
-    goal: Array,
-    seen: Array,
-    limits: Array,
-    period: float,
-    model: Any,
-    memory: Array,
-    work: Array,
-    tau: Array,
-) -> None:
+def _law(settings: Array, goal: Array, seen: Array, robot: Any, memory: Array, work: Array, tau: Array) -> None:
+    limits, period = robot[0], robot[1]
     for i in range(len(tau)):
         if memory[0, i] % settings[4, i] == 0.0:
             memory[2, i] = settings[2, i] * (goal[0, i] - seen[0, i]) + settings[3, i] * goal[1, i]

@@ -40,18 +40,8 @@ class ComputedTorque(Controller):
 
 
 @compiled
-def _law(
-    settings: Array,
-    goal: Array,
-    seen: Array,
-    limits: Array,
-    period: float,
-    model: Any,
-    memory: Array,
-    work: Array,
-    tau: Array,
-) -> None:
-    links, reals, gravity, theta, armature = model
+def _law(settings: Array, goal: Array, seen: Array, robot: Any, memory: Array, work: Array, tau: Array) -> None:
+    links, reals, gravity, theta, armature = robot[2]
     wanted = memory[1]
     for i in range(len(tau)):
         error, lag = goal[0, i] - seen[0, i], goal[1, i] - seen[1, i]

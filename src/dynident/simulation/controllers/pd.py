@@ -47,16 +47,6 @@ class Pd(Controller):
 
 
 @compiled
-def _law(
-    settings: Array,
-    goal: Array,
-    seen: Array,
-    limits: Array,
-    period: float,
-    model: Any,
-    memory: Array,
-    work: Array,
-    tau: Array,
-) -> None:
+def _law(settings: Array, goal: Array, seen: Array, robot: Any, memory: Array, work: Array, tau: Array) -> None:
     for i in range(len(tau)):
         tau[i] = goal[3, i] + settings[0, i] * (goal[0, i] - seen[0, i]) + settings[1, i] * (goal[1, i] - seen[1, i])

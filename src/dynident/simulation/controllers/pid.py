@@ -47,17 +47,8 @@ class Pid(Controller):
 
 
 @compiled
-def _law(
-    settings: Array,
-    goal: Array,
-    seen: Array,
-    limits: Array,
-    period: float,
-    model: Any,
-    memory: Array,
-    work: Array,
-    tau: Array,
-) -> None:
+def _law(settings: Array, goal: Array, seen: Array, robot: Any, memory: Array, work: Array, tau: Array) -> None:
+    limits, period = robot[0], robot[1]
     for i in range(len(tau)):
         error = goal[0, i] - seen[0, i]
         direct = goal[3, i] + settings[0, i] * error + settings[1, i] * (goal[1, i] - seen[1, i])
