@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, Solved
+from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, Solved, Triangles
 from dynident.diagnosis.finding import listed
 
 #: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An
@@ -157,13 +157,15 @@ def position_readings(fit: QuickFit) -> Iterator[Interpretation]:
     for i, name in enumerate(names):
         turned = q.copy()
         turned[:, i] *= -1
-        yield from _read(fit, turned, "position sign", (name,), "negate the column of its position, or the axis")
+        yield from _read(
+            fit, _reduced(fit, turned), "position sign", (name,), "negate the column of its position, or the axis"
+        )
     pairs = [_turned(tuple(range(len(names))), pair) for pair in combinations(range(len(names)), 2)]
     for order in dict.fromkeys([*pairs, *_whole_orders(len(names))]):
         moved = tuple(name for i, name in enumerate(names) if order[i] != i)
         if not moved:
             continue
-        swapped = q[:, list(order)]
+        swapped = _reduced(fit, q[:, list(order)])
         remedy = "name the position columns in the order of the joints (log: columns: q)"
         if len(moved) == 2:
             yield from _read(fit, swapped, "joint order", moved, remedy)
@@ -172,20 +174,26 @@ def position_readings(fit: QuickFit) -> Iterator[Interpretation]:
         yield from _read(fit, swapped, "joint order", moved, remedy, how, np.eye(len(names))[list(order)])
     if turning.all():
         remedy = "state the unit in the case file (log: units: {position: deg})"
-        yield from _read(fit, np.deg2rad(q), "positions in degrees", (), remedy)
+        yield from _read(fit, _reduced(fit, np.deg2rad(q)), "positions in degrees", (), remedy)
+
+
+def _reduced(fit: QuickFit, q: Array) -> tuple[FitRows, Triangles]:
+    """Return the rows with other positions (N, n), and their triangles; torques of any mixing need no others."""
+    rows = replace(fit.rows_of(replace(fit.log, q=q)), masks=fit.rows.masks)  # the same rows, or scores do not compare
+    return rows, fit.triangles_of(rows)
 
 
 def _read(
     fit: QuickFit,
-    q: Array,
+    reduced: tuple[FitRows, Triangles],
     name: str,
     joints: tuple[str, ...],
     remedy: str,
     how: str = "with it,",
     mixing: Array | None = None,
 ) -> Iterator[Interpretation]:
-    rows = replace(fit.rows_of(replace(fit.log, q=q)), masks=fit.rows.masks)  # the same rows, or scores do not compare
-    solved = fit.solve(fit.triangles_of(rows), mixing)
+    rows, triangles = reduced
+    solved = fit.solve(triangles, mixing)
     gain = fit.plain.score - solved.score
     share, z = fit.friction_power(solved)
     if gain > GAIN + 1 and not ((z < FEEDS) & (share < FEEDS_SHARE)).any():

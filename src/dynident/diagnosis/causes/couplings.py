@@ -8,7 +8,7 @@ and scores are compared in the torques of the log, hence the determinant.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -173,7 +173,7 @@ class _CoupledRows:
             full[:, place[own[bodies[own]]]] = block[:, bodies[own]]
             self._inertial.append(full)
         self._motion = motion_of(fit.rows.prepared.log)
-        self._last: tuple[Array, Array] | None = None
+        self._friction: dict[tuple[int, bool], tuple[bytes, Array]] = {}
         self._made: dict[tuple[int, bytes], tuple[Array, Array, Array]] = {}
         self.pairs = tuple(self._neighbours())
 
@@ -188,24 +188,32 @@ class _CoupledRows:
         key = (i, matrix[drives].tobytes())
         if key not in self._made:
             mask = self.fit.rows.masks[:, i]
-            friction = self._friction(matrix)
-            columns = np.zeros_like(friction)
-            columns[:, drives] = friction[:, drives] * matrix[drives, i, None]
+            columns = np.zeros((len(mask), len(matrix), self.fit.model.coefficients_per_joint))
+            for drive, own in zip(drives.tolist(), self._friction_of(matrix, drives.tolist()), strict=True):
+                columns[:, drive] = own * matrix[drive, i]
             block = np.column_stack([self._inertial[i], columns.reshape(len(columns), -1)])[mask]
             known = self.fit.rows.known[mask, i]
             own = np.stack([torque[mask, i] - known for torque in self.torques(matrix)], axis=1)
             self._made[key] = block.T @ block, block.T @ own, np.sum(own**2, axis=0)
         return self._made[key]
 
-    def _friction(self, matrix: Array) -> Array:
-        """Return the friction columns of each motor at its own speed, filtered, shape (N, n, k)."""
-        if self._last is None or not np.array_equal(self._last[0], matrix):
+    def _friction_of(self, matrix: Array, drives: Sequence[int]) -> list[Array]:
+        """Return the friction columns of motors at their own speeds, filtered, shape (N, k) each.
+
+        They depend on the row of the motor in C alone, so that a trial makes those of one motor; of each motor those
+        of the stated row and those of the last other one are kept.
+        """
+        keys = [(drive, bool(np.array_equal(matrix[drive], self.stated[drive]))) for drive in drives]
+        rows = [matrix[drive].tobytes() for drive in drives]
+        new = [k for k, key in enumerate(keys) if self._friction.get(key, (b"",))[0] != rows[k]]
+        if new:
             prepared = self.fit.rows.prepared
             model = replace(self.fit.model, robot=self.fit.model.robot.with_drives({}, matrix))
-            values = model.friction_values(self._motion)
-            smooth = prepared.smooth(np.ascontiguousarray(values.reshape(len(values), -1).T))[:, prepared.keep]
-            self._last = matrix.copy(), smooth.T.reshape(-1, *values.shape[1:])
-        return self._last[1]
+            values = model.friction_values(self._motion)[:, [drives[k] for k in new]]
+            flat = np.ascontiguousarray(values.reshape(len(values), -1).T)
+            smooth = prepared.smooth(flat)[:, prepared.keep].T.reshape(-1, *values.shape[1:])
+            self._friction.update({keys[k]: (rows[k], smooth[:, at].copy()) for at, k in enumerate(new)})
+        return [self._friction[key][1] for key in keys]
 
     def _neighbours(self) -> Iterator[tuple[int, int]]:
         """Yield motors and joints: one or two joints before that of the motor, or the next one behind it."""

@@ -8,11 +8,13 @@ is their log-likelihood up to the number of independent rows (Seber and Wild 200
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.case.case import Case
@@ -29,6 +31,11 @@ from dynident.model.friction import FRICTION, Friction, default_friction
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.reduction import triangle_of
 from dynident.model.robot import Robot
+
+# Cholesky factor and solution by it, of LAPACK; they have no type stubs.
+_POTRF: Any
+_POTRS: Any
+_POTRF, _POTRS = scipy.linalg.get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)
 
 #: Cut-off of both sides in Hz at most, and rows kept a second per Hz of it.
 CUTOFF_HZ, ROWS_PER_HZ = 5.0, 8.0
@@ -70,8 +77,33 @@ class FitRows:
     prepared: Prepared
 
 
-#: Of each joint: columns of W_i, and the triangle of [W_i, all torques, known torque].
-Triangles: TypeAlias = tuple[tuple[IntArray, Array], ...]
+@dataclass(frozen=True)
+class Triangles:
+    """The rows of each joint, reduced; torques of any mixing need no others.
+
+    Attributes:
+        columns: Positions in beta of the columns of W_i, shape (K_i,) each.
+        factors: Triangle of [W_i, all torques, known torque] of each joint.
+        size: Length of beta.
+    """
+
+    columns: tuple[IntArray, ...]
+    factors: tuple[Array, ...]
+    size: int
+
+    def __iter__(self) -> Iterator[tuple[IntArray, Array]]:
+        return zip(self.columns, self.factors, strict=True)
+
+    @cached_property
+    def grams(self) -> Array:
+        """W_i' W_i of each joint, shape (n, size, size).
+
+        Products of the triangles cost half the digits: enough for a comparison, not for a rank.
+        """
+        grams = np.zeros((len(self.columns), self.size, self.size))
+        for gram, (own, factor) in zip(grams, self, strict=True):
+            gram[np.ix_(own, own)] = factor[:, : len(own)].T @ factor[:, : len(own)]
+        return grams
 
 
 @dataclass(frozen=True)
@@ -151,10 +183,11 @@ class QuickFit:
 
     def triangles_of(self, rows: FitRows) -> Triangles:
         """Return the triangle of [W_i, all torques, known torque] of each joint, and the columns of W_i."""
-        return tuple(
-            (own, triangle_of(np.column_stack([block, rows.torque, rows.known[:, i]])[rows.masks[:, i]]))
-            for i, (own, block) in enumerate(zip(rows.columns, rows.blocks, strict=True))
+        factors = tuple(
+            triangle_of(np.column_stack([block, rows.torque, rows.known[:, i]])[rows.masks[:, i]])
+            for i, block in enumerate(rows.blocks)
         )
+        return Triangles(rows.columns, factors, self.base.count)
 
     @cached_property
     def plain(self) -> Solved:
@@ -165,16 +198,13 @@ class QuickFit:
         """Return the fit with torques mixing @ (measured ones), mixing of shape (n, n); None for the measured ones."""
         joints = self.model.robot.dof
         mixing = np.eye(joints) if mixing is None else mixing
-        size = self.base.count
-        parts, targets, counts, floors = [], [], self.counts, []
+        sides, squares, floors = np.zeros((joints, triangles.size)), np.zeros(joints), np.zeros(joints)
         for i, (own, triangle) in enumerate(triangles):
-            full = np.zeros((len(triangle), size))
-            full[:, own] = triangle[:, : len(own)]
-            parts.append(full)
             target = triangle[:, len(own) : -1] @ mixing[i]
-            floors.append(max(EXACT**2 * float(target @ target) / counts[i], 1e-300))
-            targets.append(target - triangle[:, -1])
-        return weighted(parts, targets, counts, np.array(floors))
+            floors[i] = max(EXACT**2 * float(target @ target) / self.counts[i], 1e-300)
+            target = target - triangle[:, -1]
+            sides[i, own], squares[i] = triangle[:, : len(own)].T @ target, target @ target
+        return weighted_products(triangles.grams, sides, squares, self.counts, floors)
 
     @cached_property
     def counts(self) -> Array:
@@ -236,32 +266,31 @@ class QuickFit:
         return share, score
 
 
-def weighted(parts: list[Array], targets: list[Array], counts: Array, floors: Array) -> Solved:
+def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Solved:
     """Return the fit in which each joint's rows weigh by their own residual variance.
 
-    The products of the triangles are summed, which costs half the digits: enough for a comparison, not for a rank.
+    Args:
+        grams: Products of the columns of each joint's rows, shape (n, k, k).
+        sides: Products of columns and target, shape (n, k).
+        squares: Sum of the squared target, shape (n,).
+        counts: Rows of each joint, shape (n,).
+        floors: Residual variance of each joint at least, shape (n,).
     """
-    squares = np.array([float(target @ target) for target in targets])
-    grams = np.array([part.T @ part for part in parts])
-    sides = np.array([part.T @ target for part, target in zip(parts, targets, strict=True)])
-    return weighted_products(grams, sides, squares, counts, floors)
-
-
-def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Solved:
-    """Return the fit of :func:`weighted` from the products of each joint's rows: (n, k, k), (n, k) and (n,)."""
     norms = np.sqrt(np.einsum("ikk->ik", grams).sum(axis=0))
     scale = np.where(norms > 0, norms, 1.0)
     grams, sides = grams / np.outer(scale, scale), sides / scale
     variances = squares / counts + floors
-    beta = inverse = np.zeros(0)
+    beta, gram, flat = np.zeros(len(norms)), np.eye(len(norms)), grams.reshape(len(grams), -1)
     for _ in range(PASSES):
-        gram = np.tensordot(1.0 / variances, grams, 1)
-        gram += RIDGE * np.diag(np.maximum(np.diag(gram), 1e-300 + np.diag(gram).max(initial=0.0)))
-        inverse = np.linalg.inv(gram)
-        beta = inverse @ ((1.0 / variances) @ sides)
-        left = squares - 2 * sides @ beta + np.einsum("k,ikl,l->i", beta, grams, beta)
+        gram = ((1.0 / variances) @ flat).reshape(grams.shape[1:])
+        diagonal = gram.flat[:: len(norms) + 1]
+        gram.flat[:: len(norms) + 1] = diagonal + RIDGE * np.maximum(diagonal, 1e-300 + diagonal.max(initial=0.0))
+        factor, info = _POTRF(gram, clean=False)
+        side = (1.0 / variances) @ sides
+        beta = np.linalg.solve(gram, side) if info else _POTRS(factor, side)[0]
+        left = squares - 2 * sides @ beta + (grams @ beta) @ beta
         variances = np.maximum(left, 0.0) / counts + floors
-    covariance = inverse / np.outer(scale, scale)
+    covariance = np.linalg.inv(gram) / np.outer(scale, scale)
     return Solved(beta / scale, variances, float(np.sum(np.log(variances))), covariance)
 
 
