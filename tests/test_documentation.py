@@ -398,13 +398,16 @@ def test_every_key_of_the_json_is_documented(workshop: Path) -> None:
             beside = difference([estimate, estimate], ["a", "b"]).figures()
             documented = {row[0].strip("`") for row in rows_after("json-output.md", "json: diff")}
             assert set(keys_of(beside)) | {"only_in"} == documented
-        nested = {key: None for key in ("options", "filter", "extras", "train", "test", "extrapolation", "diagnostics")}
+        folded = ("options", "filter", "extras", "train", "test", "extrapolation", "diagnostics", "verdict")
+        nested = {key: None for key in folded}
+        links = {name for name in names_in(tables["estimate"]) if name.startswith("links[]")}
+        assert set(keys_of({"links": produced.pop("links")})) == links or produced["standard_parameters"] is None
         standard = {f"standard_parameters[].{key}" for key in STANDARD}
         if produced["standard_parameters"] is None:
             produced["standard_parameters"] = [dict.fromkeys(STANDARD)]
         assert standard <= set(names_in(tables["estimate"]))
         produced["inconsistencies"], produced["degrees_of_freedom"] = [], []
-        assert sorted(set(keys_of(produced | nested))) == sorted(names_in(tables["estimate"]))
+        assert sorted({*keys_of(produced | nested), *links}) == sorted(names_in(tables["estimate"]))
 
 
 def test_every_key_of_trust_is_documented(workshop: Path) -> None:
@@ -435,7 +438,11 @@ def test_both_commands_print_one_object_with_the_documented_keys(
         shown = capsys.readouterr()
         printed = json.loads(shown.out, parse_constant=_no_such_number)
         assert set(printed) == {"schema", *documented} and printed["schema"] == 2
+        nominal = printed["test"].pop("nominal")
+        assert set(keys_of(nominal)) == set(names_in(rows_after("json-output.md", "json: nominal")))
         assert set(keys_of(printed["test"])) == set(names_in(rows_after("json-output.md", "json: figures")))
+        verdict = {name.split(".")[0] for name in names_in(rows_after("json-output.md", "json: verdict"))}
+        assert {key + "[]" * isinstance(value, list) for key, value in printed["verdict"].items()} == verdict
         assert shown.err == ""
 
 

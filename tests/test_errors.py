@@ -74,6 +74,10 @@ GOLDEN = [
         "no motion keeps the limits, above all torque of joint2: every posture needs 1.3 times it; check the masses",
     ),
     (
+        errors.NotAccepted("run.csv", "torque sign (joint2): friction drives it", "negate the column"),
+        "run.csv: torque sign (joint2): friction drives it; negate the column",
+    ),
+    (
         errors.EstimateFormatError("e.json", "format 2", "identify again"),
         "e.json: format 2; identify again",
     ),

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from dynident.data.preprocessing import FILTERS as FILTERS
     from dynident.data.preprocessing import Preprocessing as Preprocessing
     from dynident.data.preprocessing import preprocess as preprocess
+    from dynident.diagnosis.verdict import Verdict as Verdict
+    from dynident.diagnosis.verdict import verdict_of as verdict_of
     from dynident.errors import DynidentError as DynidentError
     from dynident.excitation.design.excitation import design_excitation as design_excitation
     from dynident.excitation.design.limits import limits_of as limits_of
@@ -70,6 +72,7 @@ _HOMES = {
     "identification.estimators": ("ESTIMATORS",),
     "identification.estimate.validation": ("Validation",),
     "case.case": ("Case", "read_case"),
+    "diagnosis.verdict": ("Verdict", "verdict_of"),
     "excitation.design.excitation": ("design_excitation",),
     "data.formats": ("ColumnMap", "Units", "read_log", "write_log"),
     "excitation.design.limits": ("limits_of",),

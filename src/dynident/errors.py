@@ -148,6 +148,14 @@ class InfeasibleTrajectory(DynidentError):
         super().__init__(f"no motion keeps the limits, above all {bound}: {evidence}; {step}")
 
 
+class NotAccepted(DynidentError):
+    """A log or an estimate that findings of the log checks at error level speak against."""
+
+    def __init__(self, subject: str, evidence: str, step: str) -> None:
+        self.subject, self.evidence, self.step = subject, evidence, step
+        super().__init__(f"{subject}: {evidence}; {step}")
+
+
 class EstimateFormatError(DynidentError):
     """An estimate file that is not one, is damaged or is of a version not known here."""
 

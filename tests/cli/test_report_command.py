@@ -26,7 +26,7 @@ Capture = pytest.CaptureFixture[str]
 CASE = "case: 1\nrobot: arm.json\ntrain: run.csv\nsplit: first:0.7\nestimator: wls\n"
 
 
-FAST = ("--cross-validate", "0", "--no-sensitivity", "--quiet")
+FAST = ("--cross-validate", "0", "--no-sensitivity", "--quiet", "--no-check")
 
 
 @pytest.fixture(scope="module")

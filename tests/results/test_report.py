@@ -169,7 +169,7 @@ def test_sections_with_nothing_to_show_leave_themselves_out() -> None:
     page = check_inert(build_report(bare))
     assert "data-zoom" in build_report(bare) and "<script>" not in render(Subject(bare), ["verdict", "friction"])
     assert set(ORDER) - set(page.sections) == {
-        "log_quality", "excitation", "bodies", "trust", "friction", "choices", "convergence", "comparison",
+        "log_quality", "excitation", "bodies", "nominal", "trust", "friction", "choices", "convergence", "comparison",
     }  # fmt: skip
     without_rows = replace(
         bare.train, **{name: np.zeros((0, 3)) for name in ("q", "dq", "measured", "unfiltered", "predicted")}

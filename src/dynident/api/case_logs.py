@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dynident.case.case import Case
 from dynident.data.formats import LARGE
@@ -160,10 +160,3 @@ def check_unseen(estimate: Estimate, logs: Sequence[Log]) -> None:
     for name in seen_logs(estimate, logs)[:1]:
         step = "test on another log, or on the rest of this one with --split as in the fit"
         raise LogMismatch(name, "the log is among the training logs", step)
-
-
-def log_quality(case: Case) -> list[dict[str, Any]]:
-    """Return what the checks find in the logs to learn from of the case."""
-    from dynident.diagnosis.checks import examine
-
-    return [examine(case, name).figures() for name in case.train]

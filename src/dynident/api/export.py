@@ -24,6 +24,7 @@ def export(
     description: str | Path | None = None,
     proof: bool = True,
     write: bool = True,
+    force: bool = False,
 ) -> ModelExport: ...
 @overload
 def export(
@@ -43,6 +44,7 @@ def export(
     proof: bool = True,
     playback: Playback | None = None,
     write: bool = True,
+    force: bool = False,
 ) -> ModelExport | MotionExport:
     """Write an identified model, or a plan: every file whole or not at all.
 
@@ -56,8 +58,10 @@ def export(
         proof: Of an estimate: whether the files are loaded again and torques compared.
         playback: Of a plan: how it is to be driven; None: once, at the designed speed and the rate of the target.
         write: False checks and tells what would be written.
+        force: Of an estimate: export one that findings of the log checks at error level speak against.
 
     Raises:
+        NotAccepted: Findings of the log checks at error level speak against the estimate.
         UnknownChoice: No such exporter.
         BadOption: An option that goes with the other kind of subject, or that cannot be.
         NotConsistent: No physically consistent robot has the base parameters of the estimate.
@@ -73,7 +77,15 @@ def export(
         return export_motion(subject, exporter, path, playback, write=write)  # type: ignore[arg-type]
     if playback is not None:
         raise BadOption("playback", playback, "it goes with a plan, not with an estimate")
-    return export_model(subject, exporter, path, description=description, proof=proof, write=write)  # type: ignore[arg-type]
+    return export_model(
+        subject,
+        exporter,  # type: ignore[arg-type]
+        path,
+        description=description,
+        proof=proof,
+        write=write,
+        force=force,
+    )
 
 
 def read_subject(path: str, exporter: str = "") -> Estimate | Plan:

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dynident.api.case_logs import log_quality, read_data
+from dynident.api.case_logs import read_data
 from dynident.api.case_options import estimator_of, prior_of
+from dynident.api.log_checks import add_causes, case_of_model, check_logs, refuse_faulty
 from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
-from dynident.errors import BadOption
+from dynident.errors import BadOption, DynidentError
 from dynident.files import sha256_of
 from dynident.identification.build_problem import PriorKnowledge
 from dynident.identification.estimate.estimate import Estimate
@@ -26,22 +27,24 @@ if TYPE_CHECKING:
     from dynident.identification.streaming.digest import Digest
 
 #: What is found out about how far to trust an estimate where nothing else is asked for.
-DEFAULT_TRUST = TrustOptions(diagnose=True, sensitivity=True)
+DEFAULT_TRUST = TrustOptions(diagnose=True, sensitivity=True, nominal=True)
 
 
 @dataclass(frozen=True)
 class Record:
-    """What is kept beside an estimate.
+    """What is kept beside an estimate: how its logs were read, what was typed, and what the log checks find.
 
     Attributes:
         columns: How the logs were read, so that other logs of the robot are read alike; None: that of the case.
         command: What was typed, to be repeated; empty for nothing.
-        with_log_quality: Keep what the checks find in the logs of the case.
+        checks: Make the log checks; without them the verdict on the estimate says that they were not made.
+        strict: Raise where a finding is at error level, in place of an estimate that is not accepted.
     """
 
     columns: ColumnMap | None = None
     command: str = ""
-    with_log_quality: bool = False
+    checks: bool = True
+    strict: bool = False
 
 
 def identify(
@@ -55,7 +58,10 @@ def identify(
     record: Record | None = None,
     progress: Callable[[str], None] = lambda step: None,
 ) -> Estimate:
-    """Identify the base parameters of a robot from logs.
+    """Identify the base parameters of a robot from logs, once the log checks have looked at them.
+
+    A finding that leaves a fit without a meaning stops it. With any other finding at error level the fit runs, and
+    :func:`verdict_of` of the estimate is ``not accepted`` with the cause; ``record`` says whether that raises.
 
     Args:
         subject: The case, or the dynamic model. To choose the friction from the logs, give a case that says so.
@@ -69,6 +75,8 @@ def identify(
 
     Raises:
         BadOption: A model without logs, one fold, or too few draws.
+        NotAccepted: The unit of the time or a column of a log makes no sense, or with ``strict`` any finding at error
+            level.
         ContradictoryConstraints: No robot meets the constraints.
         LogMismatch: A log does not fit the robot, or is too short.
         PoorExcitation: The logs do not determine all base parameters.
@@ -78,42 +86,36 @@ def identify(
     if isinstance(subject, DynamicModel):
         if logs is None:
             raise BadOption("logs", None, "give logs with a model, or a case that names its logs")
-        part, choose_friction, columns, provenance = estimator or "consistent", False, record.columns, {}
-        model = subject
-    else:
-        model, choose_friction, columns = subject.model, subject.choose_friction, record.columns or subject.columns
-        part = estimator_of(subject) if estimator is None else estimator
-        preprocessing = preprocessing or subject.preprocessing
-        knowledge = knowledge or PriorKnowledge(subject.constraints, prior_of(subject))
-        logs = read_data(subject).train if logs is None else logs
-        provenance = _provenance(subject, record, progress)
+        subject = case_of_model(subject)
+    case = subject if preprocessing is None else replace(subject, preprocessing=preprocessing)
+    part = estimator_of(case) if estimator is None else estimator
+    knowledge = knowledge or PriorKnowledge(case.constraints, prior_of(case))
+    logs = read_data(case).train if logs is None else logs
+    provenance = _provenance(case, record)
     if not isinstance(logs, Sequence):
         from dynident.identification.streaming.estimate import identify_digest
 
-        known = knowledge or PriorKnowledge()
-        return identify_digest(logs, part, known.constraints, known.prior, provenance, progress)
-    estimate = identify_model(
-        model,
-        logs,
-        part,
-        preprocessing,
-        choose_friction=choose_friction,
-        knowledge=knowledge,
-        trust=trust,
-        progress=progress,
-    )
-    estimate = estimate if columns is None else replace(estimate, columns=columns)
-    return replace(estimate, provenance={**estimate.provenance, **provenance})
+        return identify_digest(logs, part, knowledge.constraints, knowledge.prior, provenance, progress)
+    if record.checks:
+        provenance["log_quality"] = check_logs(case, logs, progress)
+        refuse_faulty(provenance["log_quality"], record.strict)
+    choose = case.choose_friction
+    known: dict[str, Any] = {"knowledge": knowledge, "trust": trust, "progress": progress}
+    try:
+        estimate = identify_model(case.model, logs, part, case.preprocessing, choose_friction=choose, **known)
+    except DynidentError as error:
+        add_causes(error, provenance.get("log_quality", ()))
+        raise
+    return replace(estimate, columns=record.columns or case.columns, provenance={**estimate.provenance, **provenance})
 
 
-def _provenance(case: Case, record: Record, progress: Callable[[str], None]) -> dict[str, Any]:
+def _provenance(case: Case, record: Record) -> dict[str, Any]:
     """Return the facts of a case that go with an estimate."""
     facts: dict[str, Any] = {"command": record.command} if record.command else {}
     if case.path:
         facts["case"] = {"path": case.path, "sha256": sha256_of(case.path)}
     if Path(case.robot_path).is_file():
         facts["robot"] = {"path": case.robot_path, "sha256": sha256_of(case.robot_path)}
-    if record.with_log_quality:
-        progress("looking at the logs")
-        facts["log_quality"] = log_quality(case)
+    if case.accept:
+        facts["accept"] = dict(case.accept.limits)
     return facts

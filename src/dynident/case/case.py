@@ -2,8 +2,8 @@
 
 YAML. Keys: case (the version of the format), robot, gravity, limits, locked, joints, coupling, drives, friction, log
 (profile, format, columns, units, ...), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, train,
-test, split, workspace, cell, note. Unknown keys are errors that name the nearest known one. docs/case-file.md describes
-each.
+test, split, accept, workspace, cell, note. Unknown keys are errors that name the nearest known one. docs/case-file.md
+describes each.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dynident.case.acceptance import CRITERIA, Acceptance, acceptance_of
 from dynident.case.case_values import find_file, find_robot, guarded, part_of, texts
 from dynident.case.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.case.constraints_file import constraints_of
@@ -69,7 +70,7 @@ _KEYS = (
     "log",
     "preprocessing",
 )
-_KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "workspace", "cell", "note")
+_KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "accept", "workspace", "cell", "note")
 
 #: Keys of a joint under ``drives``.
 DRIVE_KEYS = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_std")
@@ -104,6 +105,7 @@ class Case:
         constraints: What is known about bodies beforehand.
         prior: Robot description or estimate file with inertias known beforehand, as written; empty for none.
         cell: The virtual cell in which the case is simulated; None where the case does not say.
+        accept: What an estimate must meet to be accepted.
         path: The case file; empty for a case made from a robot alone.
         robot_path: The robot description.
     """
@@ -124,6 +126,7 @@ class Case:
     constraints: Constraints = field(default_factory=Constraints)
     prior: str = ""
     cell: CellSetup | None = None
+    accept: Acceptance = field(default_factory=lambda: Acceptance({}))
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -240,6 +243,7 @@ def read_case(path: str | Path, open_gains: bool = False) -> Case:
         constraints=constraints_of(top.section("constraints", CONSTRAINT_KEYS), robot),
         prior=top.text("prior", ""),
         cell=_cell_of(top),
+        accept=acceptance_of(top.section("accept", tuple(CRITERIA))),
         path=str(path),
         robot_path=robot_path,
     )

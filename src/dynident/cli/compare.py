@@ -2,7 +2,8 @@
 
 Logs are read, preprocessed and compressed to QR factors once; each estimator starts from there with its default
 options, or with those that are named. The order is that of the error on the test logs. A method that fails is a line
-of the table with its reason. Ctrl-C shows what is done.
+of the table with its reason. Ctrl-C shows what is done. The log checks look at the training logs first: the exit code
+is 4 after a finding at error level, which stands above the table.
 
   dynident compare case.yaml                            all estimators; test part as in the case file
   dynident compare case.yaml a.csv --test b.csv --estimators wls,consistent,huber,huber:bound=2
@@ -15,7 +16,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from dynident.api.case_logs import CaseData
     from dynident.case.case import Case
@@ -55,6 +56,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="truth that simulate wrote, robot model or estimate of the virtual robot: adds the parameter error",
     )
     add_case_options(parser)
+    checks = parser.add_argument_group("diagnostics")
+    checks.add_argument("--no-check", action="store_true", help="skip the log checks of the training logs")
     output = parser.add_argument_group("output")
     output.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
     output.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
@@ -65,7 +68,9 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.case_logs import read_data
     from dynident.api.compare import contest_of_case, methods_of
-    from dynident.cli import console, jobs
+    from dynident.api.log_checks import check_logs, refuse_faulty
+    from dynident.cli import console, jobs, verdicts
+    from dynident.diagnosis.verdict import Verdict, check_warnings, errors_in
     from dynident.files import check_outputs, check_place
     from dynident.studies.comparison.compare import ranked
 
@@ -74,26 +79,33 @@ def run(options: argparse.Namespace) -> int:
     case = jobs.case_from(options)
     methods = methods_of(case, options.estimators, options.seed)
     outcomes: list[Outcome] = []
-    with console.progress(5 + len(methods), options.quiet or options.json) as progress:
+    with console.progress(6 + len(methods), options.quiet or options.json) as progress:
         progress.step("reading")
         inputs = (options.case, options.truth or "", *case.files)
         case = jobs.with_logs(case, options)
         check_outputs((options.report,), (*inputs, *case.files))
         data = read_data(case)
+        quality = [] if options.no_check else check_logs(case, data.train, progress.step)
+        refuse_faulty(quality)
         contest = contest_of_case(case, data, truth=options.truth, progress=progress.step)
         stopped = _solve(contest, methods, options, progress.step, outcomes)
         table = ranked(outcomes)
         if options.report and not stopped:
             progress.step("writing the report")
-            _report(options.report, case, table, data)
+            _report(options.report, case, table, data, quality)
+    verdict = Verdict(errors_in(quality), (), not options.no_check)
     if options.json:
-        console.answer_json(_figures(contest, table, stopped))
+        warnings = check_warnings(quality)
+        console.answer_json({"verdict": verdict.figures(), "warnings": warnings, **_figures(contest, table, stopped)})
     else:
+        verdicts.show(verdict)
         _show(contest, table)
+        for warning in check_warnings(quality):
+            console.answer(f"warning: {warning}")
     if stopped:
         console.remark(f"stopped: {len(outcomes)} of {len(methods)} methods done")
         return 130
-    return 0
+    return verdict.code
 
 
 def _solve(contest: Contest, methods: Sequence[Method], options: Any, step: Any, outcomes: list[Outcome]) -> bool:
@@ -110,8 +122,12 @@ def _solve(contest: Contest, methods: Sequence[Method], options: Any, step: Any,
     return False
 
 
-def _report(place: str, case: Case, table: Sequence[Outcome], data: CaseData) -> None:
+def _report(
+    place: str, case: Case, table: Sequence[Outcome], data: CaseData, quality: Sequence[Mapping[str, Any]]
+) -> None:
     """Write the report about the case's estimator: the best of the table is chosen by what it would be tested on."""
+    from dataclasses import replace
+
     from dynident.cli.jobs import repeat_command
     from dynident.errors import SolverFailed
     from dynident.results.report import write_report
@@ -123,9 +139,10 @@ def _report(place: str, case: Case, table: Sequence[Outcome], data: CaseData) ->
     own = [outcome for outcome in solved if outcome.method.partition(":")[0] == case.estimator.name]
     chosen = (own or solved)[0]
     assert chosen.estimate is not None
+    facts = {"log_quality": quality} if quality else {}
     write_report(
         place,
-        chosen.estimate,
+        replace(chosen.estimate, provenance={**chosen.estimate.provenance, **facts}),
         () if chosen.test is None else (chosen.test,),
         comparison=comparison_of(table),
         command=repeat_command(),

@@ -7,7 +7,8 @@ A plan keeps its path; --speed slows it down for a first run. The motion begins 
 to its first posture: from the posture that is stated, or by a move of the controller's own. A plan that passes a bound
 is not written.
 
-A model is written with physically consistent links only. The files are loaded again in every engine that is installed
+A model is written with physically consistent links only. An estimate that is not accepted, for a finding of the log
+checks at error level, is refused without --force. The files are loaded again in every engine that is installed
 and reads them, and torques are compared on 1000 random states: nothing is written where one differs by more than a
 millionth. What a format cannot hold stands in FILE.dynident.json, and is told.
 
@@ -34,7 +35,7 @@ SUMMARY = "a plan for a controller, or an identified model for a simulator, a co
 
 #: Options of one kind of file, by destination, with the value that stands for one that is not given.
 _PLAN_ONLY = {"rate": None, "repeats": None, "speed": None, "from_posture": None, "units": None}
-_MODEL_ONLY = {"description": None, "no_proof": False}
+_MODEL_ONLY = {"description": None, "no_proof": False, "force": False}
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -68,6 +69,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "identification, where it is unchanged",
     )
     model.add_argument("--no-proof", action="store_true", help="do not load the files again; saves a second or two")
+    model.add_argument(
+        "--force", action="store_true", help="export an estimate that the log checks speak against (not accepted)"
+    )
     output = parser.add_argument_group("output")
     output.add_argument("--check", action="store_true", help="write nothing, tell what would be written")
     output.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
@@ -127,10 +131,18 @@ def _export_model(options: argparse.Namespace, estimate: Estimate) -> int:
     inputs = (options.file, options.description or "", robot, *files_behind(estimate))
     check_outputs((options.output,), inputs)
     chosen = options.description
-    found = export(estimate, part, options.output, description=chosen, proof=not options.no_proof, write=False)
+    found = export(
+        estimate,
+        part,
+        options.output,
+        description=chosen,
+        proof=not options.no_proof,
+        write=False,
+        force=options.force,
+    )
     check_outputs(found.files, inputs)
     if not options.check:
-        export(estimate, part, options.output, description=chosen, proof=False)
+        export(estimate, part, options.output, description=chosen, proof=False, force=options.force)
     if options.json:
         console.answer_json(model_export_data(found))
         return 0

@@ -9,6 +9,12 @@ drive gains) in chain order, in SI units; the filter is a zero-phase Butterworth
   dynident identify case.yaml a.csv b.csv --test c.csv --estimator wls --json
   dynident identify case.yaml --from all.tri
 
+The log checks ('dynident check') look at the training logs before the fit. A wrong unit of time or an unreadable
+column stops it. After any other finding at error level the estimate is written, not accepted; the exit code is 4.
+
+Exit codes: 0 accepted or no criteria, 1 an error of the input, 2 wrong usage, 3 acceptance criteria not met
+(accept: in the case file, or --accept), 4 a finding of the log checks at error level, 130 interrupted.
+
 Logs of more than 512 MiB together are reduced as a stream where case and estimator allow it ('dynident reduce').
 """
 
@@ -31,7 +37,7 @@ SUMMARY = "identify a physically consistent dynamic model from logs"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
-    from dynident.cli.jobs import add_case_options
+    from dynident.cli import jobs
 
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file or robot model")
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to learn from; default: those of the case file")
@@ -46,8 +52,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     known = parser.add_argument_group("prior knowledge (can be set in the case file)")
     known.add_argument("--prior", metavar="FILE", help="robot model or estimate whose inertias are the prior")
     known.add_argument("--constraints", metavar="FILE", help="masses, centres, hulls: YAML as in the case file")
-    add_case_options(parser)
+    jobs.add_case_options(parser)
     trust = parser.add_argument_group("diagnostics")
+    trust.add_argument("--no-check", action="store_true", help="skip the log checks; the verdict says so")
+    jobs.add_accept(trust)
     trust.add_argument(
         "--cross-validate", type=int, metavar="N", help="folds of the cross-validation; 0: none; default: 5"
     )
@@ -62,20 +70,25 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dataclasses import replace
+
     from dynident.api.estimate_output import summary, write_estimate
     from dynident.api.validate import validate
-    from dynident.cli import console, jobs
+    from dynident.case.acceptance import with_accept
+    from dynident.cli import console, jobs, verdicts
+    from dynident.diagnosis.verdict import verdict_of
     from dynident.files import check_outputs, check_place
 
     for place in filter(None, (options.output, options.report)):
         check_place(place)
-    with console.progress(7, options.quiet or options.json) as progress:
+    with console.progress(9, options.quiet or options.json) as progress:
         progress.step("reading")
         if options.triangles:
             from dynident.identification.streaming.triangle_file import read_digest
 
             jobs.take_model_options(options, read_digest(options.triangles).options)
         case = jobs.case_from(options)
+        case = replace(case, accept=with_accept(case.accept, options.accept))
         inputs = (options.case, options.constraints or "", options.triangles or "", *case.files)
         case = jobs.with_logs(case, options)
         check_outputs((options.output, options.report), (*inputs, *case.files))
@@ -90,13 +103,15 @@ def run(options: argparse.Namespace) -> int:
             write_report(options.report, estimate, found, command=jobs.repeat_command(), sources=sources)
     if options.output:
         write_estimate(estimate, options.output)
+    verdict = verdict_of(estimate, test)
     if options.json:
         console.answer_json(summary(estimate, test))
-        return 0
+        return verdict.code
+    verdicts.show(verdict)
     _show(estimate, test)
     if options.output:
         console.remark(f"saved {options.output}; next: dynident validate {options.output} other-run.csv", options.quiet)
-    return 0
+    return verdict.code
 
 
 def _estimate(
@@ -111,7 +126,7 @@ def _estimate(
     from dynident.cli import jobs
 
     estimator = estimator_of(case, options.estimator, options.option)
-    record = Record(command=jobs.repeat_command())
+    record = Record(command=jobs.repeat_command(), checks=not options.no_check)
     digest = _digest(case, options, estimator, progress)
     if digest is not None:
         return identify(case, digest, estimator, record=record, progress=progress), test_logs(case, digest)
@@ -122,7 +137,7 @@ def _estimate(
         data.train,
         estimator,
         trust=replace(DEFAULT_TRUST, folds=folds, bootstrap=options.bootstrap, sensitivity=not options.no_sensitivity),
-        record=replace(record, with_log_quality=bool(options.report)),
+        record=record,
         progress=progress,
     )
     return estimate, data.test
@@ -153,7 +168,7 @@ def _digest(
 
 
 def _show(estimate: Estimate, test: Validation | None) -> None:
-    from dynident.cli import console
+    from dynident.cli import console, verdicts
     from dynident.diagnosis.warnings import warnings_of
     from dynident.identification.consistency.labels import labels_line
     from dynident.identification.selection.cutoff.sensitivity import cutoff_lines
@@ -172,6 +187,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
         if validation is not None:
             console.answer()
             console.answer_table(fits_table(validation), f"{title}: total relative error {total_error(validation)}")
+    verdicts.show_nominal(estimate, test)
     for title, table in choice_tables(estimate.choices):
         console.answer()
         console.answer_table(table, title)

@@ -35,6 +35,18 @@ def add_case_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_accept(group: argparse._ActionsContainer) -> None:
+    """Add the option that states acceptance criteria."""
+    group.add_argument(
+        "--accept",
+        nargs="+",
+        default=[],
+        metavar="CRITERION[=LIMIT]",
+        help="what the estimate must meet, beside accept: of the case file: total_error=5%% joint_error=10%% "
+        "interval=5%% better_than_nominal consistent log_checks; exit code 3 where it does not",
+    )
+
+
 #: Options that change how logs become triangles.
 _MODEL_OPTIONS = ("friction", "cutoff", "rate", "delay")
 

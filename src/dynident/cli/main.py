@@ -61,7 +61,9 @@ def build_parser(only: str | None = None) -> argparse.ArgumentParser:
         prog="dynident",
         description=_DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="exit codes: 0 done, 1 a named error, 2 wrong usage. 'dynident COMMAND --help' explains a command.",
+        epilog="exit codes: 0 done, 1 a named error, 2 wrong usage, 130 interrupted; identify and validate also 3 "
+        "acceptance criteria not met, 4 a finding of the log checks at error level. 'dynident COMMAND --help' explains "
+        "a command.",
     )
     parser.add_argument("--version", action="version", version=f"dynident {version('dynident')}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")

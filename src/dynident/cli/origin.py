@@ -24,19 +24,21 @@ class Origin:
 
     Attributes:
         held_out: Logs, or parts of logs, that the fit has kept apart for a test.
+        train: Logs, or parts of logs, of the fit.
         case: The case with the logs of the fit; None where it could not be read again.
         why_not: Why nothing could be read again, with the next step; empty where it could.
     """
 
     held_out: tuple[Log, ...] = ()
+    train: tuple[Log, ...] = ()
     case: Case | None = None
     why_not: str = ""
 
     def log_quality(self) -> list[dict[str, Any]]:
         """Return what the doctor finds in the logs of the fit; nothing where they could not be read again."""
-        from dynident.api.case_logs import log_quality
+        from dynident.api.log_checks import check_logs
 
-        return [] if self.case is None else log_quality(self.case)
+        return [] if self.case is None else check_logs(self.case, self.train)
 
 
 class _Refused(Exception):
@@ -71,7 +73,7 @@ def _read_again(estimate: Estimate) -> Origin:
         raise _Refused("a log of the fit has another content now")
     if data.train and data.train[0].joints != estimate.model.robot.joint_names:
         raise _Refused("the case has other joints now")
-    return Origin(data.test, case)
+    return Origin(data.test, data.train, case)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -2,6 +2,11 @@
 
 dynident validate estimate.json other-run.csv
 dynident validate estimate.json other-run.csv --json --report report.html
+dynident validate estimate.json other-run.csv --accept total_error=5% better_than_nominal
+
+The acceptance criteria are those of the identification and those of --accept, judged on these logs.
+Exit codes: 0 accepted or no criteria, 1 an error of the input, 2 wrong usage, 3 acceptance criteria not met,
+4 the estimate was not accepted for a finding of the log checks, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -13,8 +18,11 @@ SUMMARY = "validate an estimate on test logs"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
+    from dynident.cli.jobs import add_accept
+
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
     parser.add_argument("logs", nargs="+", metavar="LOG", help="logs to compare with")
+    add_accept(parser)
     parser.add_argument("--split", metavar="HOW", help="use only the test part of each log: first:0.67 or rows:...")
     parser.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
@@ -24,14 +32,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.case_logs import check_unseen, seen_logs
-    from dynident.api.estimate_output import files_behind
+    from dynident.api.estimate_output import files_behind, summary
     from dynident.api.validate import read_log, validate
-    from dynident.cli import console, jobs
+    from dynident.case.acceptance import Acceptance, with_accept
+    from dynident.cli import console, jobs, verdicts
     from dynident.cli.identify import consistency_line
     from dynident.data.split import Split
+    from dynident.diagnosis.verdict import verdict_of
     from dynident.diagnosis.warnings import warnings_of
     from dynident.files import check_outputs, check_place
-    from dynident.identification.files.estimate_file import read_estimate, summary
+    from dynident.identification.files.estimate_file import read_estimate
     from dynident.results.text import fits_table, statement, total_error
 
     if options.report:
@@ -40,6 +50,7 @@ def run(options: argparse.Namespace) -> int:
         progress.step("reading")
         estimate = read_estimate(options.estimate)
         check_outputs((options.report,), (options.estimate, *options.logs, *files_behind(estimate)))
+        acceptance = with_accept(Acceptance(estimate.provenance.get("accept") or {}), options.accept)
         logs = [read_log(estimate, name) for name in options.logs]
         seen = [] if options.split else seen_logs(estimate, logs)
         if options.report and seen:
@@ -55,18 +66,21 @@ def run(options: argparse.Namespace) -> int:
             progress.step("writing the report")
             sources = [log.source for log in logs]
             write_report(options.report, estimate, (test,), command=jobs.repeat_command(), sources=sources)
-    warnings = [f"{name}: this log was used for training, so its metrics are optimistic" for name in seen]
-    warnings += warnings_of(estimate, test)
+    optimistic = [f"{name}: this log was used for training, so its metrics are optimistic" for name in seen]
+    warnings = [*optimistic, *warnings_of(estimate, test)]
+    verdict = verdict_of(estimate, test, acceptance)
     if options.json:
-        console.answer_json(summary(estimate, test, warnings))
-        return 0
+        console.answer_json({**summary(estimate, test, acceptance), "warnings": warnings})
+        return verdict.code
+    verdicts.show(verdict)
     console.answer(f"{estimate.model.robot.name}: estimator {estimate.estimator}, {test.samples} samples")
     console.answer(f"filter {statement(test.filter)}\n")
     console.answer_table(fits_table(test), f"total relative error {total_error(test)}")
     console.answer()
     console.answer_table(fits_table(test, moving=True), "moving samples only")
+    verdicts.show_nominal(estimate, test)
     console.answer()
     console.answer(consistency_line(estimate))
     for warning in warnings:
         console.answer(f"warning: {warning}")
-    return 0
+    return verdict.code

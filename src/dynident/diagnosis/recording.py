@@ -20,13 +20,13 @@ class Recording:
 
     Attributes:
         log: The signals of the joints of the robot in SI units; torques from currents where there are gains.
-        table: The file.
+        table: The file; None for a log of the memory.
         columns: The map of its columns, resolved.
         rows: Row of the file behind each sample, counted from 0, shape (N,).
     """
 
     log: Log
-    table: LogTable
+    table: LogTable | None
     columns: ColumnMap
     rows: IntArray
 
@@ -66,6 +66,11 @@ def read_recording(case: Case, name: str) -> Recording:
     with np.errstate(all="ignore"):
         log = _at_joints(case, log)
     return Recording(log, table, columns, np.arange(len(values)))
+
+
+def recording_of(case: Case, log: Log) -> Recording:
+    """Return a log that was read already: one of the joints of the robot of the case, in SI units, whole or in part."""
+    return Recording(log, None, case.columns, np.arange(log.samples))
 
 
 def _at_joints(case: Case, log: Log) -> Log:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dynident.diagnosis.verdict import check_warnings, quality_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.selection.cutoff.sensitivity import sensitivity_warning
@@ -26,7 +27,12 @@ POOR_CONDITION = 1000.0
 
 def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str, ...]:
     """Return the warnings, the most important first, each with what to check."""
-    found = [*_gaps(estimate), *_limits(estimate), *_torques(estimate.train)]
+    found = [
+        *check_warnings(quality_of(estimate) or ()),
+        *_gaps(estimate),
+        *_limits(estimate),
+        *_torques(estimate.train),
+    ]
     total = estimate.train.total_relative_error
     if total > POOR_FIT:
         found.append(f"relative error {100 * total:.0f} % on the training data: check units, gains and gravity")

@@ -13,6 +13,7 @@ from dynident.identification.estimators import ESTIMATORS, Estimator
 from dynident.identification.fit import fit
 from dynident.identification.selection.cutoff.sensitivity import cutoff_sensitivity
 from dynident.identification.uncertainty.trust import TrustOptions, with_diagnostics
+from dynident.identification.validate import with_nominal
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.threads import on_one_blas_thread
 
@@ -56,6 +57,9 @@ def identify(
         ordered = [log.ordered(model.robot.joint_names) for log in logs]
         table = cutoff_sensitivity(estimate, problem, ordered)
         estimate = replace(estimate, choices=replace(estimate.choices, cutoff_sensitivity=table))
+    if trust.nominal:
+        progress("nominal model")
+        estimate = with_nominal(estimate, problem)
     if not (trust.diagnose or trust.bootstrap):
         return estimate
     progress("diagnostics")

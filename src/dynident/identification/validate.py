@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,8 +13,8 @@ from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.errors import LogMismatch
 from dynident.identification.estimate.envelope import departure_of
 from dynident.identification.estimate.estimate import Estimate
-from dynident.identification.estimate.validation import Validation, compare_torques
-from dynident.identification.problem.problem import counting_rows
+from dynident.identification.estimate.validation import NominalErrors, Validation, compare_torques
+from dynident.identification.problem.problem import Problem, counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.uncertainty.propagation import prediction_deviations
 from dynident.model.base_parameters import BaseParameters
@@ -39,7 +39,9 @@ def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
     found = validate_prepared(estimate.model, estimate.base, prepared, estimate.beta)
     regressor = RegressorStream(estimate.model, estimate.base, estimate.beta)
     deviations = [prediction_deviations(regressor, log, estimate.covariance) for log in prepared]
-    found = replace(found, deviations=np.concatenate(deviations), noise=estimate.joint_deviations)
+    known = estimate.train.nominal
+    nominal = None if known is None else nominal_errors(estimate.model, estimate.base, prepared, known.friction)
+    found = replace(found, deviations=np.concatenate(deviations), noise=estimate.joint_deviations, nominal=nominal)
     if estimate.envelope is None:
         return found
     parts = [regressor.triangles(log, np.ones((len(log.keep), len(log.log.joints)), bool)) for log in prepared]
@@ -61,4 +63,53 @@ def validate_prepared(model: DynamicModel, base: BaseParameters, logs: Sequence[
         model.robot.units,
         logs[0].how.standstill,
         logs[0].statement(),
+    )
+
+
+def with_nominal(estimate: Estimate, problem: Problem) -> Estimate:
+    """Return the estimate with the errors of the robot model's inertias on its samples; as it is where it states none.
+
+    Friction, offset and rotor inertia beside the nominal inertias are those of weighted least squares on the same QR
+    factors, each joint weighted by its residual in the fit; inertias that a case states by ``prior`` have no part.
+    """
+    nominal = problem.model.robot.nominal
+    if nominal is None:
+        return estimate
+    known, free = np.split(np.asarray(problem.base.matrix), [len(nominal)], axis=1)
+    still = known @ nominal
+    rows, target = [], []
+    for triangle, deviation in zip(problem.triangles, estimate.joint_deviations, strict=True):
+        matrix, torque = triangle.factor[:, :-1] / deviation, triangle.factor[:, -1] / deviation
+        rows.append(matrix @ free[triangle.columns])
+        target.append(torque - matrix @ still[triangle.columns])
+    friction = np.linalg.lstsq(np.concatenate(rows), np.concatenate(target))[0]
+    names = [parameter.name for parameter in problem.base.parameters[len(nominal) :]]
+    errors = nominal_errors(problem.model, problem.base, problem.logs, dict(zip(names, friction.tolist(), strict=True)))
+    return replace(estimate, train=replace(estimate.train, nominal=errors))
+
+
+def nominal_errors(
+    model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared], friction: Mapping[str, float]
+) -> NominalErrors | None:
+    """Return the errors of the robot model's inertias on preprocessed logs; None where it states none.
+
+    Args:
+        model: The model.
+        base: Its base parameters.
+        logs: The logs.
+        friction: Parameters of friction, offset and rotor inertia beside the nominal inertias, in the model's order.
+    """
+    nominal = model.robot.nominal
+    if nominal is None:
+        return None
+    fitted, bare = (
+        validate_prepared(model, base, logs, base.from_standard(np.append(nominal, values)))
+        for values in (list(friction.values()), [0.0] * len(friction))
+    )
+    return NominalErrors(
+        fitted.total_relative_error,
+        bare.total_relative_error,
+        tuple(fit.relative_error for fit in fitted.joints),
+        tuple(fit.relative_error for fit in bare.joints),
+        friction,
     )

@@ -24,6 +24,9 @@ SIGNALS = ("q", "dq", "torque", "current", "q_ref", "dq_ref")
 #: Quantities whose units the page asks for.
 QUANTITIES = ("time", "position", "velocity", "torque", "current")
 
+#: Exit codes of a fit or a validation that is done: criteria not met and not accepted are answers too.
+_JUDGED = (0, 3, 4)
+
 #: Largest number of names in one list.
 _MOST = 100
 
@@ -193,13 +196,13 @@ def _identify(asked: Asked) -> Order:
         arguments += ["--cross-validate", "0", "--no-sensitivity"]
     out = asked.output("estimate", ".json")
     report = asked.output("report", ".html")
-    return Order("identify", (*arguments, "-o", out, "--report", report), (out, report))
+    return Order("identify", (*arguments, "-o", out, "--report", report), (out, report), good=_JUDGED)
 
 
 def _validate(asked: Asked) -> Order:
     report = asked.output("validation", ".html")
     arguments = ["validate", asked.file("estimate"), *asked.files("logs"), "--report", report]
-    return Order("validate", tuple(arguments), (report,))
+    return Order("validate", tuple(arguments), (report,), good=_JUDGED)
 
 
 def _report(asked: Asked) -> Order:
@@ -247,7 +250,7 @@ def _compare(asked: Asked) -> Order:
     out = asked.output("comparison", ".html")
     arguments = ["compare", asked.file("case"), "--estimators", ",".join(names)]
     arguments += _option("--time-limit", asked.number("time_limit", 1, 86_400))
-    return Order("compare", (*arguments, "--report", out), (out,))
+    return Order("compare", (*arguments, "--report", out), (out,), good=_JUDGED)
 
 
 def _export(asked: Asked) -> Order:
@@ -264,6 +267,7 @@ def _export(asked: Asked) -> Order:
     posture = asked.posture("posture")
     arguments += [f"--from-posture={posture}"] if posture else []
     description = asked.optional("description")
+    arguments += ["--force"] if asked.yes("force") else []
     return Order("export", (*arguments, *_option("--description", description)), (out,))
 
 

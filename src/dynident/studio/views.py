@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from dynident.arrays import Array
     from dynident.case.case import Case
     from dynident.excitation.collision.workspace import Workspace
+    from dynident.results.text import Table
 
 _FAMILIES = {
     "estimators": ("dynident.identification.estimators", "dynident.identification.simulated.estimators"),
@@ -155,8 +156,11 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
         DynidentError: No such file, or no estimate.
     """
     from dynident.api.estimate_output import summary
+    from dynident.diagnosis.verdict import verdict_of
     from dynident.identification.files.estimate_file import read_estimate
+    from dynident.results.nominal import bodies_table, errors_table, link_changes, links_table, missing_reason
     from dynident.results.text import parameters_table
+    from dynident.results.verdict import NOT_CHECKED, cause_lines, headline
     from dynident.studio.preview import decimated
 
     estimate = read_estimate(folder.find(name))
@@ -170,8 +174,25 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
         }
         for k, fit in enumerate(train.joints)
     ]
-    shown = {"torques": joints, "table": parameters_table(estimate).rows}  # with the digits that the deviations allow
+    judged = verdict_of(estimate)
+    shown: dict[str, Any] = {
+        "headline": headline(judged),
+        "causes": cause_lines(judged),
+        "unchecked": "" if judged.is_checked else NOT_CHECKED,
+        "nominal": _cells(errors_table(estimate.train)),
+        "links": _cells(links_table(link_changes(estimate))),
+        "bodies": _cells(bodies_table(link_changes(estimate))),
+        "no_links": missing_reason(estimate),
+        "torques": joints,
+        "table": parameters_table(estimate).rows,  # with the digits that the deviations allow
+    }
     return {**summary(estimate), **shown, "command": str(estimate.provenance.get("command", ""))}
+
+
+def _cells(table: Table) -> dict[str, Any]:
+    """Return a table as plain data: headings with their units, which columns are numbers, and the rows."""
+    heads = [f"{column.heading} [{column.unit}]" if column.unit else column.heading for column in table.columns]
+    return {"heads": heads, "numbers": [column.numeric for column in table.columns], "rows": table.rows}
 
 
 def saved_case(folder: Folder, data: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dynident.errors import BadOption
+from dynident.diagnosis.verdict import errors_in, quality_of
+from dynident.errors import BadOption, NotAccepted
 from dynident.exports.base import Proof, write_files
 from dynident.exports.models._summary import ModelExport, model_export_data, neglected_torque
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
@@ -45,6 +46,7 @@ def export_model(
     description: str | Path | None = None,
     proof: bool = True,
     write: bool = True,
+    force: bool = False,
 ) -> ModelExport:
     """Write an identified model for a simulator, a controller or a paper: every file whole, none unproved.
 
@@ -58,10 +60,12 @@ def export_model(
             the estimate's provenance names, where it is unchanged.
         proof: Whether the files are loaded again and torques compared.
         write: False checks and tells what would be written.
+        force: Export an estimate that findings of the log checks at error level speak against.
 
     Raises:
         UnknownChoice: No such exporter.
         BadOption: An option or a name that cannot be, or a description where the target takes none.
+        NotAccepted: The log checks have a finding at error level, and ``force`` is not set.
         NotConsistent: No possible robot has these base parameters; the message names the worst body and what to do.
         DescriptionError: The robot description is faulty, or of another robot.
         FileError: The proof fails, or a file cannot be written.
@@ -73,6 +77,9 @@ def export_model(
     if description is not None and not part.edits_description:
         step = f"the target {MODEL_EXPORTERS.name_of(part)} is written from the estimate alone; leave it out"
         raise BadOption("description", str(description), step)
+    for cause in () if force else errors_in(quality_of(estimate) or ()):
+        step = "correct it and identify again, or export with force (--force)"
+        raise NotAccepted("the estimate is not accepted", str(cause), step)
     subject = identified(estimate, find_source(estimate, description), part.needs_bodies)
     content = part.content(subject, target)
     proofs = part.prove(subject, content, target) if proof else ()

@@ -47,6 +47,35 @@ class Fit:
 
 
 @dataclass(frozen=True)
+class NominalErrors:
+    """Relative errors of the robot model's own inertias on the samples of a validation, fractions.
+
+    Attributes:
+        friction_fitted: Total, with friction, offset and rotor inertia fitted alone, on the data of the fit.
+        nothing_fitted: Total, without friction.
+        joints_friction_fitted: The first of each joint.
+        joints_nothing_fitted: The second of each joint.
+        friction: Parameters of friction, offset and rotor inertia that were fitted, by name.
+    """
+
+    friction_fitted: float
+    nothing_fitted: float
+    joints_friction_fitted: tuple[float, ...]
+    joints_nothing_fitted: tuple[float, ...]
+    friction: Mapping[str, float]
+
+    def figures(self) -> dict[str, Any]:
+        """Return the errors as plain data; one that does not exist is None."""
+        return {
+            "friction_fitted": finite(self.friction_fitted),
+            "nothing_fitted": finite(self.nothing_fitted),
+            "joints_friction_fitted": [finite(value) for value in self.joints_friction_fitted],
+            "joints_nothing_fitted": [finite(value) for value in self.joints_nothing_fitted],
+            "friction": [{"name": name, "value": value} for name, value in self.friction.items()],
+        }
+
+
+@dataclass(frozen=True)
 class Validation:
     """How well a model predicts logs.
 
@@ -69,6 +98,8 @@ class Validation:
         deviations: Standard deviation of ``predicted`` by the covariance of the parameters, shape (N, n); None where
             it was not computed.
         noise: Residual standard deviation of each joint in the fit, shape (n,); None where it is not known.
+        nominal: Errors of the robot model's own inertias on the same samples; None where it states none, or where they
+            were not computed.
     """
 
     joints: tuple[Fit, ...]
@@ -88,6 +119,7 @@ class Validation:
     departure: Departure | None = None
     deviations: Array | None = None
     noise: Array | None = None
+    nominal: NominalErrors | None = None
 
     @property
     def residual(self) -> Array:
@@ -145,6 +177,7 @@ class Validation:
                 "joints": [_figures(fit) for fit in self.moving],
             },
             "bands": self.bands(),
+            **({} if self.nominal is None else {"nominal": self.nominal.figures()}),
         }
 
 

@@ -16,7 +16,7 @@ from dynident.files import DAMAGE, read_json, write_atomically
 from dynident.identification.consistency.labels import labels_of
 from dynident.identification.estimate.envelope import Envelope
 from dynident.identification.estimate.estimate import Consistency, Estimate
-from dynident.identification.estimate.validation import Fit, Validation
+from dynident.identification.estimate.validation import Fit, NominalErrors, Validation
 from dynident.identification.files.estimate_versions import VERSIONS
 from dynident.identification.files.saved_values import (
     columns_from_dict,
@@ -135,6 +135,7 @@ def write_estimate(estimate: Estimate, path: str | Path, warnings: Sequence[str]
                 name: _rounded(np.asarray(getattr(train, name))[rows], 15 if name == "time" else 7) for name in _SIGNALS
             },
             "torque_std": None if train.deviations is None else _rounded(np.asarray(train.deviations)[rows]),
+            "nominal": None if train.nominal is None else train.nominal.figures(),
         },
         "provenance": plain(estimate.provenance),
     }
@@ -182,6 +183,7 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
         **signals,
         deviations=_optional(train.get("torque_std"), (rows, joints), "torque_std"),
         noise=_array(facts["residual_std"], (joints,), "residual_std"),
+        nominal=_nominal(train.get("nominal"), joints),
     )
     how, columns = preprocessing_from_dict(data["preprocessing"]), columns_from_dict(data["columns"])
     envelope = _envelope(data, joints)
@@ -213,6 +215,21 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
         diagnostics=facts.get("diagnostics"),
         standard_deviations=_optional(_stds(facts), (len(model.parameters),), "standard deviations"),
     )
+
+
+def _nominal(found: Mapping[str, Any] | None, joints: int) -> NominalErrors | None:
+    """Return the errors of the nominal inertias; None where the file states none."""
+    if found is None:
+        return None
+    fitted, bare = (_with_none(found[f"joints_{key}"], joints) for key in ("friction_fitted", "nothing_fitted"))
+    friction = {item["name"]: float(item["value"]) for item in found["friction"]}
+    totals = _with_nan({key: found[key] for key in ("friction_fitted", "nothing_fitted")}).values()
+    return NominalErrors(*totals, fitted, bare, friction)
+
+
+def _with_none(values: Sequence[float | None], count: int) -> tuple[float, ...]:
+    """Return numbers with NaN where the file has null."""
+    return tuple(frozen([np.nan if value is None else value for value in values], (count,), "nominal").tolist())
 
 
 def _degrees(facts: Mapping[str, Any], size: int) -> Array | None:

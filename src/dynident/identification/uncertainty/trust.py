@@ -36,12 +36,14 @@ class TrustOptions:
         folds: Parts of the logs for the cross-validation of the diagnostics; 0: none.
         bootstrap: Draws of the bootstrap of the diagnostics; 0: none. It brings the diagnostics with it.
         sensitivity: Fit at half and at double the cut-off as well; ``cutoff_sensitivity`` of the extras has the table.
+        nominal: Errors of the robot model's own inertias on the same samples; ``nominal`` of the training figures.
     """
 
     diagnose: bool = False
     folds: int = 5
     bootstrap: int = 0
     sensitivity: bool = False
+    nominal: bool = False
 
 
 def with_diagnostics(

@@ -36,6 +36,7 @@ ORDER = (
     "excitation",
     "parameters",
     "bodies",
+    "nominal",
     "mass_distribution",
     "mass_matrix",
     "torques",

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dynident.data.log import Log, Source
+from dynident.diagnosis.verdict import Verdict, verdict_of
 from dynident.errors import BadOption, LogMismatch
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
@@ -120,6 +121,13 @@ class Subject:
         if self.plan is not None and self.plan.plan.joints != joints:
             step = f"its joints are {', '.join(self.plan.plan.joints)}, those of the estimate {', '.join(joints)}"
             raise BadOption("plan", self.plan.source or self.plan.plan.robot, f"{step}; give the plan of this robot")
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict on the estimate, its criteria judged on the worst of the tests."""
+        quality = self.log_quality or None
+        worst = max(self.tests, key=lambda test: test.total_relative_error, default=None)
+        return verdict_of(self.estimate, worst, quality=quality)
 
     @property
     def datasets(self) -> tuple[Dataset, ...]:

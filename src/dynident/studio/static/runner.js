@@ -87,7 +87,8 @@ async function follow(place, first) {
 }
 
 function words(run) {
-  return { done: "done", failed: "failed", cancelled: "cancelled, nothing was left behind" }[run.state];
+  const judged = { 3: ", criteria not met", 4: ", not accepted" };
+  return { done: `done${judged[run.code] ?? ""}`, failed: "failed", cancelled: "cancelled, nothing was left behind" }[run.state];
 }
 
 export function answerText(text) {

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
+from dynident.diagnosis.verdict import ACCEPTED
 from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.results.report.judgement import GAP, LOST, WELL_KNOWN, grade, tone
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 from dynident.results.text import format_percent, label, shorten
+from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, headline
+
+_WITHOUT_PRAISE = {"good": "fair"}
 
 _NO_TEST = "no test on other data"
 
@@ -45,9 +49,17 @@ class Verdict(ReportSection):
     template: ClassVar = "verdict.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
-        estimate = subject.estimate
+        estimate, judged = subject.estimate, subject.verdict
+        answers = [_prediction(subject), _consistency(estimate), _knowledge(estimate)]
+        if judged.causes:  # figures of a fit to faulty logs praise nothing
+            answers = [replace(answer, tone=_WITHOUT_PRAISE.get(answer.tone, answer.tone)) for answer in answers]
         return {
-            "answers": [_prediction(subject), _consistency(estimate), _knowledge(estimate)],
+            "tone": "good" if judged.word == ACCEPTED else "bad",
+            "headline": headline(judged),
+            "causes": cause_lines(judged),
+            "criteria": criteria_table(judged) if judged.criteria else None,
+            "unchecked": "" if judged.is_checked else NOT_CHECKED,
+            "answers": answers,
             "sentences": [*_about_prediction(subject), *_about_robot(subject), *_about_parameters(estimate)],
         }
 
@@ -74,7 +86,8 @@ def _about_prediction(subject: Subject) -> list[str]:
     if not subject.held_out:
         return [f"The training error is {format_percent(train)} of the measured torque.", _untested(subject)]
     worst = _worst(subject)
-    said = [f"The test error is {format_percent(worst)} of the measured torque: {grade(worst)}."]
+    graded = "" if subject.verdict.causes else f": {grade(worst)}"
+    said = [f"The test error is {format_percent(worst)} of the measured torque{graded}."]
     tests = [dataset.validation for dataset in subject.held_out]
     moving = max((test.moving_relative_error for test in tests if test.rests), default=np.nan)
     if moving < 0.9 * worst:

@@ -1,0 +1,72 @@
+"""The log checks of a fit, made on the logs that it is given: what stops it, and what goes with its verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from dynident.case.case import Case
+from dynident.data.formats import ColumnMap
+from dynident.data.log import Log
+from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis.checks import examine_recording
+from dynident.diagnosis.recording import recording_of
+from dynident.diagnosis.verdict import SUSPECT, errors_in
+from dynident.errors import DynidentError, NotAccepted
+from dynident.model.dynamic_model import DynamicModel
+
+#: Findings after which a fit says nothing: the time or the columns of the log have no meaning yet.
+STOPS = (
+    "time unit",
+    "unreadable",
+    "signal missing",
+    "values that are not finite",
+    "two publishers",
+    "repeated rows",
+    "time runs back",
+    "equal time stamps",
+    "too few rows",
+    "torque never changes",
+)
+
+
+def case_of_model(model: DynamicModel) -> Case:
+    """Return the case that stands for a model whose logs are in memory, in SI units."""
+    columns = ColumnMap(joints=model.robot.joint_names)
+    return Case(model.robot, tuple(model.friction), columns, default_preprocessing())
+
+
+def check_logs(
+    case: Case, logs: Sequence[Log], progress: Callable[[str], None] = lambda step: None
+) -> list[dict[str, Any]]:
+    """Return what the checks find in logs that were read, each as the plain data of an examination.
+
+    Args:
+        case: Robot, units and preprocessing.
+        logs: The logs, in the order of the robot's joints or not.
+        progress: Told the step in words.
+
+    Raises:
+        LogMismatch: A joint is missing.
+    """
+    progress("log checks")
+    names = case.robot.joint_names
+    return [examine_recording(case, recording_of(case, log.ordered(names))).figures() for log in logs]
+
+
+def refuse_faulty(quality: Sequence[Mapping[str, Any]], strict: bool = False) -> None:
+    """Refuse logs with findings that leave a fit without a meaning; with ``strict`` those with any at error level.
+
+    Raises:
+        NotAccepted: There is one; the message has its evidence and remedy.
+    """
+    for cause in errors_in(quality):
+        if strict or cause.name in STOPS:
+            raise NotAccepted(cause.log, f"{cause.title}: {cause.evidence}", cause.remedy)
+
+
+def add_causes(error: DynidentError, quality: Sequence[Mapping[str, Any]]) -> None:
+    """Put what the checks have found in the logs of a fit behind the message of its error."""
+    causes = errors_in(quality)
+    if causes:
+        error.args = (f"{error}. {SUSPECT} {'; '.join(str(cause) for cause in causes)}",)

@@ -1,0 +1,211 @@
+"""The verdict on an estimate: whether findings of the log checks or acceptance criteria speak against it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import finite
+from dynident.case.acceptance import CONDITIONS, CRITERIA, Acceptance
+from dynident.diagnosis.finding import Severity
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Z_95, Validation
+
+ACCEPTED, NOT_ACCEPTED, NOT_MET, NO_CRITERIA = "accepted", "not accepted", "criteria not met", "no criteria"
+
+#: What is written before findings beside another error.
+SUSPECT = "The log checks found"
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A finding at error level of a log of the fit.
+
+    Attributes:
+        log: The log.
+        name: What it is, such as ``torque sign``.
+        joint: Joints that it is about; empty for the whole log.
+        evidence: What was seen, with figures.
+        remedy: What to do.
+    """
+
+    log: str
+    name: str
+    joint: str
+    evidence: str
+    remedy: str
+
+    @property
+    def title(self) -> str:
+        """What was found, and at which joints."""
+        return f"{self.name} ({self.joint})" if self.joint else self.name
+
+    def __str__(self) -> str:
+        return f"{self.log}: {self.title}: {self.evidence}; {self.remedy}"
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """An acceptance criterion, judged.
+
+    Attributes:
+        criterion: Its key.
+        value: What the estimate has: a fraction, or a count of findings; None where it cannot be judged.
+        limit: What it may have at most; None for a condition without a number.
+        is_met: Whether it is met; one that cannot be judged is not.
+        detail: The joint, the data or the reason.
+    """
+
+    criterion: str
+    value: float | None
+    limit: float | None
+    is_met: bool
+    detail: str
+
+    def figures(self) -> dict[str, Any]:
+        """Return the criterion as plain data."""
+        return {**asdict(self), "meaning": CRITERIA[self.criterion]}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What speaks against an estimate.
+
+    Attributes:
+        causes: Findings of the log checks at error level.
+        criteria: The acceptance criteria, judged; none where none are stated.
+        is_checked: Whether the log checks were made on the logs of the fit.
+    """
+
+    causes: tuple[Cause, ...]
+    criteria: tuple[Criterion, ...]
+    is_checked: bool
+
+    @property
+    def word(self) -> str:
+        """``not accepted`` for an error of the log checks, ``criteria not met``, ``accepted``, or ``no criteria``."""
+        if self.causes:
+            return NOT_ACCEPTED
+        if not self.criteria:
+            return NO_CRITERIA
+        return ACCEPTED if all(criterion.is_met for criterion in self.criteria) else NOT_MET
+
+    @property
+    def code(self) -> int:
+        """Exit code: 4 for an error of the log checks, 3 for criteria that are not met, else 0."""
+        return {NOT_ACCEPTED: 4, NOT_MET: 3}.get(self.word, 0)
+
+    def figures(self) -> dict[str, Any]:
+        """Return the verdict as plain data."""
+        return {
+            "word": self.word,
+            "exit_code": self.code,
+            "log_checks_made": self.is_checked,
+            "causes": [asdict(cause) for cause in self.causes],
+            "criteria": [criterion.figures() for criterion in self.criteria],
+        }
+
+
+def errors_in(quality: Sequence[Mapping[str, Any]]) -> tuple[Cause, ...]:
+    """Return the findings at error level of examinations as plain data."""
+    return tuple(
+        Cause(log, *(str(finding[key]) for key in ("name", "joint", "evidence", "remedy")))
+        for log, finding in _findings(quality, "error")
+    )
+
+
+def check_warnings(quality: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the findings at warning level of examinations as plain data, each in one line."""
+    return [
+        str(Cause(log, *(str(finding[key]) for key in ("name", "joint", "evidence", "remedy"))))
+        for log, finding in _findings(quality, "warning")
+    ]
+
+
+def _findings(quality: Sequence[Mapping[str, Any]], severity: Severity) -> list[tuple[str, Mapping[str, Any]]]:
+    return [
+        (str(each["path"]), finding)
+        for each in quality
+        for finding in each["findings"]
+        if finding["severity"] == severity
+    ]
+
+
+def quality_of(estimate: Estimate) -> Sequence[Mapping[str, Any]] | None:
+    """Return what the checks found in the logs of an estimate, as plain data; None where they were not made."""
+    return estimate.provenance.get("log_quality")
+
+
+def verdict_of(
+    estimate: Estimate,
+    test: Validation | None = None,
+    acceptance: Acceptance | None = None,
+    quality: Sequence[Mapping[str, Any]] | None = None,
+) -> Verdict:
+    """Return the verdict on an estimate.
+
+    Args:
+        estimate: The estimate.
+        test: Its comparison with data that had no part in the fit; the criteria then hold there.
+        acceptance: The criteria; None for those that its provenance has.
+        quality: What the checks found in the logs of the fit; None for what its provenance has.
+    """
+    known = quality_of(estimate) if quality is None else quality
+    causes = errors_in(known or ())
+    stated = Acceptance(estimate.provenance.get("accept") or {}) if acceptance is None else acceptance
+    judged = [_judged(name, limit, estimate, test, known) for name, limit in stated.limits.items()]
+    return Verdict(causes, tuple(judged), known is not None)
+
+
+def _judged(
+    name: str,
+    limit: float,
+    estimate: Estimate,
+    test: Validation | None,
+    quality: Sequence[Mapping[str, Any]] | None,
+) -> Criterion:
+    on = "training data" if test is None else "test data"
+    data = estimate.train if test is None else test
+    if name == "consistent":
+        reasons = "; ".join(estimate.consistency.reasons[:2])
+        return Criterion(name, None, None, estimate.consistency.consistent, reasons)
+    if name == "log_checks":
+        count = None if quality is None else len(errors_in(quality))
+        return Criterion(name, count, 0, count == 0, "the log checks were not made" if count is None else "")
+    value: float | None = data.total_relative_error
+    detail = on
+    if name == "joint_error":
+        value, detail = _largest(data, np.array([fit.relative_error for fit in data.joints]), on)
+    elif name == "interval":
+        value, detail = _interval(estimate, test, on)
+    elif name == "better_than_nominal":
+        value, limit, detail = _against_nominal(data, on)
+    known = value is not None and np.isfinite(value) and np.isfinite(limit)
+    below = bool(known and (value < limit if name in CONDITIONS else value <= limit))
+    return Criterion(name, None if value is None else finite(value), finite(limit), below, detail)
+
+
+def _largest(data: Validation, values: np.ndarray, on: str) -> tuple[float, str]:
+    """Return the largest value of the joints with its joint; NaN where a joint has none."""
+    worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
+    return float(values[worst]), f"{data.joints[worst].name}, {on}"
+
+
+def _interval(estimate: Estimate, test: Validation | None, on: str) -> tuple[float | None, str]:
+    """Return the largest half-width of the predicted torque's interval over the root mean square of the torque."""
+    data = estimate.train if test is None else test
+    place = estimate.envelope if test is None else test.departure
+    if place is None:
+        return None, "the file states no intervals of the torque"
+    sizes = np.array([fit.rmse / fit.relative_error if fit.relative_error > 0 else np.nan for fit in data.joints])
+    return _largest(data, Z_95 * np.asarray(place.bands) / sizes, on)
+
+
+def _against_nominal(data: Validation, on: str) -> tuple[float | None, float, str]:
+    """Return the total error, that of the nominal inertias with friction fitted alone, and where both were taken."""
+    if data.nominal is None:
+        return None, np.nan, "the nominal model cannot be compared: it states no inertias, or the log was streamed"
+    return data.total_relative_error, data.nominal.friction_fitted, on

@@ -1,0 +1,30 @@
+"""The robot model's own parameters beside the identified ones: torque errors, and the bodies link by link."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from dynident.results.nominal import bodies_table, errors_table, link_changes, links_table, missing_reason
+from dynident.results.report.sections.base import Section
+from dynident.results.report.subject import Subject
+
+
+@dataclass(frozen=True)
+class Nominal(Section):
+    """Errors of the nominal parameters on the same samples, and masses, centres and inertias side by side."""
+
+    title: ClassVar = "Nominal and identified parameters"
+    template: ClassVar = "nominal.html"
+
+    def context(self, subject: Subject) -> dict[str, Any]:
+        changes = link_changes(subject.estimate)
+        compared = [each for each in subject.datasets if each.validation.nominal is not None]
+        if not (compared or changes) and subject.estimate.model.robot.nominal is not None:
+            return {}
+        return {
+            "errors": [(each, errors_table(each.validation)) for each in compared],
+            "links": links_table(changes) if changes else None,
+            "bodies": bodies_table(changes) if changes else None,
+            "reason": missing_reason(subject.estimate),
+        }

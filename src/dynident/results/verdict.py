@@ -1,0 +1,52 @@
+"""The verdict on an estimate in words, the same for the terminal, the report and the studio."""
+
+from __future__ import annotations
+
+from dynident.diagnosis.verdict import NO_CRITERIA, Criterion, Verdict
+from dynident.results.text import MISSING, Column, Table, format_percent, label
+
+#: What is said where nobody has looked at the logs of a fit.
+NOT_CHECKED = "log checks: not made on the logs of this fit ('dynident check' makes them)"
+
+#: What the exports say of an estimate that findings speak against.
+STEP = "correct the cause and identify again"
+
+
+def headline(verdict: Verdict) -> str:
+    """Return the verdict in one line; empty where nothing speaks against the estimate and nothing was asked."""
+    if verdict.causes:
+        count = len(verdict.causes)
+        return f"NOT ACCEPTED: the log checks have {count} finding{'s' * (count > 1)} at error level; {STEP}"
+    if verdict.word == NO_CRITERIA:
+        return ""
+    missed = [criterion.criterion for criterion in verdict.criteria if not criterion.is_met]
+    if missed:
+        return f"CRITERIA NOT MET: {', '.join(missed)}"
+    return f"ACCEPTED: {len(verdict.criteria)} of {len(verdict.criteria)} criteria met"
+
+
+def cause_lines(verdict: Verdict) -> list[str]:
+    """Return the findings that speak against the estimate, one a line."""
+    return [label(str(cause)) for cause in verdict.causes]
+
+
+def criteria_table(verdict: Verdict) -> Table:
+    """Return the criteria with value and limit."""
+    columns = (Column("criterion"), Column("value"), Column("limit"), Column("met"), Column("of"))
+    rows = tuple(
+        (
+            criterion.criterion,
+            _figure(criterion, criterion.value),
+            _figure(criterion, criterion.limit),
+            "yes" if criterion.is_met else "NO",
+            label(criterion.detail) if criterion.detail else "",
+        )
+        for criterion in verdict.criteria
+    )
+    return Table(columns, rows)
+
+
+def _figure(criterion: Criterion, value: float | None) -> str:
+    if value is None:
+        return MISSING
+    return f"{value:g}" if criterion.criterion == "log_checks" else format_percent(value)

@@ -1,0 +1,298 @@
+"""The verdict at the surface: faults of a log leave an estimate that is not accepted, right logs one that is."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dynident
+from dynident.api.identify import Record
+from dynident.cli.main import main
+from dynident.data.formats import write_log
+from dynident.data.log import Log
+from dynident.errors import NotAccepted
+from dynident.exports.models import export_model
+from dynident.identification.files.estimate_file import read_estimate
+from dynident.identification.uncertainty.trust import TrustOptions
+from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.robot import Robot
+
+DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[2].parent / "shared" / "data")
+PANDA = DATA / "panda_gaz2019" / "exciting_traj_1.csv"
+CASES = Path(__file__).resolve().parents[2] / "examples" / "cases"
+
+QUICK = ("--cross-validate", "0", "--no-sensitivity", "--quiet")
+CASE = "case: 2\nrobot: arm.json\nlog: {columns: {dq: none}}\npreprocessing: {filter: {butterworth: {cutoff_hz: 8}}}\n"
+
+Recorded = Callable[..., Log]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of the test."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def recorded(exact_log: Callable[..., Log]) -> Recorded:
+    """Make a noisy log of an arm with friction and write arm.json, case.yaml and run.csv; return the log."""
+
+    def make(
+        robot: Robot, change: Callable[[Log], Log] = lambda log: log, case: str = "", name: str = "run.csv"
+    ) -> Log:
+        model = DynamicModel(robot, tuple(dynident.FRICTION.make(part) for part in ("coulomb", "viscous", "offset")))
+        assert robot.nominal is not None
+        theta = np.append(robot.nominal, np.tile([0.8, 1.2, 0.1], robot.dof))
+        log = exact_log(model, theta, samples=1200, rate=50.0)
+        torque = np.asarray(log.torque)
+        noise = np.random.default_rng(len(name)).normal(size=torque.shape)
+        log = Log(log.joints, log.time, log.q, torque=torque + 0.02 * torque.std(axis=0) * noise)
+        Path("arm.json").write_text(json.dumps(robot_to_dict(robot)))
+        Path("case.yaml").write_text(CASE + case)
+        write_log(change(log), name)
+        return log
+
+    return make
+
+
+def answered(capsys: pytest.CaptureFixture[str], code: int, *words: str) -> dict[str, Any]:
+    """Return the JSON of a command that ends with a code."""
+    assert main([*words, "--json"]) == code, capsys.readouterr()
+    found = json.loads(capsys.readouterr().out)
+    assert isinstance(found, dict)
+    return found
+
+
+def _turned(log: Log) -> Log:
+    return replace(log, torque=np.asarray(log.torque) * [1.0, -1.0, 1.0])
+
+
+def _swapped(log: Log) -> Log:
+    return replace(log, torque=np.asarray(log.torque)[:, [0, 2, 1]])
+
+
+FAULTS = {
+    "mounting": (lambda log: log, "gravity: [0, 0, 9.81]\n"),
+    "torque sign": (_turned, ""),
+    "torque order": (_swapped, ""),
+}
+
+
+@pytest.mark.parametrize("name", [pytest.param("torque order", marks=pytest.mark.battery), "mounting", "torque sign"])
+def test_a_fault_leaves_an_estimate_that_is_not_accepted(
+    name: str, spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change, case = FAULTS[name]
+    recorded(spatial_3r, change, case)
+    words = ("identify", "case.yaml", "run.csv", "-o", "estimate.json", "--report", "report.html", *QUICK)
+    assert main(words) == 4
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0].startswith("NOT ACCEPTED: ") and shown[1].startswith(f"  error: run.csv: {name}")
+    estimate = read_estimate("estimate.json")
+    (cause,) = answered(capsys, 4, "validate", "estimate.json", "run.csv")["verdict"]["causes"]
+    assert cause["name"] == name and cause["log"] == "run.csv" and cause["remedy"]
+    page = Path("report.html").read_text(encoding="utf-8")
+    verdict = page[page.index('id="verdict"') : page.index('id="robot"')]
+    assert "NOT ACCEPTED" in verdict and 'answer good"' not in verdict
+    assert main(["export", "estimate.json", "--to", "csv", "-o", "out.csv", "--quiet"]) == 1
+    assert name in capsys.readouterr().err and not Path("out.csv").exists()
+    assert main(["export", "estimate.json", "--to", "csv", "-o", "out.csv", "--quiet", "--force"]) == 0
+    with pytest.raises(NotAccepted, match=name):
+        export_model(estimate, "csv", "other.csv")
+
+
+@pytest.mark.parametrize("robot", ["sliding_arm", "scara", pytest.param("planar_3r", marks=pytest.mark.battery)])
+def test_a_right_log_speaks_for_itself(
+    robot: str, recorded: Recorded, request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded(request.getfixturevalue(robot))
+    found = answered(capsys, 0, "identify", "case.yaml", "run.csv", "-o", "estimate.json", *QUICK)
+    verdict = found["verdict"]
+    assert (verdict["word"], verdict["causes"], verdict["log_checks_made"]) == ("no criteria", [], True)
+    assert main(["export", "estimate.json", "--to", "csv", "-o", "out.csv", "--quiet"]) == 0
+
+
+def test_a_unit_of_time_stops_the_fit(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded(spatial_3r, lambda log: replace(log, time=1e3 * np.asarray(log.time)))
+    for words in (("identify", "case.yaml", "run.csv", "-o", "e.json"), ("compare", "case.yaml", "run.csv")):
+        assert main([*words, "--quiet"]) == 1
+        assert "time unit: the median step is 20 s" in capsys.readouterr().err
+    assert not Path("e.json").exists()
+
+
+def test_without_checks_the_verdict_says_so(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded(spatial_3r, _turned, "accept: {log_checks: true}\n")
+    assert main(["identify", "case.yaml", "run.csv", "--no-check", *QUICK]) == 3
+    out = capsys.readouterr().out
+    assert "CRITERIA NOT MET: log_checks" in out and "log checks: not made" in out
+
+
+def test_the_library_returns_the_verdict_and_raises_where_it_is_asked_to(spatial_3r: Robot, recorded: Recorded) -> None:
+    recorded(spatial_3r, _turned)
+    case = dynident.read_case("case.yaml")
+    logs, trust = [case.read("run.csv")], TrustOptions()
+    verdict = dynident.verdict_of(dynident.identify(case.model, logs, "wls", case.preprocessing, trust=trust))
+    assert (verdict.word, verdict.code) == ("not accepted", 4)
+    assert [(cause.name, cause.joint) for cause in verdict.causes] == [("torque sign", "joint2")]
+    with pytest.raises(NotAccepted, match="torque sign"):
+        dynident.identify(case, logs, "wls", record=Record(strict=True))
+
+
+def test_compare_shows_the_cause_first(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded(spatial_3r, _turned)
+    assert main(["compare", "case.yaml", "run.csv", "--estimators", "ols,wls", "--quiet"]) == 4
+    assert capsys.readouterr().out.splitlines()[1].startswith("  error: run.csv: torque sign")
+    found = answered(capsys, 0, "compare", "case.yaml", "run.csv", "--estimators", "wls", "--no-check", "--quiet")
+    assert found["verdict"]["log_checks_made"] is False
+
+
+def test_warnings_of_the_checks_stand_in_terminal_and_json(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def spiked(log: Log) -> Log:
+        torque = np.array(log.torque)
+        torque[[200, 450, 850], 1] += 8 * np.ptp(torque[:, 1])
+        return replace(log, torque=torque)
+
+    recorded(spatial_3r, spiked)
+    assert main(["identify", "case.yaml", "run.csv", "-o", "estimate.json", *QUICK]) == 0
+    assert "warning: run.csv: spikes (joint2): 3 values of torque" in capsys.readouterr().out
+    found = answered(capsys, 0, "validate", "estimate.json", "run.csv")
+    assert any(text.startswith("run.csv: spikes (joint2)") for text in found["warnings"])
+
+
+def test_criteria_are_judged_on_the_test_and_go_with_the_estimate(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded(spatial_3r, case="accept: {total_error: 5 %, joint_error: 0.2, consistent: true, log_checks: true}\n")
+    recorded(spatial_3r, case=Path("case.yaml").read_text().removeprefix(CASE), name="other.csv")
+    words = ("identify", "case.yaml", "run.csv", "--test", "other.csv", "-o", "e.json", *QUICK)
+    verdict = answered(capsys, 0, *words, "--accept", "interval=10%")["verdict"]
+    assert verdict["word"] == "accepted"
+    limits = {each["criterion"]: each["limit"] for each in verdict["criteria"]}
+    wanted = {"total_error": 0.05, "joint_error": 0.2, "consistent": None, "log_checks": 0, "interval": 0.1}
+    assert limits == wanted and all(each["is_met"] for each in verdict["criteria"])
+    tight = answered(capsys, 3, "validate", "e.json", "other.csv", "--accept", "total_error=0.1%", "interval=0.001%")
+    missed = {each["criterion"] for each in tight["verdict"]["criteria"] if not each["is_met"]}
+    assert tight["verdict"]["word"] == "criteria not met" and missed == {"total_error", "interval"}
+    (total,) = [each for each in tight["verdict"]["criteria"] if each["criterion"] == "total_error"]
+    assert total["value"] == tight["test"]["total_relative_error"] and total["limit"] == 0.001
+
+
+def test_a_wrong_nominal_model_is_worse_and_the_true_one_is_not(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded(spatial_3r)
+    true = answered(capsys, 3, "identify", "case.yaml", "run.csv", "--accept", "total_error=0.001%", *QUICK)
+    nominal = true["train"]["nominal"]
+    assert nominal["friction_fitted"] == pytest.approx(true["train"]["total_relative_error"], rel=0.06)
+    assert nominal["nothing_fitted"] > 1.5 * nominal["friction_fitted"]
+    assert len(nominal["joints_friction_fitted"]) == len(nominal["joints_nothing_fitted"]) == 3
+    assert [link.name for link in spatial_3r.links] == [link["link"] for link in true["links"]]
+    half = tuple(
+        replace(
+            link, inertia=None if link.inertia is None else type(link.inertia).from_vector(0.5 * link.inertia.vector)
+        )
+        for link in spatial_3r.links
+    )
+    Path("arm.json").write_text(json.dumps(robot_to_dict(replace(spatial_3r, links=half))))
+    found = answered(capsys, 0, "identify", "case.yaml", "run.csv", "--accept", "better_than_nominal", *QUICK)
+    (criterion,) = found["verdict"]["criteria"]
+    assert criterion["value"] < 0.2 * criterion["limit"] and criterion["is_met"]
+    last = found["links"][-1]
+    assert last["mass"]["nominal"] == pytest.approx(1.5) and last["inertia_change"] > 0.2
+
+
+def test_a_robot_model_without_inertias_says_so(
+    spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded(spatial_3r)
+    bare = replace(spatial_3r, links=tuple(replace(link, inertia=None) for link in spatial_3r.links))
+    Path("arm.json").write_text(json.dumps(robot_to_dict(bare)))
+    assert main(["identify", "case.yaml", "run.csv", "--accept", "better_than_nominal", *QUICK]) == 3
+    out = capsys.readouterr().out
+    assert "the robot model states no inertias for every link" in out and "CRITERIA NOT MET: better_than_nominal" in out
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("accept: {totl_error: 0.1}\n", "line 5, accept: unknown key 'totl_error'"),
+        ("accept: {total_error: 5}\n", "accept.total_error: '5' is not possible; write a share above 0"),
+        ("accept: {total_error: small}\n", "accept.total_error: 'small' is not possible"),
+        ("accept: {consistent: 3}\n", "write consistent: true"),
+        ("accept: total_error\n", "accept"),
+    ],
+)
+def test_a_criterion_that_cannot_be_is_named(
+    text: str, message: str, spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded(spatial_3r, case=text)
+    assert main(["identify", "case.yaml", "run.csv", "--quiet"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("error: case.yaml: ") and message in error
+
+
+@pytest.mark.parametrize("word", ["totl_error=1%", "total_error", "total_error=-1", "consistent=3"])
+def test_a_criterion_of_the_command_line_that_cannot_be_is_named(
+    word: str, spatial_3r: Robot, recorded: Recorded, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded(spatial_3r)
+    assert main(["identify", "case.yaml", "run.csv", "--quiet", "--accept", word]) == 1
+    assert f"error: --accept = '{word}' is not possible; " in capsys.readouterr().err
+
+
+def _panda(change: Callable[[np.ndarray, list[str]], None], gravity: str = "") -> None:
+    """Write the log of the Panda with a change of its columns, and its case."""
+    header = PANDA.read_text(encoding="utf-8").partition("\n")[0].split(",")
+    values = np.loadtxt(PANDA, delimiter=",", skiprows=1)
+    change(values, header)
+    np.savetxt("run.csv", values, "%.9g", ",", header=",".join(header), comments="")
+    text = (CASES / "panda.yaml").read_text(encoding="utf-8")
+    Path("case.yaml").write_text(text.replace("panda_gaz2019/exciting_traj_1.csv", "run.csv") + gravity)
+
+
+def _negate(values: np.ndarray, header: list[str]) -> None:
+    values[:, header.index("tau2")] *= -1
+
+
+def _exchange(values: np.ndarray, header: list[str]) -> None:
+    columns = [header.index("tau2"), header.index("tau4")]
+    values[:, columns] = values[:, columns[::-1]]
+
+
+@pytest.mark.battery
+@pytest.mark.skipif(not PANDA.is_file(), reason="no log of the Panda under DYNIDENT_DATA or ../shared/data")
+@pytest.mark.parametrize(
+    ("change", "gravity", "code"),
+    [
+        (lambda values, header: None, "", 0),
+        (lambda values, header: None, "gravity: [0, 0, 9.81]\n", 4),
+        (_negate, "", 4),
+        (_exchange, "", 4),
+    ],
+    ids=["right", "gravity", "sign", "order"],
+)
+def test_the_panda(
+    change: Any, gravity: str, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    _panda(change, gravity)
+    assert main(["identify", "case.yaml", "-o", "estimate.json", *QUICK]) == code
+    assert capsys.readouterr().out.startswith("NOT ACCEPTED") is (code == 4)
+    assert main(["export", "estimate.json", "--to", "csv", "-o", "out.csv", "--quiet"]) == (1 if code else 0)
