@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -63,6 +64,11 @@ def remark(text: str, quiet: bool = False) -> None:
     """Print a remark that is no answer."""
     if not quiet:
         _say(text, sys.stderr)
+
+
+def line_width() -> int:
+    """Return how many columns a line of the answer may take: those of the terminal; in a pipe 160."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else 160
 
 
 def answer_json(data: Mapping[str, Any]) -> None:

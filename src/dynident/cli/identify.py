@@ -9,6 +9,8 @@ drive gains) in chain order, in SI units; the filter is a zero-phase Butterworth
   dynident identify case.yaml a.csv b.csv --test c.csv --estimator wls --json
   dynident identify case.yaml --from all.tri
 
+The answer takes one screen: verdict, errors by joint, links, data, warnings; --full shows all tables.
+
 The log checks ('dynident check') look at the training logs before the fit. A wrong unit of time or an unreadable
 column stops it. After any other finding at error level the estimate is written, not accepted; the exit code is 4.
 
@@ -64,6 +66,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="FILE", help="write the estimate (JSON) here")
     output.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
+    output.add_argument("--full", action="store_true", help="show all tables: parameters, metrics, links, diagnostics")
     output.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     output.add_argument("--quiet", action="store_true", help="no progress and no remarks")
 
@@ -107,8 +110,11 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         console.answer_json(summary(estimate, test))
         return verdict.code
-    verdicts.show(verdict)
-    _show(estimate, test)
+    if options.full:
+        verdicts.show(verdict)
+        _show(estimate, test)
+    else:
+        verdicts.show_short(estimate, test, verdict)
     if options.output:
         console.remark(f"saved {options.output}; next: dynident validate {options.output} other-run.csv", options.quiet)
     return verdict.code

@@ -43,3 +43,28 @@ def show_nominal(estimate: Estimate, test: Validation | None) -> None:
         console.answer_table(links_table(changes), "links beside the robot model")
     else:
         console.answer(missing_reason(estimate))
+
+
+def show_short(estimate: Estimate, test: Validation | None, verdict: Verdict) -> None:
+    """Print an identification in one screen: the verdict, the errors, the links, the data, the warnings."""
+    from dynident.cli import console
+    from dynident.diagnosis.warnings import warnings_of
+    from dynident.results import short_answer
+    from dynident.results.verdict import cause_lines, criteria_table
+
+    console.answer(short_answer.verdict_line(verdict))
+    for cause in cause_lines(verdict):
+        console.answer(f"error: {cause}")
+    if verdict.criteria:
+        console.answer_table(criteria_table(verdict))
+    console.answer()
+    for line in short_answer.error_lines(estimate, test):
+        console.answer(line)
+    table = short_answer.joints_table(estimate, test)
+    console.answer_table(table, f"relative torque error, {'training' if test is None else 'test'} data")
+    for line in (table.note, "", *short_answer.summary_lines(estimate)):
+        if line or line != table.note:
+            console.answer(line)
+    for line in short_answer.warning_lines(warnings_of(estimate, test), console.line_width()):
+        console.answer(line)
+    console.answer("all tables: --full, --report FILE, --json")

@@ -11,9 +11,10 @@ import numpy as np
 from dynident.diagnosis.verdict import ACCEPTED
 from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.estimate.estimate import Estimate
-from dynident.results.report.judgement import GAP, LOST, WELL_KNOWN, grade, tone
+from dynident.results.report.judgement import GAP, WELL_KNOWN, grade, tone
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
+from dynident.results.short_answer import not_significant
 from dynident.results.text import format_percent, label, shorten
 from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, headline
 
@@ -167,14 +168,13 @@ def _knowledge(estimate: Estimate) -> Answer:
 
 
 def _about_parameters(estimate: Estimate) -> list[str]:
-    relative = np.where(np.isnan(estimate.relative_std), np.inf, estimate.relative_std)
-    lost = [int(k) for k in np.argsort(-relative, kind="stable") if relative[k] > LOST]
+    lost = not_significant(estimate)
     if not lost:
         return ["Every base parameter is significant at 95 %."]
     names = ", ".join(_short(estimate, k) for k in lost[:_REASONS])
     more = len(lost) - _REASONS
     return [
-        f"{len(lost)} of {len(relative)} base parameters are not significant at 95 %: {names}"
+        f"{len(lost)} of {estimate.base.count} base parameters are not significant at 95 %: {names}"
         f"{f' and {more} more' if more > 0 else ''}. They have little effect on the recorded torques, and on those of "
         "similar motions. Do not rely on their values."
     ]

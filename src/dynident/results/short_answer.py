@@ -1,0 +1,140 @@
+"""An identification in one screen: verdict, test error by joint beside the robot model's, links, data, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dynident.diagnosis.verdict import Verdict, quality_of
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Validation
+from dynident.results.nominal import errors_table, link_changes
+from dynident.results.report.judgement import LOST
+from dynident.results.text import (
+    Column,
+    Table,
+    counted,
+    format_number,
+    format_percent,
+    label,
+    shorten,
+    total_error,
+)
+from dynident.results.verdict import headline
+
+#: Joints and warnings that one screen has room for.
+JOINTS, WARNINGS = 9, 4
+
+
+def error_lines(estimate: Estimate, test: Validation | None) -> list[str]:
+    """Return the error on unseen data, or on those of the training where there are none, and the nominal one."""
+    data = estimate.train if test is None else test
+    worst = max(data.joints, key=lambda fit: -1.0 if np.isnan(fit.relative_error) else fit.relative_error)
+    of = f"{data.samples} samples; largest: {label(worst.name)} {format_percent(worst.relative_error)}"
+    kind = "training error" if test is None else "test error"
+    lines = [f"{label(estimate.model.robot.name)}: {kind} {total_error(data)} ({of})"]
+    if test is None:
+        lines.append("no test log: name one with --test, the training error is optimistic")
+    elif not np.isclose(estimate.train.total_relative_error, test.total_relative_error, rtol=0.05):
+        lines[0] += f"; training error {total_error(estimate.train)}"
+    return lines
+
+
+def joints_table(estimate: Estimate, test: Validation | None) -> Table:
+    """Return the relative error of each joint, nominal beside identified where the robot model has inertias.
+
+    More joints than a screen has room for are cut to those with the largest error.
+    """
+    data = estimate.train if test is None else test
+    table = errors_table(data)
+    if not table.rows:
+        errors = [(label(fit.name), format_percent(fit.relative_error, sign=False)) for fit in data.joints]
+        rows: Sequence[tuple[str, ...]] = [*errors, ("total", format_percent(data.total_relative_error, sign=False))]
+        table = Table((Column("joint"), Column("identified", "%", numeric=True)), tuple(rows))
+    order = sorted(range(len(data.joints)), key=lambda k: -np.nan_to_num(data.joints[k].relative_error, nan=-1.0))
+    kept = sorted(order[:JOINTS])
+    left = len(data.joints) - len(kept)
+    note = f"and {counted(left, 'joint')} with smaller errors" if left else ""
+    return Table(table.columns, tuple(table.rows[k] for k in (*kept, len(table.rows) - 1)), note)
+
+
+def summary_lines(estimate: Estimate) -> list[str]:
+    """Return what the estimate is made of: links, parameters, data, findings of the log checks."""
+    return [bodies_line(estimate), parameters_line(estimate), data_line(estimate), checks_line(estimate)]
+
+
+def bodies_line(estimate: Estimate) -> str:
+    """Return whether the links are physically consistent and which mass is furthest from the robot model's."""
+    verdict = estimate.consistency
+    if not verdict.consistent:
+        more = len(verdict.reasons) - 1
+        reasons = f"{'; '.join(verdict.reasons[:1])}{f' and {more} more' if more > 0 else ''}"
+        return f"links: physically INCONSISTENT: {reasons}"
+    line = "links: physically consistent"
+    changes = [each for each in link_changes(estimate) if min(each.mass) > 0]
+    if not changes:
+        return line
+    furthest = max(changes, key=lambda each: abs(np.log(each.mass[1] / each.mass[0])))
+    before, after = (format_number(mass, 3) for mass in furthest.mass)
+    totals = [sum(each.mass[k] for each in changes) for k in (0, 1)]
+    whole = f"{format_number(totals[1], 3)} kg in all, {format_number(totals[0], 3)} in the robot model"
+    return f"{line}; {whole}; furthest: {label(furthest.link)} {after} kg for {before}"
+
+
+def parameters_line(estimate: Estimate) -> str:
+    """Return how many base parameters are significant, and how well the motion determines them."""
+    lost = len(not_significant(estimate))
+    count = estimate.base.count
+    return (
+        f"base parameters: {count - lost} of {count} significant at 95 %; "
+        f"condition number {format_number(estimate.condition_number, 3)}"
+    )
+
+
+def not_significant(estimate: Estimate) -> list[int]:
+    """Return the base parameters whose interval at 95 % holds zero, the least certain first."""
+    relative = np.where(np.isnan(estimate.relative_std), np.inf, estimate.relative_std)
+    return [int(k) for k in np.argsort(-relative, kind="stable") if relative[k] > LOST]
+
+
+def data_line(estimate: Estimate) -> str:
+    """Return samples, effective sample size and filter of the training."""
+    told = [f"samples: {estimate.samples}"]
+    if estimate.diagnostics is not None:
+        told = [str(sentence) for sentence in estimate.diagnostics["verdicts"][:1]]
+    facts = estimate.train.filter
+    cutoff = facts.get("cutoff_hz")
+    name = label(facts.get("kind", "none"))
+    told.append(f"filter {name}" + (f" at {float(cutoff):.3g} Hz" if cutoff else ""))
+    return "; ".join([*told, f"estimator {estimate.estimator}"])
+
+
+def checks_line(estimate: Estimate) -> str:
+    """Return what the log checks found, as counts and names."""
+    quality = quality_of(estimate)
+    if quality is None:
+        return "log checks: not made"
+    found = [finding for log in quality for finding in log["findings"]]
+    told = []
+    for severity in ("error", "warning", "note"):
+        names = list(dict.fromkeys(str(each["name"]) for each in found if each["severity"] == severity))
+        count = sum(each["severity"] == severity for each in found)
+        if count:
+            told.append(f"{counted(count, severity)} ({', '.join(names[:3])}{', …' if len(names) > 3 else ''})")
+    return f"log checks: {'; '.join(told) or 'nothing found'}"
+
+
+def warning_lines(warnings: Sequence[str], width: int) -> list[str]:
+    """Return warnings of one line each, as many as a screen has room for; the last line counts the rest."""
+    lines = [shorten(f"warning: {text}", width) for text in warnings[:WARNINGS]]
+    left = len(warnings) - len(lines)
+    return [*lines, f"and {counted(left, 'more warning')}"] if left > 0 else lines
+
+
+def verdict_line(verdict: Verdict) -> str:
+    """Return the verdict, or that the log checks found no error where no criteria are stated."""
+    if stated := headline(verdict):
+        return stated
+    found = "the log checks found no error" if verdict.is_checked else "the log checks were not made"
+    return f"no acceptance criteria stated (--accept); {found}"
