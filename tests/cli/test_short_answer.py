@@ -1,0 +1,96 @@
+"""What identify prints by default: the answer of one screen."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynident.cli.main import main
+from dynident.data.formats import write_log
+from dynident.data.log import Log
+from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
+from dynident.model.robot import Robot
+from dynident.results import short_answer
+
+Capture = pytest.CaptureFixture[str]
+
+CASE = """\
+case: 2
+robot: arm.json
+friction: [viscous]
+preprocessing: {filter: {butterworth: {cutoff_hz: 8}}}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log], monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with a case of an arm of two joints and two logs."""
+    monkeypatch.chdir(tmp_path)
+    model = DynamicModel(planar_2r, (FRICTION.make("viscous"),))
+    assert planar_2r.nominal is not None
+    for name, seed in (("a.csv", 0), ("b.csv", 1)):
+        truth = np.append(planar_2r.nominal, [0.3, 0.2])
+        whole = exact_log(model, truth, noise=0.05, samples=1200, rate=200.0, seed=seed)
+        write_log(Log(whole.joints, whole.time, whole.q, torque=whole.torque), tmp_path / name)
+    (tmp_path / "arm.json").write_text(json.dumps(robot_to_dict(planar_2r)))
+    (tmp_path / "case.yaml").write_text(CASE)
+    return tmp_path
+
+
+def shown(capsys: Capture, *words: str) -> str:
+    code = main(["identify", "case.yaml", "a.csv", *words, "--quiet", "--no-sensitivity"])
+    out, err = capsys.readouterr()
+    assert code == 0, err
+    return out
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_answer_takes_one_screen(capsys: Capture) -> None:
+    out = shown(capsys, "--test", "b.csv")
+    lines = out.splitlines()
+    assert len(lines) <= 25 and lines[0].endswith("the log checks found no error")
+    told = json.loads(shown(capsys, "--test", "b.csv", "--json"))
+    figure = f"{100 * told['test']['total_relative_error']:.2f}".rstrip("0")[:3]
+    assert any("test error" in line and figure in line for line in lines)
+    count = len(told["parameters"])
+    assert any(line.startswith("base parameters: ") and f"of {count} significant" in line for line in lines)
+    assert "links: physically consistent" in out and "rel. std" not in out
+
+
+@pytest.mark.usefixtures("folder")
+def test_without_a_test_log_the_answer_says_that_its_error_is_of_the_training(capsys: Capture) -> None:
+    out = shown(capsys)
+    assert "training error" in out and "no test log: name one with --test" in out and "test error" not in out
+
+
+@pytest.mark.usefixtures("folder")
+def test_all_tables_on_request(capsys: Capture) -> None:
+    assert "rel. std" in shown(capsys, "--full")
+
+
+@pytest.mark.usefixtures("folder")
+def test_of_many_joints_those_with_the_largest_errors_are_shown(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(short_answer, "JOINTS", 1)
+    out = shown(capsys, "--test", "b.csv")
+    told = json.loads(shown(capsys, "--test", "b.csv", "--json"))["test"]["joints"]
+    worst, other = sorted((each["name"] for each in told), key=lambda name: -errors(told)[name])
+    rows = [line.split()[0] for line in out.splitlines() if line and line.split()[0] in (worst, other)]
+    assert rows == [worst] and "and 1 joint with smaller errors" in out
+
+
+def errors(joints: list[dict[str, object]]) -> dict[str, float]:
+    return {str(each["name"]): float(str(each["relative_error"])) for each in joints}
+
+
+def test_warnings_are_one_line_each_and_the_rest_is_counted() -> None:
+    lines = short_answer.warning_lines([f"warning number {k} " + 50 * "x" for k in range(7)], 40)
+    assert len(lines) == 5 and all(len(line) <= 40 for line in lines)
+    assert lines[-1] == "and 3 more warnings"
