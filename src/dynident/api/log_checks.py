@@ -9,8 +9,6 @@ from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
 from dynident.data.log import Log
 from dynident.data.preprocessing import default_preprocessing
-from dynident.diagnosis.checks import examine_recording
-from dynident.diagnosis.recording import recording_of
 from dynident.diagnosis.verdict import SUSPECT, errors_in
 from dynident.errors import DynidentError, NotAccepted
 from dynident.model.dynamic_model import DynamicModel
@@ -49,6 +47,9 @@ def check_logs(
     Raises:
         LogMismatch: A joint is missing.
     """
+    from dynident.diagnosis.checks import examine_recording  # a fit without checks needs neither
+    from dynident.diagnosis.recording import recording_of
+
     progress("log checks")
     names = case.robot.joint_names
     return [examine_recording(case, recording_of(case, log.ordered(names))).figures() for log in logs]
