@@ -162,7 +162,7 @@ def test_a_late_torque_is_no_wider_sign(planar_2r: Robot, exact_motion: Callable
     asked = replace(model, friction=(Coulomb(0.02, choose=("width",)), Viscous(), FADING))
     apart = {}
     for late in (False, True):
-        _, found = choose_fields(asked, rows(log), late=late)
+        _, found = choose_fields(asked, rows(log), delay_is_free=late)
         apart[late] = max(held.gain for held in found)
     assert apart[True] < 0.5 * apart[False]
 

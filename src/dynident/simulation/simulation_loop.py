@@ -53,6 +53,13 @@ def carry(plant: Plant, state: Array, step: float) -> None:
 
 
 @compiled
+def scratch_of(joints: int, links: int) -> Scratch:
+    """Return arrays to work in."""
+    mass, vectors, work = np.empty((joints, joints)), np.empty((4, joints)), np.empty((links + 1, WORK))
+    return mass, vectors, work, np.empty((4, 2, joints)), np.empty((2, joints))
+
+
+@compiled
 def begin_at(plant: Plant, state: Array, number: int) -> None:
     """Take a state (2, n) as the one before the first step, where the number of the step is 0."""
     if number == 0:
@@ -134,8 +141,7 @@ def closed_loop(
     """
     joints, gains, resolution, ticks, step = state.shape[1], control_of[0], control_of[1], clock[0], clock[1]
     tau, seen, after = np.zeros(joints), np.empty((2, joints)), np.empty((2, joints))
-    mass, vectors, work = np.empty((joints, joints)), np.empty((4, joints)), np.empty((len(plant[0]) + 1, WORK))
-    scratch = (mass, vectors, work, np.empty((4, 2, joints)), np.empty((2, joints)))
+    scratch = scratch_of(joints, len(plant[0]))
     per_control, per_row, per_noise, first = ticks[0], ticks[1], ticks[2], ticks[3]
     row, cut = 0, 0
     begin_at(plant, state, 0)
@@ -207,10 +213,9 @@ def tracking(
         The step at which the simulation failed, or -1.
     """
     joints, counts, step = state.shape[1], clock[0], clock[1]
-    slopes, place = np.empty((4, 2, joints)), np.empty((2, joints))
-    mass, vectors, work = np.empty((joints, joints)), np.empty((4, joints)), np.empty((len(plant[0]) + 1, WORK))
-    scratch = (mass, vectors, work, slopes, place)
     per_row, held, first = counts[0], counts[1], counts[2]
+    scratch = scratch_of(joints, len(plant[0]))
+    slopes, place = scratch[3], scratch[4]
     begin_at(plant, state, first)
     for k in range(len(out) * per_row):
         warm(plant[8], goals[2 * k])

@@ -14,10 +14,10 @@ from typing import TypeAlias
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.model.kernels.generic import WORK, bias_torque, placed_mass, solve
+from dynident.model.kernels.generic import bias_torque, placed_mass, solve
 from dynident.model.kernels.jit import compiled
 from dynident.simulation.friction_machine import BY_LOAD, BY_SPEED, lose, place, warm
-from dynident.simulation.simulation_loop import Plant, acceleration, begin_at, carry, feedback
+from dynident.simulation.simulation_loop import Plant, acceleration, begin_at, carry, feedback, scratch_of
 
 #: Newton steps at most; the change of the accelerations, against their size, that ends them.
 NEWTON_STEPS, SETTLED = 40, 1e-11
@@ -194,16 +194,11 @@ def implicit_tracking(
     """
     counts, step, rule = clock
     joints, per_row, held, first = state.shape[1], counts[0], counts[1], counts[2]
-    found = (
-        np.empty(joints),
-        np.empty((3, joints, joints)),
-        np.empty((2, joints)),
-        np.empty((len(plant[0]) + 1, WORK)),
-    )
+    scratch = scratch_of(joints, len(plant[0]))
+    found = (np.empty(joints), np.empty((3, joints, joints)), np.empty((2, joints)), scratch[2])
     size = STAGES * joints
     system = (np.empty((size, size)), np.empty(size), np.empty(size))
     motion, now = np.zeros((STAGES, 3, joints)), np.zeros((3, joints))
-    scratch = (found[1][0], np.empty((4, joints)), found[3], np.empty((4, 2, joints)), np.empty((2, joints)))
     begin_at(plant, state, first)
     for k in range(len(out) * per_row):
         warm(plant[8], goals[3 * k])
