@@ -27,8 +27,9 @@ from dynident.identification.problem.estimator import Solution
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem, make_problem
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
+from dynident.identification.residuals.row_passes import RowPasses
 from dynident.identification.search.box_search import BoxSearch
-from dynident.identification.selection.friction.load import agrees, with_load
+from dynident.identification.selection.friction.load import agrees, with_load, without_load
 from dynident.identification.uncertainty.propagation import mass_matrix, torque_deviations
 from dynident.identification.validate import validate
 from dynident.model.base_parameters import base_parameters
@@ -122,6 +123,40 @@ def test_the_fit_ends_where_its_load_is_its_own(spatial_3r: Robot, exact_log: Ma
     for i in range(3):
         own = rows.matrix[rows.joint == i] @ estimate.beta
         np.testing.assert_allclose(own, estimate.train.predicted[kept[:, i], i], atol=1e-3 * spread)
+
+
+@pytest.mark.parametrize("how", [GIVEN, Preprocessing(Butterworth(cutoff_hz=5.0), rate_hz=50.0, trim_s=0.3)])
+def test_rows_with_new_columns_of_the_load_are_rows_made_anew(
+    model: DynamicModel, exact_log: MakeLog, how: Preprocessing
+) -> None:
+    log, base = exact_log(model, truth(model), samples=2500), base_parameters(model)
+    raw = log if how is GIVEN else replace(log, dq=None, ddq=None)
+    logs = [preprocess(raw.rows(part, "part"), how) for part in (slice(0, 1300), slice(1300, 2500))]
+    simple = without_load(model)
+    first = make_problem(simple, base_parameters(simple), logs)
+    load = base.from_standard(truth(model))
+    for before in (first, make_problem(model, base, logs, 2.0 * load)):
+        assert before.kept is not None and before.kept.updated(RegressorStream(model, base, load)) is not None
+        found, anew = make_problem(model, base, logs, load, before.kept), make_problem(model, base, logs, load)
+        blocks = zip(RowPasses(found), RowPasses(replace(anew, kept=None)), strict=True)  # reducing leaves them alone
+        for one, other in blocks:
+            assert one.samples == other.samples
+            for mine, its in zip(one.blocks, other.blocks, strict=True):
+                np.testing.assert_allclose(mine, its, rtol=1e-12, atol=1e-12)
+        for mine, its in zip(found.triangles, anew.triangles, strict=True):
+            np.testing.assert_allclose(mine.factor, its.factor, atol=1e-9)
+
+
+def test_rows_are_made_anew_where_other_columns_differ(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    model = DynamicModel(spatial_3r, PARTS)
+    base, log = base_parameters(model), preprocess(exact_log(model, truth(model), samples=300), GIVEN)
+    load = base.from_standard(truth(model))
+    before = make_problem(model, base, [log], load)
+    wider = DynamicModel(spatial_3r, (Coulomb(0.3), *PARTS[1:]))
+    assert before.kept is not None and before.kept.updated(RegressorStream(wider, base, load)) is None
+    found, anew = (make_problem(wider, base, [log], load, kept) for kept in (before.kept, None))
+    for mine, its in zip(found.triangles, anew.triangles, strict=True):
+        np.testing.assert_array_equal(mine.factor, its.factor)
 
 
 def test_what_is_known_about_bodies_holds_in_every_pass(spatial_3r: Robot, exact_log: MakeLog) -> None:

@@ -183,8 +183,9 @@ def _judged(
         value, detail = _interval(estimate, test, on)
     elif name == "better_than_nominal":
         value, limit, detail = _against_nominal(data, on)
-    known = value is not None and np.isfinite(value) and np.isfinite(limit)
-    below = bool(known and (value < limit if name in CONDITIONS else value <= limit))
+    below = False
+    if value is not None and np.isfinite(value) and np.isfinite(limit):
+        below = bool(value < limit if name in CONDITIONS else value <= limit)
     return Criterion(name, None if value is None else finite(value), finite(limit), below, detail)
 
 

@@ -191,7 +191,7 @@ def _run(
 
 def _compiled(law: Any, arguments: tuple[Any, ...]) -> Any:
     """Return the compiled loop for these kinds of arguments; laws are called by their address, so it is one for all."""
-    if numba.config.DISABLE_JIT:
+    if not hasattr(closed_cell, "overloads"):  # NUMBA_DISABLE_JIT leaves the function as it is
         return closed_cell
     matrix, vector = types.float64[:, ::1], types.float64[::1]
     model = numba.typeof(arguments[2][0])

@@ -223,8 +223,8 @@ def _nominal(found: Mapping[str, Any] | None, joints: int) -> NominalErrors | No
         return None
     fitted, bare = (_with_none(found[f"joints_{key}"], joints) for key in ("friction_fitted", "nothing_fitted"))
     friction = {item["name"]: float(item["value"]) for item in found["friction"]}
-    totals = _with_nan({key: found[key] for key in ("friction_fitted", "nothing_fitted")}).values()
-    return NominalErrors(*totals, fitted, bare, friction)
+    totals = _with_nan({key: found[key] for key in ("friction_fitted", "nothing_fitted")})
+    return NominalErrors(totals["friction_fitted"], totals["nothing_fitted"], fitted, bare, friction)
 
 
 def _with_none(values: Sequence[float | None], count: int) -> tuple[float, ...]:

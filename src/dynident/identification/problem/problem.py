@@ -13,6 +13,7 @@ from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared, Preprocessing, at_rest
 from dynident.errors import PoorExcitation
 from dynident.identification.problem.choices import Choices
+from dynident.identification.problem.kept_rows import KeptRows, kept_rows
 from dynident.identification.problem.motion_checks import check_motion, check_temperature, check_torque
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
@@ -74,6 +75,7 @@ class Problem:
         constraints: What is known about bodies beforehand; estimators of possible robots keep it, others do not.
         prior: Standard parameters known beforehand, in place of the description's; None for the description's.
         left: What is known of rows that are gone; None where logs and rows are there.
+        kept: The rows of the logs, where they were made already and fit into memory.
     """
 
     model: DynamicModel
@@ -86,6 +88,7 @@ class Problem:
     constraints: Constraints = field(default_factory=Constraints)
     prior: BodyPrior | None = None
     left: LeftOver | None = None
+    kept: KeptRows | None = field(default=None, repr=False, compare=False)
 
     @property
     def regressor(self) -> RegressorStream:
@@ -148,7 +151,11 @@ class Problem:
 
 
 def make_problem(
-    model: DynamicModel, base: BaseParameters, logs: Sequence[Prepared], load: Array | None = None
+    model: DynamicModel,
+    base: BaseParameters,
+    logs: Sequence[Prepared],
+    load: Array | None = None,
+    before: KeptRows | None = None,
 ) -> Problem:
     """Reduce preprocessed logs to a problem.
 
@@ -157,6 +164,7 @@ def make_problem(
         base: Its base parameters.
         logs: Preprocessed logs, joints in the order of the robot.
         load: See :class:`Problem`.
+        before: Rows of these logs with another load, or without the friction that depends on it.
 
     Raises:
         BadOption: A friction part needs a load that is not given.
@@ -169,9 +177,12 @@ def make_problem(
     check_torque(model, logs)
     masks = tuple(counting_rows(model, log) for log in logs)
     regressor = RegressorStream(model, base, load)
-    parts = [regressor.triangles(log, mask) for log, mask in zip(logs, masks, strict=True)]
+    kept = before.updated(regressor) if before is not None else None
+    kept = kept or kept_rows(regressor, logs)
+    made = kept.segments if kept is not None else [None] * len(logs)
+    parts = [regressor.triangles(log, mask, own) for log, mask, own in zip(logs, masks, made, strict=True)]
     triangles = tuple(first.merged(rest) for first, *rest in zip(*parts, strict=True))
-    problem = Problem(model, base, tuple(logs), masks, triangles, load)
+    problem = Problem(model, base, tuple(logs), masks, triangles, load, kept=kept)
     check_rank(problem.reduced(), base)
     return problem
 

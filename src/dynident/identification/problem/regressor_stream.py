@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -20,8 +20,9 @@ from dynident.model.kernels.batched import JointColumns
 from dynident.model.reduction import CHUNK, Triangle, absorb, absorber
 from dynident.model.threads import in_order, one_blas_thread, threads_that_pay
 
-#: Slices of the kept rows, and [W_i, tau_i]' of each joint there.
-Segments: TypeAlias = Iterator[tuple[slice, tuple[Array, ...]]]
+#: A slice of the kept rows, and [W_i, tau_i]' of each joint there; some of them, one after another.
+RowSegment: TypeAlias = tuple[slice, tuple[Array, ...]]
+Segments: TypeAlias = Iterable[RowSegment]
 
 #: Rows of a part of a log that nothing filters, and threads at most that reduce parts: each holds one.
 PART, THREADS = 128 * CHUNK, 4
@@ -31,26 +32,39 @@ class RegressorStream:
     """Streams a log into the rows of the base observation matrix, joint by joint, in chunks that stay in the cache.
 
     Where friction depends on the load, ``load`` (b,) are the base parameters whose torque without friction it is.
-    Robots that differ in their gravity alone share code where ``any_gravity`` is stated.
+    Robots that differ in their gravity alone share code where ``any_gravity`` is stated. With ``only_load`` the rows
+    have the columns that depend on the load, and no others.
     """
 
     def __init__(
-        self, model: DynamicModel, base: BaseParameters, load: Array | None = None, any_gravity: bool = False
+        self,
+        model: DynamicModel,
+        base: BaseParameters,
+        load: Array | None = None,
+        any_gravity: bool = False,
+        only_load: bool = False,
     ) -> None:
         self.model, self.base, self.load = model, base, load
         inertial = base.independent[base.independent < model.inertial_count]
         self._kernel = JointColumns(model.robot.chain, inertial, any_gravity)
         friction = base.independent[base.independent >= model.inertial_count] - model.inertial_count
         self._drive, self._coefficient = (found[friction] for found in model.terms)
-        self._inertial = len(inertial)
+        self._inertial, self._any_gravity, self._only_load = len(inertial), any_gravity, only_load
+        needing = [("torque" in part.needs) for part in model.friction for _ in part.coefficients]
+        wanted = np.array(needing, dtype=bool)[self._coefficient] | (not only_load)
         coupling = np.asarray(model.robot.coupling)
         self._own: list[IntArray] = []
         columns: list[IntArray] = []
         for i in range(model.robot.dof):
-            own = np.flatnonzero(coupling[self._drive, i] != 0)
+            own = np.flatnonzero((coupling[self._drive, i] != 0) & wanted)
+            heads = self._kernel.columns[i][:0] if only_load else self._kernel.columns[i]
             self._own.append(own)
-            columns.append(np.concatenate([self._kernel.columns[i], len(inertial) + own]).astype(np.int64))
+            columns.append(np.concatenate([heads, len(inertial) + own]).astype(np.int64))
         self.columns: tuple[IntArray, ...] = tuple(columns)
+
+    def of_load(self) -> RegressorStream:
+        """Return what makes the columns that depend on the load alone, in the same segments."""
+        return RegressorStream(self.model, self.base, self.load, self._any_gravity, only_load=True)
 
     def rows(self, prepared: Prepared) -> tuple[Array, ...]:
         """Return [W_i, tau_i]' of each joint over the kept rows, both sides filtered, shape (K_i + 1, N)."""
@@ -68,12 +82,20 @@ class RegressorStream:
         torques = [[beta[own] @ block[:-1] for own, block in zip(self.columns, joint, strict=True)] for joint in blocks]
         return np.concatenate([np.stack(part, axis=1) for part in torques]) + self.model.known_torque(motion)
 
-    def triangles(self, prepared: Prepared, mask: BoolArray) -> tuple[Triangle, ...]:
+    def triangles(
+        self, prepared: Prepared, mask: BoolArray, parts: Sequence[Segments] | None = None
+    ) -> tuple[Triangle, ...]:
         """Return the triangle of each joint over the kept rows in ``mask`` (N, n); no row is kept.
 
         Parts of the log are reduced side by side and merged in their order, so that the number of processors changes
         no bit.
+
+        Args:
+            prepared: The log.
+            mask: Which of the kept rows count.
+            parts: Its rows, of :meth:`parts`, where they are there already; they stay as they are.
         """
+        made = self.parts(prepared) if parts is None else parts
         everything = bool(mask.all())
 
         def reduced(part: Segments) -> list[Array]:
@@ -83,14 +105,14 @@ class RegressorStream:
                 for i, block in enumerate(blocks):
                     chosen = block if everything else block[:, mask[rows, i]]
                     for start in range(0, chosen.shape[1], CHUNK):
-                        panel = np.ascontiguousarray(chosen[:, start : start + CHUNK])
+                        cut = chosen[:, start : start + CHUNK]
+                        panel = np.ascontiguousarray(cut) if parts is None else cut.copy()
                         own[i] = take(own[i], panel.T)
             return own
 
         factors: list[Array] = []
         with one_blas_thread():
-            parts = self._parts(prepared)
-            for own in in_order(reduced, parts, min(len(parts), threads_that_pay(THREADS))):
+            for own in in_order(reduced, made, min(len(made), threads_that_pay(THREADS))):
                 later = (np.asfortranarray(np.triu(each)) for each in own)
                 factors = [absorb(*pair) for pair in zip(factors, later, strict=True)] if factors else own
         return tuple(
@@ -98,12 +120,12 @@ class RegressorStream:
             for i, (columns, factor) in enumerate(zip(self.columns, factors, strict=True))
         )
 
-    def segments(self, prepared: Prepared) -> Segments:
+    def segments(self, prepared: Prepared) -> Iterator[RowSegment]:
         """Yield slices of the kept rows and the filtered rows of each joint there, in constant memory."""
-        for part in self._parts(prepared):
+        for part in self.parts(prepared):
             yield from part
 
-    def _parts(self, prepared: Prepared) -> list[Segments]:
+    def parts(self, prepared: Prepared) -> list[Segments]:
         """Return the segments in parts that can be made side by side.
 
         A filter looks ``reach`` samples to either side, so parts overlap by that much.
@@ -123,7 +145,7 @@ class RegressorStream:
         """Return the motion of a log with the states of the friction."""
         return self.model.with_states(motion_of(log), 1.0 / log.rate)
 
-    def _plain(self, prepared: Prepared, motion: Motion, part: slice) -> Segments:
+    def _plain(self, prepared: Prepared, motion: Motion, part: slice) -> Iterator[RowSegment]:
         """Yield kept rows where nothing is to be filtered: only they are ever computed."""
         measured = _measured_torque(prepared.log)
         known = _has_known_torque(self.model)
@@ -134,7 +156,9 @@ class RegressorStream:
             torque = torque - self.model.known_torque(cut) if known else torque
             yield own, self._block(cut, slice(0, len(torque)), torque, self.load)
 
-    def _filtered(self, prepared: Prepared, motion: Motion, inner: slice, wanted: slice, torque: Array) -> Segments:
+    def _filtered(
+        self, prepared: Prepared, motion: Motion, inner: slice, wanted: slice, torque: Array
+    ) -> Iterator[RowSegment]:
         """Yield the kept rows ``wanted`` of the samples ``inner``, filtered; the torque is that already."""
         log, keep = prepared.log, prepared.keep
         reach = prepared.how.filter.reach(log.rate)
@@ -167,13 +191,15 @@ class RegressorStream:
         cut = motion.rows(part)
         blocks = blocks or [np.empty((len(columns) + 1, len(cut.q))) for columns in self.columns]
         heads = [block[: len(found)] for block, found in zip(blocks, self._kernel.columns, strict=True)]
+        if self._only_load:
+            heads = [np.empty((len(found), len(cut.q))) for found in self._kernel.columns]
         self._kernel.evaluate(cut.q, cut.dq, cut.ddq, out=heads)
         if load is not None and "torque" in self.model.needs:
             cut = replace(cut, torque=self._without_friction(cut, heads, load))
         values = self.model.friction_values(cut)
         coupling, coupled = np.asarray(self.model.robot.coupling), self.model.robot.is_coupled
         for i, (block, own) in enumerate(zip(blocks, self._own, strict=True)):
-            drive, tail = self._drive[own], block[len(heads[i]) : -1]
+            drive, tail = self._drive[own], block[len(block) - 1 - len(own) : -1]
             tail[:] = values.T[self._coefficient[own], drive]
             if coupled:
                 tail *= coupling[drive, i, None]
@@ -182,7 +208,7 @@ class RegressorStream:
 
     def _without_friction(self, motion: Motion, heads: Sequence[Array], beta: Array) -> Array:
         """Return the torque of links and rotors at ``beta``, shape (N, n), from the inertial rows of each joint."""
-        rigid = [beta[own[: len(head)]] @ head for own, head in zip(self.columns, heads, strict=True)]
+        rigid = [beta[own] @ head for own, head in zip(self._kernel.columns, heads, strict=True)]
         rotor = np.zeros(self.model.robot.dof)
         for k, drive in enumerate(self._drive, start=self._inertial):
             if self.base.parameters[self.base.independent[k]].kind == "rotor":

@@ -7,9 +7,10 @@ holds one segment. Residuals and weights, n numbers a sample, are always kept.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy.typing as npt
 
 from dynident.arrays import Array, BoolArray
 from dynident.identification.problem.problem import Problem
+from dynident.identification.problem.regressor_stream import Segments
 from dynident.model.reduction import CHUNK, Triangle, absorber
 from dynident.model.threads import one_blas_thread
 
@@ -53,22 +55,28 @@ class RowPasses:
         self.columns = self._regressor.columns
         size = 8 * problem.samples * sum(len(columns) + 1 for columns in self.columns)
         self._stored: list[Segment] | None = [] if size <= kept else None
+        if self._stored is not None and problem.kept is not None:
+            self._stored = list(self._made(chain.from_iterable(parts) for parts in problem.kept.segments))
 
     def __iter__(self) -> Iterator[Segment]:
         if self._stored:
             yield from self._stored
             return
         made: list[Segment] = []
-        start = 0
-        for log in self.problem.logs:
-            for part, blocks in self._regressor.segments(log):
-                segment = Segment(slice(start + part.start, start + part.stop), blocks)
-                if self._stored is not None:
-                    made.append(segment)
-                yield segment
-            start += len(log.keep)
+        for segment in self._made(self._regressor.segments(log) for log in self.problem.logs):
+            if self._stored is not None:
+                made.append(segment)
+            yield segment
         if self._stored is not None:
             self._stored = made
+
+    def _made(self, logs: Iterable[Segments]) -> Iterator[Segment]:
+        """Yield the segments of all logs with their place in the samples of all."""
+        start = 0
+        for log, segments in zip(self.problem.logs, logs, strict=True):
+            for part, blocks in segments:
+                yield Segment(slice(start + part.start, start + part.stop), blocks)
+            start += len(log.keep)
 
     def one_thread(self) -> AbstractContextManager[Any]:
         """Return a context in which linear algebra uses one thread, as small panels are fastest."""

@@ -49,21 +49,22 @@ def loaded_problem(model: DynamicModel, base: BaseParameters, logs: Sequence[Pre
         PoorExcitation: The rows do not determine all base parameters.
     """
     simple = without_load(model)
-    known = dict(zip((p.name for p in simple.parameters), _first_fit(simple, logs).tolist(), strict=True))
+    first, standard = _first_fit(simple, logs)
+    known = dict(zip((p.name for p in simple.parameters), standard.tolist(), strict=True))
     load = base.from_standard(np.array([known.get(p.name, 0.0) for p in model.parameters]))
-    return make_problem(model, base, logs, load)
+    return make_problem(model, base, logs, load, first.kept)
 
 
 def default_load(model: DynamicModel, logs: Sequence[Prepared]) -> Array:
     """Return inertial standard parameters (10 l,) with the torque of a fit without parts that need it."""
-    return _first_fit(without_load(model), logs)[: model.inertial_count]
+    return _first_fit(without_load(model), logs)[1][: model.inertial_count]
 
 
-def _first_fit(model: DynamicModel, logs: Sequence[Prepared]) -> Array:
-    """Return standard parameters (p,), zero outside the base ones, of weighted least squares."""
+def _first_fit(model: DynamicModel, logs: Sequence[Prepared]) -> tuple[Problem, Array]:
+    """Return the problem and standard parameters (p,), zero outside the base ones, of its weighted least squares."""
     problem = make_problem(model, base_parameters(model), logs)
     deviations = problem.joint_deviations(least_squares(problem.reduced()).beta)
-    return problem.base.to_standard(least_squares(problem.reduced(1.0 / deviations)).beta)
+    return problem, problem.base.to_standard(least_squares(problem.reduced(1.0 / deviations)).beta)
 
 
 def agrees(problem: Problem, beta: Array) -> bool:
@@ -77,5 +78,5 @@ def agrees(problem: Problem, beta: Array) -> bool:
 
 def with_load(problem: Problem, beta: Array) -> Problem:
     """Return the problem with the load of ``beta`` (b,)."""
-    found = make_problem(problem.model, problem.base, problem.logs, beta)
+    found = make_problem(problem.model, problem.base, problem.logs, beta, problem.kept)
     return replace(found, choices=problem.choices, constraints=problem.constraints, prior=problem.prior)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from dynident.results.nominal import bodies_table, errors_table, link_changes, links_table, missing_reason
-from dynident.results.report.sections.base import Section
+from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 
 
 @dataclass(frozen=True)
-class Nominal(Section):
+class Nominal(ReportSection):
     """Errors of the nominal parameters on the same samples, and masses, centres and inertias side by side."""
 
     title: ClassVar = "Nominal and identified parameters"
