@@ -374,9 +374,9 @@ def test_a_share_of_the_duration(first: float) -> None:
 def test_splits_that_are_none(text: str) -> None:
     with pytest.raises(BadOption) as caught:
         Split.parse(text)
+    stated = f"split = {text!r} is not possible" if text else "split is empty"
     assert str(caught.value) == (
-        f"split = {text!r} is not possible; write first:0.67 (share of the duration) or "
-        "samples:0:24750,29250:45000 (that train, that test)"
+        f"{stated}; write first:0.67 (share of the duration) or samples:0:24750,29250:45000 (that train, that test)"
     )
 
 

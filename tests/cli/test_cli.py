@@ -119,7 +119,7 @@ def test_stopped_by_the_user(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_identify_prints_tables_and_tells_progress_apart(capsys: Capture) -> None:
-    assert main(["identify", "arm.json", "run.csv", "--test", "other.csv"]) == 0
+    assert main(["identify", "arm.json", "run.csv", "--test", "other.csv", "--full"]) == 0
     out, err = capsys.readouterr()
     assert "12 base parameters (6 inertial)" in out and "Izz[link1] + 0.25 m[link2]" in out
     assert "estimator consistent; filter " in out and "physically consistent: yes" in out

@@ -59,9 +59,11 @@ def test_reduce_merge_identify_is_identify(capsys: Capture, tmp_path: Path) -> N
     assert "4,400 samples of 2 logs" in out and "2,400 rows, 2,200 used at 200 Hz" in out and f"saved {both}" in err
     saved = [str(tmp_path / "one.json"), str(tmp_path / "two.json")]
     page = tmp_path / "report.html"
-    assert main(["identify", "case.yaml", "--from", both, "-o", saved[0], "--report", str(page), "--quiet"]) == 0
+    assert (
+        main(["identify", "case.yaml", "--from", both, "-o", saved[0], "--report", str(page), "--quiet", "--full"]) == 0
+    )
     assert "test data: total relative error" in capsys.readouterr().out and page.stat().st_size > 10_000
-    assert main(["identify", "case.yaml", "-o", saved[1], "--quiet", "--cross-validate", "0"]) == 0
+    assert main(["identify", "case.yaml", "-o", saved[1], "--quiet", "--cross-validate", "0", "--full"]) == 0
     one, two = map(read_estimate, saved)
     np.testing.assert_allclose(one.beta, two.beta, rtol=1e-8)
     assert one.train.total_relative_error == pytest.approx(two.train.total_relative_error, rel=1e-8)

@@ -96,7 +96,7 @@ def test_a_fault_leaves_an_estimate_that_is_not_accepted(
     words = ("identify", "case.yaml", "run.csv", "-o", "estimate.json", "--report", "report.html", *QUICK)
     assert main(words) == 4
     shown = capsys.readouterr().out.splitlines()
-    assert shown[0].startswith("NOT ACCEPTED: ") and shown[1].startswith(f"  error: run.csv: {name}")
+    assert shown[0].startswith("NOT ACCEPTED: ") and shown[1].startswith(f"error: run.csv: {name}")
     estimate = read_estimate("estimate.json")
     (cause,) = answered(capsys, 4, "validate", "estimate.json", "run.csv")["verdict"]["causes"]
     assert cause["name"] == name and cause["log"] == "run.csv" and cause["remedy"]
@@ -156,7 +156,7 @@ def test_compare_shows_the_cause_first(
 ) -> None:
     recorded(spatial_3r, _turned)
     assert main(["compare", "case.yaml", "run.csv", "--estimators", "ols,wls", "--quiet"]) == 4
-    assert capsys.readouterr().out.splitlines()[1].startswith("  error: run.csv: torque sign")
+    assert capsys.readouterr().out.splitlines()[1].lstrip().startswith("error: run.csv: torque sign")
     found = answered(capsys, 0, "compare", "case.yaml", "run.csv", "--estimators", "wls", "--no-check", "--quiet")
     assert found["verdict"]["log_checks_made"] is False
 

@@ -56,12 +56,12 @@ class Bench:
         self.settings = part.settings(known(size, order))
         self.memory, self.work = np.zeros((part.memory, n)), np.zeros((n + 1, WORK))
         self.model: Any = (*pack(star.chain), np.array(star.nominal), np.zeros((n, n)))
-        self.limits, self.law = np.full(n, limit), part.law()
+        self.robot, self.law = (np.full(n, limit), PERIOD, self.model), part.law()
 
     def tick(self, goal: Array, seen: Array) -> Array:
         """Return the torque of one tick, the memory counted on as the cell does."""
         tau = np.full(goal.shape[1], np.nan)
-        self.law(self.settings, goal, seen, self.limits, PERIOD, self.model, self.memory, self.work, tau)
+        self.law(self.settings, goal, seen, self.robot, self.memory, self.work, tau)
         self.memory[0] += 1.0
         return tau
 
@@ -88,10 +88,10 @@ def test_settings_are_finite_numbers_of_each_joint(part: Controller) -> None:
 def test_every_tick_gives_finite_torques_and_changes_only_its_memory(part: Controller) -> None:
     goals, seen = course()
     bench = Bench(part)
-    kept = [values.copy() for values in (goals, seen, bench.settings, bench.limits, *bench.model)]
+    kept = [values.copy() for values in (goals, seen, bench.settings, bench.robot[0], *bench.model)]
     torques = bench.run(goals, seen)
     assert torques.shape == (12, 3) and np.all(np.isfinite(torques))
-    for value, before in zip((goals, seen, bench.settings, bench.limits, *bench.model), kept, strict=True):
+    for value, before in zip((goals, seen, bench.settings, bench.robot[0], *bench.model), kept, strict=True):
         np.testing.assert_array_equal(value, before)
     np.testing.assert_array_equal(bench.memory[0], 12.0)
 

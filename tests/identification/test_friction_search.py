@@ -227,7 +227,7 @@ def test_a_choice_is_held_against_the_friction_it_begins_with(spatial_3r: Robot,
     )  # fmt: skip
     same, better = (choose_friction(usual, [preprocess(log, GIVEN)]) for log in (plain, apart))
     assert not same.improves_significantly and same.gain < 2 * same.error + 5e-3
-    assert better.improves_significantly and better.gain > 0.5 and better.figures()["gain"] == better.gain
+    assert better.improves_significantly and better.gain > 0.5 and better.record().gain == better.gain
     kept, compared = same_for_all(
         replace(usual, friction=better.friction), [preprocess(apart, GIVEN)], improves_significantly=False
     )

@@ -45,7 +45,7 @@ def test_a_case_from_upload_to_report(client, logs: tuple[Path, Path]) -> None:
     assert init == draft["command"] and edit == f"cat > case_1.yaml <<'END'\n{saved['text']}END"
     done = client.run("identify", case="case_1.yaml", estimator="wls", friction=["coulomb", "viscous"], quick=True)
     assert done["state"] == "done", done["progress"]
-    assert done["progress"][0].strip() == "reading" and "total relative error" in done["answer"]
+    assert done["progress"][0].strip() == "reading" and "test error" in done["answer"]
     assert done["outputs"] == ["estimate_1.json", "report_1.html"]
     estimate = read_estimate(client.folder / "estimate_1.json")
     assert estimate.provenance["command"] == done["command"]

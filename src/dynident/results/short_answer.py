@@ -9,8 +9,7 @@ import numpy as np
 from dynident.diagnosis.verdict import Verdict, quality_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
-from dynident.results.nominal import errors_table, link_changes
-from dynident.results.report.judgement import LOST
+from dynident.results.nominal import errors_table, link_changes, missing_reason
 from dynident.results.text import (
     Column,
     Table,
@@ -22,6 +21,9 @@ from dynident.results.text import (
     total_error,
 )
 from dynident.results.verdict import headline
+
+#: Relative standard deviation from which a parameter is not significant at 95 %.
+LOST = 1.0 / 1.96
 
 #: Joints and warnings that one screen has room for.
 JOINTS, WARNINGS = 9, 4
@@ -61,7 +63,8 @@ def joints_table(estimate: Estimate, test: Validation | None) -> Table:
 
 def summary_lines(estimate: Estimate) -> list[str]:
     """Return what the estimate is made of: links, parameters, data, findings of the log checks."""
-    return [bodies_line(estimate), parameters_line(estimate), data_line(estimate), checks_line(estimate)]
+    known = [bodies_line(estimate), parameters_line(estimate), data_line(estimate), checks_line(estimate)]
+    return [line for line in (*known, missing_reason(estimate)) if line]
 
 
 def bodies_line(estimate: Estimate) -> str:

@@ -68,7 +68,7 @@ def _limits(subject: CheckedLog) -> list[Finding]:
             names.append(joint.name)
             beyond.append(f"{joint.name} {low:.4g} to {high:.4g} (limits {lower:.4g} to {upper:.4g})")
             far = max(far, away)
-    if degrees:
+    if degrees and not _counts_turns(subject):
         largest = float(np.abs(q).max())
         evidence = (
             f"positions up to {largest:.4g} rad exceed the limits of a few rad; read as degrees they keep the limits"
@@ -82,6 +82,13 @@ def _limits(subject: CheckedLog) -> list[Finding]:
         return []
     remedy = "check unit, zero, sign and order of the joints (log: units, columns)"
     return [Finding("warning", "joint limits", listed(names), "; ".join(beyond), remedy, {"beyond": far})]
+
+
+def _counts_turns(subject: CheckedLog) -> bool:
+    """Whether positions in rad lie whole turns away: no joint travels more than a turn, as few degrees would be."""
+    robot, q = subject.case.robot, subject.sound.log.q
+    turning = q[:, [joint.kind == "revolute" for joint in robot.active]]
+    return bool(np.all(np.ptp(turning, axis=0) <= 2 * np.pi) and np.ptp(turning, axis=0).max() > np.deg2rad(MOVES))
 
 
 def _still(subject: CheckedLog) -> list[Finding]:

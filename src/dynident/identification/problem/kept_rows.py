@@ -14,6 +14,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.regressor_stream import RegressorStream, RowSegment
+from dynident.model.base_parameters import BaseParameters
 
 #: Bytes of rows that a problem keeps.
 KEPT = 1 << 27
@@ -33,6 +34,14 @@ class KeptRows:
     regressor: RegressorStream
     logs: tuple[Prepared, ...]
     segments: tuple[tuple[tuple[RowSegment, ...], ...], ...]
+
+    def has_logs(self, logs: Sequence[Prepared]) -> bool:
+        """Return whether these are the rows of the very logs."""
+        return len(logs) == len(self.logs) and all(own is log for own, log in zip(self.logs, logs, strict=True))
+
+    def are_of(self, logs: Sequence[Prepared], base: BaseParameters, load: Array | None) -> bool:
+        """Return whether these are the rows of the very logs, base parameters and load."""
+        return self.has_logs(logs) and self.regressor.base is base and self.regressor.load is load
 
     def updated(self, regressor: RegressorStream) -> KeptRows | None:
         """Return the rows of a model that differs in its load, or in friction that depends on the load beside these.

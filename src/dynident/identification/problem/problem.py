@@ -90,6 +90,11 @@ class Problem:
     left: LeftOver | None = None
     kept: KeptRows | None = field(default=None, repr=False, compare=False)
 
+    def __post_init__(self) -> None:
+        """Let go of rows that are those of other logs, base parameters or another load, as after ``replace``."""
+        if self.kept is not None and not self.kept.are_of(self.logs, self.base, self.load):
+            object.__setattr__(self, "kept", None)
+
     @property
     def regressor(self) -> RegressorStream:
         """What makes the rows of the problem from a log."""
@@ -177,7 +182,7 @@ def make_problem(
     check_torque(model, logs)
     masks = tuple(counting_rows(model, log) for log in logs)
     regressor = RegressorStream(model, base, load)
-    kept = before.updated(regressor) if before is not None else None
+    kept = before.updated(regressor) if before is not None and before.has_logs(logs) else None
     kept = kept or kept_rows(regressor, logs)
     made = kept.segments if kept is not None else [None] * len(logs)
     parts = [regressor.triangles(log, mask, own) for log, mask, own in zip(logs, masks, made, strict=True)]

@@ -7,9 +7,6 @@ import numpy as np
 #: A base parameter is well known when its standard deviation is at most this share of its value.
 WELL_KNOWN = 0.10
 
-#: It cannot be told from zero at 95 % when 1.96 standard deviations exceed its value.
-LOST = 1.0 / 1.96
-
 #: Total relative error up to which a fit is called so.
 GRADES = ((0.05, "very good"), (0.10, "good"), (0.20, "usable"))
 

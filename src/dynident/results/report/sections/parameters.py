@@ -11,9 +11,10 @@ from dynident.errors import BadOption
 from dynident.identification.estimate.estimate import Estimate
 from dynident.results.figures import deviation_chart
 from dynident.results.report.combinations import combination
-from dynident.results.report.judgement import LOST, WELL_KNOWN
+from dynident.results.report.judgement import WELL_KNOWN
 from dynident.results.report.sections.base import ReportSection, drawn
 from dynident.results.report.subject import Subject
+from dynident.results.short_answer import LOST
 from dynident.results.text import Table, format_number, format_percent, parameters_table
 
 
