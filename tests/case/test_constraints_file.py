@@ -22,6 +22,7 @@ links:
   link2:
     mass: {max: 2.5}
     symmetry: {y: 0, z: 0.1}
+    thickness: 0.02
 fixed: {"Fv[joint1]": 0.5}
 """
 
@@ -41,7 +42,7 @@ def test_every_key(tmp_path: Path, planar_2r: Robot) -> None:
     assert first.centre_hull is not None and first.centre_hull.shape == (3, 3)
     assert first.body_box is not None and first.body_ellipsoid is not None
     np.testing.assert_allclose(first.body_ellipsoid.quadric[:2, :2], [[-4.0, 0], [0, -1.0]], atol=1e-12)  # turned
-    assert second.symmetry == {"y": 0.0, "z": 0.1}
+    assert second.symmetry == {"y": 0.0, "z": 0.1} and second.thickness == 0.02 and first.thickness == 0.0
 
 
 @pytest.mark.parametrize(
@@ -52,6 +53,7 @@ def test_every_key(tmp_path: Path, planar_2r: Robot) -> None:
         ("total_mass: {min: 3, max: 2}", "line 1, total_mass: .*must not be above"),
         ("links: {link1: {mass: -1}}", "links.link1.mass: .*a mass is above 0"),
         ("links: {link1: {centre: {box: [[0, 0, 0]]}}}", "links.link1.centre.box: 2 rows are needed"),
+        ("links: {link1: {thickness: -1}}", "links.link1.thickness: .*a length of 0 or more in m"),
         ("links: {link1: {centre: {hull: []}}}", "links.link1.centre.hull: no list of points"),
         ("links: {link1: {body: {ellipsoid: {semi_axes: [1, 1, 0]}}}}", "semi_axes: .*three lengths above 0"),
         ("links: {link1: {symmetry: {w: 0}}}", "unknown key 'w'; known keys: x, y, z"),

@@ -276,6 +276,44 @@ def test_stated_constraints_hold() -> None:
         assert any("centre of mass" in each["condition"] or "mass" in each["condition"] for each in fit.active)
 
 
+def thinnest(theta: Array) -> Array:
+    """Return the least root mean square distance of each body from a plane through its centre of mass, in m."""
+    found = []
+    for ten in theta.reshape(-1, 10):
+        pseudo = Inertia.from_vector(ten).pseudo
+        centre = pseudo[:3, 3] / ten[9]
+        found.append(np.sqrt(np.linalg.eigvalsh(pseudo[:3, :3] / ten[9] - np.outer(centre, centre))[0]))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("path", (solve_conic, solve_whitened))
+def test_every_path_keeps_the_minimum_thickness(path: Callable[[Program], ConicCandidate]) -> None:
+    posed, least = noisy(4, joints=3), 0.1
+    known = Constraints({link.name: BodyConstraints(thickness=least) for link in posed[0].robot.links})
+    count = posed[0].inertial_count
+    assert np.min(thinnest(fit_of(posed).theta[:count])) < least / 2  # else the condition would do nothing
+    fit = fit_of(posed, constraints=known)
+    assert fit.optimality.gap < 1e-7
+    assert np.min(thinnest(fit.theta[:count])) > least * (1 - 1e-4)
+    assert any("a body of the minimum thickness" in condition["condition"] for condition in fit.active)
+    program = pose_program(*posed, constraints=known)
+    start = inside(program)
+    assert start is not None
+    for other in (path(program), solve_barrier(program, start)):
+        found = optimality(program, other.phi, other.multipliers)
+        assert found.gap < 1e-5
+        assert found.objective == pytest.approx(fit.optimality.objective, rel=1e-5)
+
+
+def test_a_thickness_that_does_not_fit_the_box_is_named() -> None:
+    posed = noisy(3, joints=2)
+    box = BoundingBox(np.full(3, -0.05), np.full(3, 0.05))  # largest possible root mean square distance: 0.05 m
+    name = posed[0].robot.links[0].name
+    fit_of(posed, constraints=Constraints({name: BodyConstraints(body_box=box, thickness=0.045)}))
+    with pytest.raises(ContradictoryConstraints, match=f"{name}: a body of the minimum thickness"):
+        fit_of(posed, constraints=Constraints({name: BodyConstraints(body_box=box, thickness=0.055)}))
+
+
 def test_matter_stays_in_its_box_and_centres_in_their_plane() -> None:
     """Second moments are those of points in the slab of each axis; flat hulls and equal bounds are equations."""
     posed = noisy(3, 4)

@@ -1,6 +1,6 @@
 """What is known about bodies, as it is written: the section ``constraints`` of a case file, or a file of its own.
 
-Keys: links (by name: mass, centre, body, symmetry), total_mass, fixed. docs/case-file.md describes each.
+Keys: links (by name: mass, centre, body, symmetry, thickness), total_mass, fixed. docs/case-file.md describes each.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.robot import Robot
 
 KEYS = ("links", "total_mass", "fixed")
-_LINK_KEYS = ("mass", "centre", "body", "symmetry")
+_LINK_KEYS = ("mass", "centre", "body", "symmetry", "thickness")
 
 _Value = TypeVar("_Value")
 
@@ -78,11 +78,11 @@ def _body(section: Section) -> BodyConstraints:
     if section.has("symmetry"):
         planes = section.section("symmetry", AXES)
         symmetry = {axis: planes.number(axis) for axis in AXES if planes.has(axis)}
-    mass = _range(section, "mass")
+    mass, thickness = _range(section, "mass"), section.number("thickness", 0.0)
     return _guard(
         section,
-        "mass" if section.has("mass") else "",
-        lambda: BodyConstraints(mass, centre_box, centre_hull, body_box, ellipsoid, symmetry),
+        "thickness" if thickness < 0 else "mass" if section.has("mass") else "",
+        lambda: BodyConstraints(mass, centre_box, centre_hull, body_box, ellipsoid, symmetry, thickness),
     )
 
 

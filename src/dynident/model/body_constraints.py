@@ -100,6 +100,7 @@ class BodyConstraints:
         body_box: Box that holds all matter: its second moments and centre are those of a density in the box.
         body_ellipsoid: Ellipsoid that holds all matter.
         symmetry: Planes of symmetry: position in m of the plane along each axis that it is normal to.
+        thickness: Least root mean square distance of the matter from any plane through the centre of mass, in m.
     """
 
     mass: ValueRange = field(default_factory=ValueRange)
@@ -108,10 +109,13 @@ class BodyConstraints:
     body_box: BoundingBox | None = None
     body_ellipsoid: Ellipsoid | None = None
     symmetry: Mapping[str, float] = field(default_factory=dict)
+    thickness: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.mass.high > 0:
             raise BadOption("mass", self.mass.high, "a mass is above 0 kg")
+        if not 0 <= self.thickness < np.inf:
+            raise BadOption("thickness", self.thickness, "give a length of 0 or more in m")
         for axis in self.symmetry:
             if axis not in AXES:
                 raise UnknownChoice("axis", axis, AXES)

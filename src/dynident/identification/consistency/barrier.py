@@ -114,9 +114,11 @@ def inside(program: Program) -> Array | None:
 
 
 def _lift(rules: Conditions) -> Array:
-    """Return the scaled parameters that add I to the pseudo-inertia of every link, shape (p,)."""
+    """Return the scaled parameters that add I to the matrix of every link's cone, shape (p,)."""
     lift = np.zeros(rules.size)
-    lift[: 10 * len(rules.links)] = np.tile([2.0, 0, 0, 2.0, 0, 2.0, 0, 0, 0, 1.0], len(rules.links))
+    for i, thickness in enumerate(rules.thickness or (0.0,) * len(rules.links)):
+        lift[10 * i + np.array([0, 3, 5])] = 2.0 * (1.0 + thickness**2)
+        lift[10 * i + 9] = 1.0
     return lift
 
 
@@ -136,6 +138,7 @@ def _relaxed(program: Program, start: Array, lift: Array) -> Program:
         rules.sign_words,
         rules.links,
         rules.margin,
+        thickness=rules.thickness,
     )
     depth = np.zeros((1, size + 1))
     depth[0, size] = 1.0
@@ -171,7 +174,7 @@ def _newton_rows(program: Program, place: _Place, mu: float, fixed: Array, aim: 
         rows.append(np.sqrt(mu) * rules.sign / place.signs[:, None])
         rest.append(np.full(len(rules.sign), -np.sqrt(mu)))
     if program.links:
-        rows.append(np.sqrt(mu) * whitened_rows(place.roots, size))
+        rows.append(np.sqrt(mu) * whitened_rows(place.roots, size, rules.bases))
         rest.append(np.tile(-np.sqrt(mu) * IDENTITY_VECTOR, program.links))
     if program.weight:
         rows.append(np.sqrt(program.weight) * whitened_rows(place.bodies, size))
@@ -231,5 +234,5 @@ def _equation_prices(program: Program, place: _Place, mu: float) -> Array:
     if len(rules.sign):
         rest = rest - rules.sign.T @ (mu / place.signs)
     if program.links:
-        rest[: 10 * program.links] -= along_basis(_prices(place, mu))
+        rest[: 10 * program.links] -= along_basis(_prices(place, mu), rules.bases)
     return np.linalg.lstsq(rules.zero.T, rest)[0]

@@ -63,7 +63,7 @@ def deepest(conditions: Conditions) -> Depth:
     total = float(np.sum(raw.sign) + np.trace(raw.cones.sum(axis=0) if len(raw.cones) else np.zeros((4, 4))))
     prices = Multipliers(*(part / max(total, 1e-300) for part in (raw.zero, raw.sign, raw.cones)))
     combined = conditions.sign.T @ prices.sign + conditions.zero.T @ prices.zero
-    combined[: 10 * len(conditions.links)] += along_basis(prices.cones)
+    combined[: 10 * len(conditions.links)] += along_basis(prices.cones, conditions.bases)
     bound = float(prices.sign @ conditions.sign_offset + prices.zero @ conditions.zero_offset)
     bound -= conditions.margin * float(np.einsum("lii->", prices.cones))
     slack = [float(np.min(conditions.signs(phi), initial=np.inf))]

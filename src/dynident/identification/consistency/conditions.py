@@ -2,13 +2,15 @@
 
 In scaled variables phi = theta / scale: zero @ phi + zero_offset = 0, sign @ phi + sign_offset >= 0, and for every link
 i the scaled pseudo-inertia P_i(phi) - margin I >= 0 (Wensing, Kim and Slotine 2018, (12)). With D = diag(1/L, 1/L,
-1/L, 1), P(phi) = D P(theta) D / m.
+1/L, 1), P(phi) = D P(theta) D / m. Where a link has a minimum thickness r, P_i(phi) - (r/L)^2 phi_m diag(1, 1, 1, 0)
+stands in place of P_i(phi): by the Schur complement the covariance of the density is at least r^2 in every direction.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -43,6 +45,7 @@ class Conditions:
         links: Names of the links, one pseudo-inertia each, the ten parameters of link i at 10 i.
         margin: Smallest eigenvalue of each scaled pseudo-inertia.
         sign_sizes: What a slack of 1 is worth, and its unit (empty where it has none that says much), per inequality.
+        thickness: Minimum thickness of each link in units of its natural length; empty for none.
     """
 
     zero: Array
@@ -54,6 +57,15 @@ class Conditions:
     links: tuple[str, ...]
     margin: float
     sign_sizes: tuple[tuple[float, str], ...] = ()
+    thickness: tuple[float, ...] = ()
+
+    @cached_property
+    def bases(self) -> Array:
+        """The ten matrices of each link's cone, shape (l, 10, 4, 4)."""
+        bases = np.tile(PSEUDO_BASIS, (len(self.links), 1, 1, 1))
+        for basis, thickness in zip(bases, self.thickness, strict=False):
+            basis[9, :3, :3] -= thickness**2 * np.eye(3)
+        return bases
 
     @property
     def size(self) -> int:
@@ -63,7 +75,9 @@ class Conditions:
     @property
     def cone_words(self) -> tuple[str, ...]:
         """What the condition of each link says."""
-        return tuple(f"{name}: a body of positive density" for name in self.links)
+        words = ("a body of positive density", "a body of the minimum thickness")
+        thickness = self.thickness or (0.0,) * len(self.links)
+        return tuple(f"{name}: {words[value > 0]}" for name, value in zip(self.links, thickness, strict=True))
 
     def equations(self, phi: Array) -> Array:
         """Return what the equations miss, shape (z,)."""
@@ -74,9 +88,9 @@ class Conditions:
         return self.sign @ phi + self.sign_offset
 
     def pseudo(self, phi: Array) -> Array:
-        """Return P_i(phi) - margin I, shape (l, 4, 4)."""
+        """Return P_i(phi), less the part of the minimum thickness, - margin I, shape (l, 4, 4)."""
         tens = phi[: 10 * len(self.links)].reshape(-1, 10)
-        return np.einsum("lk,kij->lij", tens, PSEUDO_BASIS) - self.margin * np.eye(4)
+        return np.einsum("lk,lkij->lij", tens, self.bases) - self.margin * np.eye(4)
 
     def shortfall(self, phi: Array) -> float:
         """Return by how much phi breaks its worst condition, in natural sizes; 0 where it breaks none."""
@@ -127,6 +141,10 @@ def conditions_of(
         tuple(link.name for link in model.robot.links),
         margin,
         tuple((float(np.max(np.abs(row.row * scale.parameters))), row.unit) for row in sign),
+        tuple(
+            float(known.links[link.name].thickness / length) if link.name in known.links else 0.0
+            for link, length in zip(model.robot.links, scale.length, strict=True)
+        ),
     )
 
 

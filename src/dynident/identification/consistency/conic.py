@@ -13,8 +13,8 @@ from dynident.arrays import Array, IntArray
 from dynident.identification.consistency.conditions import (
     IDENTITY_VECTOR,
     ROOT2,
-    VECTOR_BASIS,
     Conditions,
+    stack_vectors,
     unstack_vectors,
 )
 from dynident.identification.consistency.program import Multipliers, Program, whitened_rows
@@ -134,7 +134,8 @@ def cone_rows(conditions: Conditions) -> tuple[Array, Array, list[Any]]:
         blocks.append(-conditions.sign)
         cones.append(clarabel.NonnegativeConeT(len(conditions.sign)))
     if links:
-        blocks.append(_widened(np.kron(np.eye(links), -VECTOR_BASIS), size))
+        vectors = [stack_vectors(basis).T for basis in conditions.bases]
+        blocks.append(_widened(-np.asarray(scipy.linalg.block_diag(*vectors)), size))
         cones += [clarabel.PSDTriangleConeT(4)] * links
     offsets = [conditions.zero_offset, conditions.sign_offset, np.tile(-conditions.margin * IDENTITY_VECTOR, links)]
     return np.vstack(blocks), np.concatenate(offsets), cones

@@ -51,7 +51,7 @@ class Program:
 
     def inertias(self, phi: Array) -> Array:
         """Return P_i(phi), shape (l, 4, 4)."""
-        return self.conditions.pseudo(phi) + self.conditions.margin * np.eye(4)
+        return np.einsum("lk,kij->lij", phi[: 10 * self.links].reshape(-1, 10), PSEUDO_BASIS)
 
     def objective(self, phi: Array) -> float:
         """Return f(phi); infinite where the entropic prior has no value."""
@@ -148,7 +148,7 @@ def optimality(program: Program, phi: Array, multipliers: Multipliers) -> Optima
     if not np.isfinite(objective):
         return bad
     residual = program.gradient(phi) - rules.zero.T @ prices.zero - rules.sign.T @ prices.sign
-    residual[: 10 * program.links] -= along_basis(prices.cones)
+    residual[: 10 * program.links] -= along_basis(prices.cones, rules.bases)
     slack = float(prices.sign @ np.maximum(rules.signs(phi), 0.0)) + float(np.sum(prices.cones * rules.pseudo(phi)))
     slack += float(np.abs(prices.zero) @ np.abs(rules.equations(phi)))
     factor = triangle_of(program.curvature(phi))
@@ -165,22 +165,23 @@ def optimality(program: Program, phi: Array, multipliers: Multipliers) -> Optima
     return Optimality(objective, (abs(slack) + curved) / size, abs(slack) / size, curved / size, shortfall)
 
 
-def along_basis(matrices: Array) -> Array:
-    """Return <M_i, B_k> for symmetric matrices (l, 4, 4) and the ten basis matrices, shape (10 l,)."""
-    return np.einsum("lij,kij->lk", matrices, PSEUDO_BASIS).ravel()
+def along_basis(matrices: Array, bases: Array = PSEUDO_BASIS) -> Array:
+    """Return <M_i, B_k> for symmetric matrices (l, 4, 4) and ten basis matrices, (10, 4, 4) or (l, 10, 4, 4)."""
+    return np.einsum("lij,lkij->lk", matrices, np.broadcast_to(bases, (len(matrices), 10, 4, 4))).ravel()
 
 
-def whitened_rows(roots: Array, size: int) -> Array:
+def whitened_rows(roots: Array, size: int, bases: Array = PSEUDO_BASIS) -> Array:
     """Return the rows svec(L_i^-1 B_k L_i^-T) for lower roots L_i (l, 4, 4), shape (10 l, size), blocks by link.
 
-    Their square is the Hessian of -log det at P_i = L_i L_i'.
+    Their square is the Hessian of -log det at P_i = L_i L_i'. The matrices B_k are those of :func:`along_basis`.
     """
     links = len(roots)
     found = np.zeros((10 * links, size))
     if not links:
         return found
     inverse = np.linalg.inv(roots)
-    turned = np.einsum("lai,kij,lbj->lkab", inverse, PSEUDO_BASIS, inverse, optimize=True)
+    bases = np.broadcast_to(bases, (links, 10, 4, 4))
+    turned = np.einsum("lai,lkij,lbj->lkab", inverse, bases, inverse, optimize=True)
     for i in range(links):
         found[10 * i : 10 * i + 10, 10 * i : 10 * i + 10] = stack_vectors(turned[i]).T
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal, TypeAlias
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
@@ -21,7 +21,10 @@ from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.prior import PULL, Scale
 from dynident.identification.problem.problem import Problem
+from dynident.model.plausible import plausible_constraints
 from dynident.model.reduction import Reduced
+
+Bodies: TypeAlias = Literal["free", "plausible"]
 
 
 @dataclass(frozen=True)
@@ -36,11 +39,13 @@ class Consistent(Estimator):
         pull: How tightly the prior holds: its standard deviation is 1 / sqrt(pull) natural sizes of a parameter.
         margin: Smallest eigenvalue of each link's scaled pseudo-inertia: how far inside the possible it stays.
         metric: How far a body is from the prior: `natural` sizes, constant `pull_back` metric, or `entropic` (log-det).
+        bodies: `free`: consistent; `plausible`: also within bounds of size, thickness and mass from the robot model.
     """
 
     pull: float = PULL
     margin: float = MARGIN
     metric: Metric = "natural"
+    bodies: Bodies = "free"
 
     keeps_constraints: ClassVar = True
     from_triangles: ClassVar = True
@@ -53,6 +58,8 @@ class Consistent(Estimator):
             raise BadOption("margin", self.margin, "give a share between 0 and 0.1, such as 1e-8")
         if self.metric not in METRICS:
             raise BadOption("metric", self.metric, f"choose one of: {', '.join(METRICS)}")
+        if self.bodies not in ("free", "plausible"):
+            raise BadOption("bodies", self.bodies, "choose one of: free, plausible")
 
     @property
     def prior_pull(self) -> float:
@@ -86,4 +93,7 @@ class Consistent(Estimator):
 
     def _fit(self, problem: Problem, reduced: Reduced, scale: Scale) -> ConsistentFit:
         options = (self.pull, self.margin, self.metric)
-        return consistent_fit(problem.model, problem.base, reduced, scale, *options, problem.constraints)
+        known = problem.constraints
+        if self.bodies == "plausible":
+            known = plausible_constraints(problem.model.robot, known)
+        return consistent_fit(problem.model, problem.base, reduced, scale, *options, known)
