@@ -173,7 +173,12 @@ def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> t
     except LogFormatError as error:
         first = error
     if Path(logs[0]).suffix.lower() in FORMATS.get("csv").suffixes:
-        for line, kind in (('decimal: ","', FORMATS.make("csv", decimal=",")), ("format: twincat_scope", _scope())):
+        for line, kind in (
+            ("format: {csv: {names: ['c{}']}}", FORMATS.make("csv", names=("c{}",))),
+            ("format: {csv: {names: ['c{}'], decimal: ','}}", FORMATS.make("csv", names=("c{}",), decimal=",")),
+            ('decimal: ","', FORMATS.make("csv", decimal=",")),
+            ("format: twincat_scope", _scope()),
+        ):
             tables = _readable(logs, kind)
             if tables:
                 return tables, f"{line}   # the file reads as this only"

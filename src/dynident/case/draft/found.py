@@ -11,6 +11,7 @@ from dynident.case.draft.column_groups import Group
 from dynident.case.draft.joint_choice import JointChoice
 from dynident.case.draft.profile_fit import ProfileFit
 from dynident.case.draft.readings import LogReading
+from dynident.case.draft.structure import Structure
 from dynident.case.draft.told_units import Told
 from dynident.data.evidence.torques import TorqueEvidence, agrees
 from dynident.model.robot import Robot
@@ -63,6 +64,7 @@ class Recognised:
         is_large: Whether the logs that train are reduced as a stream.
         turn: A whole turn after which positions start again, in the file's unit; 0 where they do not.
         wrapped: Joints that turn, where some of them start again so.
+        structure: What the values of columns say whose names say nothing; None where names do.
         form: How the file is read where its suffix does not say, as the case file writes it; empty for nothing.
     """
 
@@ -85,6 +87,7 @@ class Recognised:
     is_large: bool = False
     turn: float = 0.0
     wrapped: tuple[str, ...] = ()
+    structure: Structure | None = None
     form: str = ""
 
     @property

@@ -90,7 +90,9 @@ def _profile_gaps(found: Recognised) -> list[str]:
 def _columns(found: Recognised) -> list[str]:
     lines = ["  columns:"]
     if found.time:
-        lines.append(f"    time: {quoted(found.time)}")
+        line, told = f"    time: {quoted(found.time)}", found.structure
+        rated = told is not None and told.rate_hz > 0
+        lines.append(offered(line, f"no column runs forward as a time; {told.rate_why}") if rated and told else line)
     else:
         text = f"the column of the time; the log has {few(found.header)}; where none is, draft again with --rate"
         lines.append(asked("    time", text))
@@ -118,6 +120,9 @@ def _column(found: Recognised, signal: str) -> str:
     source = found.sources[signal]
     value = quoted(source.pattern) if source.pattern else listed(source.columns)
     line = f"    {signal}: {value}"
+    if found.structure is not None and signal in found.structure.rivals:
+        names = " or ".join(group.shown() for group in found.structure.rivals[signal])
+        return offered(line, f"which are {_WORDS[signal]}: {names}? {source.how}")
     if signal not in ("torque", "current") or not source.unknown:
         return f"{line}   # {plain(source.how)}"
     text = f"are {source.shown()} {_WORDS[signal]}? The word {' '.join(map(repr, source.unknown))} is not known"
@@ -145,7 +150,9 @@ def _refused(found: Recognised, signal: str) -> str:
 def _rivals(found: Recognised, signal: str) -> str:
     groups = found.rivals[signal]
     names = [group.pattern or f"{group.shown()}" for group in groups]
-    return asked(f"    {signal}", f"which columns are {_WORDS[signal]}: {' or '.join(map(repr, names))}")
+    evidence = found.structure.evidence.get(signal, "") if found.structure is not None else ""
+    told = f"; {evidence}" if evidence else ""
+    return asked(f"    {signal}", f"which columns are {_WORDS[signal]}: {' or '.join(map(repr, names))}{told}")
 
 
 def _units(found: Recognised) -> list[str]:

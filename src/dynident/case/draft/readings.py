@@ -18,6 +18,12 @@ from dynident.errors import LogFormatError
 #: Rows from which a draft is made at most: a quarter of an hour at 1 kHz.
 MOST_ROWS = 1 << 20
 
+#: The cut-off is this many times the band of the motion; see the part on filters in docs/how-to-choose.md.
+CUTOFF_FACTOR = 10.0
+
+#: Limits of the cut-off: in Hz, and as a share of the sampling rate.
+LEAST_CUTOFF, LARGEST_SHARE = 2.0, 0.2
+
 #: Share of the power of the positions that lies in the band of a motion.
 BAND_SHARE = 0.999
 
@@ -144,3 +150,8 @@ def band(time: Array, q: Array) -> float:
     shares = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
     frequencies = np.fft.rfftfreq(count, (even[-1] - even[0]) / (count - 1))
     return float(max(frequencies[np.argmax(column >= BAND_SHARE)] for column in shares.T))
+
+
+def cutoff_from(band_hz: float, rate_hz: float) -> float:
+    """Return the cut-off in Hz that a draft proposes for a motion of some band, logged at some rate."""
+    return float(f"{min(max(CUTOFF_FACTOR * band_hz, LEAST_CUTOFF), LARGEST_SHARE * rate_hz):.2g}")

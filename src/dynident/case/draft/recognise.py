@@ -12,8 +12,9 @@ from dynident.case.draft.column_groups import Group, groups_of, time_columns, un
 from dynident.case.draft.found import Recognised, SignalSource
 from dynident.case.draft.joint_choice import JointChoice, choose_joints
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
-from dynident.case.draft.readings import LogReading, band, read_rows
+from dynident.case.draft.readings import LogReading, band, cutoff_from, read_rows
 from dynident.case.draft.signal_choice import choose_signals
+from dynident.case.draft.structure import ROWS, structure_of
 from dynident.case.draft.told_units import (
     HEADER,
     Told,
@@ -27,16 +28,11 @@ from dynident.data.evidence.positions import STILL, strays, travel
 from dynident.data.evidence.torques import torque_evidence
 from dynident.data.evidence.velocities import is_near, velocity_pair
 from dynident.data.formats import LogTable
-from dynident.data.formats._clocked_table import SUM, TimedTable
+from dynident.data.formats._clocked_table import SUM, TimedTable, with_clock
 from dynident.data.formats.base import UNITS
 from dynident.data.turns import jumps_of_a_turn, turns_counted
+from dynident.errors import LogFormatError
 from dynident.model.robot import Robot
-
-#: The cut-off is this many times the band of the motion; see the part on filters in docs/how-to-choose.md.
-CUTOFF_FACTOR = 10.0
-
-#: Limits of the cut-off: in Hz, and as a share of the sampling rate.
-LEAST_CUTOFF, LARGEST_SHARE = 2.0, 0.2
 
 
 def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> Recognised:
@@ -56,6 +52,8 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
     fits = [fit for fit in fits if not profile or fit.name == profile]
     found = Recognised(robot, header, time=clock, is_clocked=bool(clock), profiles=tuple(fits))
     found = _by_profile(found, fits) if fits else _by_names(found)
+    if not fits and "q" not in found.sources and "q" not in found.rivals:
+        found, tables = _by_structure(found, tables)
     if not found.time or "q" not in found.sources:
         return found
     columns = {signal: source.columns for signal, source in found.sources.items()}
@@ -68,7 +66,7 @@ def cutoff_of(found: Recognised) -> float:
     if not found.band_hz:
         return 0.0
     rate = min(1.0 / (reading.step * found.to_seconds) for reading in found.readings)
-    return float(f"{min(max(CUTOFF_FACTOR * found.band_hz, LEAST_CUTOFF), LARGEST_SHARE * rate):.2g}")
+    return cutoff_from(found.band_hz, rate)
 
 
 def _by_profile(found: Recognised, fits: Sequence[ProfileFit]) -> Recognised:
@@ -119,6 +117,33 @@ def _by_names(found: Recognised) -> Recognised:
     )
 
 
+def _by_structure(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recognised, Sequence[LogTable]]:
+    """Return what the values of columns without telling names say, and the tables, with the rate that they have."""
+    if len(found.header) <= found.robot.dof:
+        return found, tables
+    try:
+        values = next(tables[0].batches(found.header, ROWS), np.empty((0, len(found.header))))
+    except LogFormatError:  # some column holds words
+        return found, tables
+    told = structure_of(found.robot, found.header, values, "" if found.is_clocked else found.time)
+    if "q" not in told.groups:
+        return replace(found, time=found.time or told.time), tables
+    sources = {
+        signal: SignalSource(group.names, "", "link", told.evidence[signal])
+        for signal, group in told.groups.items()
+        if signal not in told.rivals or signal == "q"
+    }
+    left_out = {**found.left_out, **told.left_out}
+    time, is_clocked = found.time or told.time, found.is_clocked
+    if not time and told.rate_hz:
+        time, is_clocked = f"{np.format_float_positional(told.rate_hz, trim='-')} Hz", True
+        tables = [with_clock(table, time, told.rate_hz) for table in tables]
+    rivals = {signal: groups for signal, groups in told.rivals.items() if signal != "q"}
+    joints = choose_joints(found.robot, told.groups["q"], np.zeros((1, found.robot.dof)))
+    found = replace(found, time=time, is_clocked=is_clocked, sources=sources, rivals=rivals, joints=joints)
+    return replace(found, left_out=left_out, structure=told), tables
+
+
 def _source(group: Group) -> SignalSource:
     how = "by the names of the joints" if group.named else "by the numbers in their names"
     return SignalSource(group.names, group.pattern, group.meaning.side or "link", how, group.meaning.strange)
@@ -132,7 +157,7 @@ def _by_values(found: Recognised) -> Recognised:
         made = "the sum of two columns" if SUM.fullmatch(found.time) else f"made of the rate, {found.time}"
         units["time"] = Told(("s",), True, made)
     elif "time" not in units:
-        units["time"] = time_unit(first.step, unit_of_time(found.time, found.header))
+        units["time"] = _by_velocities(found, time_unit(first.step, unit_of_time(found.time, found.header)))
     stated = {signal: _stated_unit(found, signal) for signal in found.sources}
     if not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
         found = _first_columns(found)
@@ -164,6 +189,23 @@ def _by_values(found: Recognised) -> Recognised:
     found = replace(found, band_hz=max(bands))
     found = _with_effort(replace(found, units=units), moving, factors, stated)
     return _with_motion(found, q, factors)
+
+
+def _by_velocities(found: Recognised, told: Told) -> Told:
+    """Return the likely unit of the time as certain where velocities are the derivative of the positions by it."""
+    first = found.readings[0]
+    if (
+        told.certain
+        or not told.words
+        or "dq" not in first.signals
+        or first.signals["dq"].shape != first.signals["q"].shape
+    ):
+        return told
+    (numerator, denominator), _ = UNITS["time"][told.text]
+    seconds = first.time * numerator / denominator
+    if not is_near(_velocity_ratio(seconds, first.signals["q"], first.signals["dq"])):
+        return told
+    return replace(told, certain=True, why=f"{told.why}; in {told.text} velocities are the derivative of the positions")
 
 
 def _with_turns(found: Recognised) -> Recognised:
@@ -310,6 +352,8 @@ def _profile_units(found: Recognised) -> dict[str, Told]:
 
 
 def _groups(found: Recognised) -> list[Group]:
+    if found.structure is not None:
+        return list(found.structure.groups.values())
     return groups_of(found.header, found.robot.joint_names)
 
 

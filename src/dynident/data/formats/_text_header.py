@@ -94,6 +94,8 @@ def headless(path: str | Path, decimal: str, names: Sequence[str]) -> TextLayout
     lines, _, stated = _first_lines(path)
     first, delimiter = lines[0], delimiter_of([line.text for line in lines], decimal, stated)
     cells = _names(first.text, delimiter)
+    if len(names) == 1 and "{}" in names[0]:
+        names = [names[0].replace("{}", str(k + 1)) for k in range(len(cells))]
     if len(cells) != len(names):
         step = "give one name for each column (log: format: {csv: {names: [...]}})"
         raise LogFormatError(path, first.number, f"{len(cells)} cells and {len(names)} names", step)

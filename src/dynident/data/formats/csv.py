@@ -19,7 +19,8 @@ class Csv(LogFormat):
 
     Attributes:
         decimal: The decimal sign of the numbers, ``.`` or ``,``; it is never guessed.
-        names: Names of the columns of a file without a header row, in order.
+        names: Names of the columns of a file without a header row, in order; or one such as ``c{}`` for the names c1,
+            c2, ... of as many columns as there are.
     """
 
     decimal: str = "."
@@ -31,7 +32,7 @@ class Csv(LogFormat):
         if self.decimal not in (".", ","):
             raise BadOption("decimal", self.decimal, "choose '.' or ','")
         if isinstance(self.names, str):
-            raise BadOption("names", self.names, "give a list of names, one for each column")
+            raise BadOption("names", self.names, "give a list of names, one for each column, or one such as [c{}]")
         object.__setattr__(self, "names", tuple(self.names))
 
     def open(self, path: str | Path) -> TextTable:

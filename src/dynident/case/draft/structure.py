@@ -1,0 +1,347 @@
+"""Columns without names told by their values: which are the time, positions and their derivatives, and torques.
+
+Columns of one signal stand side by side, or every k-th column is the next joint's. Positions are columns whose
+derivative is logged as well, and that are no derivative of others. Torques are what the equations of motion of the
+robot model explain, by least squares in base parameters, Coulomb and viscous friction and an offset. What fits twice
+is asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.case.draft.column_groups import Group
+from dynident.case.draft.column_words import Meaning
+from dynident.case.draft.readings import band, cutoff_from
+from dynident.case.draft.told_units import position_factors, position_unit
+from dynident.data.evidence.positions import STRAYS
+from dynident.data.evidence.rows import time_units
+from dynident.data.evidence.torques import explained_shares
+from dynident.data.formats.base import UNITS
+from dynident.model.robot import Robot
+
+#: Rows that are looked at.
+ROWS = 1 << 15
+
+#: Correlation of positions and integrated velocities from which one is called the derivative of the other.
+DERIVATIVE = 0.98
+
+#: How far the joints' factors between them may differ from their median: they have one clock.
+ALIKE = 0.05
+
+#: Share of the steps of a time that may not run forward, and of a signal's columns that have to move.
+STANDS, MOVE = 0.001, 0.5
+
+#: Sets of columns that are tried as positions with each other one as torques, where no velocities tell them.
+MOST_SETS = 20
+
+#: Share of a signal that the equations of motion must explain, and the difference below which two are as good.
+EXPLAINED, AS_GOOD = 0.6, 0.1
+
+_EXPLAINED = "the equations of motion of the robot model"
+
+#: Rates that loggers have, in rows a second.
+RATES = (
+    10,
+    20,
+    25,
+    30,
+    40,
+    50,
+    60,
+    62.5,
+    100,
+    120,
+    125,
+    200,
+    240,
+    250,
+    300,
+    400,
+    500,
+    800,
+    1000,
+    2000,
+    4000,
+    5000,
+    8000,
+)
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What the values of unnamed columns say.
+
+    Attributes:
+        time: Column of the time; empty for none.
+        rate_hz: Rows a second that velocities and positions agree on, where no column is the time; 0 for none.
+        rate_why: What speaks for it.
+        groups: Columns of each signal.
+        evidence: What speaks for each signal.
+        rivals: Columns that fit a signal as well.
+        left_out: Signals that are recognised and not read, and why.
+    """
+
+    time: str = ""
+    rate_hz: float = 0.0
+    rate_why: str = ""
+    groups: Mapping[str, Group] = field(default_factory=dict)
+    evidence: Mapping[str, str] = field(default_factory=dict)
+    rivals: Mapping[str, tuple[Group, ...]] = field(default_factory=dict)
+    left_out: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Derivative:
+    """Columns ``of`` whose derivative by the row's time the columns ``by`` are, times a factor."""
+
+    of: tuple[int, ...]
+    by: tuple[int, ...]
+    factor: float
+
+
+def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str = "") -> Structure:
+    """Return what the values of columns say.
+
+    Args:
+        robot: Whose joints stand in the columns in the order of the chain.
+        header: Names of the columns, which say nothing.
+        values: Their first rows, shape (N, len(header)).
+        time: Column of the time where its name tells it.
+    """
+    count = robot.dof
+    finite = np.isfinite(values).all(axis=1)
+    values = values[finite][:ROWS]
+    place = header.index(time) if time else _time_column(values)
+    clock = np.arange(len(values), dtype=float) if place is None else values[:, place]
+    usable = [k for k in range(len(header)) if k != place]
+    runs = _runs(usable, count)
+    if len(values) < 50 or not runs or np.any(np.diff(clock) <= 0):
+        return Structure("" if place is None else header[place])
+    told = _Names(header)
+    found = Structure("" if place is None else header[place])
+    pairs = _derivatives(clock, values, runs)
+    followed = {pair.by for pair in pairs}
+    firsts = {pair.of: pair for pair in pairs if pair.of not in followed}
+    if not firsts:
+        return _without_velocities(robot, clock, values, told, found) if place is not None else found
+    positions = _same_motion(values, list(firsts))
+    first = _measured(clock, values, positions)
+    velocity = firsts[first]
+    groups, evidence = {"q": told.group("q", first)}, {"q": f"{told.shown(velocity.by)} are their derivative"}
+    rivals = {}
+    if len(positions) > 1:
+        others = [run for run in positions if run != first]
+        rivals["q"] = tuple(told.group("q", run) for run in (first, *others))
+        evidence["q"] += f"; they follow {' and '.join(map(told.shown, others))} in time, as measured ones do"
+    groups["dq"] = told.group("dq", velocity.by)
+    rate, rate_why = 0.0, ""
+    if place is None:
+        rate = _common_rate(velocity.factor)
+        rate_why = f"rows a second by which {told.shown(velocity.by)} are the derivative of {told.shown(first)}"
+        evidence["dq"] = rate_why
+    else:
+        evidence["dq"] = f"{velocity.factor:.4g} times the derivative of {told.shown(first)} by the time's column"
+    second = next((pair.by for pair in pairs if pair.of == velocity.by), ())
+    left_out = {"ddq": f"{told.shown(second)}: the derivative of {told.shown(velocity.by)}"} if second else {}
+    known = {k for run in (*positions, *(pair.by for pair in pairs), second) for k in run}
+    seconds = clock / (rate or _clock_unit(velocity.factor))
+    efforts = [run for run in runs if not known.intersection(run)]
+    all_told = _with_effort(robot, seconds, values, efforts, told, (groups, evidence, rivals))
+    return Structure(found.time, rate, rate_why, all_told.groups, all_told.evidence, all_told.rivals, left_out)
+
+
+def _without_velocities(robot: Robot, clock: Array, values: Array, told: _Names, found: Structure) -> Structure:
+    """Return the positions and torques that explain each other best, of columns that stand in whole sets of joints."""
+    step = float(np.median(np.diff(clock)))
+    units = time_units(step)
+    place = told.header.index(found.time)
+    runs = _whole_sets([k for k in range(len(told.header)) if k != place], robot.dof)
+    if not units or not 0 < len(runs) <= MOST_SETS:
+        return found
+    seconds = clock * UNITS["time"][units[0]][0][0] / UNITS["time"][units[0]][0][1]
+    tried = []
+    for of in runs:
+        moves = np.any(_less_line(clock, values[:, of]), axis=0)
+        if np.mean(moves) < MOVE or not position_unit(values[:, of], robot.active, "").words:
+            continue
+        others = [run for run in runs if not set(run) & set(of)]
+        groups = {"q": told.group("q", of)}
+        evidence = {"q": f"within the limits of the joints, and the best positions for {_EXPLAINED}"}
+        result = _with_effort(robot, seconds, values, others, told, (groups, evidence, {}))
+        if "torque" in result.groups:
+            tried.append(result)
+    tried.sort(key=lambda one: -one.share)
+    if not tried:
+        return found
+    best = tried[0]
+    near = [one.groups["q"] for one in tried[1:] if one.share >= best.share - AS_GOOD]
+    rivals = {**best.rivals, **({"q": (best.groups["q"], *near)} if near else {})}
+    return replace(found, groups=best.groups, evidence=best.evidence, rivals=rivals)
+
+
+@dataclass(frozen=True)
+class _Efforts:
+    """Groups, evidence and rivals with the columns that the equations of motion explain, and the share of the best."""
+
+    groups: dict[str, Group]
+    evidence: dict[str, str]
+    rivals: dict[str, tuple[Group, ...]]
+    share: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Names:
+    header: Sequence[str]
+
+    def group(self, signal: str, run: Sequence[int]) -> Group:
+        return Group(Meaning(signal), {k: self.header[column] for k, column in enumerate(run)}, False)
+
+    def shown(self, run: Sequence[int]) -> str:
+        return self.group("", run).shown()
+
+
+def _with_effort(
+    robot: Robot,
+    seconds: Array,
+    values: Array,
+    runs: Sequence[tuple[int, ...]],
+    told: _Names,
+    found: tuple[dict[str, Group], dict[str, str], dict[str, tuple[Group, ...]]],
+) -> _Efforts:
+    """Return groups, evidence and rivals with the columns that the equations of motion explain."""
+    groups, evidence, rivals = found
+    q = values[:, [told.header.index(name) for name in groups["q"].names]]
+    q = q * position_factors(position_unit(q, robot.active, ""), robot.dof)
+    cutoff = cutoff_from(band(seconds, q), 1.0 / float(np.median(np.diff(seconds))))
+    shares = explained_shares(robot, seconds, q, [values[:, run] for run in runs], cutoff)
+    ranked = sorted(zip(shares, runs, strict=True), key=lambda item: -item[0])
+    if not ranked or not ranked[0][0] >= EXPLAINED:
+        return _Efforts(*found)
+    best, run = ranked[0]
+    near = [other for share, other in ranked[1:] if share >= best - AS_GOOD and not set(other) & set(run)]
+    groups["torque"] = told.group("torque", run)
+    evidence["torque"] = f"{_EXPLAINED} explain {100 * best:.4g} % of their variance"
+    if near:
+        rivals["torque"] = tuple(told.group("torque", other) for other in (run, *near))
+        each = " and ".join(f"{100 * share:.4g} % of {told.shown(other)}" for share, other in ranked[: 1 + len(near)])
+        evidence["torque"] = f"{_EXPLAINED} explain {each}; torques of a model are explained best"
+    return _Efforts(groups, evidence, rivals, best)
+
+
+def _runs(columns: Sequence[int], count: int) -> list[tuple[int, ...]]:
+    """Return sets of ``count`` columns that may be one signal: side by side, or every k-th one."""
+    there, last = set(columns), max(columns, default=-1)
+    found: dict[tuple[int, ...], None] = {}
+    for stride in range(1, 1 + last // max(count - 1, 1)):
+        for start in range(last + 1 - stride * (count - 1)):
+            run = tuple(range(start, start + stride * count, stride))
+            if there.issuperset(run) and (stride == 1 or count > 1):
+                found.setdefault(run)
+    return list(found)
+
+
+def _stride(run: tuple[int, ...]) -> int:
+    return run[1] - run[0] if len(run) > 1 else 1
+
+
+def _whole_sets(columns: Sequence[int], count: int) -> list[tuple[int, ...]]:
+    """Return sets of ``count`` columns that follow each other without a rest: block by block, or joint by joint."""
+    sets, rest = divmod(len(columns), count)
+    found: dict[tuple[int, ...], None] = {}
+    for lead in dict.fromkeys((0, rest)):
+        inside = columns[lead : lead + sets * count]
+        for k in range(sets):
+            found.setdefault(tuple(inside[k * count : (k + 1) * count]))
+            found.setdefault(tuple(inside[k::sets]))
+    return list(found)
+
+
+def _time_column(values: Array) -> int | None:
+    """Return the column that runs forward at the most even steps; None for none."""
+    best, place = 1.0, None
+    for k, column in enumerate(values.T):
+        steps = np.diff(column)
+        if not len(steps) or np.mean(steps <= 0) > STANDS:
+            continue
+        spread = float(np.std(steps) / max(np.mean(steps), 1e-300))
+        spread = max(spread, 1e-9) + float(np.all(steps == 1.0))  # a counter of rows: if nothing else is there
+        if spread < best or place is None:
+            best, place = spread, k
+    return place
+
+
+def _derivatives(clock: Array, values: Array, runs: Sequence[tuple[int, ...]]) -> list[_Derivative]:
+    """Return the runs of which one is the derivative of the other, column by column with one factor.
+
+    Integrals are compared, straight lines taken off: noise and coarse encoders hardly matter then, and a sensor's
+    offset not at all.
+    """
+    steps = np.diff(clock)[:, None]
+    areas = np.concatenate(
+        [np.zeros((1, values.shape[1])), np.cumsum(0.5 * (values[1:] + values[:-1]) * steps, axis=0)]
+    )
+    own, areas = _less_line(clock, values), _less_line(clock, areas)
+    sizes = np.linalg.norm(own, axis=0), np.linalg.norm(areas, axis=0)
+    product = own.T @ areas
+    with np.errstate(divide="ignore", invalid="ignore"):
+        correlation = product / np.outer(*sizes)
+        factor = product / (sizes[0] ** 2)[:, None]
+    close = (correlation > DERIVATIVE) & (factor > 0)
+    starts: dict[int, dict[int, tuple[int, ...]]] = {}
+    for run in runs:
+        starts.setdefault(_stride(run), {})[run[0]] = run
+    found = []
+    for of in runs:
+        moving = np.flatnonzero(sizes[0][list(of)] > 1e-3 * sizes[0][list(of)].max()).tolist()
+        if len(moving) < MOVE * len(of):
+            continue
+        followers = np.flatnonzero(close[of[moving[0]]]) - moving[0] * _stride(of)
+        for by in (starts[_stride(of)].get(start, of) for start in followers.tolist()):
+            pairs = tuple(np.array([(of[k], by[k]) for k in moving]).T)
+            middle = float(np.median(factor[pairs]))
+            alike = np.abs(factor[pairs] / max(middle, 1e-300) - 1) < ALIKE
+            if not set(of) & set(by) and np.all(close[pairs]) and np.all(alike):
+                found.append(_Derivative(of, by, middle))
+    return found
+
+
+def _less_line(clock: Array, values: Array) -> Array:
+    """Return columns less the straight line of each over the time; zero where they are one but for rounding."""
+    line = np.column_stack([np.ones(len(clock)), (clock - clock.mean()) / np.ptp(clock)])
+    left = values - line @ (np.linalg.pinv(line) @ values)
+    return np.where(np.linalg.norm(left, axis=0) > 1e-9 * np.linalg.norm(values, axis=0), left, 0.0)
+
+
+def _same_motion(values: Array, runs: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """Return the runs that hold the motion of the first: measured and commanded positions, or link and motor."""
+    first = values[:, runs[0]]
+    size = np.maximum(first.std(axis=0), 1e-300)
+    return [
+        run
+        for run in runs
+        if np.all(np.sqrt(np.mean((values[:, run] - first) ** 2, axis=0)) <= STRAYS * size) or run == runs[0]
+    ]
+
+
+def _measured(clock: Array, values: Array, runs: Sequence[tuple[int, ...]]) -> tuple[int, ...]:
+    """Return the run that comes last in time: a drive follows what it is commanded."""
+    first = values[:, runs[0]]
+    slope = np.gradient(first, clock, axis=0)
+    lags = [-np.sum((values[:, run] - first) * slope) / max(np.sum(slope**2), 1e-300) for run in runs]
+    return runs[int(np.argmax(lags))]
+
+
+def _clock_unit(factor: float) -> float:
+    """Return how many units of the time's column are a second, from the factor that its derivatives need."""
+    return next((unit for unit in (1e3, 1e6, 1e9) if abs(factor / unit - 1) < ALIKE), 1.0)
+
+
+def _common_rate(factor: float) -> float:
+    """Return the rate of loggers near a factor between positions' steps and velocities; else three digits of it."""
+    near = min(RATES, key=lambda rate: abs(np.log(rate / factor)))
+    return float(near if abs(near / factor - 1) < 0.02 else f"{factor:.3g}")

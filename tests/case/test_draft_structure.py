@@ -1,0 +1,113 @@
+"""Columns without names: what their values tell, for layouts of loggers, and what is asked where they do not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drafted_logs import moved, read, write_robot
+from dynident.arrays import Array
+from dynident.case.case_draft import Draft, draft_case
+from dynident.case.draft.structure import structure_of
+from dynident.model.descriptions import read_robot
+from dynident.model.robot import Drive, Robot
+
+NOISE = np.random.default_rng(3)
+
+
+@pytest.fixture(scope="module", params=["generic-6r", "generic-7r", "er16"])
+def arm(request: pytest.FixtureRequest) -> Robot:
+    robot = read_robot(request.param)
+    return robot.with_drives(dict.fromkeys(robot.joint_names, Drive()))
+
+
+@pytest.fixture(scope="module")
+def motion(arm: Robot) -> dict[str, Array]:
+    found = dict(moved(arm))
+    found["dq"] = np.gradient(found["q"], found["time"], axis=0)
+    found["ddq"] = np.gradient(found["dq"], found["time"], axis=0)
+    found["torque"] = found["torque"] * (1 + 0.01 * NOISE.standard_normal(found["torque"].shape))
+    return found
+
+
+def blocks(*signals: Array) -> Array:
+    return np.column_stack(signals)
+
+
+def joint_by_joint(time: Array, *signals: Array) -> Array:
+    return np.column_stack([time, np.stack(signals, axis=2).reshape(len(time), -1)])
+
+
+LAYOUTS = {
+    "q dq tau": lambda m: blocks(m["time"], m["q"], m["dq"], m["torque"]),
+    "tau dq q": lambda m: blocks(m["time"], m["torque"], m["dq"], m["q"]),
+    "q dq ddq tau": lambda m: blocks(m["time"], m["q"], m["dq"], m["ddq"], m["torque"]),
+    "counter first": lambda m: blocks(np.arange(len(m["time"])), m["time"], m["q"], m["dq"], m["torque"]),
+    "two rests": lambda m: blocks(m["q"], m["dq"], m["torque"], m["time"], 0 * m["time"]),
+    "joint by joint": lambda m: joint_by_joint(m["time"], m["q"], m["dq"], m["torque"]),
+    "no velocities": lambda m: blocks(m["time"], m["q"], m["torque"]),
+    "milliseconds": lambda m: blocks(1e3 * m["time"], m["q"], m["dq"], m["torque"]),
+}
+
+
+def drafted(robot: Robot, values: Array, folder: Path) -> Draft:
+    path = folder / "run.csv"
+    np.savetxt(path, values, delimiter=",")
+    return draft_case(write_robot(folder / "arm.json", robot), str(path), folder)
+
+
+@pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
+def test_a_table_of_bare_numbers_is_read_rightly(layout, arm: Robot, motion: dict[str, Array], tmp_path: Path) -> None:
+    draft = drafted(arm, layout(motion), tmp_path)
+    assert draft.needed == ()
+    case = read(draft, tmp_path)
+    log = case.read(case.train[0])
+    np.testing.assert_allclose(log.time, motion["time"], atol=1e-9)
+    np.testing.assert_allclose(log.q, motion["q"])
+    np.testing.assert_allclose(np.asarray(log.torque), motion["torque"])
+    assert "the equations of motion of the robot model explain" in draft.text
+
+
+def test_without_a_time_the_rate_follows_from_the_velocities(
+    arm: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    draft = drafted(arm, blocks(motion["q"], motion["dq"], motion["torque"]), tmp_path)
+    (question,) = [one for one in draft.questions if "runs forward as a time" in one.text]
+    assert not question.needed and draft.needed == ()
+    case = read(draft, tmp_path)
+    np.testing.assert_allclose(case.read(case.train[0]).time, motion["time"] - motion["time"][0], atol=1e-9)
+
+
+def test_commanded_positions_are_told_by_their_lead(arm: Robot, motion: dict[str, Array], tmp_path: Path) -> None:
+    ahead = np.concatenate([motion["q"][3:], np.repeat(motion["q"][-1:], 3, axis=0)])
+    draft = drafted(arm, blocks(motion["time"], ahead, motion["q"], motion["dq"], motion["torque"]), tmp_path)
+    (question,) = [one for one in draft.questions if "measured positions" in one.text]
+    assert not question.needed and "as measured ones do" in question.text
+    case = read(draft, tmp_path)
+    np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
+
+
+def test_torques_of_a_model_beside_measured_ones_are_asked(
+    arm: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    noisy = motion["torque"] + 0.05 * motion["torque"].std(axis=0) * NOISE.standard_normal(motion["torque"].shape)
+    draft = drafted(arm, blocks(motion["time"], motion["q"], motion["dq"], motion["torque"], noisy), tmp_path)
+    first, *_ = draft.needed
+    assert "which columns are the measured joint torques" in first.text and " or " in first.text
+    assert "torques of a model are explained best" in first.text
+
+
+def test_columns_that_are_no_motion_are_asked(arm: Robot, motion: dict[str, Array]) -> None:
+    steps = np.random.default_rng(4).standard_normal((len(motion["time"]), 4 * arm.dof))
+    for values in (steps, np.cumsum(steps, axis=0)):
+        header = [f"c{k}" for k in range(1 + values.shape[1])]
+        told = structure_of(arm, header, blocks(motion["time"], values))
+        assert told.time == "c0" and "dq" not in told.groups
+
+
+def test_torques_of_no_robot_are_not_taken(arm: Robot, motion: dict[str, Array], tmp_path: Path) -> None:
+    other = np.random.default_rng(0).standard_normal(motion["torque"].shape)
+    draft = drafted(arm, blocks(motion["time"], motion["q"], motion["dq"], other), tmp_path)
+    assert [one.text.partition(" in N m")[0] for one in draft.needed] == ["the measured joint torques"]
