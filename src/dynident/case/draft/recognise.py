@@ -14,6 +14,14 @@ from dynident.case.draft.joint_choice import JointChoice, choose_joints
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
 from dynident.case.draft.readings import LogReading, band, cutoff_from, read_rows
 from dynident.case.draft.signal_choice import choose_signals
+from dynident.case.draft.stated_units import (
+    as_header,
+    column_groups,
+    stated_unit,
+    unit_of_motors,
+    units_in_names,
+    units_of_profile,
+)
 from dynident.case.draft.structure import ROWS, structure_of
 from dynident.case.draft.told_units import (
     HEADER,
@@ -152,19 +160,19 @@ def _source(group: Group) -> SignalSource:
 def _by_values(found: Recognised) -> Recognised:
     """Return what is recognised once the rows are read: joints, units, band, joints that stand still."""
     first = found.readings[0]
-    units = _profile_units(found)
+    units = units_of_profile(found)
     if found.is_clocked:
         made = "the sum of two columns" if SUM.fullmatch(found.time) else f"made of the rate, {found.time}"
         units["time"] = Told(("s",), True, made)
     elif "time" not in units:
         units["time"] = _by_velocities(found, time_unit(first.step, unit_of_time(found.time, found.header)))
-    stated = {signal: _stated_unit(found, signal) for signal in found.sources}
+    stated = {signal: stated_unit(found, signal) for signal in found.sources}
     if not found.profiles and len(found.sources["q"].columns) > found.robot.dof:
         found = _first_columns(found)
     found = _with_turns(found)
     q = np.concatenate([reading.signals["q"] for reading in found.readings])
     if not found.profiles:
-        group = next(g for g in _groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
+        group = next(g for g in column_groups(found) if g.names[: q.shape[1]] == found.sources["q"].columns)
         found = replace(found, joints=choose_joints(found.robot, group, _likely_si(q, stated["q"])))
     found = replace(found, units=units)
     moving = found.moving
@@ -172,11 +180,11 @@ def _by_values(found: Recognised) -> Recognised:
     if found.turn and "position" not in units:
         units["position"] = _unit_of_turn(found, stated["q"])
     if "position" not in units and "q" in found.on_motors:
-        units["position"] = _motor_unit(stated["q"])
+        units["position"] = unit_of_motors(stated["q"])
     elif "position" not in units and moving is not None and len(found.joints.names) == q.shape[1]:
         own = {joint.name: joint for joint in moving.active}
         told = position_unit(q, [own[name] for name in found.joints.names], stated["q"])
-        units["position"] = _as_header(told, _units_of(found, "q"))
+        units["position"] = as_header(told, units_in_names(found, "q"))
     elif "position" not in units and found.joints.in_si:
         units["position"] = Told(("SI",), True, found.joints.why)
     elif "position" not in units:
@@ -293,7 +301,7 @@ def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
     if "dq" in sources and "velocity" not in units:
         seconds = found.to_seconds
         ratio = _velocity_ratio(first.time * seconds, first.signals["q"] * factors, first.signals["dq"])
-        stated = _stated_unit(found, "dq")
+        stated = stated_unit(found, "dq")
         certain, in_stated = found.units["position"].certain, ratio * _velocity_factor(stated)
         if is_near(ratio) and certain:
             words = {"m": "m/s", "mm": "m/s"}
@@ -337,49 +345,6 @@ def _all_of_a_kind(found: Recognised) -> bool:
     return found.moving is not None and len({joint.kind for joint in found.moving.active}) == 1
 
 
-def _profile_units(found: Recognised) -> dict[str, Told]:
-    """Return the units that the profile states."""
-    if not found.profiles:
-        return {}
-    fit = found.profiles[0]
-    why = f"profile {fit.name}"
-    units = {"time": Told((fit.profile.time_unit,), True, why)}
-    for channel in fit.channels:
-        quantity = {"q": "position", "dq": "velocity", "torque": "torque", "current": "current"}.get(channel.signal)
-        if quantity and channel.unit:
-            units[quantity] = Told((channel.unit,), True, why)
-    return units
-
-
-def _groups(found: Recognised) -> list[Group]:
-    if found.structure is not None:
-        return list(found.structure.groups.values())
-    return groups_of(found.header, found.robot.joint_names)
-
-
-def _stated_unit(found: Recognised, signal: str) -> str:
-    """Return the unit in the names of the columns of a signal; empty where they state none."""
-    if set(_units_of(found, signal)) == {"N m", "N"}:
-        return "N m"
-    columns = found.sources[signal].columns
-    return next((g.meaning.unit for g in _groups(found) if g.names[: len(columns)] == columns), "")
-
-
-def _units_of(found: Recognised, signal: str) -> tuple[str, ...]:
-    """Return the units in the names of the columns of a signal where they differ; else nothing."""
-    columns = found.sources[signal].columns
-    return next((g.units for g in _groups(found) if g.names == columns), ())
-
-
-def _as_header(told: Told, units: tuple[str, ...]) -> Told:
-    """Return the units that the header states column by column; asked where the limits of the joints say others."""
-    if not units:
-        return told
-    if told.words == units:
-        return Told(units, True, f"the header states so; {told.why}")
-    return Told(told.words, False, f"the header states [{', '.join(units)}]; {told.why}")
-
-
 def _first_columns(found: Recognised) -> Recognised:
     """Return what was found with as many columns of each signal as the robot has joints, the first ones."""
     count = found.robot.dof
@@ -389,12 +354,6 @@ def _first_columns(found: Recognised) -> Recognised:
         for reading in found.readings
     )
     return replace(found, sources=sources, readings=readings)
-
-
-def _motor_unit(stated: str) -> Told:
-    if stated:
-        return Told((stated,), True, f"the header states {stated}")
-    return Told((), False, "positions of motors, which no limit of a joint bounds")
 
 
 def _likely_si(q: Array, stated: str) -> Array:

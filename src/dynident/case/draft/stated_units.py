@@ -1,0 +1,58 @@
+"""What profiles and headers state of units, before the values are looked at."""
+
+from __future__ import annotations
+
+from dynident.case.draft.column_groups import Group, groups_of
+from dynident.case.draft.found import Recognised
+from dynident.case.draft.told_units import Told
+
+
+def units_of_profile(found: Recognised) -> dict[str, Told]:
+    """Return the units that the profile states."""
+    if not found.profiles:
+        return {}
+    fit = found.profiles[0]
+    why = f"profile {fit.name}"
+    units = {"time": Told((fit.profile.time_unit,), True, why)}
+    for channel in fit.channels:
+        quantity = {"q": "position", "dq": "velocity", "torque": "torque", "current": "current"}.get(channel.signal)
+        if quantity and channel.unit:
+            units[quantity] = Told((channel.unit,), True, why)
+    return units
+
+
+def column_groups(found: Recognised) -> list[Group]:
+    """Return the sets of columns that the names, or else the values, tell."""
+    if found.structure is not None:
+        return list(found.structure.groups.values())
+    return groups_of(found.header, found.robot.joint_names)
+
+
+def stated_unit(found: Recognised, signal: str) -> str:
+    """Return the unit in the names of the columns of a signal; empty where they state none."""
+    if set(units_in_names(found, signal)) == {"N m", "N"}:
+        return "N m"
+    columns = found.sources[signal].columns
+    return next((g.meaning.unit for g in column_groups(found) if g.names[: len(columns)] == columns), "")
+
+
+def units_in_names(found: Recognised, signal: str) -> tuple[str, ...]:
+    """Return the units in the names of the columns of a signal where they differ; else nothing."""
+    columns = found.sources[signal].columns
+    return next((g.units for g in column_groups(found) if g.names == columns), ())
+
+
+def as_header(told: Told, units: tuple[str, ...]) -> Told:
+    """Return the units that the header states column by column; asked where the limits of the joints say others."""
+    if not units:
+        return told
+    if told.words == units:
+        return Told(units, True, f"the header states so; {told.why}")
+    return Told(told.words, False, f"the header states [{', '.join(units)}]; {told.why}")
+
+
+def unit_of_motors(stated: str) -> Told:
+    """Return the unit of positions of motors."""
+    if stated:
+        return Told((stated,), True, f"the header states {stated}")
+    return Told((), False, "positions of motors, which no limit of a joint bounds")
