@@ -72,13 +72,89 @@ def _advance(step: float, ratio: float, order: int, move: Array, noise: Array) -
 
 
 @inlined
+def _carry(move: Array, noise: Array, mean: Array, spread: Array, order: int, work: Array) -> None:
+    """Carry a state and its covariance over a step, in place; products are written out, as they compile far faster."""
+    for i in range(order):
+        total = 0.0
+        for k in range(i, order):
+            total += move[i, k] * mean[k]
+        mean[i] = total  # move is an upper triangle: later entries are those before the step
+        for j in range(order):
+            work[i, j] = 0.0
+            for k in range(i, order):
+                work[i, j] += move[i, k] * spread[k, j]
+    for i in range(order):
+        for j in range(order):
+            total = noise[i, j]
+            for k in range(j, order):
+                total += work[i, k] * move[j, k]
+            spread[i, j] = total
+
+
+@inlined
+def _keep(mean: Array, spread: Array, mean_out: Array, spread_out: Array) -> None:
+    for i in range(len(mean)):
+        mean_out[i] = mean[i]
+        for j in range(len(mean)):
+            spread_out[i, j] = spread[i, j]
+
+
+@inlined
+def _divide(matrix: Array, right: Array, order: int) -> None:
+    """Overwrite ``right`` with the solution of matrix X = right, by Cholesky's factors of a positive one."""
+    for j in range(order):
+        for i in range(j, order):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = np.sqrt(total) if i == j else total / matrix[j, j]
+    for c in range(order):
+        for i in range(order):
+            for k in range(i):
+                right[i, c] -= matrix[i, k] * right[k, c]
+            right[i, c] /= matrix[i, i]
+        for i in range(order - 1, -1, -1):
+            for k in range(i + 1, order):
+                right[i, c] -= matrix[k, i] * right[k, c]
+            right[i, c] /= matrix[i, i]
+
+
+@inlined
+def _look_back(
+    move: Array, mean: Array, spread: Array, foreseen: tuple[Array, Array], later: tuple[Array, Array], work: Array
+) -> None:
+    """Take what later samples say into a state, in place; ``foreseen``, ``later``: mean and covariance after it."""
+    order = len(mean)
+    gain, factor, rest = work[0], work[1], work[2]
+    for i in range(order):
+        for j in range(order):
+            gain[i, j] = 0.0
+            factor[i, j] = foreseen[1][i, j]
+            rest[i, j] = later[1][i, j] - foreseen[1][i, j]
+            for k in range(i, order):
+                gain[i, j] += move[i, k] * spread[k, j]
+    _divide(factor, gain, order)  # the transpose of the smoother's gain
+    for i in range(order):
+        for k in range(order):
+            mean[i] += gain[k, i] * (later[0][k] - foreseen[0][k])
+        for j in range(order):
+            factor[i, j] = 0.0
+            for k in range(order):
+                factor[i, j] += gain[k, i] * rest[k, j]
+    for i in range(order):
+        for j in range(order):
+            for k in range(order):
+                spread[i, j] += factor[i, k] * gain[k, j]
+
+
+@inlined
 def _correct(value: float, mean: Array, spread: Array, order: int) -> tuple[float, float]:
     """Take in a sample of variance one; return the innovation and its variance."""
     variance = spread[0, 0] + 1.0
     innovation = value - mean[0]
-    gain = spread[:, 0] / variance
-    row = spread[0].copy()
+    gain, row = np.empty(order), np.empty(order)
     for i in range(order):
+        gain[i], row[i] = spread[i, 0] / variance, spread[0, i]
         mean[i] += gain[i] * innovation
     # Joseph's form: (I - g h) P (I - g h)' + g g'
     for i in range(order):
@@ -93,14 +169,15 @@ def _correct(value: float, mean: Array, spread: Array, order: int) -> tuple[floa
 
 @compiled
 def _forward(signal: Array, steps: Array, ratio: float, order: int, start: Array, reach: Array) -> tuple[float, float]:
-    mean, spread = start.copy(), np.diag(reach**2)
+    mean, spread, work = start.copy(), np.zeros((order, order)), np.zeros((order, order))
     move, noise = np.zeros((order, order)), np.zeros((order, order))
+    for i in range(order):
+        spread[i, i] = reach[i] ** 2
     squares, total = 0.0, 0.0
     for t in range(len(signal)):
         if t > 0:
             _advance(steps[t - 1], ratio, order, move, noise)
-            mean = move @ mean
-            spread = move @ spread @ move.T + noise
+            _carry(move, noise, mean, spread, order, work)
         innovation, variance = _correct(signal[t], mean, spread, order)
         if variance <= 0.0:  # rounding has used up a covariance that is next to nothing
             return np.inf, np.inf
@@ -118,23 +195,25 @@ def _both_ways(
     means, spreads = np.zeros((count, order)), np.zeros((count, order, order))
     before, foreseen = np.zeros((count, order)), np.zeros((count, order, order))
     moves = np.zeros((count, order, order))
-    noise = np.zeros((order, order))
-    mean, spread = start.copy(), np.diag(reach**2)
+    noise, work = np.zeros((order, order)), np.zeros((3, order, order))
+    mean, spread = start.copy(), np.zeros((order, order))
+    for i in range(order):
+        spread[i, i] = reach[i] ** 2
     for t in range(count):
         if t > 0:
             _advance(steps[t - 1], ratio, order, moves[t], noise)
-            mean = moves[t] @ mean
-            spread = moves[t] @ spread @ moves[t].T + noise
-        before[t], foreseen[t] = mean, spread
+            _carry(moves[t], noise, mean, spread, order, work[0])
+        _keep(mean, spread, before[t], foreseen[t])
         _correct(signal[t], mean, spread, order)
-        spread = 0.5 * (spread + spread.T)
-        means[t], spreads[t] = mean, spread
+        for i in range(order):
+            for j in range(i):
+                spread[i, j] = spread[j, i] = 0.5 * (spread[i, j] + spread[j, i])
+        _keep(mean, spread, means[t], spreads[t])
     variances = np.zeros((count, order))
     for t in range(count - 1, -1, -1):
         if t < count - 1:
-            back = np.linalg.solve(foreseen[t + 1], moves[t + 1] @ spreads[t]).T
-            means[t] += back @ (means[t + 1] - before[t + 1])
-            spreads[t] += back @ (spreads[t + 1] - foreseen[t + 1]) @ back.T
+            foresight, later = (before[t + 1], foreseen[t + 1]), (means[t + 1], spreads[t + 1])
+            _look_back(moves[t + 1], means[t], spreads[t], foresight, later, work)
         for i in range(order):
             variances[t, i] = spreads[t, i, i]
     return means, variances
