@@ -94,6 +94,7 @@ def first_run() -> None:
     assert main(["identify", "case.yaml", "run.csv", "--estimator", "wls", "-o", "estimate.json", "--quiet"]) == 0
 
 
+@pytest.mark.battery
 def test_what_to_record_next(robot: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path("case.yaml").write_text(CASE)
     first_run()

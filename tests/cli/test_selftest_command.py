@@ -51,6 +51,7 @@ cell:
 """
 
 
+@pytest.mark.battery
 def test_the_cell_of_the_case_is_the_one_that_is_rehearsed(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -39,6 +39,7 @@ def filtered(torque: Array) -> Array:
     return HOW.filter.smooth(torque.T, RATE).T
 
 
+@pytest.mark.battery
 def test_bands_hold_the_share_of_torques_that_they_state() -> None:
     shares = []
     for name, seed in [("generic-scara", 0), ("generic-scara", 1), ("generic-6r", 2), ("generic-6r", 3)]:

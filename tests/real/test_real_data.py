@@ -76,6 +76,7 @@ def test_tx40_per_joint_on_all_held_out_rows(
     assert [joint["samples"] for joint in found["test"]["joints"]] == [1575] * 6
 
 
+@pytest.mark.battery
 def test_ur10e_from_currents_on_two_held_out_runs(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -221,6 +221,7 @@ def test_rules_that_cannot_be_are_refused(contest: Contest, limit: float | None,
         list(compare(contest, methods("wls"), time_limit=limit, jobs=jobs))
 
 
+@pytest.mark.battery
 def test_processes_end_what_is_over_time_and_change_no_figure(contest: Contest) -> None:
     asked = [Method("endless", Failing("endless")), Method("dead", Failing("dead")), *methods("wls", "consistent")]
     found = {outcome.method: outcome for outcome in compare(contest, asked, time_limit=3.0, jobs=2)}

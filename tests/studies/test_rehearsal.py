@@ -134,6 +134,7 @@ def test_a_log_that_tells_nothing_fails_with_its_reason(model: DynamicModel, pla
         Tolerance(0.0)
 
 
+@pytest.mark.battery
 def test_a_joint_that_sticks_is_named_with_what_helps(model: DynamicModel, plan: RehearsalPlan) -> None:
     theta, last = described_truth(model), model.robot.joint_names[-1]
     sticks = [p.symbol == "Fc" and p.owner == last for p in model.parameters]

@@ -71,6 +71,7 @@ def test_a_gain_for_each_sign_of_the_current(spatial_3r: Robot) -> None:
     assert gains.by_joint() == {}
 
 
+@pytest.mark.battery
 def test_intervals_hold_the_truth_and_weighted_least_squares_is_too_small(spatial_3r: Robot) -> None:
     arm = LoadedArm(spatial_3r, np.array([14.0, 9.0, 6.0]))
     inside, plain = [], []

@@ -199,6 +199,7 @@ def test_few_stretches_are_merged_and_the_estimate_stays(
     assert sum(reduced.joints[0].counts) + reduced.joints[0].rested == whole.samples
 
 
+@pytest.mark.battery
 def test_intervals_cover_the_truth_under_coloured_noise(case: Case, exact_log: MakeLog, tmp_path: Path) -> None:
     """Stretches carry the colour of the residual: 95 % intervals hold the truth in about 95 % of the cases."""
     theta = np.append(case.robot.nominal, np.tile([0.5, 0.3, 0.1], 2))  # type: ignore[arg-type]
