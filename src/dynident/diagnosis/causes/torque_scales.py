@@ -8,16 +8,20 @@ figure is told.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.quick_fit import RIDGE, QuickFit
 from dynident.identification.residuals.covariance import correlation_factors
 
 #: Logarithms of the factors between which a scale is looked for, and their distance.
 WIDEST, STEP = 5.0, 0.5
+
+#: First step of the search from a linear estimate, and the rounds in which its own size is weighed.
+NEAR, ROUNDS = 0.02, 4
 
 #: Rise of the deviance at the ends of a 95 % interval of one unknown, and the precision of the logarithms.
 RISE, PRECISION = 3.84, 1e-3
@@ -59,22 +63,52 @@ def _scale(fit: QuickFit, joint: int, name: str) -> JointScale:
         found[joint] -= 2 * x
         return found
 
-    grid = np.arange(-WIDEST, WIDEST + STEP, STEP)
-    best = float(grid[np.argmin([logs(x).sum() for x in grid.tolist()])])
-    step = STEP
-    while step > PRECISION:
-        tried = (best - step / 2, best, best + step / 2)
-        best = min(tried, key=lambda x: float(logs(x).sum()))
-        step /= 2
-    at_best = logs(best)
+    grid = np.arange(-WIDEST, WIDEST + STEP, STEP).tolist()
+    coarse = min(grid, key=lambda x: float(logs(x).sum()))
+    starts = [(coarse, STEP / 2), *((x, NEAR) for x in _linear(fit, joint))]
+    best, at_best = min((_refined(logs, *start) for start in starts), key=lambda found: float(found[1].sum()))
     worth = fit.counts / _together(fit, joint, best)
-
-    def rise(x: float) -> float:
-        return float(worth @ (logs(x) - at_best))
-
-    low, high = (_end(rise, best, side) for side in (-1.0, 1.0))
+    low, high = (_end(lambda x: float(worth @ (logs(x) - at_best)), best, side) for side in (-1.0, 1.0))
     gain = float(fit.plain.score - at_best.sum())
     return JointScale(name, float(np.exp(best)), float(np.exp(low)), float(np.exp(high)), gain)
+
+
+def _refined(logs: Callable[[float], Array], best: float, step: float) -> tuple[float, Array]:
+    """Return where the likelihood is largest near a start, and the log variances there (Hooke and Jeeves 1961)."""
+    found = logs(best)
+    while step > PRECISION:
+        sides = [(side, logs(side)) for side in (best - step, best + step)]
+        side, values = min(sides, key=lambda each: float(each[1].sum()))
+        if values.sum() < found.sum() and abs(side) <= 2 * WIDEST:
+            best, found = side, values
+        else:
+            step /= 2
+    return best, found
+
+
+def _linear(fit: QuickFit, joint: int) -> list[float]:
+    """Return the logarithm of the factor as one more linear unknown: W beta less the factor's torque is what is known.
+
+    Joints weigh by the size of their torques. Noise of the torque makes the factor too small by about its share of the
+    variance: a start, as the valley is often narrow.
+    """
+    size = fit.base.count
+    factor = 1.0
+    for _ in range(ROUNDS):
+        gram, side = RIDGE * np.eye(size + 1), np.zeros(size + 1)
+        for i, (own, triangle) in enumerate(fit.triangles):
+            logged, known = triangle[:, len(own) + i], triangle[:, -1]
+            weight = 1.0 / max(float(np.linalg.norm(logged)) * (factor if i == joint else 1.0), 1e-300)
+            added = logged if i == joint else np.zeros(len(logged))
+            columns, every = np.column_stack([triangle[:, : len(own)], -added]) * weight, np.append(own, size)
+            gram[np.ix_(every, every)] += columns.T @ columns
+            side[every] += columns.T @ (weight * (logged - added - known))
+        scale = np.sqrt(np.diag(gram))
+        found = float(np.linalg.solve(gram / np.outer(scale, scale), side / scale)[-1] / scale[-1])
+        if not found > 0:
+            return []
+        factor = found
+    return [float(np.log(factor))]
 
 
 def _mixing(fit: QuickFit, joint: int, x: float) -> Array:
@@ -91,9 +125,8 @@ def _together(fit: QuickFit, joint: int, x: float) -> Array:
     return correlation_factors([residual], [fit.rows.masks])
 
 
-def _end(rise: object, best: float, side: float) -> float:
+def _end(rise: Callable[[float], float], best: float, side: float) -> float:
     """Return where the deviance has risen enough on one side; infinite where it does not."""
-    assert callable(rise)
     step = PRECISION
     while rise(best + side * step) < RISE:
         step *= 2
