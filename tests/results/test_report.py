@@ -23,6 +23,7 @@ from dynident.excitation.design.recheck import recheck
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import Choices, DelayRecord
+from dynident.identification.problem.method_run import MethodRun
 from dynident.model.robot import Robot
 from dynident.results.plan_view import PlanView
 from dynident.results.report import Comparison, Subject, build_report, builder, write_report
@@ -166,7 +167,7 @@ def test_the_page_says_what_matters(whole: str) -> None:
 
 def test_sections_with_nothing_to_show_leave_themselves_out() -> None:
     estimate, _ = subject_of(standard=False, friction=(), samples=300)
-    bare = replace(estimate, extras={}, provenance={})
+    bare = replace(estimate, run=MethodRun(), provenance={})
     page = check_inert(build_report(bare))
     assert "data-zoom" in build_report(bare) and "<script>" not in render(Subject(bare), ["verdict", "friction"])
     assert set(ORDER) - set(page.sections) == {

@@ -18,6 +18,7 @@ from dynident.identification.consistency.labels import labels_of
 from dynident.identification.estimate.estimate import Consistency, Estimate
 from dynident.identification.estimate.validation import NominalErrors, Validation
 from dynident.identification.problem.choices import Choices, CutoffRecord, CutoffSensitivity, CutoffTrial
+from dynident.identification.problem.method_run import MethodRun, recorded_run
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -383,14 +384,16 @@ def test_convergence_of_searches(subject: Subject) -> None:
     assert found["optimum"] == "1.90000"
     assert [row[:2] for row in found["table"].rows] == [("other", "2"), ("abc", "50")]
     assert found["table"].rows[0][2:] == ("30.0000", "3.00000", "58")
-    alone = replace(subject.estimate, extras={"trace": "no list"})
+    alone = replace(subject.estimate, run=MethodRun(trace=[]))
     assert context("convergence", replace(subject, estimate=alone)) == {}
 
 
 def test_provenance_in_words(subject: Subject) -> None:
     estimate = replace(
         subject.estimate,
-        extras={"box": {"lower": list(range(20)), "source": "Table 3"}, "gap": None, "trace": [1.0], "polished": True},
+        run=recorded_run(
+            {"trace": [1.0], "box": {"lower": list(range(20)), "source": "Table 3"}, "gap": None, "polished": True}
+        ),
         provenance={"versions": {"numpy": "2.4.6"}, "case": "a.yaml", "command": ["dynident", "identify"], "logs": []},
     )
     found = context("provenance", replace(subject, estimate=estimate))
@@ -414,7 +417,7 @@ def test_a_chosen_cut_off_stands_with_what_was_found_and_not_in_the_provenance(s
     table = tuple(CutoffTrial(hertz, 0.012345, 0.5, name, 0.5, name, ()) for hertz, name in rows)
     chosen = CutoffRecord(8.0, (4.0, 16.0), "8 Hz, the middle of 4 to 16 Hz", 1.0, (), {})
     found = Choices(cutoff_choice=chosen, cutoff_sensitivity=CutoffSensitivity(8.0, 5, table))
-    given = replace(subject, estimate=replace(subject.estimate, extras={}, choices=found))
+    given = replace(subject, estimate=replace(subject.estimate, run=MethodRun(), choices=found))
     said = context("choices", given)
     assert said["reason"] == "8 Hz, the middle of 4 to 16 Hz" and said["tables"] == ()
     rows = said["cutoff"].rows

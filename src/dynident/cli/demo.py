@@ -15,6 +15,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from dynident.identification.search.box_search import SearchRun
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -113,10 +115,10 @@ def _comparison(parts: tuple[tuple[str, ReproductionPart], ...]) -> Comparison:
 
     rows = tuple({"part": label, **row.row()} for label, part in parts for row in part.rows)
     traces = {
-        f"{label} {row.method}": row.estimate.extras["trace"]
+        f"{label} {row.method}": run.trace or ()
         for label, part in parts
         for row in part.rows
-        if "trace" in row.estimate.extras and not row.estimate.extras["polished"]
+        if isinstance(run := row.estimate.run, SearchRun) and not run.polished
     }
     return Comparison(rows, traces, objective="F (9) [N m]")
 

@@ -30,7 +30,7 @@ class Provenance(ReportSection):
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate, choices = subject.estimate, subject.estimate.choices
         aside = {"delay_s": choices.delay_s, "constraints_not_kept": choices.constraints_not_kept}
-        facts = {**estimate.extras, **{name: value for name, value in aside.items() if value is not None}}
+        facts = {**estimate.run.data(), **{name: value for name, value in aside.items() if value is not None}}
         groups = [
             ("Estimator", [("method", label(estimate.estimator)), *_entries(estimate.options)]),
             ("What the method reports", list(_entries(facts))),
