@@ -15,6 +15,7 @@ from dynident.identification.estimate.envelope import Envelope
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import Choices
 from dynident.identification.residuals.quantiles import student_quantile
+from dynident.methods import EstimateMethods
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
 
@@ -35,8 +36,8 @@ class Consistency:
     smallest_inertia: float
 
 
-@dataclass(frozen=True)
-class Estimate:
+@dataclass(frozen=True, repr=False)
+class Estimate(EstimateMethods):
     """The result of an identification; it exists only when it is whole.
 
     Attributes:
