@@ -10,7 +10,7 @@ PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 
 .PHONY: demo test test-all coverage lint type imports check benchmark docs release constraints clean
 
-demo: .venv/core  ## the article's case from end to end, into ./dynident-demo
+demo: .venv/core  ## the whole job on an industrial arm, into ./dynident-demo
 	$(BIN)/dynident demo --out dynident-demo
 
 test: .venv/dev  ## the tests (under 8 minutes on 2 cores)

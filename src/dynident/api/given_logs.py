@@ -107,7 +107,7 @@ def logs_of(data: Any, robot: Robot, read: Callable[[str | Path], Log], argument
     one = isinstance(data, Log | str | Path | Mapping) or (isinstance(data, Frame) and not isinstance(data, Sequence))
     if not one and not isinstance(data, Iterable):
         raise BadArgument(argument, f"{_kind(data)} where logs are wanted", f"write {EXAMPLE}, or give files")
-    several = [data] if one else list(data)
+    several: list[Any] = [data] if one else list(data)  # type: ignore[arg-type]
     if any(isinstance(each, np.ndarray | float | int | list) for each in several):
         raise BadArgument(argument, f"{_kind(data)} of numbers where logs are wanted", f"write {EXAMPLE}")
     found = [read(each) if isinstance(each, str | Path) else log_of(each, robot) for each in several]

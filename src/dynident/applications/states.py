@@ -43,7 +43,8 @@ def motion_of_arrays(
     others = {name: None if values is None else rows_of(robot, name, values) for name, values in given.items()}
     for name, values in others.items():
         if values is not None and values.shape != rows.shape:
-            raise BadArgument(name, f"shape {np.shape(given[name])} where q has {np.shape(q)}", f"give {name} like q")
+            seen = np.shape(given[name])  # type: ignore[arg-type]
+            raise BadArgument(name, f"shape {seen} where q has {np.shape(q)}", f"give {name} like q")
     still = np.zeros_like(rows)
     speed, rate = (still if others[name] is None else others[name] for name in ("dq", "ddq"))
     return Motion(rows, speed, rate, temperature=others["temperature"]), np.ndim(q) == 1  # type: ignore[arg-type]
