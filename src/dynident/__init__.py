@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dynident.api.compare import compare as compare
+    from dynident.api.demo import run_demo as run_demo
     from dynident.api.estimate_output import write_estimate as write_estimate
     from dynident.api.excite import excite as excite
     from dynident.api.export import export as export
@@ -81,6 +82,7 @@ if TYPE_CHECKING:
     from dynident.simulation.virtual_robot import simulate as simulate
 
 _HOMES = {
+    "api.demo": ("run_demo",),
     "api.compare": ("compare",),
     "api.estimate_output": ("write_estimate",),
     "api.excite": ("excite",),
