@@ -8,9 +8,9 @@ NOISE := --disable-pip-version-check --quiet
 WHEN = $(shell git log -1 --format=%ct 2>/dev/null || date -r CHANGELOG.md +%s)
 PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 
-.PHONY: demo test test-all coverage lint type imports check benchmark docs release constraints clean
+.PHONY: demo test test-all coverage lint type imports check benchmark docs notebooks release constraints clean
 
-demo: .venv/core  ## the article's case from end to end, into ./dynident-demo
+demo: .venv/core  ## the whole job on an industrial arm, into ./dynident-demo
 	$(BIN)/dynident demo --out dynident-demo
 
 test: .venv/dev  ## the tests (under 8 minutes on 2 cores)
@@ -41,6 +41,9 @@ benchmark: $(BENCH)/ready  ## speed beside the peers: every row, its JSON and th
 
 docs: .venv/docs  ## the documentation, into build/docs/index.html: opens without a server, fetches nothing
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+
+notebooks: .venv/notebooks  ## the notebooks run anew, and their pages in docs/notebooks
+	$(BIN)/python scripts/notebooks.py
 
 release: constraints/release.txt constraints/core.txt  ## wheel, sdist and bill of materials, into dist
 	$(PYTHON) -m venv --clear build/release
@@ -73,6 +76,10 @@ $(BENCH)/ready: constraints/bench.txt pyproject.toml
 	$(PYTHON) -m venv $(BENCH)
 	$(BENCH)/bin/python -m pip install $(NOISE) --require-hashes -r constraints/bench.txt
 	$(BENCH)/bin/python -m pip install $(NOISE) --no-deps --no-build-isolation -e .
+	touch $@
+
+.venv/notebooks: constraints/notebooks.txt .venv/dev
+	$(BIN)/python -m pip install $(NOISE) --require-hashes -r constraints/notebooks.txt
 	touch $@
 
 .venv/docs: constraints/docs.txt | .venv/bin/python

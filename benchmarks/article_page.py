@@ -23,7 +23,7 @@ HEAD = """\
 # Reproducing the article
 
 "Dynamic Model Identification for 6-DOF Industrial Robots" identifies joints 1 to 3 of an ER-16 with an artificial bee
-colony. `dynident demo` runs its case in two parts, in under a minute, and writes report, estimates, logs and a case
+colony. `dynident demo article` runs its case in two parts, in under a minute, and writes report, estimates, logs and a case
 file. Same seed, same numbers, but for the times. This page is written by its own command from figures that it computes:
 
     python -m benchmarks.article --seeds 100 --write docs/reproducing-the-article.md
@@ -151,7 +151,7 @@ def beside_ours(published, virtual) -> str:
          f"squares {percent(published.rows[2].parameter_error)}"),
         ("Table 3, box", "21 ranges", "taken; Fc of joint 2 of Table 2 lies outside"),
         ("Figures 1 to 3", "flow chart, photograph, frames", "nothing to compute"),
-        ("Figures 4 and 8, motions", "drawn", f"beta_1 spans {reach[0]} degrees, beta_2 {reach[1]}; `dynident demo` draws both"),
+        ("Figures 4 and 8, motions", "drawn", f"beta_1 spans {reach[0]} degrees, beta_2 {reach[1]}; `dynident demo article` draws both"),
         ("Figure 5, path", "drawn", "drawn in the demo's report"),
         ("condition number of beta_1", "not stated", f"{raw:.3g}, {scaled:.3g} with columns of unit length"),
         ("Figure 6, final (9)", f"{article.PUBLISHED_OBJECTIVE}, scale not given",

@@ -10,14 +10,9 @@ controller believes what it is told and knows nothing of the true parameters.
 import numpy as np
 
 import dynident
-from dynident.applications.compensation import parameters_of
-from dynident.simulation.cell import Cell
-from dynident.simulation.cell_simulation import simulate_cell
-from dynident.simulation.controllers import CONTROLLERS
-from dynident.simulation.effects import Effort, Encoder, Recorder
 
 robot = dynident.read_robot("generic-scara")
-model = dynident.DynamicModel(robot, tuple(dynident.FRICTION.make(name) for name in ("coulomb", "viscous")))
+model = dynident.DynamicModel(robot, ["coulomb", "viscous"])
 truth = np.asarray(model.nominal())  # the robots that ship state inertias, damping and friction
 reach, offset = np.array([0.5, 0.5, 0.03, 0.6]), np.array([0.0, 0.3, 0.08, 0.0])
 generator = np.random.default_rng(0)
@@ -31,18 +26,20 @@ def motion() -> dynident.FourierSeries:
 
 def tracking_error(theta: np.ndarray, path: dynident.FourierSeries, seconds: float) -> np.ndarray:
     """Return the root mean square position error of each joint under computed torque with the parameters theta."""
-    controller = CONTROLLERS.make("computed_torque", bandwidth_hz=3.0, feedforward="model")
-    cell = Cell(controller, lead_in=1.0)
-    return simulate_cell(model, truth, path, cell, duration=seconds, believed=theta).tracking_error()
+    controller = dynident.CONTROLLERS.make("computed_torque", bandwidth_hz=3.0, feedforward="model")
+    cell = dynident.Cell(controller, lead_in=1.0)
+    return dynident.simulate_cell(model, truth, path, cell, duration=seconds, believed=theta).tracking_error()
 
 
-sensors = {"encoder": Encoder(noise=(2e-6,)), "effort": Effort(noise=(1.0, 0.5, 2.0, 0.05))}
-log = simulate_cell(model, truth, motion(), Cell(recorder=Recorder(rate=500.0), **sensors), seed=1).log
-estimate = dynident.identify(model, [log])
+sensors = {"encoder": dynident.Encoder(noise=(2e-6,)), "effort": dynident.Effort(noise=(1.0, 0.5, 2.0, 0.05))}
+log = dynident.simulate_cell(
+    model, truth, motion(), dynident.Cell(recorder=dynident.Recorder(rate=500.0), **sensors), seed=1
+).log
+estimate = dynident.identify(model, log)
 path = motion()
 errors = {
     name: tracking_error(theta, path, seconds=4.0)
-    for name, theta in {"nominal": 1.2 * truth, "identified": parameters_of(estimate), "true": truth}.items()
+    for name, theta in {"nominal": 1.2 * truth, "identified": dynident.parameters_of(estimate), "true": truth}.items()
 }
 for name, error in errors.items():
     print(f"{name:10} " + " ".join(f"{value:.3e}" for value in error) + " rad or m")

@@ -11,33 +11,31 @@ from pathlib import Path
 import numpy as np
 
 import dynident
-from dynident.simulation.virtual_robot import Noise, Timing
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
 robot = dynident.read_robot("generic-scara")
-friction = tuple(dynident.FRICTION.make(name) for name in ("coulomb", "viscous"))
-model = dynident.DynamicModel(robot, friction)
+model = dynident.DynamicModel(robot, ["coulomb", "viscous"])
 truth = np.asarray(model.nominal())  # the robots that ship state inertias, damping and friction
 
 generator = np.random.default_rng(0)
 reach = np.array([0.5, 0.5, 0.03, 0.6])  # rad, rad, m, rad
 offset = np.array([0.0, 0.3, 0.08, 0.0])
-noise = Noise(position=2e-6, torque=[1.0, 0.5, 2.0, 0.05])
+noise = dynident.Noise(position=2e-6, torque=[1.0, 0.5, 2.0, 0.05])
 
 
 def record(name: str, seed: int) -> dynident.Log:
     """Simulate a run of 10 s along a random Fourier series and write its log."""
     sine, cosine = (reach[:, None] * generator.uniform(-1, 1, (4, 4)) / [1, 2, 3, 4] for _ in range(2))
     trajectory = dynident.FourierSeries(offset, sine, cosine, period=10.0)
-    log = dynident.simulate(model, truth, trajectory, timing=Timing(rate=500.0), noise=noise, seed=seed).log
+    log = dynident.simulate(model, truth, trajectory, timing=dynident.Timing(rate=500.0), noise=noise, seed=seed).log
     dynident.write_log(log, folder / name)
     return log
 
 
 train, test = record("train.csv", seed=1), record("test.csv", seed=2)
-estimate = dynident.identify(model, [train])
-validation = dynident.validate(estimate, [test])
-dynident.write_estimate(estimate, folder / "estimate.json")
+estimate = dynident.identify(model, train)
+validation = dynident.validate(estimate, test)
+estimate.save(folder / "estimate.json")
 dynident.write_report(folder / "report.html", estimate, [validation])
 
 known = estimate.base.from_standard(truth)

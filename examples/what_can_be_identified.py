@@ -11,8 +11,7 @@ from collections import Counter
 import dynident
 
 robot = dynident.read_robot(sys.argv[1] if len(sys.argv) > 1 else "generic-6r")
-friction = tuple(dynident.FRICTION.make(name) for name in ("coulomb", "viscous", "offset"))
-model = dynident.DynamicModel(robot, friction)
+model = dynident.DynamicModel(robot, ["coulomb", "viscous", "offset"])
 base = dynident.base_parameters(model)
 
 print(f"{robot.name}: {robot.dof} joints, {len(base.parameters)} standard parameters, {base.count} base parameters")

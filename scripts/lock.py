@@ -1,8 +1,8 @@
 """Write constraints/*.txt: exact versions with hashes, no addresses (needs pip-tools).
 
 ``core`` is what the package needs, ``dev`` adds the tests, ``bench`` the peers that benchmarks run beside it; ``docs``,
-``release`` and ``coverage`` stand alone. All take what they share with ``dev`` in its versions, so that all can go into
-one environment. Names on the command line choose some.
+``release``, ``coverage`` and ``notebooks`` stand alone. All take what they share with ``dev`` in its versions, so that
+all can go into one environment. Names on the command line choose some.
 """
 
 import re
@@ -23,7 +23,7 @@ def main() -> None:
     groups = project["dependency-groups"]
     core = [*project["project"]["dependencies"], *groups["build"]]
     wanted = {"core": core, "dev": [*core, *groups["test"], *groups["lint"]], "bench": [*core, *groups["bench"]]}
-    wanted |= {name: groups[name] for name in ("docs", "release", "coverage")}
+    wanted |= {name: groups[name] for name in ("docs", "release", "coverage", "notebooks")}
     for name in sys.argv[1:] or wanted:
         target = ROOT / "constraints" / f"{name}.txt"
         with tempfile.TemporaryDirectory() as folder:

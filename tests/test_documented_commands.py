@@ -16,17 +16,21 @@ from test_documentation import PAGES, ROOT, Block, blocks_of
 
 #: Blocks that no test runs: page, how many, why. The commands in them are parsed nevertheless.
 NOT_RUN = {
-    "README.md": (3, "installation: .ci/run does it in a fresh environment"),
+    "README.md": (1, "installation: .ci/run does it in a fresh environment"),
     "docs/adding-a-part.md": (1, "another project: tests/guest is one, which tests/trust/test_guest_parts.py runs"),
     "docs/benchmark.md": (4, "hours: tests/cli/test_benchmark_command.py runs a short one"),
     "docs/drive-gains.md": (4, "logs of the reader's robot, real logs: tests/cli/test_gains_command.py"),
     "docs/exports.md": (1, "needs ROS"),
     "docs/fleet.md": (1, "logs of several robots: tests/cli/test_fleet_and_track.py"),
+    "docs/into-simulators.md": (1, "needs a compiler: tests/exports/models"),
     "docs/logs.md": (5, "one for each kind of log: tests/case/test_draft_profiles.py"),
     "docs/model-exports.md": (3, "needs a compiler, an FMU runner, Pinocchio: tests/exports/models"),
     "docs/monitor.md": (2, "a log with a contact: tests/cli/test_use_commands.py"),
+    "docs/notebooks/compare-estimators-and-friction.md": (6, "a notebook: tests/test_notebooks.py"),
+    "docs/notebooks/design-to-mujoco.md": (8, "a notebook: tests/test_notebooks.py"),
+    "docs/notebooks/first-identification.md": (9, "a notebook: tests/test_notebooks.py"),
     "docs/online.md": (1, "a log with a change: tests/cli/test_fleet_and_track.py"),
-    "docs/packaging.md": (2, "installation, and what is installed here: tests/cli/test_environment.py"),
+    "docs/packaging.md": (3, "installation, and what is installed here: tests/cli/test_environment.py"),
     "docs/payload.md": (1, "a log with a load: tests/cli/test_use_commands.py"),
     "docs/report.md": (1, "the demo: tests/cli/test_cli.py"),
     "docs/scale.md": (3, "a cluster and a bucket: tests/workers"),

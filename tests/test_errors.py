@@ -50,6 +50,10 @@ GOLDEN = [
         "run.csv: no joint called 'elbow'; the log has a, b",
     ),
     (
+        errors.BadArgument("q", "shape (6, 500) where (500, 6) is wanted", "write q.T"),
+        "q: shape (6, 500) where (500, 6) is wanted; write q.T",
+    ),
+    (
         errors.BadOption("iterations", 0, "give 1 or more"),
         "iterations = 0 is not possible; give 1 or more",
     ),

@@ -15,6 +15,7 @@ from contracts.families import FAMILIES
 from dynident.cli.main import main
 from dynident.model.inertia import TEN, Inertia
 from dynident.model.parameters import to_mujoco_fullinertia, to_pinocchio
+from dynident.results.report.judgement import GRADES
 from test_documentation import PAGES, ROOT, rows_after
 
 
@@ -50,6 +51,31 @@ def test_figures_of_real_robots_in_the_readme_are_those_of_their_page() -> None:
     assert set(re.findall(r"[\d.]+ %", table)) <= set(re.findall(r"[\d.]+ %", page))
 
 
+def test_figures_beside_peers_in_the_readme_are_those_of_their_pages() -> None:
+    """Times that were run are in the table of speed; errors are in the page of real logs."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    table = readme.partition("<!-- peers -->")[2].partition("On real arms")[0]
+    times = set(re.findall(r"[\d.]+ (?:ns|us|ms)", table))
+    assert len(times) >= 4
+    speed = (ROOT / "docs/performance.md").read_text(encoding="utf-8")
+    assert not [time for time in times if time not in speed]
+    errors = re.search(r"real TX40.*?\| ([\d.]+), run \| ([\d.]+), ", table)
+    page = (ROOT / "docs/real-data.md").read_text(encoding="utf-8")
+    assert errors and f" {errors[1]} " in page and f"{errors[2]} " in page
+    kinds = [file for file in (ROOT / "src/dynident/diagnosis/checks").glob("[a-z]*.py") if file.stem != "base"]
+    assert f"{len(kinds)} kinds of check" in table
+
+
+def test_grades_are_those_of_the_report() -> None:
+    """The page says what each grade of the report means, and figures of real arms that their page has."""
+    page = (ROOT / "docs/how-good-is-good.md").read_text(encoding="utf-8")
+    stated = re.findall(r"^\| up to (\d+) % \| ([a-z ]+) \|", page, re.MULTILINE)
+    assert [(int(limit) / 100, word) for limit, word in stated] == list(GRADES)
+    arms = page.partition("<!-- real arms -->")[2].partition("Each by")[0]
+    known = (ROOT / "docs/real-data.md").read_text(encoding="utf-8")
+    assert set(re.findall(r"[\d.]+ %", arms)) <= set(re.findall(r"[\d.]+ %", known))
+
+
 def test_options_of_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     """Every option that the page of the case file names is one of ``identify``."""
     text = (ROOT / "docs/case-file.md").read_text(encoding="utf-8").partition("## What the command line changes")[2]
@@ -60,9 +86,9 @@ def test_options_of_the_command_line(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_environment_variables() -> None:
-    """The README lists the variables that the package reads, and no other."""
+    """The page of the installation lists the variables that the package reads, and no other."""
     sources = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "src").rglob("*.py"))
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/packaging.md").read_text(encoding="utf-8")
     assert set(re.findall(r"^\| `(DYNIDENT_\w+)`", text, re.MULTILINE)) == set(re.findall(r"DYNIDENT_[A-Z]+", sources))
 
 

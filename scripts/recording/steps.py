@@ -143,7 +143,7 @@ QUICK = (
         iterated=True,
     ),
     Step("benchmark", "benchmark inputs/benchmark.yaml --out benchmark-results", iterated=True),
-    Step("demo", "demo --out {out}/demo --iterations 1", iterated=True),
+    Step("demo", "demo article --out {out}/demo --iterations 1", iterated=True),
 )
 
 _WIDE = "--period 4 --harmonics 2 --starts 1 --seed 1"

@@ -100,6 +100,14 @@ class BadOption(DynidentError):
         return type(self)(name, self.value, self.step)
 
 
+class BadArgument(BadOption):
+    """An argument of a call from Python: what was seen where what is wanted, and the line that would work."""
+
+    def __init__(self, argument: str, evidence: str, step: str) -> None:
+        self.argument, self.evidence, self.option, self.value, self.step = argument, evidence, argument, evidence, step
+        DynidentError.__init__(self, f"{argument}: {evidence}; {step}")
+
+
 def _stated(option: str, value: object) -> str:
     if value is None:
         return f"{option} is not given"

@@ -329,11 +329,11 @@ def test_init_drafts_a_case_that_identify_takes(capsys: Capture, tmp_path: Path)
     assert "other.csv" in target.read_text()
 
 
-def test_demo_leaves_files_that_the_other_commands_take(
+def test_demo_of_the_article_leaves_files_that_the_other_commands_take(
     capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     target = tmp_path / "er16"
-    assert main(["demo", "--out", str(target), "--iterations", "20", "--quiet"]) == 0
+    assert main(["demo", "article", "--out", str(target), "--iterations", "20", "--quiet"]) == 0
     out, err = capsys.readouterr()
     assert err == "" and "(a) as published" in out and "(b) virtual" in out
     assert all(word in out for word in ("ABC as published", "L1 optimum", "OLS", "WLS", "consistent"))
@@ -377,7 +377,8 @@ UNUSABLE = [
     (["inspect", "."], ".: it is a folder; give the robot model file in it"),
     (["inspect", "generic-7"], "generic-7: no such file; give a file, or a built-in example robot"),
     (["init", "arm.json", "no.csv", "-o", "new.yaml"], "no.csv: there is no such file; check the path"),
-    (["demo", "--seed", "-1", "--out", "never"], "--seed = -1 is not possible; give 0 or more"),
+    (["demo", "--seed", "3", "--out", "never"], "--seed = 3 is not possible; it goes with: dynident demo article"),
+    (["demo", "article", "--seed", "-1", "--out", "never"], "--seed = -1 is not possible; give 0 or more"),
     (["demo", "--out", "run.csv/demo"], "run.csv/demo: cannot be made (Not a directory); choose another folder"),
 ]
 

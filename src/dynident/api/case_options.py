@@ -11,7 +11,6 @@ from dynident.data.preprocessing import FILTERS, default_preprocessing
 from dynident.data.split import Split
 from dynident.errors import BadOption, DescriptionError, DynidentError
 from dynident.identification.estimators import ESTIMATORS, Estimator
-from dynident.model.friction import FRICTION, default_friction
 
 if TYPE_CHECKING:
     from dynident.identification.problem.prior import BodyPrior
@@ -53,11 +52,7 @@ def case_with(path: str, options: CaseOptions, open_gains: bool = False) -> Case
     Raises:
         DynidentError: Any fault of the case or of an option.
     """
-    case = read_case(path, open_gains)
-    if options.friction:
-        is_chosen = options.friction == (AUTO,)
-        names = default_friction() if is_chosen else options.friction
-        case = replace(case, friction=tuple(FRICTION.make(name) for name in names), choose_friction=is_chosen)
+    case = read_case(path, open_gains, options.friction)
     if options.split and options.has_test_logs:
         raise BadOption("--split", options.split, "it does not go with --test; give one of the two")
     if options.split or options.has_test_logs:

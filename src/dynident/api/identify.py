@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from dynident.api.case_logs import read_data
 from dynident.api.case_options import estimator_of, prior_of
-from dynident.api.log_checks import add_causes, case_of_model, check_logs, refuse_faulty
+from dynident.api.given_logs import LogLike, case_of, check_kinds, logs_of
+from dynident.api.log_checks import add_causes, check_logs, refuse_faulty
 from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
-from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
 from dynident.errors import BadOption, DynidentError
 from dynident.files import sha256_of
@@ -22,6 +22,7 @@ from dynident.identification.estimators import Estimator
 from dynident.identification.identify import identify as identify_model
 from dynident.identification.uncertainty.trust import TrustOptions
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.robot import Robot
 
 if TYPE_CHECKING:
     from dynident.identification.streaming.digest import Digest
@@ -48,8 +49,8 @@ class Record:
 
 
 def identify(
-    subject: Case | DynamicModel,
-    logs: Sequence[Log] | Digest | None = None,
+    subject: Case | DynamicModel | Robot | str | Path,
+    logs: LogLike | Sequence[LogLike] | Digest | None = None,
     estimator: str | Estimator | None = None,
     preprocessing: Preprocessing | None = None,
     *,
@@ -64,8 +65,8 @@ def identify(
     :func:`verdict_of` of the estimate is ``not accepted`` with the cause; ``record`` says whether that raises.
 
     Args:
-        subject: The case, or the dynamic model. To choose the friction from the logs, give a case that says so.
-        logs: Raw logs with positions and torques, or a digest of them; None for those of the case that train.
+        subject: Case, dynamic model or robot, or a file of one; ``read_case(path, friction="auto")`` chooses friction.
+        logs: One raw log or several, as :func:`log_of` takes them, or a digest; None for those of the case that train.
         estimator: Name or part; None for that of the case, else ``consistent``.
         preprocessing: How logs become rows; None for that of the case, else the default of :class:`Case`.
         knowledge: What is known about the bodies beforehand; None for that of the case.
@@ -74,6 +75,7 @@ def identify(
         progress: Told each step in words.
 
     Raises:
+        BadArgument: An argument of a wrong kind or shape; the message has the line that works.
         BadOption: A model without logs, one fold, or too few draws.
         NotAccepted: The unit of the time or a column of a log makes no sense, or with ``strict`` any finding at error
             level.
@@ -82,20 +84,19 @@ def identify(
         PoorExcitation: The logs do not determine all base parameters.
         SolverFailed: The estimator found no checked solution.
     """
-    record = record or Record()
-    if isinstance(subject, DynamicModel):
-        if logs is None:
-            raise BadOption("logs", None, "give logs with a model, or a case that names its logs")
-        subject = case_of_model(subject)
+    _check_options(preprocessing, knowledge, trust, record)
+    record, subject = record or Record(), case_of(subject)
+    if logs is None and not subject.train and not subject.path:
+        raise BadOption("logs", None, "give logs with a model, or a case that names its logs")
     case = subject if preprocessing is None else replace(subject, preprocessing=preprocessing)
     part = estimator_of(case) if estimator is None else estimator
     knowledge = knowledge or PriorKnowledge(case.constraints, prior_of(case))
-    logs = read_data(case).train if logs is None else logs
     provenance = _provenance(case, record)
-    if not isinstance(logs, Sequence):
+    if is_digest(logs):
         from dynident.identification.streaming.estimate import identify_digest
 
         return identify_digest(logs, part, knowledge.constraints, knowledge.prior, provenance, progress)
+    logs = read_data(case).train if logs is None else logs_of(logs, case.robot, case.read)
     if record.checks:
         provenance["log_quality"] = check_logs(case, logs, progress)
         refuse_faulty(provenance["log_quality"], record.strict)
@@ -107,6 +108,23 @@ def identify(
         add_causes(error, provenance.get("log_quality", ()))
         raise
     return replace(estimate, columns=record.columns or case.columns, provenance={**estimate.provenance, **provenance})
+
+
+def is_digest(logs: object) -> TypeGuard[Digest]:
+    """Return whether logs are given as QR factors."""
+    return hasattr(logs, "chunks")
+
+
+def _check_options(preprocessing: object, knowledge: object, trust: object, record: object) -> None:
+    line = 'preprocessing=di.Preprocessing(di.FILTERS.make("butterworth", cutoff_hz=5.0))'
+    check_kinds(
+        {
+            "preprocessing": (preprocessing, Preprocessing, line),
+            "knowledge": (knowledge, PriorKnowledge, "knowledge=di.PriorKnowledge(constraints, prior)"),
+            "trust": (trust, TrustOptions, "trust=di.TrustOptions(diagnose=True, bootstrap=100)"),
+            "record": (record, Record, "record=di.Record(strict=True)"),
+        }
+    )
 
 
 def _provenance(case: Case, record: Record) -> dict[str, Any]:

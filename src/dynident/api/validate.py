@@ -5,32 +5,38 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from dynident.api.given_logs import LogLike, logs_of
 from dynident.data.log import Log
 from dynident.data.log_of_robot import read_with
 from dynident.data.preprocessing import Preprocessing
+from dynident.errors import BadArgument
 from dynident.identification import validate as bare
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 
 
 def validate(
-    estimate: Estimate, logs: Sequence[Log | str | Path], preprocessing: Preprocessing | None = None
+    estimate: Estimate, logs: LogLike | Sequence[LogLike], preprocessing: Preprocessing | None = None
 ) -> Validation:
     """Compare an estimate with logs that had no part in its fit; they are prepared as those of the fit.
 
     Args:
         estimate: The estimate.
-        logs: Raw logs with positions and torques; names are read as the logs of the fit were.
+        logs: One raw log with positions and torques or several, as :func:`log_of` takes them; files are read as the
+            logs of the fit were.
         preprocessing: Another preparation than that of the fit.
 
     Raises:
+        BadArgument: Something that is no log, or arrays of a wrong shape.
         FileError: A log cannot be read.
         LogFormatError: A file is no sound log.
         LogMismatch: A log does not fit the robot, or is too short.
     """
-    return bare.validate(
-        estimate, [log if isinstance(log, Log) else read_log(estimate, log) for log in logs], preprocessing
-    )
+    if not isinstance(estimate, Estimate):
+        step = "write di.validate(estimate, log); di.read_estimate(path) reads one from a file"
+        raise BadArgument("estimate", f"{type(estimate).__name__} where an Estimate is wanted", step)
+    robot = estimate.model.robot
+    return bare.validate(estimate, logs_of(logs, robot, lambda name: read_log(estimate, name)), preprocessing)
 
 
 def read_log(estimate: Estimate, name: str | Path) -> Log:

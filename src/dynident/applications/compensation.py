@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from dynident.applications.states import motion_of_arrays, rows_of
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.identification.estimate.estimate import Estimate
@@ -27,8 +28,8 @@ def feed_forward(
     model: DynamicModel,
     theta: Array,
     q: npt.ArrayLike,
-    dq: npt.ArrayLike,
-    ddq: npt.ArrayLike,
+    dq: npt.ArrayLike | None,
+    ddq: npt.ArrayLike | None,
     temperature: npt.ArrayLike | None = None,
 ) -> Array:
     """Return the torque that the planned motion needs: bodies, rotors, friction.
@@ -42,9 +43,10 @@ def feed_forward(
         temperature: Of the drives, in degrees Celsius, where friction depends on it.
 
     Raises:
-        BadOption: Shapes that differ, or a temperature that is missing.
+        BadArgument: Shapes that differ.
+        BadOption: A temperature that is missing.
     """
-    motion, one = _motion(model, q, dq, ddq, temperature)
+    motion, one = motion_of_arrays(model.robot, q, dq, ddq, temperature)
     return _shaped(model.torque(motion, theta), one)
 
 
@@ -57,9 +59,9 @@ def gravity_torque(model: DynamicModel, theta: Array, q: npt.ArrayLike) -> Array
         q: Positions, in rad or m.
 
     Raises:
-        BadOption: A shape that is not (n,) or (N, n).
+        BadArgument: A shape that is not (n,) or (N, n).
     """
-    motion, one = _motion(model, q, np.zeros_like(np.asarray(q, dtype=float)), np.zeros_like(np.asarray(q, float)))
+    motion, one = motion_of_arrays(model.robot, q)
     inertial = np.asarray(theta, dtype=float)[: model.inertial_count]
     rigid = batched.inverse_dynamics(model.robot.chain, inertial, motion.q, motion.dq, motion.ddq)
     return _shaped(rigid + model.known_torque(motion), one)
@@ -93,7 +95,7 @@ def friction_torque(
     """
     if not 0 <= share <= 1:
         raise BadOption("share", share, "give a share of the friction from 0 to 1, such as 0.9")
-    motion, one = _motion(model, q, dq, np.zeros_like(np.asarray(dq, dtype=float)), temperature)
+    motion, one = motion_of_arrays(model.robot, q, dq, None, temperature)
     own = model.loaded(motion, theta)
     table = model.coefficient_table(theta)
     values = model.friction_values(own)
@@ -113,13 +115,13 @@ def mass_matrices(model: DynamicModel, theta: Array, q: npt.ArrayLike) -> Array:
         q: Positions, in rad or m.
 
     Raises:
-        BadOption: A shape that is not (n,) or (N, n).
+        BadArgument: A shape that is not (n,) or (N, n).
     """
-    positions, one = _rows(model, "q", q)
+    motion, one = motion_of_arrays(model.robot, q)
     coupling = np.asarray(model.robot.coupling)
     inertial = np.asarray(theta, dtype=float)[: model.inertial_count]
     rotors = coupling.T @ np.diag(model.rotors(np.asarray(theta, dtype=float))) @ coupling
-    found = batched.mass_matrix(model.robot.chain, inertial, positions) + rotors + model.robot.reflected_inertia
+    found = batched.mass_matrix(model.robot.chain, inertial, motion.q) + rotors + model.robot.reflected_inertia
     return found[0] if one else found
 
 
@@ -146,10 +148,10 @@ def computed_torque(
         damping: D, one number or one per joint, in 1/s.
 
     Raises:
-        BadOption: Shapes that differ.
+        BadArgument: Shapes that differ.
     """
-    goal, one = _motion(model, *planned)
-    (now, _), (speed, _) = _rows(model, "q", q), _rows(model, "dq", dq)
+    goal, one = motion_of_arrays(model.robot, *planned)
+    now, speed = rows_of(model.robot, "q", q), rows_of(model.robot, "dq", dq)
     demand = goal.ddq + np.asarray(damping) * (goal.dq - speed) + np.asarray(stiffness) * (goal.q - now)
     inertial = np.asarray(theta, dtype=float)[: model.inertial_count]
     rigid = batched.inverse_dynamics(model.robot.chain, inertial, now, speed, demand)
@@ -161,32 +163,6 @@ def computed_torque(
 def _slippery(model: DynamicModel, theta: Array, goal: Motion) -> Array:
     """Return friction without the columns of rotors, shape (N, n)."""
     return friction_torque(model, theta, goal.q, goal.dq, goal.temperature)
-
-
-def _motion(
-    model: DynamicModel,
-    q: npt.ArrayLike,
-    dq: npt.ArrayLike,
-    ddq: npt.ArrayLike,
-    temperature: npt.ArrayLike | None = None,
-) -> tuple[Motion, bool]:
-    (rows, one), (speed, _), (acceleration, _) = (
-        _rows(model, name, values) for name, values in (("q", q), ("dq", dq), ("ddq", ddq))
-    )
-    if not len(rows) == len(speed) == len(acceleration):
-        step = "give as many velocities and accelerations as positions"
-        raise BadOption("states", f"{len(rows)}, {len(speed)}, {len(acceleration)} rows", step)
-    warm = None if temperature is None else _rows(model, "temperature", temperature)[0]
-    return Motion(rows, speed, acceleration, temperature=warm), one
-
-
-def _rows(model: DynamicModel, name: str, values: npt.ArrayLike) -> tuple[Array, bool]:
-    """Return values as rows (N, n), and whether they were of one state."""
-    array = np.asarray(values, dtype=float)
-    if array.ndim not in (1, 2) or array.shape[-1] != model.robot.dof:
-        step = f"give one number for each of the {model.robot.dof} joints, in one row or in many"
-        raise BadOption(name, f"of shape {array.shape}", step)
-    return np.ascontiguousarray(np.atleast_2d(array)), array.ndim == 1
 
 
 def _shaped(torque: Array, one: bool) -> Array:

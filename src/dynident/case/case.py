@@ -197,12 +197,13 @@ def case_of_robot(path: str) -> Case:
     return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing(), robot_path=path)
 
 
-def read_case(path: str | Path, open_gains: bool = False) -> Case:
+def read_case(path: str | Path, open_gains: bool = False, friction: str | Sequence[str] = ()) -> Case:
     """Read a case file, or a robot description as a case with all defaults.
 
     Args:
         path: The file.
         open_gains: Read a case that still asks for drive gains, as one without them.
+        friction: Names of friction parts in place of those of the case; ``auto`` chooses them from the logs.
 
     Raises:
         FileError: No such file.
@@ -210,6 +211,16 @@ def read_case(path: str | Path, open_gains: bool = False) -> Case:
         UnknownChoice: A part that does not exist.
         BadOption: An option of a part with a value it cannot take.
     """
+    case = _read_case(path, open_gains)
+    if not friction:
+        return case
+    names = (friction,) if isinstance(friction, str) else tuple(friction)
+    is_chosen = names == (AUTO,)
+    parts = default_friction() if is_chosen else names
+    return replace(case, friction=tuple(FRICTION.make(name) for name in parts), choose_friction=is_chosen)
+
+
+def _read_case(path: str | Path, open_gains: bool) -> Case:
     file = Path(path)
     if file.suffix.lower() not in (".yaml", ".yml") or not os.path.isfile(file):
         return case_of_robot(str(path))

@@ -1,13 +1,12 @@
-"""The article's case from end to end, in two parts, with one table each.
+"""Run the whole job on an industrial arm: from its URDF and a log to report, URDF, MJCF and C.
 
-(a) as published: the torques of Table 2 along the published trajectories; the bee colony in the published box against
-    least squares and the certified optimum of that box
-(b) a virtual, physically consistent ER-16 in closed loop: preprocess, identify by every method, validate on beta_2
-
-Writes the report, the estimates, the logs and a case file into a folder.
+The arm is a virtual one: its log is simulated with noise, its URDF states wrong inertias. With DYNIDENT_DATA set to a
+folder that has the logs of a UR10e, it is that real arm. 'dynident demo article' reproduces the article on the ER-16:
+as published, and on a virtual robot whose true parameters are known.
 
   dynident demo
-  dynident demo --out er16 --seed 3
+  dynident demo --out my-demo
+  dynident demo article --out er16 --seed 3
 """
 
 from __future__ import annotations
@@ -15,22 +14,23 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from dynident.identification.search.box_search import SearchRun
-
 if TYPE_CHECKING:
-    from pathlib import Path
+    from dynident.api.demo import Demo
+    from dynident.exports.models import ModelExport
 
-    from dynident.results.report.subject import Comparison
-    from dynident.studies.reproduction import ReproductionPart
+SUMMARY = "the whole job on an industrial arm; the article's case"
 
-SUMMARY = "the article's ER-16 from end to end"
+#: Steps of which progress is shown.
+_STEPS = 14
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
+    parser.add_argument("what", nargs="?", choices=("arm", "article"), default="arm", help="which demo (arm)")
     parser.add_argument("--out", metavar="DIR", default="dynident-demo", help="folder to write into (dynident-demo)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of noise and colonies (0)")
-    parser.add_argument(
+    article = parser.add_argument_group("article")
+    article.add_argument("--seed", type=int, default=None, help="seed of noise and colonies (0)")
+    article.add_argument(
         "--iterations", type=int, default=None, metavar="N", help="iterations of the colony that converges (4000)"
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
@@ -41,107 +41,61 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from pathlib import Path
 
-    from dynident.cli import console
+    from dynident.api.demo import run_demo
+    from dynident.api.estimate_output import summary
+    from dynident.cli import console, jobs
+    from dynident.cli.article_demo import run_article
     from dynident.errors import BadOption, FileError
-    from dynident.studies.reproduction import CONVERGED, as_published, virtual_er16
 
-    if options.seed < 0:
+    is_article = options.what == "article"
+    for name in ("seed", "iterations"):
+        if getattr(options, name) is not None and not is_article:
+            raise BadOption(f"--{name}", getattr(options, name), "it goes with: dynident demo article")
+    if options.seed is not None and options.seed < 0:
         raise BadOption("--seed", options.seed, "give 0 or more")
     folder = Path(options.out)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(folder, f"cannot be made ({error.strerror})", "choose another folder with --out") from error
-    with console.progress(16, options.quiet or options.json) as progress:
-        published = as_published(options.seed, progress.step)
-        iterations = CONVERGED if options.iterations is None else options.iterations
-        virtual = virtual_er16(options.seed, iterations, progress.step)
-        progress.step("writing report, estimates, logs and case file")
-        written = _write(folder, published, virtual)
+    if is_article:
+        options.seed = options.seed or 0
+        return run_article(folder, options)
+    with console.progress(_STEPS, options.quiet or options.json) as progress:
+        demo = run_demo(folder, jobs.repeat_command(), progress.step)
     if options.json:
-        from dynident.identification.files.estimate_file import plain
-
-        console.answer_json({part.title: plain([row.row() for row in part.rows]) for part in (published, virtual)})
+        console.answer_json({"source": demo.source, "files": list(demo.files), **summary(demo.estimate, demo.test)})
         return 0
-    for part in (published, virtual):
-        _show(part)
-    console.remark(f"wrote {', '.join(written)} into {folder}", options.quiet)
+    _show(demo)
+    console.remark(f"wrote {', '.join(demo.files)} into {folder}", options.quiet)
+    own = "your own robot: dynident init robot.urdf run.csv, then dynident identify case.yaml --report report.html"
+    console.remark(own, options.quiet)
     return 0
 
 
-def _show(part: ReproductionPart) -> None:
-    from dynident.cli import console
-    from dynident.results.text import comparison_table
+def _show(demo: Demo) -> None:
+    from dynident.cli import console, verdicts
+    from dynident.diagnosis.verdict import verdict_of
+    from dynident.results.text import Column, Table
 
-    console.answer_table(comparison_table([row.row() for row in part.rows]), part.title)
-    for fact in part.facts:
-        console.answer(f"  {fact}")
+    console.answer(demo.source)
+    verdicts.show_short(demo.estimate, demo.test, verdict_of(demo.estimate, demo.test), "report.html")
+    rows = tuple((_name(done), *_proof(done)) for done in demo.exports)
     console.answer()
+    console.answer_table(Table((Column("file"), Column("torques equal to", numeric=True), Column("proof by")), rows))
 
 
-def _write(folder: Path, published: ReproductionPart, virtual: ReproductionPart) -> list[str]:
-    """Write everything that the demo leaves behind, and return the names."""
-    from dynident.api.estimate_output import write_estimate
-    from dynident.cli.jobs import repeat_command
-    from dynident.data.formats import write_log
-    from dynident.files import write_atomically
-    from dynident.results.report import write_report
+def _name(done: ModelExport) -> str:
+    from pathlib import Path
 
-    names = []
-    for part, label in ((published, "published"), (virtual, "virtual")):
-        for log, run in zip(part.logs, ("beta_1", "beta_2"), strict=True):
-            names.append(f"{label}-{run}.csv")
-            write_log(log, folder / names[-1])
-        for row in part.rows:
-            names.append(f"{label}-{_slug(row.method)}.json")
-            write_estimate(row.estimate, folder / names[-1])
-    names.append("er16-virtual.yaml")
-    write_atomically(folder / names[-1], _CASE)
-    chosen = virtual.rows[-1]
-    names.append("report.html")
-    write_report(
-        folder / names[-1],
-        chosen.estimate,
-        (chosen.test,),
-        comparison=_comparison((("(a)", published), ("(b)", virtual))),
-        command=repeat_command(),
+    return Path(done.files[0]).name
+
+
+def _proof(done: ModelExport) -> tuple[str, str]:
+    """Return the largest relative difference of a torque, and the engines; of those not asked, why."""
+    made = [one for one in done.proofs if one.relative is not None]
+    worst = max((float(one.relative or 0.0) for one in made if one.allowed <= 1e-6), default=None)
+    engines = dict.fromkeys(
+        [one.engine for one in made] + [f"{o.engine}: {o.why_not}" for o in done.proofs if o.why_not]
     )
-    return names
-
-
-def _comparison(parts: tuple[tuple[str, ReproductionPart], ...]) -> Comparison:
-    """Return the tables of both parts as one, and the objective of the colonies per iteration (Figure 6)."""
-    from dynident.results.report.subject import Comparison
-
-    rows = tuple({"part": label, **row.row()} for label, part in parts for row in part.rows)
-    traces = {
-        f"{label} {row.method}": run.trace or ()
-        for label, part in parts
-        for row in part.rows
-        if isinstance(run := row.estimate.run, SearchRun) and not run.polished
-    }
-    return Comparison(rows, traces, objective="F (9) [N m]")
-
-
-def _slug(method: str) -> str:
-    return "-".join("".join(c if c.isalnum() else " " for c in method.lower()).split())
-
-
-_CASE = """\
-# The virtual ER-16 of 'dynident demo', part (b); docs/case-file.md describes every key.
-case: 2
-robot: er16                      # ships with dynident
-locked: {joint4: 0, joint5: 0, joint6: 0}
-joints: [joint1, joint2, joint3] # in the order of the columns
-friction:
-  - coulomb: {width: 0.02}
-  - viscous
-preprocessing:
-  filter:
-    fourier_fit: {period_s: 25, harmonics: 5}
-  rate_hz: all
-  trim_s: 0
-  rest: keep
-train: virtual-beta_1.csv
-test: virtual-beta_2.csv
-"""
+    return ("-" if worst is None else f"{worst:.0e}"), "; ".join(engines)

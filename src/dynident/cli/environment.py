@@ -37,6 +37,8 @@ EXTRAS = {
     "fmu": "proof of exported FMUs",
     "figures": "figures as PDF and PNG",
     "studio": "3-D view of the studio",
+    "plot": "matplotlib: plots of an estimate in Python",
+    "pandas": "estimates as pandas frames",
 }
 
 #: Modules that packages are imported as, where the name is another one.

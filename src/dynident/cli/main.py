@@ -44,7 +44,7 @@ _DESCRIPTION = """\
 Dynamic model identification of robot arms: from a robot model and motion logs to a
 physically consistent dynamic model with confidence intervals.
 
-  dynident demo                                     the article's case from end to end
+  dynident demo                                     the whole job on an industrial arm
   dynident inspect robot.urdf                       joints, limits, base parameters
   dynident excite robot.urdf -o plan.json           an excitation trajectory within the limits
   dynident export plan.json --to urscript -o excite.script   the trajectory for a controller

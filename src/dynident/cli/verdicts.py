@@ -45,8 +45,17 @@ def show_nominal(estimate: Estimate, test: Validation | None) -> None:
         console.answer(missing_reason(estimate))
 
 
-def show_short(estimate: Estimate, test: Validation | None, verdict: Verdict) -> None:
-    """Print an identification in one screen: the verdict, the errors, the links, the data, the warnings."""
+def show_short(
+    estimate: Estimate, test: Validation | None, verdict: Verdict, more: str = "--full, --report FILE, --json"
+) -> None:
+    """Print an identification in one screen: the verdict, the errors, the links, the data, the warnings.
+
+    Args:
+        estimate: The estimate.
+        test: Its figures on data that had no part in the fit.
+        verdict: The verdict on it.
+        more: Where all tables are.
+    """
     from dynident.cli import console
     from dynident.diagnosis.warnings import warnings_of
     from dynident.results import short_answer
@@ -67,4 +76,4 @@ def show_short(estimate: Estimate, test: Validation | None, verdict: Verdict) ->
             console.answer(line)
     for line in short_answer.warning_lines(warnings_of(estimate, test), console.line_width()):
         console.answer(line)
-    console.answer("all tables: --full, --report FILE, --json")
+    console.answer(f"all tables: {more}")

@@ -10,6 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray, frozen
 from dynident.errors import BadOption, LogMismatch
+from dynident.methods import ShortText
 
 _SIGNALS = ("q", "dq", "ddq", "torque", "current", "raw_torque", "temperature", "q_ref", "dq_ref")
 
@@ -31,8 +32,8 @@ class Source:
     steps: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Log:
+@dataclass(frozen=True, repr=False)
+class Log(ShortText):
     """Samples of a motion. Every signal but time and position may be missing (None).
 
     Attributes:

@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
+import numpy.typing as npt
 
 from dynident.arrays import Array, IntArray, frozen
 from dynident.errors import BadOption, UnknownChoice
+from dynident.methods import ModelMethods
 from dynident.model.friction import FRICTION, Friction, Motion
 from dynident.model.kernels import batched
 from dynident.model.parameters import Parameter, inertial_parameters
 from dynident.model.robot import Robot
 
 
-@dataclass(frozen=True)
-class DynamicModel:
+@dataclass(frozen=True, repr=False)
+class DynamicModel(ModelMethods):
     """tau = Y(q, dq, ddq) theta, equations (4) and (6): inertial columns, then the friction of each drive.
 
     Motor friction and rotor inertia act at motor speed: with motor speed C dq they give C' f(C dq) at the joints.
@@ -36,8 +39,13 @@ class DynamicModel:
     robot: Robot
     friction: tuple[Friction, ...] = ()
 
+    if TYPE_CHECKING:
+
+        def __init__(self, robot: Robot, friction: str | Sequence[Friction | str] = ()) -> None: ...
+
     def __post_init__(self) -> None:
-        object.__setattr__(self, "friction", tuple(FRICTION.make(part) for part in self.friction))
+        parts = (self.friction,) if isinstance(self.friction, str) else self.friction
+        object.__setattr__(self, "friction", tuple(FRICTION.make(part) for part in parts))
         names = self.robot.joint_names
         for name in (name for part in self.friction for name in part.joints or ()):
             if name not in names:
@@ -137,23 +145,57 @@ class DynamicModel:
                 block[:, drives, own] = value
         return found
 
-    def regressor(self, motion: Motion, once: bool = False) -> Array:
-        """Return Y, shape (N, n, p); ``once`` for a few samples, see :func:`batched.torque_regressor`.
+    def regressor(
+        self,
+        motion: Motion | npt.ArrayLike,
+        dq: npt.ArrayLike | None = None,
+        ddq: npt.ArrayLike | None = None,
+        *,
+        once: bool = False,
+    ) -> Array:
+        """Return Y, shape (N, n, p), or (n, p) of one state.
+
+        Args:
+            motion: A motion, or positions, shape (n,) or (N, n), in rad or m.
+            dq: Velocities beside positions, of the same shape; None for zero.
+            ddq: Accelerations beside positions, of the same shape; None for zero.
+            once: See :func:`batched.torque_regressor`.
 
         Raises:
+            BadArgument: A shape that does not fit, a value that is not finite, or positions in degrees.
             BadOption: A part needs a torque, a temperature or a state that the motion has not.
         """
+        if not isinstance(motion, Motion):
+            return self.at_states(self.regressor, motion, dq, ddq)
         inertial = batched.torque_regressor(self.robot.chain, motion.q, motion.dq, motion.ddq, once=once)
         drive, column = self.terms
         # Row i of the friction block of drive j is C[j, i] times the column's value at the drive.
         block = self.friction_values(motion)[:, None, drive, column] * np.asarray(self.robot.coupling)[drive].T
         return np.concatenate([inertial, block], axis=-1)
 
-    def torque(self, motion: Motion, theta: Array) -> Array:
+    @overload
+    def torque(self, motion: Motion, theta: npt.ArrayLike, /) -> Array: ...
+    @overload
+    def torque(
+        self,
+        motion: npt.ArrayLike,
+        dq: npt.ArrayLike | None = None,
+        ddq: npt.ArrayLike | None = None,
+        theta: npt.ArrayLike | None = None,
+    ) -> Array: ...
+    def torque(self, motion: Any, dq: Any = None, ddq: Any = None, theta: Any = None) -> Array:
         """Return Y theta and the known rotor torque, shape (N, n), in N m or N.
 
-        Where friction depends on the load and the motion does not state its torque, it is that of theta itself.
+        Called as ``torque(motion, theta)``, or as ``torque(q, dq, ddq, theta)`` with arrays of one state (n,) or many
+        (N, n); theta is then that of the robot model where it is not given. Where friction depends on the load and the
+        motion does not state its torque, it is that of theta itself.
+
+        Raises:
+            BadArgument: A shape that does not fit, a value that is not finite, or a robot model without inertias.
         """
+        if not isinstance(motion, Motion):
+            return self.at_states(lambda states: self.torque(states, self.theta_or_nominal(theta)), motion, dq, ddq)
+        theta = dq if theta is None else theta
         table = self.coefficient_table(theta)
         own, rigid = self._loaded(motion, theta)
         at_drives = np.einsum("sjk,jk->sj", self.friction_values(own), table)

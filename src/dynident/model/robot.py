@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from dynident.arrays import Array, frozen
 from dynident.errors import BadOption, UnknownChoice
+from dynident.methods import ShortText
 from dynident.model.chain import PRISMATIC, REVOLUTE, Chain
 from dynident.model.inertia import Inertia, skew
 from dynident.model.shapes import Shape
@@ -173,8 +174,8 @@ class Frame:
         object.__setattr__(self, "translation", frozen(self.translation, (3,), "translation"))
 
 
-@dataclass(frozen=True)
-class Robot:
+@dataclass(frozen=True, repr=False)
+class Robot(ShortText):
     """A tree of moving links; link i is moved by joint i; a parent stands before its children.
 
     Attributes:

@@ -15,7 +15,7 @@ from dynident.exports.models.subject.identified import NONE, Identified
 from dynident.exports.models.subject.states import states_of
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ModelExport:
     """What an export of a model wrote, or would write.
 
@@ -41,6 +41,10 @@ class ModelExport:
     left_out: tuple[Term, ...]
     neglected: Mapping[str, float]
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        engines = ", ".join(f"{one.engine}: {one.why_not}" if one.why_not else one.engine for one in self.proofs)
+        return f"<ModelExport {self.exporter} of {self.robot}: {', '.join(self.files)}; proof by {engines or 'none'}>"
 
 
 def model_export_data(export: ModelExport) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import Choices
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.residuals.quantiles import student_quantile
+from dynident.methods import EstimateMethods
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
 
@@ -36,8 +37,8 @@ class Consistency:
     smallest_inertia: float
 
 
-@dataclass(frozen=True)
-class Estimate:
+@dataclass(frozen=True, repr=False)
+class Estimate(EstimateMethods):
     """The result of an identification; it exists only when it is whole.
 
     Attributes:

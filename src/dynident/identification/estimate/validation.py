@@ -11,6 +11,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, finite
 from dynident.data.log import Log
 from dynident.identification.estimate.envelope import Departure
+from dynident.methods import ShortText
 
 #: Quantile of the normal distribution for 95 % between minus and plus.
 Z_95 = 1.959963984540054
@@ -75,8 +76,8 @@ class NominalErrors:
         }
 
 
-@dataclass(frozen=True)
-class Validation:
+@dataclass(frozen=True, repr=False)
+class Validation(ShortText):
     """How well a model predicts logs.
 
     Attributes:

@@ -1,0 +1,127 @@
+"""An estimate as one text, as HTML of a notebook and as a pandas frame."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+import numpy as np
+import scipy.special
+
+from dynident.diagnosis.verdict import verdict_of
+from dynident.errors import MissingDependency
+from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.validation import Validation
+from dynident.results.short_answer import error_lines, summary_lines
+from dynident.results.text import (
+    Column,
+    Table,
+    fits_table,
+    format_number,
+    format_value,
+    heading_text,
+    label,
+    plain,
+    pretty_unit,
+    shorten,
+)
+from dynident.results.verdict import cause_lines, headline
+
+#: Letters of a parameter's name that a text has room for.
+NAME_WIDTH = 30
+
+
+def summary_text(estimate: Estimate, test: Validation | None = None) -> str:
+    """Return an estimate as text of 80 columns: verdict, data, figures by joint, base parameters with t and p.
+
+    Args:
+        estimate: The estimate.
+        test: Its figures on data that had no part in the fit.
+    """
+    lines = [*_facts(estimate, test), ""]
+    for title, validation in (("test data", test), ("training data", estimate.train)):
+        if validation is not None:
+            lines += [title, plain(_narrow(fits_table(validation))), ""]
+    lines += ["base parameters (95 % interval)", plain(significance_table(estimate))]
+    return "\n".join(lines)
+
+
+def summary_html(estimate: Estimate) -> str:
+    """Return an estimate as HTML for a notebook: verdict, figures by joint, base parameters folded away."""
+    facts = "".join(f"<li>{escape(line)}</li>" for line in _facts(estimate, None))
+    title = escape(label(estimate.model.robot.name))
+    return (
+        f"<div><b>dynident estimate: {title}</b><ul>{facts}</ul>{_html(_narrow(fits_table(estimate.train)))}"
+        f"<details><summary>{estimate.base.count} base parameters</summary>"
+        f"{_html(significance_table(estimate))}</details></div>"
+    )
+
+
+def to_frame(estimate: Estimate) -> Any:
+    """Return the base parameters as a pandas frame, by name.
+
+    Raises:
+        MissingDependency: pandas is not installed.
+    """
+    try:
+        import pandas
+    except ModuleNotFoundError as error:
+        raise MissingDependency("a data frame", "pandas", "pandas") from error
+    half = estimate.half_widths()
+    values = {
+        "value": estimate.beta,
+        "std": estimate.std,
+        "t": t_statistics(estimate),
+        "p": p_values(estimate),
+        "lower": estimate.beta - half,
+        "upper": estimate.beta + half,
+        "unit": list(estimate.base.units),
+    }
+    return pandas.DataFrame(values, index=pandas.Index(list(estimate.base.names), name="parameter"))
+
+
+def t_statistics(estimate: Estimate) -> np.ndarray:
+    """Return value over standard deviation of each base parameter, shape (b,); infinite without deviation."""
+    spread = estimate.std
+    return np.divide(estimate.beta, spread, out=np.full(len(spread), np.inf), where=spread > 0)
+
+
+def p_values(estimate: Estimate) -> np.ndarray:
+    """Return the two-sided p-value of each base parameter against zero, shape (b,), by Student's t."""
+    degrees = np.full(len(estimate.beta), np.inf) if estimate.degrees is None else np.asarray(estimate.degrees)
+    return 2.0 * np.asarray(scipy.special.stdtr(degrees, -np.abs(t_statistics(estimate))))
+
+
+def significance_table(estimate: Estimate) -> Table:
+    """Return the base parameters with standard deviation, t, p and interval, narrow enough for a terminal."""
+    half = estimate.half_widths()
+    rows = []
+    for k, (name, unit) in enumerate(zip(estimate.base.names, estimate.base.units, strict=True)):
+        value, spread = format_value(float(estimate.beta[k]), float(estimate.std[k]))
+        t, p = float(t_statistics(estimate)[k]), float(p_values(estimate)[k])
+        low, high = (format_number(float(estimate.beta[k] + sign * half[k]), 3) for sign in (-1, 1))
+        shown = shorten(label(name), NAME_WIDTH)
+        rows.append((shown, value, spread, f"{t:.1f}", f"{p:.3f}", low, high, pretty_unit(unit)))
+    heads = ("value", "std", "t", "P>|t|", "lower", "upper")
+    columns = (Column("parameter"), *(Column(head, numeric=True) for head in heads), Column("unit"))
+    return Table(columns, tuple(rows))
+
+
+def _facts(estimate: Estimate, test: Validation | None) -> list[str]:
+    verdict = verdict_of(estimate, test)
+    missing = "no test log: name one with --test, the training error is optimistic"
+    first = [line for line in error_lines(estimate, test) if line != missing]
+    known = [headline(verdict)] if headline(verdict) else []
+    return [*known, *cause_lines(verdict), *first, *summary_lines(estimate)]
+
+
+def _narrow(table: Table) -> Table:
+    """Return a table without the columns that a narrow terminal goes without."""
+    kept = [k for k, column in enumerate(table.columns) if not column.detail]
+    return Table(tuple(table.columns[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in table.rows))
+
+
+def _html(table: Table) -> str:
+    heads = "".join(f"<th>{escape(heading_text(column))}</th>" for column in table.columns)
+    rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
+    return f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"

@@ -1,0 +1,196 @@
+"""A robot and arrays to an estimate in three lines, what an estimate can do, and what wrong calls are told."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import pytest
+
+import dynident as di
+from dynident.model.descriptions.native import robot_to_dict
+
+FRICTION = [0.3, 0.1, 0.2, -0.1]
+SHAPES = r"q: shape \(2, 1200\) where \(1200, 2\) is wanted; write q\.T"
+
+
+@pytest.fixture(scope="session")
+def arm(planar_2r: di.Robot, exact_log: Callable[..., di.Log], tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """File of a robot, and time, positions and torques of a run."""
+    limits = di.JointLimits(-1.5, 1.5)
+    planar_2r = replace(planar_2r, joints=tuple(replace(joint, limits=limits) for joint in planar_2r.joints))
+    path = tmp_path_factory.mktemp("arm") / "arm.json"
+    path.write_text(json.dumps(robot_to_dict(planar_2r)))
+    assert planar_2r.nominal is not None
+    model = di.DynamicModel(planar_2r, ["viscous", "offset"])
+    log = exact_log(model, np.append(planar_2r.nominal, FRICTION), noise=0.1, samples=1200, rate=200.0)
+    return str(path), {"time": np.asarray(log.time), "q": np.asarray(log.q), "torque": np.asarray(log.torque)}
+
+
+@pytest.fixture(scope="session")
+def estimate(arm: Any) -> di.Estimate:
+    robot, log = arm
+    return di.identify(di.DynamicModel(di.read_robot(robot), ["viscous", "offset"]), log)
+
+
+def _frame(log: dict[str, Any], position: str = "q", torque: str = "torque") -> pandas.DataFrame:
+    columns = {f"{name}{k + 1}": log[key][:, k] for name, key in ((position, "q"), (torque, "torque")) for k in (0, 1)}
+    return pandas.DataFrame({"time": log["time"], **columns})
+
+
+def test_arrays_frames_and_files_are_the_same_log(arm: Any, tmp_path: Path) -> None:
+    robot, arrays = arm
+    names = di.read_robot(robot).joint_names
+    di.write_log(di.log_of(arrays, robot), tmp_path / "run.csv")
+    by_arrays = di.identify(robot, arrays, "wls", trust=di.TrustOptions())
+    called = _frame(arrays).rename(columns={f"q{k + 1}": f"q_{name}" for k, name in enumerate(names)})
+    lists = {name: values.tolist() for name, values in arrays.items()}
+    for given in (tmp_path / "run.csv", _frame(arrays), called, lists, [di.log_of(arrays, robot)]):
+        found = di.identify(robot, given, "wls", trust=di.TrustOptions())  # type: ignore[arg-type]
+        np.testing.assert_allclose(found.beta, by_arrays.beta, rtol=1e-9)
+
+
+def test_text_of_an_estimate(estimate: di.Estimate, arm: Any) -> None:
+    text = estimate.summary()
+    assert max(map(len, text.splitlines())) <= 110
+    assert "P>|t|" in text and "training data" in text and "(--accept)" not in text
+    rows = {line.split()[0]: line.split() for line in text.splitlines() if line.startswith("Fv[")}
+    assert len(rows) == 2
+    assert len(repr(estimate)) < 200 and "training error" in repr(estimate)
+    for value in (estimate.model, estimate.model.robot, estimate.train, di.log_of(arm[1])):
+        assert len(repr(value)) < 200
+    page = estimate._repr_html_()
+    assert page.startswith("<div>") and page.count("<table>") == 2 and len(page) < 20_000
+
+
+def test_frame_of_an_estimate(estimate: di.Estimate) -> None:
+    frame = estimate.to_frame()
+    assert list(frame.index) == list(estimate.base.names)
+    np.testing.assert_allclose(frame["upper"] - frame["value"], estimate.half_widths())
+    viscous = frame.loc["Fv[joint1]"]
+    assert viscous["t"] == pytest.approx(viscous["value"] / viscous["std"]) and viscous["p"] < 1e-3
+    inside = (frame["lower"] < 0) & (frame["upper"] > 0)
+    np.testing.assert_array_equal(inside, frame["p"] > 0.05)
+
+
+def test_torques_at_arrays(estimate: di.Estimate) -> None:
+    model, base = estimate.model, estimate.base
+    theta = base.to_standard(estimate.beta)
+    q, dq, ddq = np.random.default_rng(0).normal(size=(3, 20, 2))
+    regressor = model.regressor(q, dq, ddq)
+    assert regressor.shape == (20, 2, len(model.parameters))
+    np.testing.assert_allclose(estimate.predict(q, dq, ddq), regressor @ theta, atol=1e-10)
+    np.testing.assert_array_equal(model.regressor(q[0], dq[0], ddq[0]), regressor[0])
+    np.testing.assert_allclose(model.torque(q, dq, ddq, theta), model.torque(di.Motion(q, dq, ddq), theta))
+    still = np.zeros_like(q)
+    inertial = estimate.predict(q, still, ddq) - estimate.predict(q, still, still)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", estimate.mass_matrix(q), ddq), inertial, atol=1e-10)
+    rest = np.append(theta[: model.inertial_count], np.zeros(len(theta) - model.inertial_count))
+    np.testing.assert_allclose(estimate.gravity(q), model.torque(q, theta=rest), atol=1e-10)
+    assert model.mass_matrix(q[0]).shape == (2, 2) and model.gravity(q[0]).shape == (2,)
+
+
+def test_plots(estimate: di.Estimate, arm: Any) -> None:
+    figure = estimate.plot_torques(di.validate(estimate, arm[1]), joints=["joint2"])
+    drawn = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
+    np.testing.assert_allclose(drawn["measured"] - drawn["predicted"], drawn["residual"], atol=1e-12)
+    assert len(estimate.plot_torques().axes) == 2
+    assert len(estimate.plot_parameters().axes[0].get_yticks()) == estimate.base.count
+    curve = estimate.plot_friction("joint1").axes[0].lines[1]
+    slope = np.polyfit(curve.get_xdata(), curve.get_ydata(), 1)[0]
+    assert slope == pytest.approx(estimate.to_frame().loc["Fv[joint1]", "value"], rel=1e-6)
+    with pytest.raises(di.BadArgument, match="'wrist' where the robot has joint1, joint2"):
+        estimate.plot_torques(joints=["wrist"])
+    with pytest.raises(di.BadArgument, match=r"di\.validate\(estimate, log\)"):
+        estimate.plot_torques(arm[1])
+
+
+def test_files_of_an_estimate(estimate: di.Estimate, tmp_path: Path) -> None:
+    estimate.save(tmp_path / "e.json")
+    again = di.Estimate.load(tmp_path / "e.json")
+    np.testing.assert_array_equal(again.beta, estimate.beta)
+    done = estimate.export("urdf", tmp_path / "new.urdf")
+    q = np.array([0.3, -0.4])
+    robot = di.read_robot(str(tmp_path / "new.urdf")).with_gravity(estimate.model.robot.gravity)
+    np.testing.assert_allclose(di.DynamicModel(robot).gravity(q), estimate.gravity(q), atol=1e-6)
+    assert len(repr(done)) < 400 and "new.urdf" in repr(done)
+
+
+@pytest.mark.parametrize(("package", "call"), [("matplotlib", "plot_torques"), ("pandas", "to_frame")])
+def test_without_the_extra(package: str, call: str, estimate: di.Estimate, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(di.DynidentError, match=rf"pip install 'dynident\[{'plot' if call[0] == 'p' else 'pandas'}\]'"):
+        getattr(estimate, call)()
+
+
+WRONG: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
+    (lambda log: log | {"q": log["q"].T}, SHAPES),
+    (lambda log: log | {"q": log["q"][:, :1]}, r"q: shape \(1200, 1\) where \(1200, 2\) is wanted"),
+    (
+        lambda log: log | {"q": np.rad2deg(log["q"])},
+        r"whose limit is .* rad; if it is in degrees write q = np\.deg2rad",
+    ),
+    (lambda log: log | {"q": np.where(log["time"][:, None] > 3, np.nan, log["q"])}, "not finite, first in row 601; "),
+    (lambda log: log | {"q": np.ma.masked_greater(log["q"], 0.5)}, r"masked, first in row \d+; keep .*np\.ma\.filled"),
+    (lambda log: log | {"q": [*log["q"].tolist()[:-1], [1.0]]}, "q: list that is no array of numbers; give rows"),
+    (lambda log: log | {"time": log["time"][::-1]}, r"time: it runs back at row 1 .*; sort the samples: order = np\."),
+    (lambda log: log | {"time": (1e9 * log["time"]).astype("datetime64[ns]")}, r"np\.timedelta64\(1, \"s\"\)"),
+    (lambda log: log | {"time": np.stack([log["time"]] * 2)}, r"time: shape \(2, 1200\) where \(N,\) is wanted"),
+    (lambda log: {name: log[name] for name in ("time", "q")}, "logs: neither torques nor currents with drive gains"),
+    (lambda log: {"t": log["time"], "tau": log["torque"]}, r"log: arrays t, tau, and none is 'q'; write \{\"time\""),
+    (lambda log: log | {"torqe": log["torque"]}, "an array 'torqe', where the signals are time, q"),
+    (lambda log: tuple(log.values()), r"logs: tuple of numbers where logs are wanted; write \{\"time\": t, \"q\": q"),
+    (lambda log: log["q"], r"logs: ndarray of shape \(1200, 2\) of numbers where logs are wanted"),
+    (lambda log: _frame(log, "pos"), r"where 'q1', 'q2', \.\.\. or 'q_joint1', .* frame\.rename\(columns=\{\"pos1\""),
+    (lambda log: _frame(log).drop(columns="q2"), r"none is 'q2'; name it: frame\.rename"),
+    (lambda log: 5, "logs: int where logs are wanted"),
+    (lambda log: "wls", "logs: 'wls', which is an estimator; write estimator=\"wls\""),
+]
+
+
+@pytest.mark.parametrize(("made", "told"), WRONG, ids=[str(k) for k in range(len(WRONG))])
+def test_wrong_logs(made: Callable[[dict[str, Any]], Any], told: str, arm: Any) -> None:
+    robot, log = arm
+    with pytest.raises(di.BadArgument, match=told):
+        di.identify(robot, made(log))
+
+
+def test_wrong_options(arm: Any, estimate: di.Estimate) -> None:
+    robot, log = arm
+    for options, told in (
+        ({"preprocessing": "butterworth"}, r"write preprocessing=di\.Preprocessing\(di\.FILTERS\.make"),
+        ({"trust": "all"}, r"trust: the text 'all' where a TrustOptions is wanted; write trust=di\.TrustOptions"),
+        ({"record": True}, r"write record=di\.Record\(strict=True\)"),
+    ):
+        with pytest.raises(di.BadArgument, match=told):
+            di.identify(robot, log, **options)  # type: ignore[arg-type]
+    with pytest.raises(di.BadArgument, match=r'int where a robot is wanted; write di\.identify\("arm\.urdf", log\)'):
+        di.identify(3, log)  # type: ignore[arg-type]
+    with pytest.raises(di.BadArgument, match=r"di\.read_estimate\(path\)"):
+        di.validate("estimate.json", log)  # type: ignore[arg-type]
+    for q, told in (
+        (np.zeros(3), r"q: shape \(3,\) where \(2,\) or \(N, 2\) is wanted"),
+        (np.zeros((2, 5)), r"write q\.T"),
+        ([[0.0, np.nan]], "not finite, first in row 0"),
+        ([0.0, 90.0], r"np\.deg2rad\(q\)"),
+    ):
+        with pytest.raises(di.BadArgument, match=told):
+            estimate.predict(q)
+    with pytest.raises(di.BadArgument, match=r"dq: shape \(3, 2\) where q has \(2,\); give dq like q"):
+        estimate.predict(np.zeros(2), np.zeros((3, 2)))
+    with pytest.raises(di.BadArgument, match=r"theta: shape \(2,\) where \(24,\) is wanted"):
+        estimate.model.torque(np.zeros(2), theta=[1.0, 2.0])
+
+
+def test_friction_by_name(arm: Any) -> None:
+    robot = di.read_robot(arm[0])
+    one, two = di.DynamicModel(robot, "viscous"), di.DynamicModel(robot, ("viscous",))
+    assert one == two and one.friction == (di.FRICTION.make("viscous"),)
+    assert di.read_case(arm[0], friction="auto").choose_friction
+    assert di.read_case(arm[0], friction=["viscous"]).friction == one.friction
