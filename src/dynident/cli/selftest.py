@@ -281,8 +281,8 @@ def _show(found: Rehearsal, plan: RehearsalPlan, facts: dict[str, Any], case: Ca
     console.answer(f"virtual cell: {_words(plan.cell)}")
     if case.choose_friction:
         console.answer("friction: auto chooses from real logs; here the default parts are taken")
-    if found.facts.get("saturated_torques"):
-        console.answer(f"{found.facts['saturated_torques']} torques were cut at the effort limits")
+    if found.saturated_torques:
+        console.answer(f"{found.saturated_torques} torques were cut at the effort limits")
     tables = (
         view.parameters_table(found, console.NAME_WIDTH), view.joints_table(found), view.lengths_table(found)
     )  # fmt: skip
