@@ -10,8 +10,6 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from dynident.identification.search.box_search import SearchRun
-
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -88,6 +86,7 @@ def _write(folder: Path, published: ReproductionPart, virtual: ReproductionPart)
 
 def _comparison(parts: tuple[tuple[str, ReproductionPart], ...]) -> Comparison:
     """Return the tables of both parts as one, and the objective of the colonies per iteration (Figure 6)."""
+    from dynident.identification.search.box_search import SearchRun
     from dynident.results.report.subject import Comparison
 
     rows = tuple({"part": label, **row.row()} for label, part in parts for row in part.rows)
