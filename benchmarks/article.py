@@ -25,7 +25,6 @@ from dynident.data.preprocessing.fourier_fit import FourierFit
 from dynident.files import write_atomically
 from dynident.identification.build_problem import build_problem
 from dynident.identification.estimators import ESTIMATORS
-from dynident.identification.files.estimate_file import plain
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -133,9 +132,9 @@ class ArticleWork:
             "covered": int(np.sum(np.abs(estimate.beta - truth) <= estimate.half_widths())),
             "parameters": len(truth),
             "seconds": outcome.seconds,
-            "optimum": plain(estimate.extras.get("optimum")),
+            "optimum": estimate.run.optimum,
         }
-        trace = estimate.extras.get("trace")
+        trace = estimate.run.trace
         if task.settings is not None and trace is not None:
             result["curve"] = {str(k): float(trace[k - 1]) for k in CURVE if k <= len(trace)}
         return result

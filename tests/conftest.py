@@ -210,7 +210,7 @@ def bare_estimate() -> Callable[[DynamicModel, Array], Estimate]:
     def make(model: DynamicModel, theta: Array) -> Estimate:
         base = base_parameters(model)
         estimate = object.__new__(Estimate)
-        values = {"model": model, "base": base, "beta": base.from_standard(theta), "theta": theta, "extras": {}}
+        values = {"model": model, "base": base, "beta": base.from_standard(theta), "theta": theta}
         values |= {"covariance": np.eye(base.count), "estimator": "consistent", "provenance": {}, "samples": 1}
         values |= {"degrees": None}
         for key, value in values.items():

@@ -53,6 +53,20 @@ def test_a_plain_log_asks_for_nothing(arm: str, six: Robot, motion: dict[str, Ar
         assert words in draft.text
 
 
+@pytest.mark.parametrize("angle", [5.0, 21.6])
+def test_a_base_that_leans_is_asked_about(
+    angle: float, arm: str, six: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    lean = np.radians(angle)
+    tilted = six.with_gravity((9.81 * np.sin(lean), 0.0, -9.81 * np.cos(lean)))
+    log = write_log(tmp_path / "run.csv", numbered(moved(tilted)))
+    (line,) = [line for line in draft_case(arm, log, tmp_path).text.splitlines() if "gravity: [" in line]
+    if angle < 10:
+        assert "agree with it within 5 degrees" in line
+    else:
+        assert "how does the base stand" in line and "[3.6" in line and "22 degrees off" in line
+
+
 NAMES = {
     "numbers from 0": ("timestamp", "actual_q_{0}", "joint_torque_{0}"),
     "brackets": ("time", "pos[{0}]", "effort[{0}]"),

@@ -84,7 +84,7 @@ def test_rows_that_the_fit_kept_apart_are_tested_on_and_the_logs_examined(
     assert found["tests"][0]["logs"] == ["run.csv"] and 0 < found["tests"][0]["relative_error"] < 0.2
     assert found["why_no_test"] == "" and "log_quality" in found["sections"]
     assert all((folder / name).stat().st_size > 500 for name in found["figures"])
-    assert str(Path("figures", "torque-test-joint1.svg")) in found["figures"]
+    assert str(Path("figures", "torque-joint1.svg")) in found["figures"]
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "test error of the torque" in page and "all after the first 0.7 of the duration" in page
     quiet = reported(capsys, run, "--no-log-quality")

@@ -71,7 +71,7 @@ def test_a_solution_is_whole(part: Estimator, posed: tuple[Problem, Array]) -> N
     if solution.theta is not None:
         assert solution.theta.shape == (len(problem.model.parameters),)
         np.testing.assert_allclose(problem.base.from_standard(solution.theta), solution.beta, atol=1e-9)
-    json.dumps(plain(dict(solution.extras)), allow_nan=False)
+    json.dumps(plain(solution.run.data()), allow_nan=False)
 
 
 def test_solve_is_pure_and_repeatable(part: Estimator, posed: tuple[Problem, Array]) -> None:
@@ -82,7 +82,7 @@ def test_solve_is_pure_and_repeatable(part: Estimator, posed: tuple[Problem, Arr
     one, again = part.solve(problem), part.solve(problem)
     np.testing.assert_array_equal(one.beta, again.beta)
     np.testing.assert_array_equal(one.weights, again.weights)
-    assert plain(dict(one.extras)) == plain(dict(again.extras))
+    assert plain(one.run.data()) == plain(again.run.data())
     for triangle, (factor, columns, count) in zip(problem.triangles, before, strict=True):
         np.testing.assert_array_equal(triangle.factor, factor)
         np.testing.assert_array_equal(triangle.columns, columns)

@@ -141,11 +141,11 @@ def test_a_wrong_gravity_is_named_with_the_right_one(trial: Trial, kind: int, tm
     assert "[0, 0, -9.81]" in finding.remedy
 
 
-def test_a_base_on_a_slope_is_named_with_its_own_direction(case: Case, tmp_path: Path) -> None:
-    """Between the axes: the log of an arm on a slope of 70 degrees, declared upright."""
-    truth = 9.81 * np.array(
-        [0.2 * np.sin(np.radians(70)), -np.sqrt(0.96) * np.sin(np.radians(70)), -np.cos(np.radians(70))]
-    )
+@pytest.mark.parametrize("angle", [21.6, 70.0])
+def test_a_base_on_a_slope_is_named_with_its_own_direction(case: Case, angle: float, tmp_path: Path) -> None:
+    """Between the axes: the log of an arm on a slope, declared upright."""
+    lean = np.radians(angle)
+    truth = 9.81 * np.array([0.2 * np.sin(lean), -np.sqrt(0.96) * np.sin(lean), -np.cos(lean)])
     made = virtual(replace(case, robot=case.robot.with_gravity(truth)), rate=RATE)
     finding = replace(made, case=case).examined(tmp_path).findings[0]
     assert finding.name == "mounting"
@@ -207,8 +207,10 @@ def test_another_width_of_the_sign_is_no_wrong_clock(width: float, tmp_path: Pat
     other = (FRICTION.make("coulomb", width=width), *friction[1:])
     trial = virtual(replace(case, friction=other), rate=RATE)
     found = replace(trial, case=case).examined(tmp_path).findings
-    assert {finding.name for finding in found} == {"friction curve"}
-    assert all(finding.severity == "note" and finding.numbers["torque"] < 0.5 for finding in found)
+    curves = [finding for finding in found if finding.name != "scale not determined"]
+    assert {finding.name for finding in curves} == {"friction curve"}
+    assert all(finding.severity == "note" for finding in found)
+    assert all(finding.numbers["torque"] < 0.5 for finding in curves)
 
 
 def test_a_payload_is_weighed(trial: Trial, tmp_path: Path) -> None:

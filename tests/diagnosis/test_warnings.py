@@ -58,8 +58,8 @@ def test_a_consistent_fit_that_is_some_tens_of_per_cent_worse_is_no_fault() -> N
     """Right cases of real robots leave as much, by friction that the model lacks."""
     model, log = recorded()
     sound = identify(model, [log], preprocessing=HOW)
-    worse = {**sound.extras, "residual_above_unconstrained": 0.32}
-    assert warnings_of(replace(sound, extras=worse)) == ()
+    worse = replace(sound.run, residual_above_unconstrained=0.32)
+    assert warnings_of(replace(sound, run=worse)) == ()
 
 
 def test_positions_beyond_the_limits() -> None:

@@ -207,27 +207,27 @@ def test_least_squares_in_a_box_is_certified(problem, share):
 @pytest.mark.parametrize("norm", ["l1", "l2"])
 def test_what_the_colony_says_of_itself(problem, norm):
     solution = ArtificialBeeColony(norm=norm, seed=2).solve(problem)
-    extras = solution.extras
+    run = solution.run
     residual = residuals_of(problem, solution.beta)
     objective = np.mean(np.sum(np.abs(residual) if norm == "l1" else residual**2, axis=1))
-    assert extras["objective"] == pytest.approx(objective, rel=1e-9)
-    assert len(extras["trace"]) == 50 and np.all(np.diff(extras["trace"]) <= 0)
-    assert extras["trace"][-1] == pytest.approx(objective, rel=1e-9)
-    assert extras["lower_bound"] <= extras["optimum"] <= extras["objective"]
-    assert extras["gap"] == pytest.approx(extras["objective"] / extras["optimum"] - 1, rel=1e-12)
-    assert extras["evaluations"] == 30 + 50 * 30 + extras["scouts"]
-    assert extras["settings"]["colony"] == 30 and extras["settings"]["norm"] == norm
-    assert extras["gap"] > 0.05  # the published settings do not converge, and say so
+    assert run.objective == pytest.approx(objective, rel=1e-9)
+    assert len(run.trace) == 50 and np.all(np.diff(run.trace) <= 0)
+    assert run.trace[-1] == pytest.approx(objective, rel=1e-9)
+    assert run.lower_bound <= run.optimum <= run.objective
+    assert run.gap == pytest.approx(run.objective / run.optimum - 1, rel=1e-12)
+    assert run.evaluations == 30 + 50 * 30 + run.scouts
+    assert run.settings["colony"] == 30 and run.settings["norm"] == norm
+    assert run.gap > 0.05  # the published settings do not converge, and say so
     np.testing.assert_allclose(solution.weights, 1 / problem.joint_deviations(solution.beta))
-    assert json.loads(json.dumps(dict(extras))) == extras
+    assert json.loads(json.dumps(run.data())) == run.data()
 
 
 @pytest.mark.parametrize("norm", ["l1", "l2"])
 def test_a_seed_repeats_its_run(problem, norm):
     runs = [ArtificialBeeColony(norm=norm, seed=seed).solve(problem) for seed in (4, 4, 5)]
     np.testing.assert_array_equal(runs[0].beta, runs[1].beta)
-    assert runs[0].extras["trace"] == runs[1].extras["trace"] != runs[2].extras["trace"]
-    assert runs[0].extras["optimum"] == runs[2].extras["optimum"]
+    assert runs[0].run.trace == runs[1].run.trace != runs[2].run.trace
+    assert runs[0].run.optimum == runs[2].run.optimum
 
 
 def test_polish_returns_the_certified_optimum(problem):
@@ -235,19 +235,19 @@ def test_polish_returns_the_certified_optimum(problem):
     np.testing.assert_allclose(plain.beta, least_squares(problem.reduced()).beta, rtol=1e-8, atol=1e-10)
     robust = ArtificialBeeColony(norm="l1", polish=True).solve(problem)
     value = np.mean(np.sum(np.abs(residuals_of(problem, robust.beta)), axis=1))
-    assert value == pytest.approx(robust.extras["optimum"], rel=1e-9)
-    assert robust.extras["polished"] and robust.extras["objective"] > robust.extras["optimum"]
+    assert value == pytest.approx(robust.run.optimum, rel=1e-9)
+    assert robust.run.polished and robust.run.objective > robust.run.optimum
 
 
 def test_the_default_box_follows_least_squares(problem):
-    extras = ArtificialBeeColony().solve(problem).extras
+    run = ArtificialBeeColony().solve(problem).run
     fit = least_squares(problem.reduced())
     residual = residuals_of(problem, fit.beta)
     sigma = np.sqrt(np.sum(residual**2) / (residual.size - problem.base.count) * np.diag(fit.unscaled_covariance))
-    np.testing.assert_allclose(extras["box"]["upper"], 5 * np.abs(fit.beta) + 5 * sigma, rtol=1e-8)
-    np.testing.assert_array_equal(extras["box"]["lower"], -np.array(extras["box"]["upper"]))
-    assert extras["box"]["source"].startswith("+-5 times the size of the least-squares estimate")
-    assert extras["at_bound"] == []
+    np.testing.assert_allclose(run.box["upper"], 5 * np.abs(fit.beta) + 5 * sigma, rtol=1e-8)
+    np.testing.assert_array_equal(run.box["lower"], -np.array(run.box["upper"]))
+    assert run.box["source"].startswith("+-5 times the size of the least-squares estimate")
+    assert run.at_bound == []
 
 
 def test_a_given_box_holds_and_what_it_holds_back_is_named(problem):
@@ -256,8 +256,8 @@ def test_a_given_box_holds_and_what_it_holds_back_is_named(problem):
     upper[-1] = 0.5  # Fv of joint 3 is 5
     solution = ArtificialBeeColony(lower=tuple(-half), upper=tuple(upper)).solve(problem)
     assert np.all(solution.beta >= -half) and np.all(solution.beta <= upper)
-    assert solution.extras["at_bound"] == ["Fv[joint3]"]
-    assert solution.extras["box"]["source"] == "as given"
+    assert solution.run.at_bound == ["Fv[joint3]"]
+    assert solution.run.box["source"] == "as given"
 
 
 def test_noise_free_data_have_no_relative_gap(spatial_3r, exact_log):
@@ -265,9 +265,9 @@ def test_noise_free_data_have_no_relative_gap(spatial_3r, exact_log):
     log = exact_log(model, np.concatenate([spatial_3r.nominal, np.zeros(6)]))
     exact = make_problem(model, base_parameters(model), [prepared(log)])
     for norm in ("l1", "l2"):
-        extras = ArtificialBeeColony(norm=norm, iterations=5).solve(exact).extras
-        assert extras["gap"] is None
-        assert extras["optimum"] < 1e-6 * extras["objective"]
+        run = ArtificialBeeColony(norm=norm, iterations=5).solve(exact).run
+        assert run.gap is None
+        assert run.optimum < 1e-6 * run.objective
 
 
 def test_the_family_finds_the_estimator():

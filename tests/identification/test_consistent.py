@@ -98,8 +98,8 @@ def test_it_is_weighted_least_squares_where_that_is_possible(
     assert free.consistency.consistent
     moved = np.linalg.norm((consistent.beta - free.beta) / free.std)
     assert moved < 0.02
-    assert consistent.extras["residual_above_unconstrained"] < 1e-6
-    assert consistent.extras["prior"] == "the robot model's inertias"
+    assert consistent.run.residual_above_unconstrained < 1e-6
+    assert consistent.run.prior == "the robot model's inertias"
 
 
 def test_friction_alone_is_bounded_least_squares(exact_log: MakeLog) -> None:
@@ -316,7 +316,7 @@ def test_what_the_data_leave_open_stays_at_the_description(planar_2r: Robot, exa
 def test_pull_is_the_price_of_leaving_the_prior(planar_2r: Robot, exact_log: MakeLog) -> None:
     model = model_of(planar_2r, "viscous")
     problem = build_problem(model, [exact_log(model, theta_of(model), noise=0.5)], GIVEN)
-    above = [Consistent(pull=pull).solve(problem).extras["residual_above_unconstrained"] for pull in (1e-8, 1e-4, 0.1)]
+    above = [Consistent(pull=pull).solve(problem).run.residual_above_unconstrained for pull in (1e-8, 1e-4, 0.1)]
     assert above[0] <= above[1] <= above[2] and above[0] < 1e-5
 
 

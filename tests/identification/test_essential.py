@@ -61,14 +61,14 @@ def test_zeros_go_and_what_matters_stays(bench: Bench) -> None:
     for seed in range(10):
         problem = bench.problem(bench.white(seed) - shift)
         estimate = fit(problem, Essential())
-        dropped = {item["name"] for item in estimate.extras["dropped"]}
+        dropped = {item.name for item in estimate.run.dropped}
         gone.append(sum(name in dropped for name in ("F0[joint1]", "F0[joint2]", "F0[joint3]")))
         plain = fit(problem, WLS())
         sure = {n for n, r in zip(bench.base.names, plain.relative_std, strict=True) if r < 0.1}
         assert not dropped & sure
         assert np.all(estimate.std > 0)
         assert [estimate.beta[bench.base.names.index(name)] for name in dropped] == [0.0] * len(dropped)
-        assert estimate.extras["kept"] + len(dropped) == bench.base.count
+        assert estimate.run.kept + len(dropped) == bench.base.count
         scores.append((estimate.beta - truth) / estimate.std)
     assert np.mean(gone) > 2.5
     assert np.sqrt(np.mean(np.square(scores))) < 1.4
@@ -79,12 +79,12 @@ def test_the_error_rises_by_no_more_than_the_test_allows(bench: Bench) -> None:
     solution = Essential(limit=0.2, level=0.05, rise=1.0).solve(problem)
     plain = WLS().solve(problem)
     squares = [float(np.sum(problem.residual_squares(s.beta) * plain.weights**2)) for s in (plain, solution)]
-    count, rows = len(solution.extras["dropped"]), int(problem.counts.sum())
-    assert count > 0 and solution.extras["significance"] > 0.05
+    count, rows = len(solution.run.dropped), int(problem.counts.sum())
+    assert count > 0 and solution.run.significance > 0.05
     statistic = (squares[1] - squares[0]) / count / (squares[0] / (rows - bench.base.count))
     assert statistic < fisher.isf(0.05, count, rows - bench.base.count) * 1.5
     stricter = Essential(limit=0.2, level=0.9, rise=1.0).solve(problem)
-    assert stricter.extras["kept"] > solution.extras["kept"]
+    assert stricter.run.kept > solution.run.kept
 
 
 def test_the_residual_rises_by_no_more_than_the_stated_share(bench: Bench) -> None:
@@ -94,7 +94,7 @@ def test_the_residual_rises_by_no_more_than_the_stated_share(bench: Bench) -> No
     for rise in (1e-4, 1e-3, 1e-2):
         solution = Essential(limit=0.1, level=1e-9, rise=rise).solve(problem)
         norms.append(np.sqrt(weights**2 @ problem.residual_squares(solution.beta)))
-        kept.append(solution.extras["kept"])
+        kept.append(solution.run.kept)
     least = np.sqrt(weights**2 @ problem.residual_squares(WLS().solve(problem).beta))
     assert kept[0] > kept[1] > kept[2]
     assert np.all(np.array(norms) / least - 1 <= [1e-4, 1e-3, 1e-2])

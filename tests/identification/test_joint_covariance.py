@@ -108,7 +108,7 @@ def test_irls_settles_at_its_own_covariance(bench: Bench) -> None:
     beta, _ = dense(problem, covariance, np.ones(residual.shape, bool))
     np.testing.assert_allclose(solution.beta, beta, rtol=1e-6, atol=1e-7 * np.abs(beta).max())
     deviations = np.sqrt(np.diag(truth))
-    np.testing.assert_allclose(solution.extras["correlation"], truth / np.outer(deviations, deviations), atol=0.1)
+    np.testing.assert_allclose(solution.run.correlation, truth / np.outer(deviations, deviations), atol=0.1)
     np.testing.assert_allclose(1 / solution.weights, deviations, rtol=0.1)
 
 
@@ -117,8 +117,8 @@ def test_rows_at_the_threshold_do_not_come_and_go_for_ever(spatial_3r: Robot, ex
     bench = Bench(spatial_3r, exact_log, samples=800, friction=("coulomb", "viscous", "offset"))
     white = np.random.default_rng(28).normal(size=(1000, 3)) * bench.size
     noise = 0.05 * np.asarray(scipy.signal.lfilter([np.sqrt(0.19)], [1, -0.9], white, axis=0))[200:]
-    extras = IRLS().solve(bench.problem(noise)).extras
-    assert 20 < extras["iterations"] < 30 and 0 < sum(extras["rejected"]) < 10
+    run = IRLS().solve(bench.problem(noise)).run
+    assert 20 < run.iterations < 30 and 0 < sum(run.rejected) < 10
 
 
 def test_shared_noise_is_used(bench: Bench) -> None:

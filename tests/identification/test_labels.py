@@ -68,7 +68,7 @@ def test_a_share_is_the_variance_that_data_took(made: tuple[DynamicModel, Log]) 
     held = np.diag(prior) > 0
     after = np.diag(np.linalg.inv(program.data.T @ program.data + prior))
     expected = np.where(held, 1 - after * np.where(held, np.diag(prior), 0), 1.0)
-    np.testing.assert_allclose(found.extras["data_share"], expected, atol=1e-8)
+    np.testing.assert_allclose(found.run.data_share, expected, atol=1e-8)
 
 
 def test_a_little_known_parameter_is_one_of_the_prior(made: tuple[DynamicModel, Log]) -> None:
@@ -87,7 +87,7 @@ def test_an_estimate_as_the_prior_of_another(made: tuple[DynamicModel, Log], tmp
     prior = read_prior(tmp_path / "first.json", model.robot)
     found = identify(model, [log], "consistent", GIVEN, knowledge=PriorKnowledge(prior=prior))
     assert found.theta is not None and found.theta[9] == pytest.approx(9.0, rel=0.05)
-    assert found.extras["prior"] == "the estimate first.json"
+    assert found.run.prior == "the estimate first.json"
     write_estimate(identify(model, [log], "wls", GIVEN), tmp_path / "base.json")
     with pytest.raises(DescriptionError, match="an estimate of base parameters only"):
         read_prior(tmp_path / "base.json", model.robot)

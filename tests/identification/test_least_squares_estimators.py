@@ -78,14 +78,14 @@ def test_wls_is_reweighted_least_squares(
     expected = weighted(problem, steps)
     np.testing.assert_allclose(solution.beta, expected, rtol=1e-7, atol=1e-8 * np.abs(expected).max())
     np.testing.assert_allclose(solution.weights, 1 / problem.joint_deviations(solution.beta))
-    assert solution.extras["iterations"] == (1 if model.robot.dof == 1 else steps)  # one joint has nothing to weigh
+    assert solution.run.iterations == (1 if model.robot.dof == 1 else steps)  # one joint has nothing to weigh
 
 
 def test_wls_settles(spatial_3r: Robot, exact_log: MakeLog) -> None:
     model = model_of(spatial_3r)
     problem = build_problem(model, [exact_log(model, theta_of(model), noise=noise_of(3))], GIVEN)
     settled, forced = WLS(), WLS(iterations=50, tolerance=1e-12)
-    assert settled.solve(problem).extras["iterations"] < 6
+    assert settled.solve(problem).run.iterations < 6
     np.testing.assert_allclose(settled.solve(problem).beta, forced.solve(problem).beta, rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(1 / settled.solve(problem).weights, noise_of(3), rtol=0.15)
 
@@ -103,7 +103,7 @@ def test_wls_does_not_care_about_the_unit_of_a_joint(sliding_arm: Robot, exact_l
     assert np.abs(moved).max() > 1e-3
     for unit in (1e-3, 1e3):
         scaled = replace(problem, triangles=tuple(replace(t, factor=unit * t.factor) for t in problem.triangles))
-        assert WLS().solve(scaled).extras == WLS().solve(problem).extras  # it ends by the relative change
+        assert WLS().solve(scaled).run == WLS().solve(problem).run  # it ends by the relative change
 
 
 @pytest.mark.parametrize("estimator", [OLS(), WLS()], ids=["ols", "wls"])

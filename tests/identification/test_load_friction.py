@@ -170,7 +170,7 @@ def test_what_is_known_about_bodies_holds_in_every_pass(spatial_3r: Robot, exact
     again = with_load(problem, 2.0 * problem.load)
     assert again.constraints == known and again.prior == problem.prior
     estimate = fit(problem, Consistent())
-    assert estimate.theta is not None and estimate.extras["prior"] == "a drawing"
+    assert estimate.theta is not None and estimate.run.prior == "a drawing"
     assert np.sum(estimate.theta[9:30:10]) == pytest.approx(20.0, abs=1e-5)
 
 

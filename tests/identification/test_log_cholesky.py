@@ -48,8 +48,8 @@ def test_inside_it_is_the_convex_optimum(
 ) -> None:
     problem = posed(request.getfixturevalue(arm), exact_log, 1.0, 0.2)
     found, best = LogCholesky().solve(problem), Consistent().solve(problem)
-    assert found.extras["verdict"] == CONVERGED and found.extras["iterations"] < 40
-    assert abs(found.extras["gap"]) < 1e-6 and found.extras["singular_links"] == []
+    assert found.run.verdict == CONVERGED and found.run.iterations < 40
+    assert abs(found.run.gap) < 1e-6 and found.run.singular_links == []
     np.testing.assert_allclose(found.beta, best.beta, atol=1e-3 * np.abs(best.beta).max())
 
 
@@ -60,16 +60,16 @@ def test_on_the_boundary_it_stops_and_says_so(
     robot = request.getfixturevalue(arm)
     problem = posed(robot, exact_log, -0.5, 0.2)
     found, best = LogCholesky().solve(problem), Consistent().solve(problem)
-    assert found.extras["verdict"] == BOUNDARY and found.extras["iterations"] <= 100
-    assert robot.links[-1].name in found.extras["singular_links"]
-    assert -1e-6 <= found.extras["gap"] < np.inf
+    assert found.run.verdict == BOUNDARY and found.run.iterations <= 100
+    assert robot.links[-1].name in found.run.singular_links
+    assert -1e-6 <= found.run.gap < np.inf
     assert found.theta is not None and broken_conditions(problem.model, found.theta) == ()
-    assert any(robot.links[-1].name in words for words in best.extras["active"])
+    assert any(robot.links[-1].name in words for words in best.run.active)
 
 
 def test_too_few_steps_are_said(planar_2r: Robot, exact_log: Callable[..., Log]) -> None:
     found = LogCholesky(iterations=1).solve(posed(planar_2r, exact_log, 1.5, 0.2))
-    assert found.extras["verdict"] == UNFINISHED and found.extras["gap"] > 0
+    assert found.run.verdict == UNFINISHED and found.run.gap > 0
 
 
 @pytest.mark.parametrize(("option", "value"), [("pull", 0.0), ("iterations", 0)])

@@ -164,7 +164,7 @@ def test_coloured_noise_is_used(floor: float, bench: Bench) -> None:
         errors.append([np.linalg.norm((s.beta - bench.truth) * norms) for s in (WLS().solve(problem), solution)])
         assert solution.covariance is not None
         scores.append((solution.beta - bench.truth) / np.sqrt(np.diag(solution.covariance)))
-        orders.append(solution.extras["orders"])
+        orders.append(solution.run.orders)
     plain, whitened = np.mean(errors, axis=0)
     assert whitened < 0.85 * plain
     assert 0.8 < np.sqrt(np.mean(np.square(scores))) < 1.4

@@ -42,8 +42,8 @@ def test_without_forgetting_it_is_least_squares(problem):
     weighted = RLS().solve(problem)
     expected = least_squares(problem.reduced(WLS().solve(problem).weights)).beta
     np.testing.assert_allclose(weighted.beta, expected, atol=1e-9 * np.abs(expected).max())
-    assert weighted.extras["course"][-1] == weighted.beta.tolist() and weighted.covariance is None
-    assert len(weighted.extras["times"]) == len(weighted.extras["trace"]) >= 40
+    assert weighted.run.course[-1] == weighted.beta.tolist() and weighted.covariance is None
+    assert len(weighted.run.times) == len(weighted.run.trace) >= 40
 
 
 def test_forgetting_weighs_samples_as_written_out(problem):
@@ -56,7 +56,7 @@ def test_forgetting_weighs_samples_as_written_out(problem):
     assert found.covariance is not None and found.degrees is not None
     short, long = (fit(problem, RLS(value)).std for value in (0.99, 0.999))
     assert np.all(short > long)  # a shorter memory knows less
-    assert found.extras["memory"] == pytest.approx(100.0)
+    assert found.run.memory == pytest.approx(100.0)
 
 
 def test_rows_one_by_one_and_at_once_are_the_same():

@@ -89,7 +89,7 @@ def test_psi_costs_five_per_cent_of_efficiency() -> None:
 
 def test_huber_is_the_minimum_that_scipy_finds(dirty: Problem) -> None:
     solution = Huber(tolerance=1e-10).solve(dirty)
-    scale = np.array(solution.extras["scale"]) * 1.345
+    scale = np.array(solution.run.scale) * 1.345
     expected = scipy_fit(dirty, scale, "huber", WLS().solve(dirty).beta)
     np.testing.assert_allclose(solution.beta, expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
     # The scales are those of the residuals at the solution.
@@ -99,7 +99,7 @@ def test_huber_is_the_minimum_that_scipy_finds(dirty: Problem) -> None:
 
 def test_tukey_is_the_minimum_that_scipy_finds(dirty: Problem) -> None:
     solution = Tukey(tolerance=1e-10).solve(dirty)
-    scale = np.array(solution.extras["scale"]) * 4.685
+    scale = np.array(solution.run.scale) * 4.685
 
     def rho(square: Array) -> Array:
         inside = np.maximum(1 - square, 0.0)
@@ -120,7 +120,7 @@ def test_l1_is_the_optimum_of_the_linear_program(planar_2r: Robot, exact_log: Ca
     bench = Bench(planar_2r, exact_log, samples=80)
     problem = bench.problem(bench.gross(0))
     solution = L1(iterations=30, tolerance=1e-12).solve(problem)
-    matrix, target = standard_rows(problem, np.array(solution.extras["scale"]))
+    matrix, target = standard_rows(problem, np.array(solution.run.scale))
     rows, count = matrix.shape
     found = scipy.optimize.linprog(
         np.r_[np.zeros(count), np.ones(2 * rows)],
@@ -131,7 +131,7 @@ def test_l1_is_the_optimum_of_the_linear_program(planar_2r: Robot, exact_log: Ca
     assert found.fun is not None
     np.testing.assert_allclose(np.abs(target - matrix @ solution.beta).sum(), found.fun, rtol=1e-6)
     np.testing.assert_allclose(solution.beta, found.x[:count], atol=1e-4 * np.abs(solution.beta).max())
-    assert solution.extras["gap"] <= 1e-6
+    assert solution.run.gap <= 1e-6
 
 
 ROBUST = {"huber": 0.06, "tukey": 0.05, "irls": 0.05, "l1": 0.06}
@@ -153,7 +153,7 @@ def test_gross_errors_in_one_row_of_twenty_hardly_move_it(name: str, bench: Benc
 @pytest.mark.parametrize("name", ["tukey", "irls"])
 def test_the_rows_with_gross_errors_are_the_ones_left_out(name: str, bench: Bench) -> None:
     hit = np.abs(bench.gross(3) - bench.white(3)) > 0
-    rejected = ESTIMATORS.make(name).solve(bench.problem(bench.gross(3))).extras["rejected"]
+    rejected = ESTIMATORS.make(name).solve(bench.problem(bench.gross(3))).run.rejected
     np.testing.assert_allclose(rejected, hit.sum(axis=0), atol=2)
 
 

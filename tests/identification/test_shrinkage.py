@@ -40,7 +40,7 @@ def test_ridge_is_the_closed_form_with_unit_columns(strength: float, bench: Benc
     solution = Ridge(strength).solve(problem)
     np.testing.assert_allclose(solution.beta, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
     inverse = np.linalg.inv(matrix.T @ matrix + pull)
-    np.testing.assert_allclose(solution.extras["free_parameters"], np.trace(inverse @ matrix.T @ matrix), rtol=1e-6)
+    np.testing.assert_allclose(solution.run.free_parameters, np.trace(inverse @ matrix.T @ matrix), rtol=1e-6)
     # White noise: the covariance is nearly s^2 (W'W + pull)^-1, with s = 1 in these weights.
     assert solution.covariance is not None
     ratio = np.sqrt(np.diag(solution.covariance) / np.diag(inverse))
@@ -117,7 +117,7 @@ def test_a_wide_prior_is_weighted_least_squares_and_a_narrow_one_the_description
         narrow = MAP(share=1e-7, on=on).solve(problem)
         inertial = bench.base.independent < bench.model.inertial_count
         np.testing.assert_allclose(narrow.beta[inertial], bench.truth[inertial], atol=1e-5)
-        assert narrow.extras["learned"] < 0.01 < 0.99 < wide.extras["learned"]
+        assert narrow.run.learned < 0.01 < 0.99 < wide.run.learned
 
 
 def test_a_good_prior_helps_and_its_deviations_are_right(short: Bench) -> None:

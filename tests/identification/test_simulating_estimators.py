@@ -97,8 +97,8 @@ def test_output_errors_find_the_truth(cell):
         solution = part.solve(problems[0])
         assert solution.covariance is not None
         assert np.all(np.abs(solution.beta - truth) < 5 * np.sqrt(np.diag(solution.covariance))), part
-        assert solution.extras["trace"][-1] == pytest.approx(1.0, abs=0.05)
-        assert solution.extras["simulations"] >= 2 * solution.extras["iterations"]
+        assert solution.run.trace[-1] == pytest.approx(1.0, abs=0.05)
+        assert solution.run.simulations >= 2 * solution.run.iterations
 
 
 def test_the_bias_is_detected(cell):
@@ -251,7 +251,7 @@ def test_the_kalman_filter_finds_the_truth_and_knows_its_error(planar_2r):
     assert np.all(np.abs(solution.beta - truth) < 5 * np.sqrt(np.diag(solution.covariance)))
     plain = OLS().solve(problem).beta
     assert np.linalg.norm(solution.beta - truth) < 0.5 * np.linalg.norm(plain - truth)
-    assert 0.1 < solution.extras["innovation"] < 3 and len(solution.extras["course"]) > 10
+    assert 0.1 < solution.run.innovation < 3 and len(solution.run.course) > 10
 
 
 def test_position_noise_is_seen_beside_the_motion():
@@ -262,6 +262,6 @@ def test_position_noise_is_seen_beside_the_motion():
 
 def test_a_loop_without_gains_states_so(cell):
     problems, _ = cell
-    news = IV().solve(problems[0]).extras
-    assert news["reference"] == "commanded positions" and news["controller"] == "virtual, 8 Hz"
+    run = IV().solve(problems[0]).run
+    assert run.reference == "commanded positions" and run.controller == "virtual, 8 Hz"
     assert LoopOptions().reference_hz is None and IV().reference_hz == 5.0

@@ -80,8 +80,8 @@ def test_a_drift_lets_parameters_follow_a_change(pendulum: Robot) -> None:
     assert abs(moving.beta[at] - 0.4) < 0.1 < abs(still.beta[at] - 0.4)
     assert moving.degrees is None and moving.covariance is not None and still.degrees is not None
     assert abs(moving.beta[at] - 0.4) < 5 * np.sqrt(moving.covariance[at, at])
-    course = np.array(moving.extras["course"])[:, at]
-    times = np.array(moving.extras["times"])
+    course = np.array(moving.run.course)[:, at]
+    times = np.array(moving.run.times)
     assert np.all(np.abs(course[(times > 0.6) & (times < 0.95)] - truth[at]) < 0.3)
 
 

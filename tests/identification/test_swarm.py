@@ -278,21 +278,21 @@ def test_the_report_of_a_search(name, norm, problem):
     part = made(name, norm=norm, iterations=30, seed=5)
     solution, again = part.solve(problem), part.solve(problem)
     other, polished = (replace(part, **{key: value}).solve(problem) for key, value in (("seed", 6), ("polish", True)))
-    extras = solution.extras
+    run = solution.run
     land = (absolute_landscape if norm == "l1" else square_landscape)(problem, np.ones(2))
-    lower, upper = (np.array(extras["box"][key]) for key in ("lower", "upper"))
+    lower, upper = (np.array(run.box[key]) for key in ("lower", "upper"))
     assert np.all((lower <= solution.beta) & (solution.beta <= upper))
-    assert np.array_equal(solution.beta, again.beta) and extras == again.extras
-    assert extras["trace"] != other.extras["trace"] and extras["optimum"] == other.extras["optimum"]
-    assert len(extras["trace"]) == 30 and np.all(np.diff(extras["trace"]) <= 0)
-    assert extras["objective"] == pytest.approx(land.value(solution.beta), rel=1e-12)
-    assert extras["trace"][-1] == pytest.approx(extras["objective"], rel=1e-9)
-    assert extras["lower_bound"] <= extras["optimum"] <= extras["objective"]
-    assert extras["gap"] == pytest.approx(extras["objective"] / extras["optimum"] - 1) and extras["gap"] > 0
-    assert extras["evaluations"] == 30 + 30 * 30 + extras.get("scouts", 0) and extras["stopped"] == "iterations"
-    assert ("scouts" in extras) == (name == "abc")
-    assert land.value(polished.beta) == pytest.approx(extras["optimum"], rel=1e-9)
-    assert polished.extras["objective"] == extras["objective"]
+    assert np.array_equal(solution.beta, again.beta) and run == again.run
+    assert run.trace != other.run.trace and run.optimum == other.run.optimum
+    assert len(run.trace) == 30 and np.all(np.diff(run.trace) <= 0)
+    assert run.objective == pytest.approx(land.value(solution.beta), rel=1e-12)
+    assert run.trace[-1] == pytest.approx(run.objective, rel=1e-9)
+    assert run.lower_bound <= run.optimum <= run.objective
+    assert run.gap == pytest.approx(run.objective / run.optimum - 1) and run.gap > 0
+    assert run.evaluations == 30 + 30 * 30 + (run.scouts or 0) and run.stopped == "iterations"
+    assert (run.scouts is not None) == (name == "abc")
+    assert land.value(polished.beta) == pytest.approx(run.optimum, rel=1e-9)
+    assert polished.run.objective == run.objective
     if norm == "l2":
         np.testing.assert_allclose(polished.beta, least_squares(problem.reduced()).beta, rtol=1e-7, atol=1e-9)
 
@@ -330,7 +330,7 @@ def test_a_search_below_the_solver_is_the_optimum(problem, monkeypatch):
     worse = Optimum(np.zeros(problem.base.count), 1e9, 0.0)
     monkeypatch.setattr("dynident.identification.search.box_search.box_optimum", lambda *a: worse)
     solution = ParticleSwarm(iterations=5, polish=True).solve(problem)
-    assert solution.extras["gap"] == 0.0 and solution.extras["optimum"] == solution.extras["objective"] < 1e9
+    assert solution.run.gap == 0.0 and solution.run.optimum == solution.run.objective < 1e9
     np.testing.assert_array_equal(solution.beta, ParticleSwarm(iterations=5).solve(problem).beta)
 
 

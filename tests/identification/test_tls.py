@@ -44,7 +44,7 @@ def test_tls_is_the_smallest_right_singular_vector(ratio: float, bench: Bench) -
     matrix, target = rows.matrix * solution.weights[rows.joint, None], rows.torque * solution.weights[rows.joint]
     expected = by_svd(matrix, target, 0, ratio)
     np.testing.assert_allclose(solution.beta, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
-    assert solution.extras["exact"] == []
+    assert solution.run.exact == []
 
 
 def test_columns_of_offsets_are_exact(spatial_3r: Robot, exact_log: Callable[..., Log]) -> None:

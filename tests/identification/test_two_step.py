@@ -28,7 +28,7 @@ def test_it_is_two_weighted_fits(bench: Bench) -> None:
     solution = TwoStep(share=0.6).solve(problem)
     slow, _ = slow_samples(problem, 0.6)
     held, rows = problem.base.is_friction, problem.rows
-    assert solution.extras["friction"] == [name for name in bench.base.names if name[:2] in ("Fc", "Fv", "F0")]
+    assert solution.run.friction == [name for name in bench.base.names if name[:2] in ("Fc", "Fv", "F0")]
     early = slow[rows.samples]
     scale, beta = np.ones(3), np.zeros(bench.base.count)
     for _ in range(11):

@@ -16,6 +16,7 @@ from dynident.excitation.design.plan import Plan
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.identification.estimate.estimate import Consistency, Estimate
 from dynident.identification.estimate.validation import Validation, compare_torques
+from dynident.identification.problem.method_run import MethodRun
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -125,7 +126,7 @@ def subject_of(
         consistency=Consistency(consistent, reasons, 0.031),
         train=train,
         preprocessing=how,
-        extras={"trace": list(2.0 + 30 * np.exp(-np.arange(50) / 9)), "optimum": 1.9, "gap": 0.06},
+        run=MethodRun(trace=list(2.0 + 30 * np.exp(-np.arange(50) / 9)), optimum=1.9),
         provenance={
             "versions": {"dynident": "0.1.0", "numpy": "2.4.6"},
             "logs": [vars(log.source) for log in made],

@@ -41,7 +41,7 @@ def test_every_figure_of_the_page_has_a_name(subject: Subject, figures: dict[str
     page = report_page(subject, parts_of(subject))
     assert len(figures) == page.count("<figure")
     assert all(str(drawing) in page for drawing in figures.values())
-    assert {"torque-training-joint1", "torque-test-joint3", "friction-joint2", "convergence"} <= figures.keys()
+    assert {"torque-joint1", "overview-joint3", "errors", "friction-joint2", "convergence"} <= figures.keys()
     assert not [name for name in figures if name.startswith("figure-")]
 
 
@@ -103,7 +103,7 @@ def test_the_figures_of_the_article_have_its_numbers() -> None:
 
 @needs_typst
 def test_pdf_and_png_are_the_same_each_time(figures: dict[str, Drawing], tmp_path: Path) -> None:
-    drawing = figures["torque-training-joint1"]
+    drawing = figures["torque-joint1"]
     for format, mark in (("pdf", b"%PDF-"), ("png", b"\x89PNG")):
         (path,) = write_figures(tmp_path, {"one": drawing}, format)
         content = path.read_bytes()

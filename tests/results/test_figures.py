@@ -17,12 +17,16 @@ from synthetic import HOSTILE
 
 from dynident.arrays import Array
 from dynident.results.figures import (
+    Intervals,
     TorqueBands,
+    TorqueSignals,
     convergence_chart,
-    deviation_chart,
+    error_chart,
     friction_chart,
+    interval_chart,
     line_chart,
     residual_chart,
+    small_torque_chart,
     torque_chart,
     trajectory_chart,
 )
@@ -44,12 +48,17 @@ def figures(name: str = "joint1", size: float = 1.0) -> dict[str, Callable[[], s
     names = [name, *[f"joint{k}" for k in range(2, 9)]]
     many = size * np.column_stack([np.sin((k + 1) * TIME / 5) for k in range(8)])
     starts = (0, 1000, 2200)
+    parts = (("training", False), ("training", False), ("test", True))
     grid = speed_grid(SPEED)
-    fractions = np.array([np.inf, 40.0, 2.0, 0.5, 0.09, 1e-3, 1e-6, 0.0])
+    fractions = np.array([np.nan, 40.0, 2.0, 0.5, 0.09, 1e-3, 1e-6, 0.0])
+    values = np.array([5.0, -4.0, 3.0, 2.0, -1.0, 0.1, 1e-7, 0.0])
+    spread = np.array([0.1, 0.5, 50.0, np.inf, np.nan, 1e-9, 0.2, 0.1])
     kinds = ["revolute"] * 7 + ["prismatic"]
     return {
-        "torque": lambda: torque_chart(name, "N m", TIME, size * SIGNAL, size * MODEL),
-        "torque, three logs": lambda: torque_chart(name, "N", TIME, size * SIGNAL, size * MODEL, starts),
+        "torque": lambda: torque_chart(name, "N m", TorqueSignals(TIME, size * SIGNAL, size * MODEL)),
+        "torque, three logs": lambda: torque_chart(
+            name, "N", TorqueSignals(TIME, size * SIGNAL, size * MODEL, starts, None, parts)
+        ),
         "trajectory": lambda: trajectory_chart(name, names, kinds, TIME, many, many, starts),
         "positions": lambda: trajectory_chart(name, names[:1], ["prismatic"], TIME, many[:, :1]),
         "lines": lambda: line_chart(name, [(n, TIME, many[:, 0]) for n in names], "time [s]", "force [N]"),
@@ -61,7 +70,9 @@ def figures(name: str = "joint1", size: float = 1.0) -> dict[str, Callable[[], s
         "narrow convergence": lambda: convergence_chart(
             {name: [size * 1.2, size * 1.1]}, size, f"objective of {name}"[:30]
         ),
-        "deviations": lambda: deviation_chart(names, fractions, limits=(0.1,)),
+        "small torque": lambda: small_torque_chart(name, "N m", TIME, size * SIGNAL, size * MODEL, starts),
+        "errors": lambda: error_chart("errors", names, [("robot model", 3.0 * fractions), ("identified", fractions)]),
+        "intervals": lambda: interval_chart("In kg", "kg", Intervals(tuple(names), size * values, size * spread)),
     }
 
 
@@ -90,11 +101,13 @@ def test_any_range_of_torque_and_time_gives_labels_that_do_not_touch(
     middle: float, size: float, logs: int, start: float
 ) -> None:
     starts = tuple(np.linspace(0, len(TIME), logs, endpoint=False).astype(int).tolist())
-    check_labels(torque_chart("joint1", "N m", TIME + start, middle + size * SIGNAL, middle + size * MODEL, starts))
+    parts = tuple((("training", False), ("test 1", True))[k > logs // 2] for k in range(logs))
+    signals = TorqueSignals(TIME + start, middle + size * SIGNAL, middle + size * MODEL, starts, None, parts)
+    check_labels(torque_chart("joint1", "N m", signals))
 
 
 def test_measured_and_predicted_share_a_scale_and_the_residual_stands_below() -> None:
-    root = parsed(torque_chart("j", "N m", TIME, SIGNAL, MODEL))
+    root = parsed(torque_chart("j", "N m", TorqueSignals(TIME, SIGNAL, MODEL)))
     (measured,), (predicted,), (residual,) = (lines(root, name) for name in ("c1", "c2", "c3"))
     (first,), (second,), (third,) = points(measured), points(predicted), points(residual)
     assert first[[0, -1], 0] == pytest.approx(second[[0, -1], 0])
@@ -110,7 +123,7 @@ def test_measured_and_predicted_share_a_scale_and_the_residual_stands_below() ->
 def test_bands_lie_about_the_zero_of_the_residual() -> None:
     half = np.full(len(TIME), 3.0)
     wide, narrow = 2 * half, half
-    root = parsed(torque_chart("j", "N m", TIME, SIGNAL, MODEL, (0, 1000), TorqueBands(narrow, wide)))
+    root = parsed(torque_chart("j", "N m", TorqueSignals(TIME, SIGNAL, MODEL, (0, 1000), TorqueBands(narrow, wide))))
     residual = np.concatenate([points(data)[0] for data in lines(root, "c3")])
     spans = []
     for name in ("d0", "d1"):
@@ -123,7 +136,7 @@ def test_bands_lie_about_the_zero_of_the_residual() -> None:
 
 
 def test_a_gap_stands_between_logs() -> None:
-    root = parsed(torque_chart("j", "N m", TIME, SIGNAL, MODEL, (0, 1000, 2200)))
+    root = parsed(torque_chart("j", "N m", TorqueSignals(TIME, SIGNAL, MODEL, (0, 1000, 2200))))
     stretches = [points(data)[0] for data in lines(root, "c2")]
     assert len(stretches) == 3
     assert all(9 < b[0, 0] - a[-1, 0] < 11 for a, b in pairwise(stretches))
@@ -133,7 +146,8 @@ def test_a_gap_stands_between_logs() -> None:
 
 def test_many_logs_share_a_step_and_have_two_ticks_each() -> None:
     starts = tuple(range(0, 3000, 430))
-    root = parsed(torque_chart("j", "N m", np.tile(np.arange(430) / 10, 7)[:3000], SIGNAL, MODEL, starts))
+    signals = TorqueSignals(np.tile(np.arange(430) / 10, 7)[:3000], SIGNAL, MODEL, starts)
+    root = parsed(torque_chart("j", "N m", signals))
     below = [box.text for box in labels(root) if box.top > 300 and "[" not in box.text]
     assert below.count("0") == 7
     assert below.count("20") >= 5
@@ -167,7 +181,7 @@ def test_every_line_has_its_own_look() -> None:
 
 def test_a_line_that_is_not_there_is_no_line() -> None:
     nothing = np.full(len(TIME), np.nan)
-    check_labels(torque_chart("j", "N m", TIME, nothing, nothing))
+    check_labels(torque_chart("j", "N m", TorqueSignals(TIME, nothing, nothing)))
     check_labels(line_chart("t", [("a", np.zeros(0), np.zeros(0))], "x", "y", levels=[Level(3.0, "three")]))
 
 
@@ -179,14 +193,43 @@ def test_the_optimum_is_a_line_of_its_own_height() -> None:
     assert start[1] == end[1] > max(part[:, 1].max() for data in lines(root, "c1") for part in points(data))
 
 
-def test_bars_grow_with_the_logarithm() -> None:
-    root = parsed(deviation_chart(["a", "b", "c"], np.array([1.0, 0.1, 0.01])))
-    ends = [
-        float(path.attrib["d"].split("H")[1].split("v")[0]) for path in named(root, "path") if path.get("class") == "d1"
-    ]
-    starts = [float(path.attrib["d"][1:].split(" ")[0]) for path in named(root, "path") if path.get("class") == "d1"]
-    assert ends[0] - ends[1] == pytest.approx(ends[1] - ends[2], abs=0.2)
-    assert len(set(starts)) == 1
+def test_bars_of_errors_start_at_zero_and_grow_with_the_error() -> None:
+    root = parsed(error_chart("e", ["a", "b"], [("nominal", np.array([0.2, 0.1])), ("fit", np.array([0.05, np.nan]))]))
+    ends = {
+        name: [
+            float(data.split("H")[1].split("v")[0]) - float(data[1:].split(" ")[0])
+            for path in named(root, "path")
+            if path.get("class") == name and "H" in (data := path.attrib["d"])
+        ]
+        for name in ("d0", "d2")
+    }
+    assert ends["d0"][0] == pytest.approx(2 * ends["d0"][1], abs=0.3)
+    assert ends["d2"] == [pytest.approx(0.5 * ends["d0"][1], abs=0.3), 0.0]
+
+
+def test_an_interval_that_holds_zero_is_a_ring_and_one_beyond_the_axis_an_arrow() -> None:
+    found = Intervals(("sure", "unsure", "vast"), np.array([4.0, 2.0, 1.0]), np.array([0.5, 2.5, 1e3]))
+    assert found.clear.tolist() == [True, False, False]
+    root = parsed(interval_chart("t", "kg", found))
+    paths = [(path.get("class"), path.attrib["d"]) for path in named(root, "path")]
+    dots = [name for name, data in paths if "a3.5" in data]
+    assert dots == ["d1", "c0", "c0"]
+    spans = [part[0] for name, data in paths if "a3.5" not in data for part in [points(data)] if len(part[0]) == 2]
+    lengths = [float(np.ptp(span[:, 0])) for span in spans]
+    assert lengths[1] == pytest.approx(5 * lengths[0], rel=0.02)
+    tips = [points(data)[0] for _, data in paths if "a3.5" not in data and len(points(data)[0]) == 3]
+    assert [bool(np.ptp(tip[:, 0])) for tip in tips] == [False, False, False, False, True, True]
+
+
+def test_a_test_is_shaded_and_named_and_alike_stretches_share_a_name() -> None:
+    parts = (("training", False), ("training", False), ("test", True))
+    root = parsed(torque_chart("j", "N m", TorqueSignals(TIME, SIGNAL, MODEL, (0, 1000, 2200), None, parts)))
+    texts = [box.text for box in labels(root)]
+    assert texts.count("training") == texts.count("test") == 1
+    shades = [path.attrib["d"] for path in named(root, "path") if path.get("fill-opacity") == "0.06"]
+    predicted = [points(data)[0] for data in lines(root, "c2")]
+    assert len(shades) == 2  # the torque and the residual
+    assert float(shades[0][1:].split(" ")[0]) == pytest.approx(predicted[2][0, 0], abs=0.1)
 
 
 def test_the_spectrum_is_that_of_welch() -> None:

@@ -159,7 +159,7 @@ def test_the_report_has_the_plan_as_a_section(alone: PlanView) -> None:
     estimate, test = subject_of(arm(("a", "b", "c")), samples=300)
     page = build_report(estimate, [test], plan=replace(alone, robot=estimate.model.robot))
     assert '<section id="excitation">' in page and '<a href="#excitation">Excitation</a>' in page
-    assert page.index('<section id="data">') < page.index('<section id="excitation">') < page.index('id="parameters"')
+    assert page.index('<section id="data">') < page.index('<section id="excitation">') < page.index('id="motion"')
     assert "excitation" not in build_report(estimate, [test])
     with pytest.raises(BadOption, match="its joints are a, b, c, those of the estimate joint1, joint2, joint3"):
         build_report(subject_of(samples=300)[0], plan=alone)

@@ -21,7 +21,7 @@ from dynident.results.report.builder import write_plan_page
 pytestmark = pytest.mark.skipif(found() is None, reason="no Chromium on this machine")
 
 #: A telephone, a tablet, a screen.
-WIDTHS = (360, 900, 1440)
+WIDTHS = (360, 768, 1400)
 
 
 @pytest.fixture(scope="module")
@@ -77,10 +77,36 @@ def test_hostile_names_change_nothing_but_text(chromium: Browser, hostile: Path,
     check_quiet(chromium)
 
 
+def test_the_first_screen_shows_the_verdict_and_plots_and_the_contents_stay(chromium: Browser, page: Path) -> None:
+    chromium.open(page, 1400, height=1000)
+    ends = (
+        "[...document.querySelectorAll('.word, .answer, .glance svg')].map(each => each.getBoundingClientRect().bottom)"
+    )
+    assert 300 < max(chromium.value(ends)) < 1000
+    for width in WIDTHS:
+        chromium.open(page, width, height=1000)
+        chromium.value("document.querySelector('#provenance').scrollIntoView()")
+        box = "document.querySelector('nav').getBoundingClientRect()"
+        top, low = chromium.value(f"[{box}.top, {box}.bottom]")
+        assert 0 <= top < low <= 1000
+        heading = "document.querySelector('#provenance h2').getBoundingClientRect().top"
+        assert chromium.value(heading) >= (low if width < 1000 else 0)
+
+
+def test_long_tables_are_folded_on_the_screen_and_open_on_paper(chromium: Browser, page: Path) -> None:
+    seen = "[...document.querySelectorAll('details table, details dl')].filter(each => each.checkVisibility()).length"
+    count = "document.querySelectorAll('details table, details dl').length"
+    chromium.open(page, 1200)
+    assert chromium.value(seen) == 0 < chromium.value(count)
+    chromium.open(page, 720, media="print")
+    assert chromium.value(seen) == chromium.value(count)
+
+
 def window_of(chromium: Browser) -> list[list[str]]:
     """Return the first and the last number below the axis of each torque figure of the first group."""
     ask = """[...document.querySelector('.linked').querySelectorAll('svg')].map(svg => {
-        const texts = [...svg.querySelectorAll('.live text[text-anchor=middle]')].map(text => text.textContent);
+        const texts = [...svg.querySelectorAll('.live text[text-anchor=middle]')]
+            .map(text => text.textContent).filter(text => text !== 'training' && text !== 'test');
         return [texts[0], texts[texts.length - 1]]; })"""
     return chromium.value(ask)
 
@@ -156,7 +182,8 @@ def test_the_page_of_a_plan_is_quiet_too(chromium: Browser, tmp_path: Path) -> N
 
 
 @pytest.mark.skipif(importlib.util.find_spec("axe_core_python") is None, reason="axe needs the package axe-core-python")
-@pytest.mark.parametrize(("width", "dark"), [(360, False), pytest.param(1440, True, marks=pytest.mark.battery)])
+@pytest.mark.parametrize("width", [360, *(pytest.param(width, marks=pytest.mark.battery) for width in WIDTHS[1:])])
+@pytest.mark.parametrize("dark", [False, pytest.param(True, marks=pytest.mark.battery)])
 def test_axe_finds_no_fault(chromium: Browser, page: Path, width: int, dark: bool) -> None:
     spec = importlib.util.find_spec("axe_core_python")
     assert spec is not None and spec.origin is not None

@@ -9,15 +9,16 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from synthetic import arm, predicted, recorded, subject_of
+from synthetic import arm, examined, predicted, recorded, subject_of
 
 from dynident.arrays import Array
 from dynident.data.log import Source
 from dynident.errors import LogMismatch
 from dynident.identification.consistency.labels import labels_of
 from dynident.identification.estimate.estimate import Consistency, Estimate
-from dynident.identification.estimate.validation import Validation
+from dynident.identification.estimate.validation import NominalErrors, Validation
 from dynident.identification.problem.choices import Choices, CutoffRecord, CutoffSensitivity, CutoffTrial
+from dynident.identification.problem.method_run import MethodRun, recorded_run
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -134,6 +135,37 @@ def test_the_verdict_without_a_test_says_so(case: tuple[Estimate, Validation]) -
     assert gone.startswith(f"No test can be repeated (run.csv is gone), and {flatters}")
 
 
+def test_the_first_screen_has_errors_beside_those_of_the_robot_model_and_torques_of_the_worst_test(
+    case: tuple[Estimate, Validation],
+) -> None:
+    subject = with_errors(case, 0.03, [0.04, 0.06])
+    nominal = NominalErrors(0.5, 0.9, (0.41, 0.42, 0.43), (0.9, 0.9, 0.9), {})
+    tests = (subject.tests[0], replace(subject.tests[1], nominal=nominal, logs=("worst.csv",)))
+    found = context("verdict", replace(subject, tests=tests))
+    assert (found["data"].name, found["data"].logs) == ("Test 2", "worst.csv")
+    assert "joint2 robot model, friction fitted 42 %, identified" in found["errors"]
+    assert "total robot model, friction fitted 50 %, identified 6.0 %" in found["errors"]
+    assert [plot.stem for plot in found["plots"]] == ["overview-joint1", "overview-joint2", "overview-joint3"]
+    alone = context("verdict", with_errors(case, 0.03, []))
+    assert alone["data"].name == "Training" and "robot model" not in alone["errors"]
+
+
+def test_the_word_of_the_verdict_and_its_reason(case: tuple[Estimate, Validation]) -> None:
+    def said(limit: float | None, quality: Sequence[dict[str, Any]] = ()) -> tuple[str, str, str]:
+        subject = replace(with_errors(case, 0.03, [0.04]), log_quality=tuple(quality))
+        stated = {**subject.estimate.provenance, "accept": {} if limit is None else {"total_error": limit}}
+        found = context("verdict", replace(subject, estimate=replace(subject.estimate, provenance=stated)))
+        return found["word"], found["reason"], found["tone"]
+
+    assert said(None) == ("No acceptance criteria", "the log checks found no error", "fair")
+    assert said(0.05) == ("Accepted", "1 of 1 criteria met", "good")
+    assert said(0.01) == ("Criteria not met", "total_error", "bad")
+    wrong = examined("run.csv")
+    wrong["findings"][0]["severity"] = "error"
+    word, reason, tone = said(0.05, [wrong])
+    assert (word, tone) == ("Not accepted", "bad") and reason.startswith("the log checks have 1 finding at error level")
+
+
 @pytest.mark.parametrize(
     ("step", "split"),
     [
@@ -188,7 +220,7 @@ def test_logs_filters_and_files(case: tuple[Estimate, Validation]) -> None:
         ("Test 2", "runs/test.csv", "600", "5.990", "100.0"),
     )
     assert list(found["filters"]) == ["Training", "Test 1", "Test 2"]
-    assert found["filters"]["Test 2"] == [("kind", "butterworth"), ("cutoff_hz", "5")]
+    assert found["filters"]["Test 2"] == [("kind", "butterworth"), ("cut-off [Hz]", "5")]
     files = [(file.use, file.path, file.rows, file.sha256[-2:], file.steps) for file in found["sources"]]
     smoothing = ("five-point cubic smoothing, 10 times",)
     assert files == [
@@ -225,18 +257,21 @@ def test_thinned_signals_are_told_apart(case: tuple[Estimate, Validation]) -> No
     assert training.remark == "Drawn from 200 of 600 rows, as the estimate file keeps them."
     assert held_out.remark == ""
     assert context("data", subject)["logs"].rows[0] == ("Training", "runs/train.csv", "600", "5.970", "–")
-    assert context("torques", subject)["groups"][0][1].endswith(training.remark)
+    assert context("torques", subject)["captions"][0][1].endswith(training.remark)
     residuals = context("residuals", subject)
     assert [row[7] for row in residuals["table"].rows[:3]] == ["–"] * 3
     assert [len(figures) for _, figures in residuals["groups"]] == [3, 4]  # no spectrum of thinned rows
 
 
-def test_base_parameters_are_shown_from_the_least_known(subject: Subject) -> None:
-    found = SECTIONS.make("parameters", most=5).context(known_to(subject, [0.3, 0.1, float("nan"), 0.7]))
-    assert (found["count"], found["standard"], found["inertial"], found["shown"]) == (24, 39, 15, 5)
-    names = [subject.estimate.base.names[k] for k in (2, 3, 0, 1)]
-    places = [found["chart"].index(name[:8]) for name in names]
-    assert places == sorted(places)
+def test_base_parameters_are_shown_by_unit_from_the_largest(subject: Subject) -> None:
+    found = context("parameters", known_to(subject, [0.3, 0.1, float("nan"), 0.7]))
+    assert (found["count"], found["standard"], found["inertial"]) == (24, 39, 15)
+    assert found["significant"] == 22
+    estimate = subject.estimate
+    assert len(found["charts"]) == len(set(estimate.base.units)) > 2
+    for chart, unit in zip(found["charts"], dict.fromkeys(estimate.base.units), strict=True):
+        own = [k for k in np.argsort(-np.abs(estimate.beta), kind="stable") if estimate.base.units[k] == unit]
+        assert f"{len(own)} values in" in chart and f"the largest: {estimate.base.names[own[0]]} " in chart
 
 
 def test_bodies_have_the_values_of_their_inertia_and_the_worst_verdict(subject: Subject) -> None:
@@ -337,9 +372,9 @@ def test_more_data_sets_than_are_drawn(case: tuple[Estimate, Validation]) -> Non
     estimate, test = case
     subject = Subject(estimate, (test,) * 6)
     assert len(context("validation", subject)["found"]) == 7
-    for name in ("torques", "residuals", "motion"):
+    for name, key in (("torques", "captions"), ("residuals", "groups"), ("motion", "groups")):
         found = context(name, subject)
-        assert len(found["groups"]) == 4
+        assert len(found[key]) == 4
         assert found["left_out"] == "Figures show the first 4 of 7 data sets; the tables have all."
 
 
@@ -349,14 +384,16 @@ def test_convergence_of_searches(subject: Subject) -> None:
     assert found["optimum"] == "1.90000"
     assert [row[:2] for row in found["table"].rows] == [("other", "2"), ("abc", "50")]
     assert found["table"].rows[0][2:] == ("30.0000", "3.00000", "58")
-    alone = replace(subject.estimate, extras={"trace": "no list"})
+    alone = replace(subject.estimate, run=MethodRun(trace=[]))
     assert context("convergence", replace(subject, estimate=alone)) == {}
 
 
 def test_provenance_in_words(subject: Subject) -> None:
     estimate = replace(
         subject.estimate,
-        extras={"box": {"lower": list(range(20)), "source": "Table 3"}, "gap": None, "trace": [1.0], "polished": True},
+        run=recorded_run(
+            {"trace": [1.0], "box": {"lower": list(range(20)), "source": "Table 3"}, "gap": None, "polished": True}
+        ),
         provenance={"versions": {"numpy": "2.4.6"}, "case": "a.yaml", "command": ["dynident", "identify"], "logs": []},
     )
     found = context("provenance", replace(subject, estimate=estimate))
@@ -380,7 +417,7 @@ def test_a_chosen_cut_off_stands_with_what_was_found_and_not_in_the_provenance(s
     table = tuple(CutoffTrial(hertz, 0.012345, 0.5, name, 0.5, name, ()) for hertz, name in rows)
     chosen = CutoffRecord(8.0, (4.0, 16.0), "8 Hz, the middle of 4 to 16 Hz", 1.0, (), {})
     found = Choices(cutoff_choice=chosen, cutoff_sensitivity=CutoffSensitivity(8.0, 5, table))
-    given = replace(subject, estimate=replace(subject.estimate, extras={}, choices=found))
+    given = replace(subject, estimate=replace(subject.estimate, run=MethodRun(), choices=found))
     said = context("choices", given)
     assert said["reason"] == "8 Hz, the middle of 4 to 16 Hz" and said["tables"] == ()
     rows = said["cutoff"].rows

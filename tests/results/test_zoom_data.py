@@ -13,7 +13,7 @@ import pytest
 from synthetic import arm, subject_of
 
 from dynident.arrays import Array
-from dynident.results.figures import TorqueBands, torque_chart
+from dynident.results.figures import TorqueBands, TorqueSignals, torque_chart
 from dynident.results.figures.zoom import MISSING, Live, LivePlot, zoom_text
 from dynident.results.report import Subject
 from dynident.results.report.builder import render
@@ -39,7 +39,7 @@ def test_a_short_log_comes_back_to_sixteen_bits() -> None:
     measured, predicted = 30 * np.sin(time), 29 * np.sin(time + 0.02)
     measured[40:43] = np.nan
     bands = TorqueBands(0.1 + 0 * time, 1.0 + 0 * time)
-    data = data_of(torque_chart("joint", "N m", time, measured, predicted, bands=bands, detail=1000))
+    data = data_of(torque_chart("joint", "N m", TorqueSignals(time, measured, predicted, bands=bands), detail=1000))
     above, below = data["plots"]
     assert np.allclose(values(above["marks"][0]), measured, atol=60 / MISSING, equal_nan=True)
     assert np.allclose(values(below["marks"][2]), measured - predicted, atol=60 / MISSING, equal_nan=True)

@@ -86,14 +86,15 @@ def _write(folder: Path, published: ReproductionPart, virtual: ReproductionPart)
 
 def _comparison(parts: tuple[tuple[str, ReproductionPart], ...]) -> Comparison:
     """Return the tables of both parts as one, and the objective of the colonies per iteration (Figure 6)."""
+    from dynident.identification.search.box_search import SearchRun
     from dynident.results.report.subject import Comparison
 
     rows = tuple({"part": label, **row.row()} for label, part in parts for row in part.rows)
     traces = {
-        f"{label} {row.method}": row.estimate.extras["trace"]
+        f"{label} {row.method}": run.trace or ()
         for label, part in parts
         for row in part.rows
-        if "trace" in row.estimate.extras and not row.estimate.extras["polished"]
+        if isinstance(run := row.estimate.run, SearchRun) and not run.polished
     }
     return Comparison(rows, traces, objective="F (9) [N m]")
 

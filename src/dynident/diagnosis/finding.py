@@ -13,6 +13,22 @@ Severity = Literal["error", "warning", "note"]
 #: The severities, the gravest first.
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
+#: What follows from a wrong sign, order, scale, coupling or mounting, and is not told beside it.
+CONSEQUENCES = (
+    "torque scale",
+    "scale not determined",
+    "torque unit",
+    "torque delay",
+    "time scale",
+    "spring",
+    "counterbalance",
+    "drift",
+    "friction drift",
+    "friction curve",
+    "tilt",
+    "load at the flange",
+)
+
 
 @dataclass(frozen=True)
 class Finding:

@@ -79,7 +79,7 @@ def fit(problem: Problem, estimator: Estimator, progress: Callable[[str], None] 
         preprocessing=problem.preprocessing,
         columns=ColumnMap(joints=model.robot.joint_names),
         choices=choices,
-        extras={**solution.extras, "seconds": seconds},
+        run=replace(solution.run, seconds=seconds),
         provenance={**versions(), "logs": [asdict(log.kept.source) for log in problem.logs]},
         degrees=degrees,
         envelope=envelope_of([log.kept for log in problem.logs], problem.triangles, covariance),

@@ -20,10 +20,7 @@ from dynident.results.text import (
     shorten,
     total_error,
 )
-from dynident.results.verdict import headline
-
-#: Relative standard deviation from which a parameter is not significant at 95 %.
-LOST = 1.0 / 1.96
+from dynident.results.verdict import headline, reason_of
 
 #: Joints and warnings that one screen has room for.
 JOINTS, WARNINGS = 9, 4
@@ -97,8 +94,9 @@ def parameters_line(estimate: Estimate) -> str:
 
 def not_significant(estimate: Estimate) -> list[int]:
     """Return the base parameters whose interval at 95 % holds zero, the least certain first."""
+    holds_zero = ~(np.abs(estimate.beta) > estimate.half_widths())
     relative = np.where(np.isnan(estimate.relative_std), np.inf, estimate.relative_std)
-    return [int(k) for k in np.argsort(-relative, kind="stable") if relative[k] > LOST]
+    return [int(k) for k in np.argsort(-relative, kind="stable") if holds_zero[k]]
 
 
 def data_line(estimate: Estimate) -> str:
@@ -137,7 +135,4 @@ def warning_lines(warnings: Sequence[str], width: int) -> list[str]:
 
 def verdict_line(verdict: Verdict) -> str:
     """Return the verdict, or that the log checks found no error where no criteria are stated."""
-    if stated := headline(verdict):
-        return stated
-    found = "the log checks found no error" if verdict.is_checked else "the log checks were not made"
-    return f"no acceptance criteria stated (--accept); {found}"
+    return headline(verdict) or f"no acceptance criteria stated (--accept); {reason_of(verdict)}"

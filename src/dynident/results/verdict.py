@@ -14,15 +14,18 @@ STEP = "correct the cause and identify again"
 
 def headline(verdict: Verdict) -> str:
     """Return the verdict in one line; empty where nothing speaks against the estimate and nothing was asked."""
+    return "" if verdict.word == NO_CRITERIA else f"{verdict.word.upper()}: {reason_of(verdict)}"
+
+
+def reason_of(verdict: Verdict) -> str:
+    """Return why the verdict is what it is; without criteria, what the log checks found."""
     if verdict.causes:
         count = len(verdict.causes)
-        return f"NOT ACCEPTED: the log checks have {count} finding{'s' * (count > 1)} at error level; {STEP}"
+        return f"the log checks have {count} finding{'s' * (count > 1)} at error level; {STEP}"
     if verdict.word == NO_CRITERIA:
-        return ""
+        return "the log checks found no error" if verdict.is_checked else "the log checks were not made"
     missed = [criterion.criterion for criterion in verdict.criteria if not criterion.is_met]
-    if missed:
-        return f"CRITERIA NOT MET: {', '.join(missed)}"
-    return f"ACCEPTED: {len(verdict.criteria)} of {len(verdict.criteria)} criteria met"
+    return ", ".join(missed) or f"{len(verdict.criteria)} of {len(verdict.criteria)} criteria met"
 
 
 def cause_lines(verdict: Verdict) -> list[str]:

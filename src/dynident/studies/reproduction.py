@@ -251,8 +251,8 @@ def _compare(
     for method, estimator in methods:
         progress(f"{label}{method}")
         estimate = fit(problem, estimator)
-        if "optimum" in estimate.extras:
-            optimum = min(optimum, float(estimate.extras["optimum"]))
+        if estimate.run.optimum is not None:
+            optimum = min(optimum, estimate.run.optimum)
         objective = float(np.abs(estimate.train.residual).sum() / estimate.train.samples)
         rows.append((method, estimate, validate(estimate, logs[1:]), objective))
     return tuple(
@@ -263,7 +263,7 @@ def _compare(
             objective=objective,
             gap=objective / optimum - 1.0,
             parameter_error=float(np.linalg.norm(estimate.beta - truth) / np.linalg.norm(truth)),
-            seconds=float(estimate.extras["seconds"]),
+            seconds=estimate.run.seconds or 0.0,
         )
         for method, estimate, test, objective in rows
     )

@@ -38,7 +38,7 @@ def bare(robot: Robot, friction: tuple[str, ...]) -> Estimate:
     theta[model.inertial_count :] = np.random.default_rng(1).uniform(0.1, 0.5, len(theta) - model.inertial_count)
     base = base_parameters(model)
     estimate = object.__new__(Estimate)
-    values = {"model": model, "base": base, "beta": base.from_standard(theta), "theta": theta, "extras": {}}
+    values = {"model": model, "base": base, "beta": base.from_standard(theta), "theta": theta}
     values |= {"covariance": np.eye(base.count), "estimator": "consistent", "provenance": {}, "samples": 1}
     for key, value in (values | {"degrees": None}).items():
         object.__setattr__(estimate, key, value)

@@ -13,7 +13,7 @@ from dynident.applications.fleet.robots import FleetRobot, check_alike
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.excitation.design.prior import prior_of_covariance
-from dynident.identification.consistency.consistent_fit import consistent_fit, facts_of
+from dynident.identification.consistency.consistent_fit import ConsistentRun, consistent_fit, run_of
 from dynident.identification.consistency.verdicts import judge
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.base_parameters import BaseParameters
@@ -21,6 +21,32 @@ from dynident.model.reduction import Reduced
 
 #: Factor of the variances with which a robot is next to its own estimate.
 _FREE = 1e6
+
+
+@dataclass(frozen=True)
+class FleetPlace:
+    """Where a robot stands in its fleet.
+
+    Attributes:
+        robots: Names of all robots.
+        out: Whether its parameters are unlike those of the others.
+        rate: Share of sound robots that are called unlike.
+        widened: By how much the variances are larger for it.
+        p: p-value of its distance from the others.
+    """
+
+    robots: Sequence[str]
+    out: bool
+    rate: float
+    widened: float
+    p: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetRun(ConsistentRun):
+    """The run of the fit of one robot within its fleet."""
+
+    fleet: FleetPlace
 
 
 @dataclass(frozen=True)
@@ -136,8 +162,8 @@ def fleet_of(
         progress(f"physically consistent fit: {robot.name}")
         out = robot.name in found.out
         widened = _widened(robot, found, distance) if out else 1.0
-        facts = {"robots": [one.name for one in robots], "out": out, "rate": rate, "widened": widened}
-        estimate, share = _estimate(robot, found, widened, {**facts, "p": distance.p})
+        place = FleetPlace([one.name for one in robots], out, rate, widened, distance.p)
+        estimate, share = _estimate(robot, found, place)
         told = {"fleet": [one.name for one in robots], **(provenance or {})}
         estimates.append(replace(estimate, provenance={**estimate.provenance, **told}))
         shares.append(share)
@@ -151,10 +177,10 @@ def _widened(robot: FleetRobot, found: Screening, distance: Distance) -> float:
     return max(1.0, float((free[k] - population.mean[k]) ** 2 / population.variances[k]))
 
 
-def _estimate(robot: FleetRobot, found: Screening, widened: float, facts: Mapping[str, Any]) -> tuple[Estimate, Array]:
+def _estimate(robot: FleetRobot, found: Screening, place: FleetPlace) -> tuple[Estimate, Array]:
     """Return the estimate of one robot, and how much of each parameter comes from its own log, shape (b,)."""
     model, base, scale = robot.model, robot.base, robot.scale
-    beta, covariance = found.population.member(robot.member, widened)
+    beta, covariance = found.population.member(robot.member, place.widened)
     known = prior_of_covariance(covariance, beta, robot.name)
     deviations = np.sqrt(np.diag(covariance))
     root = np.linalg.cholesky(known.information * np.outer(deviations, deviations)).T / deviations
@@ -163,12 +189,12 @@ def _estimate(robot: FleetRobot, found: Screening, widened: float, facts: Mappin
     fit = consistent_fit(model, base, reduced, scale)
     possible = base.from_standard(fit.theta)
     estimate = robot.estimate(possible, covariance, fit.theta)
-    spread = widened * found.population.variances
-    extras = {**estimate.extras, **facts_of(fit, scale, reduced, possible), "fleet": dict(facts)}
+    spread = place.widened * found.population.variances
+    stated = {**vars(estimate.run), **vars(run_of(fit, scale, reduced, possible))}
     return replace(
         estimate,
         estimator="fleet",
         options={"rate": found.rate},
         consistency=judge(model, base, possible, fit.theta),
-        extras=extras,
+        run=FleetRun(fleet=place, **stated),
     ), np.clip(1.0 - np.diag(covariance) / (spread + np.diag(found.population.mean_covariance)), 0.0, 1.0)

@@ -17,7 +17,7 @@ from dynident.case.draft.readings import long_gap
 from dynident.case.draft.recognise import cutoff_of, facts_of
 from dynident.case.draft.told_units import position_factors
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
-from dynident.data.evidence.torques import agrees
+from dynident.data.evidence.torques import LEAN, agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
 from dynident.model.descriptions.base import shipped_robots
 
@@ -103,8 +103,13 @@ def _gravity(found: Recognised) -> list[str]:
     evidence = found.evidence
     if evidence is not None and found.effort == "torque" and any(evidence.telling):
         seen = evidence.ratios[np.array(evidence.telling)]
+        if evidence.lean > LEAN and (seen > 0).all():  # else the sign of the torques is in doubt first
+            better = ", ".join(f"{g + 0.0:.3g}" for g in evidence.gravity)
+            why = f"the log's torques follow [{better}], {evidence.lean:.0f} degrees off, under the masses of the model"
+            return [offered(f"# {value}", f"how does the base stand? {why}")]
         if all(map(agrees, seen.tolist())):
-            return [f"# {value}   # m/s^2 in the base frame; the log's torques agree with it"]
+            how = f"the log's torques agree with it within {max(evidence.lean, 1.0):.0f} degrees"
+            return [f"# {value}   # m/s^2 in the base frame; {how}"]
     return [offered(f"# {value}", "does the base stand upright? For a wall, a ceiling or a slope turn this vector")]
 
 

@@ -120,18 +120,19 @@ class Anchored(CauseSearch):
         target = self._known.factor @ self._known.values
         counts, squares, floors = self.rows.counts, self.squares, self.floors
         variances = squares / counts + floors
-        beta = covariance = np.zeros(0)
+        beta, information = np.zeros(0), np.zeros((0, 0))
         for _ in range(PASSES):
             weights = 1.0 / (variances * self._factors)
             gram = np.tensordot(weights, grams, 1) + pull.T @ pull
             sizes = np.sqrt(np.diag(gram))
-            sizes = np.outer(*(2 * [np.where(sizes > 0, sizes, 1.0)]))
-            covariance = np.linalg.inv(gram / sizes + RIDGE * np.eye(len(gram))) / sizes
-            beta = covariance @ (weights @ sides + pull.T @ target)
+            sizes = np.where(sizes > 0, sizes, 1.0)
+            information = gram + RIDGE * np.diag(sizes**2)
+            side = (weights @ sides + pull.T @ target) / sizes
+            beta = np.linalg.solve(information / np.outer(sizes, sizes), side) / sizes
             left = squares - 2 * sides @ beta + np.einsum("k,ikl,l->i", beta, grams, beta)
             variances = np.maximum(left, 0.0) / counts + floors
         surprise = float(np.sum((pull @ beta - target) ** 2))
-        return Solved(beta, variances, float(np.sum(np.log(variances))), covariance, surprise)
+        return Solved(beta, variances, float(np.sum(np.log(variances))), information, surprise)
 
     def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
         return self._factors

@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, Solved, Triangles
+from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, Solved, Triangles, halves
 from dynident.diagnosis.finding import listed
 
 #: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An
@@ -28,12 +28,6 @@ GOOD = 0.3
 
 #: Friction feeds power into a joint beyond doubt: z-score and share of torque times speed.
 FEEDS, FEEDS_SHARE = -6.0, -0.05
-
-#: Blocks of a log of which every other one finds a reading.
-BLOCKS = 16
-
-#: Factors that are tried on the torque of one joint, 1/155 to 155.
-FACTORS = 1.4 ** np.arange(-15.0, 16.0)
 
 
 @dataclass(frozen=True)
@@ -81,10 +75,9 @@ def variance_falls(gain: float) -> str:
 
 def predicts_unseen(fit: QuickFit) -> bool:
     """Return whether other columns that are found on half of a log predict the other half better, both ways."""
-    place = np.arange(len(fit.rows.torque)) * BLOCKS // len(fit.rows.torque)
     before, after, moved = np.zeros(len(fit.counts)), np.zeros(len(fit.counts)), np.zeros(len(fit.counts), bool)
-    for half in range(2):
-        learned, unseen = fit.part(place % 2 == half), fit.part(place % 2 != half)
+    for half in halves(len(fit.rows.torque)):
+        learned, unseen = fit.part(half), fit.part(~half)
         found = [*torque_orders(learned), *position_readings(learned)]
         columns = max(found, key=lambda reading: reading.gain).columns if found else None
         if columns is None:
@@ -103,7 +96,7 @@ def torque_orders(fit: QuickFit) -> Iterator[Interpretation]:
     for order in _orders(len(names)):
         moved = [i for i, k in enumerate(order) if i != k]
         mixing = np.eye(len(names))[list(order)]
-        solved = fit.solve(fit.triangles, mixing)
+        solved = fit.solve(fit.triangles.products, mixing)
         gain = fit.plain.score - solved.score
         if gain > GAIN and _explained(fit, solved, mixing, moved):
             how = _in_words(names, order)
@@ -193,29 +186,10 @@ def _read(
     mixing: Array | None = None,
 ) -> Iterator[Interpretation]:
     rows, triangles = reduced
-    solved = fit.solve(triangles, mixing)
+    solved = fit.solve(triangles.products, mixing)
     gain = fit.plain.score - solved.score
     share, z = fit.friction_power(solved)
     if gain > GAIN + 1 and not ((z < FEEDS) & (share < FEEDS_SHARE)).any():
         evidence = f"{how} {variance_falls(gain)}"
         columns = Columns(rows, np.eye(len(share)) if mixing is None else mixing, solved.beta)
         yield Interpretation(name, joints, gain, evidence, remedy, columns=columns)
-
-
-def best_scale(fit: QuickFit) -> tuple[float, float, str]:
-    """Return the gain of the score, the factor and the joint whose torque fits the others best with another scale."""
-    best = (0.0, 1.0, "")
-    for i, name in enumerate(fit.model.robot.joint_names):
-        gain, factor = max(((_gain(fit, i, factor), factor) for factor in FACTORS[::2]), key=lambda trial: trial[0])
-        if gain > 0:
-            near = FACTORS[np.abs(np.log(FACTORS / factor)) < 0.5]
-            gain, factor = max(((_gain(fit, i, factor), factor) for factor in near), key=lambda trial: trial[0])
-        best = max(best, (gain, float(factor), name))
-    return best
-
-
-def _gain(fit: QuickFit, joint: int, factor: float) -> float:
-    """Return by how much another scale of one torque betters the score, its residual counted in the old scale."""
-    mixing = np.eye(fit.model.robot.dof)
-    mixing[joint, joint] = factor
-    return fit.plain.score - (fit.solve(fit.triangles, mixing).score - 2 * float(np.log(factor)))

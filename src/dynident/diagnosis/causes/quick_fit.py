@@ -49,6 +49,9 @@ PASSES = 6
 #: Rows of a joint below which nothing is said.
 FEWEST_ROWS = 30
 
+#: Blocks of a log of which every other one learns.
+BLOCKS = 16
+
 #: Pull to zero, as a share of the strongest column: directions that no row tells stay at zero.
 RIDGE = 1e-11
 
@@ -78,6 +81,21 @@ class FitRows:
 
 
 @dataclass(frozen=True)
+class Products:
+    """What a fit needs of the rows of each joint, T all measured torques and the known one.
+
+    Attributes:
+        grams: W_i' W_i, shape (n, size, size).
+        sides: W_i' T, shape (n, size, n + 1).
+        squares: T' T, shape (n, n + 1, n + 1).
+    """
+
+    grams: Array
+    sides: Array
+    squares: Array
+
+
+@dataclass(frozen=True)
 class Triangles:
     """The rows of each joint, reduced; torques of any mixing need no others.
 
@@ -95,15 +113,19 @@ class Triangles:
         return zip(self.columns, self.factors, strict=True)
 
     @cached_property
-    def grams(self) -> Array:
-        """W_i' W_i of each joint, shape (n, size, size).
+    def products(self) -> Products:
+        """Products of the columns and of all torques.
 
         Products of the triangles cost half the digits: enough for a comparison, not for a rank.
         """
-        grams = np.zeros((len(self.columns), self.size, self.size))
-        for gram, (own, factor) in zip(grams, self, strict=True):
-            gram[np.ix_(own, own)] = factor[:, : len(own)].T @ factor[:, : len(own)]
-        return grams
+        joints = len(self.columns)
+        grams = np.zeros((joints, self.size, self.size))
+        sides, squares = np.zeros((joints, self.size, joints + 1)), np.zeros((joints, joints + 1, joints + 1))
+        for i, (own, factor) in enumerate(self):
+            columns, torques = factor[:, : len(own)], factor[:, len(own) :]
+            grams[i][np.ix_(own, own)] = columns.T @ columns
+            sides[i][own], squares[i] = columns.T @ torques, torques.T @ torques
+        return Products(grams, sides, squares)
 
 
 @dataclass(frozen=True)
@@ -114,15 +136,22 @@ class Solved:
         beta: Shape (b,); further columns follow the base parameters where there are any.
         variances: Residual variance of each joint, shape (n,).
         score: Sum of their logarithms; lower is likelier.
-        covariance: Of beta for independent rows.
+        information: Weighted products of the columns, the inverse of the covariance for independent rows.
         surprise: Squared distance from what was known of beta before, in its deviations; 0 where nothing was.
     """
 
     beta: Array
     variances: Array
     score: float
-    covariance: Array
+    information: Array
     surprise: float = 0.0
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of beta for independent rows, shape (b, b)."""
+        sizes = np.sqrt(np.diag(self.information))
+        scales = np.outer(sizes, sizes)
+        return np.linalg.inv(self.information / scales) / scales
 
 
 @dataclass(frozen=True)
@@ -164,10 +193,16 @@ class QuickFit:
         robots = [self.model.robot.with_gravity(gravity) for gravity in fields]
         return tuple(RegressorStream(replace(self.model, robot=robot), self.base, any_gravity=True) for robot in robots)
 
-    def rows_of(self, log: Log, regressor: RegressorStream | None = None) -> FitRows:
-        """Return the rows of another reading of the log, or of a robot that differs in its gravity alone."""
-        prepared = preprocess(log, self.how)
-        regressor, model = regressor or self.regressor, self.model
+    def rows_of(self, log: Log) -> FitRows:
+        """Return the rows of another reading of the log."""
+        return self._rows(preprocess(log, self.how), self.regressor)
+
+    def rows_under(self, regressor: RegressorStream) -> FitRows:
+        """Return the rows of a robot that differs in its gravity alone."""
+        return self._rows(self.rows.prepared, regressor)
+
+    def _rows(self, prepared: Prepared, regressor: RegressorStream) -> FitRows:
+        model = self.model
         blocks = tuple(np.asarray(part[:-1]).T for part in regressor.rows(prepared))
         torque = np.asarray(prepared.log.torque)[prepared.keep]
         known = torque - target_torque(model, prepared)[prepared.keep]
@@ -192,19 +227,18 @@ class QuickFit:
     @cached_property
     def plain(self) -> Solved:
         """The fit of the log as the case reads it."""
-        return self.solve(self.triangles)
+        return self.solve(self.triangles.products)
 
-    def solve(self, triangles: Triangles, mixing: Array | None = None) -> Solved:
+    def solve(self, products: Products, mixing: Array | None = None) -> Solved:
         """Return the fit with torques mixing @ (measured ones), mixing of shape (n, n); None for the measured ones."""
         joints = self.model.robot.dof
         mixing = np.eye(joints) if mixing is None else mixing
-        sides, squares, floors = np.zeros((joints, triangles.size)), np.zeros(joints), np.zeros(joints)
-        for i, (own, triangle) in enumerate(triangles):
-            target = triangle[:, len(own) : -1] @ mixing[i]
-            floors[i] = max(EXACT**2 * float(target @ target) / self.counts[i], 1e-300)
-            target = target - triangle[:, -1]
-            sides[i, own], squares[i] = triangle[:, : len(own)].T @ target, target @ target
-        return weighted_products(triangles.grams, sides, squares, self.counts, floors)
+        taken = np.column_stack([mixing, -np.ones(joints)])  # the known torque is taken off
+        measured = np.einsum("ik,ikl,il->i", mixing, products.squares[:, :-1, :-1], mixing)
+        floors = np.maximum(EXACT**2 * measured / self.counts, 1e-300)
+        sides = (products.sides @ taken[:, :, None])[:, :, 0]
+        squares = np.einsum("ik,ikl,il->i", taken, products.squares, taken)
+        return weighted_products(products.grams, sides, squares, self.counts, floors)
 
     @cached_property
     def counts(self) -> Array:
@@ -266,6 +300,12 @@ class QuickFit:
         return share, score
 
 
+def halves(count: int) -> tuple[BoolArray, BoolArray]:
+    """Return every other block of a log's rows and those between, shape (N,) each: one learns, the other judges."""
+    first = (np.arange(count) * BLOCKS // max(count, 1)) % 2 == 0
+    return first, ~first
+
+
 def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Solved:
     """Return the fit in which each joint's rows weigh by their own residual variance.
 
@@ -290,8 +330,7 @@ def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array,
         beta = np.linalg.solve(gram, side) if info else _POTRS(factor, side)[0]
         left = squares - 2 * sides @ beta + (grams @ beta) @ beta
         variances = np.maximum(left, 0.0) / counts + floors
-    covariance = np.linalg.inv(gram) / np.outer(scale, scale)
-    return Solved(beta / scale, variances, float(np.sum(np.log(variances))), covariance)
+    return Solved(beta / scale, variances, float(np.sum(np.log(variances))), gram * np.outer(scale, scale))
 
 
 def quick_fit(case: Case, log: Log) -> QuickFit | None:

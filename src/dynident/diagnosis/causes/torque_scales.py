@@ -8,23 +8,34 @@ figure is told.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.optimize
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.quick_fit import RIDGE, QuickFit
+from dynident.diagnosis.causes.quick_fit import RIDGE, QuickFit, halves
 from dynident.identification.residuals.covariance import correlation_factors
 
-#: Logarithms of the factors between which a scale is looked for, and their distance.
-WIDEST, STEP = 5.0, 0.5
+#: Logarithms of the factors between which a scale is looked for, their distance, and how near a linear estimate is.
+WIDEST, STEP, NEAR = 5.0, 1.0, 0.1
 
-#: First step of the search from a linear estimate, and the rounds in which its own size is weighed.
-NEAR, ROUNDS = 0.02, 4
+#: Rounds in which a joint's own size is weighed in the linear estimate.
+ROUNDS = 4
 
 #: Rise of the deviance at the ends of a 95 % interval of one unknown, and the precision of the logarithms.
 RISE, PRECISION = 3.84, 1e-3
+
+#: Half-width of an interval in logarithms up to which a figure stands, and from which the log does not tell the scale.
+SHARP, BLUNT = 0.1, 0.25
+
+#: Gain of the score from which one torque has another scale: where its figure stands, and where it does not. Errors of
+#: the model bring gains of 0.9 without any.
+SHARP_GAIN, GAIN = 0.5, 1.5
+
+#: Least factor that is told, and the share of the largest gain from which another joint explains it as well.
+FACTOR, RIVAL = 1.2, 0.8
 
 
 @dataclass(frozen=True)
@@ -50,40 +61,75 @@ class JointScale:
         """Half the interval in logarithms: about the relative half-width."""
         return float(np.log(self.high / self.low)) / 2 if self.low > 0 and np.isfinite(self.high) else np.inf
 
+    @property
+    def is_other(self) -> bool:
+        """Whether the torque has another scale than the others' fit asks for."""
+        far = max(self.factor, 1 / self.factor) >= FACTOR and not self.low <= 1 <= self.high
+        return far and self.gain >= (SHARP_GAIN if self.spread <= SHARP else GAIN)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the log does not tell the scale."""
+        return self.spread > BLUNT
+
 
 def joint_scales(fit: QuickFit) -> tuple[JointScale, ...]:
     """Return the scale of each joint's torque where only that one has another."""
     return tuple(_scale(fit, k, name) for k, name in enumerate(fit.model.robot.joint_names))
 
 
+def other_scales(scales: Sequence[JointScale]) -> tuple[JointScale, ...]:
+    """Return the joint whose torque has another scale and those that explain the log about as well, the best first."""
+    ranked = sorted(scales, key=lambda scale: -scale.gain)
+    if not ranked or not ranked[0].is_other:
+        return ()
+    return tuple(scale for scale in ranked if scale.is_other and scale.gain >= RIVAL * ranked[0].gain)
+
+
+def predicts_unseen(fit: QuickFit, scale: JointScale) -> bool:
+    """Return whether the scale found on half of a log predicts the other half better, both ways (Stone 1974)."""
+    joint = fit.model.robot.joint_names.index(scale.joint)
+    for half in halves(len(fit.rows.torque)):
+        learned, unseen = fit.part(half), fit.part(~half)
+        mixing = _mixing(learned, joint, float(np.log(_scale(learned, joint, scale.joint).factor)))
+        before = unseen.mean_squares(unseen.rows, learned.plain.beta)
+        rows = replace(unseen.rows, torque=unseen.rows.torque @ mixing.T)
+        after = unseen.mean_squares(rows, learned.solve(learned.triangles.products, mixing).beta) / np.diag(mixing) ** 2
+        if not np.log(np.maximum(after, 1e-300)).sum() < np.log(np.maximum(before, 1e-300)).sum():
+            return False
+    return True
+
+
 def _scale(fit: QuickFit, joint: int, name: str) -> JointScale:
     def logs(x: float) -> Array:
         """Return the log variances of the joints in their own scales at the factor e^x, shape (n,)."""
-        found = np.log(fit.solve(fit.triangles, _mixing(fit, joint, x)).variances)
+        found = np.log(fit.solve(fit.triangles.products, _mixing(fit, joint, x)).variances)
         found[joint] -= 2 * x
         return found
 
-    grid = np.arange(-WIDEST, WIDEST + STEP, STEP).tolist()
-    coarse = min(grid, key=lambda x: float(logs(x).sum()))
-    starts = [(coarse, STEP / 2), *((x, NEAR) for x in _linear(fit, joint))]
-    best, at_best = min((_refined(logs, *start) for start in starts), key=lambda found: float(found[1].sum()))
+    def score(x: float) -> float:
+        return float(logs(x).sum())
+
+    grid = [(x, STEP / 2) for x in np.arange(-WIDEST, WIDEST + STEP, STEP).tolist()]
+    start, near = min(grid + [(x, NEAR) for x in _linear(fit, joint)], key=lambda each: score(each[0]))
+    best = _refined(score, start, near)
+    at_best = logs(best)
     worth = fit.counts / _together(fit, joint, best)
     low, high = (_end(lambda x: float(worth @ (logs(x) - at_best)), best, side) for side in (-1.0, 1.0))
     gain = float(fit.plain.score - at_best.sum())
     return JointScale(name, float(np.exp(best)), float(np.exp(low)), float(np.exp(high)), gain)
 
 
-def _refined(logs: Callable[[float], Array], best: float, step: float) -> tuple[float, Array]:
-    """Return where the likelihood is largest near a start, and the log variances there (Hooke and Jeeves 1961)."""
-    found = logs(best)
-    while step > PRECISION:
-        sides = [(side, logs(side)) for side in (best - step, best + step)]
-        side, values = min(sides, key=lambda each: float(each[1].sum()))
-        if values.sum() < found.sum() and abs(side) <= 2 * WIDEST:
-            best, found = side, values
+def _refined(score: Callable[[float], float], start: float, step: float) -> float:
+    """Return where the likelihood is largest near a start, by a pattern search (Hooke and Jeeves 1961)."""
+    best, found = start, score(start)
+    while step > PRECISION / 2:
+        value, side = min((score(side), side) for side in (best - step, best + step))
+        if value < found:
+            best, found = side, value
         else:
             step /= 2
-    return best, found
+    return best
 
 
 def _linear(fit: QuickFit, joint: int) -> list[float]:
@@ -120,20 +166,18 @@ def _mixing(fit: QuickFit, joint: int, x: float) -> Array:
 def _together(fit: QuickFit, joint: int, x: float) -> Array:
     """Return by how much the rows of each joint hang together once the scale is right, shape (n,)."""
     mixing = _mixing(fit, joint, x)
-    beta = fit.solve(fit.triangles, mixing).beta
+    beta = fit.solve(fit.triangles.products, mixing).beta
     residual = fit.residual_of(fit.rows, beta) + fit.rows.torque @ (mixing - np.eye(len(mixing))).T
     return correlation_factors([residual], [fit.rows.masks])
 
 
 def _end(rise: Callable[[float], float], best: float, side: float) -> float:
     """Return where the deviance has risen enough on one side; infinite where it does not."""
-    step = PRECISION
-    while rise(best + side * step) < RISE:
-        step *= 2
-        if step > WIDEST:
+    low, high = 0.0, PRECISION
+    while rise(best + side * high) < RISE:
+        low, high = high, 4 * high
+        if high > WIDEST:
             return side * np.inf
-    low, high = step / 2, step
-    for _ in range(6):
-        middle = (low + high) / 2
-        low, high = (middle, high) if rise(best + side * middle) < RISE else (low, middle)
-    return best + side * high
+    return (
+        float(scipy.optimize.brentq(lambda step: rise(best + side * step) - RISE, low, high, rtol=0.02)) * side + best
+    )

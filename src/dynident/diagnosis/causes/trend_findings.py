@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trends import across_gravity
 from dynident.diagnosis.finding import Finding, Severity
 
@@ -16,21 +17,38 @@ from dynident.diagnosis.finding import Finding, Severity
 #: it acts on the whole arm, that it has, from which the result suffers.
 EXPLAINED, MATTERS, MATTERS_ALL = 0.5, 0.1, 0.03
 
-#: A scale further off one is that of another check: a column for it is a straight line through a curve.
+#: A scale of all torques further off one is that of another check.
 FAR_SCALE = 0.5
 
+#: Standard deviations of half a 95 % interval.
+Z95 = 1.96
 
-def rival_findings(blame: Blame, fit: QuickFit) -> list[Finding]:
+
+def rival_findings(blame: Blame, fit: QuickFit, scales: Sequence[JointScale] = ()) -> list[Finding]:
     """Return what is said of causes that explain about as well, each a note."""
     of = f" ({blame.cause.joint})" * bool(blame.cause.joint)
-    found = [trend_finding(rival, fit) for rival in blame.rivals if rival.cause.name in _TEXTS and believable(rival)]
+    rivals = [believed(rival, scales) for rival in blame.rivals if rival.cause.name in _TEXTS]
+    found = [trend_finding(rival, fit) for rival in rivals if rival is not None]
     told = f"not distinguishable from {blame.cause.name}{of}: "
     return [replace(finding, severity="note", evidence=told + finding.evidence) for finding in found]
 
 
-def believable(blame: Blame) -> bool:
-    """Return whether a cause is in the range in which its column holds."""
-    return blame.cause.name != "torque scale" or abs(float(blame.values[0])) < FAR_SCALE
+def believed(blame: Blame, scales: Sequence[JointScale] = ()) -> Blame | None:
+    """Return a cause with its figures; None where it is out of the range in which its column holds.
+
+    The column of a torque's scale is a straight line through a curve: of one joint the profile likelihood has the
+    figures, and those of another scale altogether are told by the check of the scales. Without ``scales`` bodies that
+    are known beforehand decide.
+    """
+    if blame.cause.name != "torque scale":
+        return blame
+    scale = next((each for each in scales if each.joint == blame.cause.joint), None)
+    if scale is None:
+        return blame if abs(float(blame.values[0])) < FAR_SCALE else None
+    if scale.is_open or scale.is_other or scale.low <= 1 <= scale.high:
+        return None
+    deviation = scale.spread / (Z95 * scale.factor)
+    return replace(blame, values=np.array([1 / scale.factor - 1]), covariance=np.array([[deviation**2]]))
 
 
 def trend_finding(blame: Blame, fit: QuickFit) -> Finding:

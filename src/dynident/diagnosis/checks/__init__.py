@@ -104,7 +104,11 @@ def ordered(found: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return findings with the gravest first, those that another one explains left out."""
     explained = {name for finding in found for name in finding.explains}
     first: dict[tuple[str, str], Finding] = {}
-    for finding in found:  # two checks may see one thing: the first one tells it
+    for finding in sorted(found, key=_rank):  # two checks may see one thing: the gravest tells it
         first.setdefault((finding.name, finding.joint), finding)
     kept = [finding for finding in first.values() if finding.name not in explained]
-    return tuple(sorted(kept, key=lambda finding: SEVERITIES.index(finding.severity)))
+    return tuple(sorted(kept, key=_rank))
+
+
+def _rank(finding: Finding) -> int:
+    return SEVERITIES.index(finding.severity)

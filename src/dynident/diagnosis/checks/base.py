@@ -11,6 +11,7 @@ from typing import ClassVar
 from dynident.case.case import Case
 from dynident.diagnosis.causes.against_estimate import KnownBodies, known_bodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, beyond_quick_fit, quick_fit
+from dynident.diagnosis.causes.torque_scales import JointScale, joint_scales
 from dynident.diagnosis.causes.trends import Trends
 from dynident.diagnosis.finding import Finding
 from dynident.diagnosis.recording import Recording
@@ -43,6 +44,11 @@ class CheckedLog:
     def fit(self) -> QuickFit | None:
         """A fit of few rows by weighted least squares; None where the log has no torques or too few rows."""
         return quick_fit(self.case, self.sound.log)
+
+    @cached_property
+    def scales(self) -> tuple[JointScale, ...]:
+        """The scale of each joint's torque against the others; nothing where there is no fit."""
+        return () if self.fit is None else joint_scales(self.fit)
 
     @cached_property
     def delay(self) -> Delay | None:

@@ -12,7 +12,7 @@ from dynident.diagnosis.causes.against_estimate import with_rotors
 from dynident.diagnosis.causes.against_robot_model import Against
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.quick_fit import asks_inertia
-from dynident.diagnosis.causes.trend_findings import believable, rival_findings, trend_finding
+from dynident.diagnosis.causes.trend_findings import believed, rival_findings, trend_finding
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
 
@@ -47,7 +47,7 @@ class DescribedBodies(Check):
         share = explained / max(against.excess, 1e-9)
         if share < ENOUGH:
             return []
-        return [finding for blame in found for finding in _findings(blame, against) if believable(blame)]
+        return [finding for blame in found for finding in _findings(blame, against) if believed(blame) is not None]
 
 
 def _findings(blame: Blame, against: Against) -> list[Finding]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynident.diagnosis.causes.against_estimate import Since
 from dynident.diagnosis.causes.cause_search import Blame
-from dynident.diagnosis.causes.trend_findings import believable, trend_finding
+from dynident.diagnosis.causes.trend_findings import believed, trend_finding
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
 
@@ -32,7 +32,7 @@ class EarlierBodies(Check):
             _finding(each, None if each is blame else blame, since)
             for blame in since.search.blames()
             for each in (blame, *blame.rivals)
-            if believable(each)
+            if believed(each) is not None
         ]
 
 

@@ -3,52 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
+from dynident.data.evidence.torques import LEAN
 from dynident.diagnosis.causes.column_readings import (
     FEEDS,
     FEEDS_SHARE,
     GAIN,
     GOOD,
     Interpretation,
-    best_scale,
     position_readings,
     predicts_unseen,
     torque_orders,
     variance_falls,
 )
 from dynident.diagnosis.causes.couplings import best_coupling
-from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, Solved
+from dynident.diagnosis.causes.gravity_direction import GravityDirection
+from dynident.diagnosis.causes.quick_fit import QuickFit, Solved
+from dynident.diagnosis.causes.torque_scales import other_scales
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import Finding, listed
-
-#: Gravity is told to this angle, in rad.
-ANGLE = 0.01
+from dynident.diagnosis.finding import CONSEQUENCES, Finding, listed
 
 #: Relative residual above which a joint is not explained.
 POOR = 0.25
-
-#: Factor on the torque of one joint from which its unit is in doubt, and signs of other joints with it.
-FAR_SCALE = 3.0
-
-#: What follows from a wrong sign, order, coupling or mounting.
-EXPLAINS = (
-    "torque scale",
-    "torque unit",
-    "torque delay",
-    "time scale",
-    "spring",
-    "counterbalance",
-    "drift",
-    "friction drift",
-    "friction curve",
-    "tilt",
-    "load at the flange",
-)
 
 
 @dataclass(frozen=True)
@@ -71,21 +52,17 @@ class Readings(Check):
         if not found:
             return []
         best = found[0]
-        if best.name in ("torque sign", "coupling"):
-            gain, factor, _ = best_scale(fit)
-            if gain > best.gain and max(factor, 1 / factor) > FAR_SCALE:
-                return []  # one torque of another unit upsets the others: that check tells it
-        explains = EXPLAINS
+        if any(scale.gain > best.gain for scale in other_scales(subject.scales)):
+            return []  # one torque of another unit upsets the others: that check tells it
         numbers = {"gain": best.gain, **best.numbers}
-        return [Finding("error", best.name, listed(best.joints), best.evidence, best.remedy, numbers, explains)]
+        return [Finding("error", best.name, listed(best.joints), best.evidence, best.remedy, numbers, CONSEQUENCES)]
 
 
 def _all_signs(subject: CheckedLog, share: Array, z: Array, fit: QuickFit) -> Finding:
     evidence = f"friction drives every joint instead of braking it (z-scores {z.min():.0f} to {z.max():.0f})"
     remedy = "all torques have the wrong sign: negate their columns, or the gains (drives: {JOINT: {gain: ...}})"
-    explains = EXPLAINS
     joints = listed(fit.model.robot.joint_names)
-    return Finding("error", "torque sign", joints, evidence, remedy, {"share": float(share.min())}, explains)
+    return Finding("error", "torque sign", joints, evidence, remedy, {"share": float(share.min())}, CONSEQUENCES)
 
 
 def _candidates(fit: QuickFit, feeds: BoolArray) -> Iterator[Interpretation]:
@@ -93,7 +70,7 @@ def _candidates(fit: QuickFit, feeds: BoolArray) -> Iterator[Interpretation]:
     signs = _torque_signs(fit, feeds)
     if signs.any():
         mixing = np.diag(np.where(signs, -1.0, 1.0))
-        solved = fit.solve(fit.triangles, mixing)
+        solved = fit.solve(fit.triangles.products, mixing)
         joints = tuple(name for name, flip in zip(names, signs, strict=True) if flip)
         evidence = f"with the sign reversed, {variance_falls(fit.plain.score - solved.score)}"
         if feeds.any():
@@ -116,7 +93,7 @@ def _torque_signs(fit: QuickFit, feeds: BoolArray) -> BoolArray:
         for i in np.flatnonzero(~signs):
             turned = signs.copy()
             turned[i] = True
-            trials.append((fit.solve(fit.triangles, np.diag(np.where(turned, -1.0, 1.0))), int(i)))
+            trials.append((fit.solve(fit.triangles.products, np.diag(np.where(turned, -1.0, 1.0))), int(i)))
         wanted = [
             (solved, i)
             for solved, i in trials
@@ -161,64 +138,16 @@ def _mountings(fit: QuickFit) -> Iterator[Interpretation]:
     size = float(np.linalg.norm(gravity))
     if not size:
         return
-    pulled = _Pulled(fit)
-    axes = [sign * size * axis + 0.0 for axis in np.eye(3) for sign in (1.0, -1.0)]
-    others = [np.zeros(3), *(axis for axis in axes if axis @ gravity <= 0.9 * size**2)]
-    gains = [pulled.gain(other) for other in others]
-    best = int(np.argmax(gains))
-    if best and gains[best] > GAIN:
-        others[best], gains[best] = pulled.refined(others[best], gains[best])
-    for other, gain in zip(others, gains, strict=True):
-        if gain > GAIN:
-            text = ", ".join(f"{value + 0.0:.3g}" for value in other)
-            evidence = f"with gravity [{text}], {variance_falls(gain)}"
-            remedy = f"state how the arm is mounted (gravity: [{text}] in the frame of the base)"
-            if not other.any():
-                evidence = f"the torques contain no gravity: without it, {variance_falls(gain)}"
-                remedy = "log the measured torque with gravity, not the controller's part without it"
-            yield Interpretation("mounting" if other.any() else "torque without gravity", (), gain, evidence, remedy)
-
-
-class _Pulled:
-    """The fit with gravity in any direction, of which the rows are linear."""
-
-    def __init__(self, fit: QuickFit) -> None:
-        self._fit = fit
-        observers = fit.gravity_observers
-        self._still, *self._along = (_whole(fit.rows_of(fit.log, regressor), fit.base.count) for regressor in observers)
-
-    def gain(self, gravity: Array) -> float:
-        """Return by how much the fit is better with this gravity, in log variance."""
-        blocks = tuple(
-            none + sum(pull * (one - none) for pull, one in zip(gravity, each, strict=True) if pull)
-            for none, *each in zip(self._still.blocks, *(rows.blocks for rows in self._along), strict=True)
-        )
-        triangles = self._fit.triangles_of(replace(self._still, blocks=blocks))
-        return self._fit.plain.score - self._fit.solve(triangles).score
-
-    def refined(self, axis: Array, gain: float) -> tuple[Array, float]:
-        """Return the direction near an axis that explains the torques best and its gain; the axis where it is as good.
-
-        A pattern search (Hooke and Jeeves 1961) over the two angles to a hundredth of a radian.
-        """
-        size, best, found, step = float(np.linalg.norm(axis)), axis, gain, 0.5
-        while step > ANGLE:
-            sides = np.linalg.svd(best[None, :])[2][1:]
-            tried = [best + sign * size * np.tan(step) * side for side in sides for sign in (1.0, -1.0)]
-            tried = [size * each / np.linalg.norm(each) for each in tried]
-            gains = [self.gain(each) for each in tried]
-            if max(gains) > found:
-                best, found = tried[int(np.argmax(gains))], max(gains)
-            else:
-                step /= 2
-        return (best, found) if found > gain + GAIN else (axis, gain)
-
-
-def _whole(rows: FitRows, size: int) -> FitRows:
-    """Return the rows with all columns: which of them are zero depends on the gravity."""
-    blocks = []
-    for block, own in zip(rows.blocks, rows.columns, strict=True):
-        full = np.zeros((len(block), size))
-        full[:, own] = block
-        blocks.append(full)
-    return replace(rows, blocks=tuple(blocks), columns=(np.arange(size),) * len(blocks))
+    free = GravityDirection(fit)
+    without = free.gain(np.zeros(3))
+    best, gain = free.best()
+    if without > GAIN:
+        evidence = f"the torques contain no gravity: without it, {variance_falls(without)}"
+        remedy = "log the measured torque with gravity, not the controller's part without it"
+        yield Interpretation("torque without gravity", (), without, evidence, remedy)
+    angle = float(np.degrees(np.arccos(np.clip(best @ gravity / size**2, -1.0, 1.0))))
+    if gain > GAIN and angle > LEAN:  # a smaller one is a tilt, told with its deviation
+        text = ", ".join(f"{value + 0.0:.3g}" for value in best)
+        evidence = f"with gravity [{text}], {angle:.1f} degrees off the stated one, {variance_falls(gain)}"
+        remedy = f"state how the arm is mounted (gravity: [{text}] in the frame of the base)"
+        yield Interpretation("mounting", (), gain, evidence, remedy, {"angle_deg": angle})

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from dynident.diagnosis.causes.quick_fit import beyond_quick_fit
-from dynident.diagnosis.causes.trend_findings import believable, rival_findings, trend_finding
+from dynident.diagnosis.causes.trend_findings import believed, rival_findings, trend_finding
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding
 
@@ -27,6 +27,8 @@ class ResidualTrends(Check):
         return [
             finding
             for blame in trends.blames
-            if not (chosen and blame.cause.name == "friction curve") and believable(blame)
-            for finding in (trend_finding(blame, trends.fit), *rival_findings(blame, trends.fit))
+            if not (chosen and blame.cause.name == "friction curve")
+            for told in [believed(blame, subject.scales)]
+            if told is not None
+            for finding in (trend_finding(told, trends.fit), *rival_findings(told, trends.fit, subject.scales))
         ]

@@ -10,14 +10,15 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.evidence.torques import EXPLAINED, agrees, scale_against
-from dynident.diagnosis.causes.column_readings import best_scale, variance_falls
+from dynident.diagnosis.causes.column_readings import variance_falls
 from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.torque_scales import JointScale, other_scales, predicts_unseen
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 from dynident.identification.problem.regressor_stream import motion_of
 
-#: Gain of the score from which one torque has another scale, and the least factor told.
-GAIN, FACTOR = 1.5, 1.25
+#: Gain of the score from which the scale of a joint is an error, where it predicts samples that it was not found on.
+SURE_GAIN = 3.0
 
 
 @dataclass(frozen=True)
@@ -30,20 +31,49 @@ class TorqueScale(Check):
         fit = subject.fit
         if fit is None:
             return []
-        return [*_one_joint(fit), *_all_joints(fit)]
+        return [*_one_joint(fit, subject.scales), *_open_scales(fit, subject.scales), *_all_joints(fit)]
 
 
-def _one_joint(fit: QuickFit) -> list[Finding]:
-    """Return the joint whose torque fits the others best with another scale; residuals are compared in its own."""
-    gain, factor, name = best_scale(fit)
-    if gain < GAIN or max(factor, 1 / factor) < FACTOR:
+def _one_joint(fit: QuickFit, scales: Sequence[JointScale]) -> list[Finding]:
+    """Return the joint whose torque fits the others best with another scale, and those that explain it as well."""
+    found = other_scales(scales)
+    if not found:
         return []
-    evidence = f"with its torque multiplied by {factor:.3g}, {variance_falls(gain)}"
+    best = found[0]
+    evidence = f"with its torque multiplied by {_interval(best)}, {variance_falls(best.gain)}"
+    if found[1:]:
+        others = " or ".join(f"{rival.joint}'s by {_interval(rival)}" for rival in found[1:])
+        evidence += f"; multiplying {others} explains the log about as well: not separable"
     remedy = (
         "check gear ratio, gain and unit (drives: {JOINT: {gain: ...}}; log: units: {torque: [...]}), and the "
         "kinematic coupling of the drives (coupling)"
     )
-    return [Finding("warning", "torque scale", name, evidence, remedy, {"factor": factor, "gain": gain})]
+    numbers = {"factor": best.factor, "low": best.low, "high": best.high, "gain": best.gain}
+    sure = best.gain > SURE_GAIN and predicts_unseen(fit, best)
+    severity: Severity = "error" if sure else "warning"
+    explains = tuple(name for name in CONSEQUENCES if name != "torque scale") if sure else ()
+    joints = listed([each.joint for each in found])
+    return [Finding(severity, "torque scale", joints, evidence, remedy, numbers, explains)]
+
+
+def _interval(scale: JointScale) -> str:
+    """Return the factor, with its interval where it is wider than what is printed."""
+    if scale.is_open:
+        return f"{scale.low:.3g} to {scale.high:.3g} (95 %)" if np.isfinite(scale.high) else f"{scale.low:.3g} or more"
+    return f"{scale.factor:.3g} ({scale.low:.3g} to {scale.high:.3g}, 95 %)"
+
+
+def _open_scales(fit: QuickFit, scales: Sequence[JointScale]) -> list[Finding]:
+    """Return which torques may have any scale as far as the log goes."""
+    unknown = [scale.joint for scale in scales if scale.is_open]
+    if not unknown:
+        return []
+    decides = (
+        "the masses of the robot model decide it" if fit.model.nominal() is not None else "nothing else decides it"
+    )
+    evidence = "the scale of these torques cannot be determined from this log (95 % interval wider than +- 25 %)"
+    remedy = f"compare gear ratios and gains with the data sheet; {decides}"
+    return [Finding("note", "scale not determined", listed(unknown), evidence, remedy, {"joints": float(len(unknown))})]
 
 
 def _all_joints(fit: QuickFit) -> list[Finding]:
@@ -59,7 +89,7 @@ def _all_joints(fit: QuickFit) -> list[Finding]:
             f"the robot model's masses give the opposite torque under the stated gravity (correlation {alike:.3f})"
         )
         remedy = f"mounted upside down? state it (gravity: [{gravity}] in the frame of the base)"
-        return [Finding("warning", "mounting", "", evidence, remedy, {"correlation": alike})]
+        return [Finding("error", "mounting", "", evidence, remedy, {"correlation": alike}, CONSEQUENCES)]
     if agrees(ratio):
         return []
     evidence = f"the robot model predicts {1 / ratio:.3g} times the measured torques (correlation {alike:.3f})"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
@@ -14,6 +14,7 @@ from dynident.errors import SolverFailed
 from dynident.identification.consistency.conditions import Conditions, conditions_of
 from dynident.identification.consistency.conic import ConicCandidate, solve_conic, solve_whitened
 from dynident.identification.consistency.program import Optimality, Program, optimality, whitened_rows
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.prior import PULL, Scale, natural_scale
 from dynident.identification.problem.problem import Problem
 from dynident.model.base_parameters import BaseParameters
@@ -29,7 +30,7 @@ MARGIN = 1e-8
 #: Proven gap, as a share of the objective, with which a path's answer is taken at once.
 GOOD = 1e-7
 
-#: Proven gap with which the best answer of all paths is taken when none is good; ``extras`` states it.
+#: Proven gap with which the best answer of all paths is taken when none is good; the run states it.
 FAIR = 1e-3
 
 #: By how much a condition may be missed, in natural sizes.
@@ -50,6 +51,19 @@ Metric: TypeAlias = Literal["natural", "pull_back", "entropic"]
 METRICS: tuple[Metric, ...] = ("natural", "pull_back", "entropic")
 
 Path: TypeAlias = Callable[[Program], ConicCandidate]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConsistentRun(MethodRun):
+    """Rise of the residual over the free fit (a fraction), solver, what holds the estimate (natural sizes), metric."""
+
+    residual_above_unconstrained: float | None
+    solver: str
+    failed_solvers: Sequence[str]
+    active: Sequence[str]
+    active_slack: Sequence[float]
+    active_multiplier: Sequence[float]
+    metric: Metric | None = None
 
 
 @dataclass(frozen=True)
@@ -323,20 +337,23 @@ def scale_of(problem: Problem) -> Scale:
     return natural_scale(problem.model, torque, np.sqrt(np.mean(np.concatenate(squares), axis=0)), problem.prior)
 
 
-def facts_of(fit: ConsistentFit, scale: Scale, reduced: Reduced, beta: Array) -> dict[str, Any]:
-    """Return what an estimator says about its fit, as plain data."""
+def run_of(
+    fit: ConsistentFit, scale: Scale, reduced: Reduced, beta: Array, metric: Metric | None = None
+) -> ConsistentRun:
+    """Return what an estimator states of its fit."""
     above = np.sqrt(reduced.residual_square(beta) / reduced.rest) - 1.0 if reduced.rest > 0 else None
-    return {
-        "prior": scale.source,
-        "residual_above_unconstrained": None if above is None else float(above),
-        "gap": fit.optimality.gap,
-        "solver": fit.path,
-        "failed_solvers": list(fit.failed),
-        "active": [condition["condition"] for condition in fit.active],
-        "active_slack": [condition["slack"] for condition in fit.active],
-        "active_multiplier": [condition["multiplier"] for condition in fit.active],
-        "data_share": fit.data_share.tolist(),
-    }
+    return ConsistentRun(
+        prior=scale.source,
+        data_share=fit.data_share.tolist(),
+        metric=metric,
+        residual_above_unconstrained=None if above is None else float(above),
+        gap=fit.optimality.gap,
+        solver=fit.path,
+        failed_solvers=fit.failed,
+        active=[condition["condition"] for condition in fit.active],
+        active_slack=[condition["slack"] for condition in fit.active],
+        active_multiplier=[condition["multiplier"] for condition in fit.active],
+    )
 
 
 def data_shares(program: Program, phi: Array) -> Array:

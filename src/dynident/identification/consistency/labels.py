@@ -35,7 +35,7 @@ def labels_of(estimate: Estimate) -> tuple[Label, ...]:
     """Return the label of each standard parameter, p of them; empty where the method found base parameters only."""
     if estimate.theta is None:
         return ()
-    shares = estimate.extras.get("data_share") or [None] * len(estimate.base.verdicts)
+    shares = estimate.run.data_share or [None] * len(estimate.base.verdicts)
     return tuple(Label(_word(v, s), s) for v, s in zip(estimate.base.verdicts, shares, strict=True))
 
 
@@ -51,5 +51,5 @@ def labels_line(estimate: Estimate) -> str:
     """Return in one line how many standard parameters have which label; empty where there are none."""
     words = [label.word for label in labels_of(estimate)]
     counts = [f"{words.count(word)} {word}" for word in (IDENTIFIED, ONLY_COMBINED, FROM_PRIOR)]
-    source = estimate.extras.get("prior")
+    source = estimate.run.prior
     return f"standard parameters: {', '.join(counts)}" + (f" ({source})" if source else "") if words else ""

@@ -14,6 +14,7 @@ from dynident.data.preprocessing import Preprocessing
 from dynident.identification.estimate.envelope import Envelope
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import Choices
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.residuals.quantiles import student_quantile
 from dynident.methods import EstimateMethods
 from dynident.model.base_parameters import BaseParameters
@@ -57,7 +58,7 @@ class Estimate(EstimateMethods):
         train: Figures on the data of the fit.
         preprocessing: How logs were and will be prepared.
         columns: How its logs were read.
-        extras: News of the method: convergence trace, gap to the optimum.
+        run: What the method states of its run: convergence trace, gap to the optimum.
         choices: What was chosen on the way: cut-off, delays, friction; what is known of gains and cut-offs.
         provenance: Versions, files with hashes, case, command.
         degrees: Degrees of freedom of each stated variance, for quantiles of Student's t, shape (b,); None where the
@@ -83,7 +84,7 @@ class Estimate(EstimateMethods):
     train: Validation
     preprocessing: Preprocessing
     columns: ColumnMap = field(default_factory=ColumnMap)
-    extras: Mapping[str, Any] = field(default_factory=dict)
+    run: MethodRun = field(default_factory=MethodRun)
     choices: Choices = field(default_factory=Choices)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     degrees: Array | None = None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
@@ -20,7 +19,7 @@ class ArtificialBeeColony(BoxSearch):
 
     In (10) the neighbour k is another food source, k != i, as in Karaboga 2005. The article draws k from 1..D, the
     number of parameters: with 21 parameters and 15 sources that cannot run. No colony is needed to minimise (9) or the
-    squares: the optimum in the same box is computed and certified as well, and ``extras`` says how far the colony
+    squares: the optimum in the same box is computed and certified as well, and its run states how far the colony
     ended from it.
 
     Attributes:
@@ -50,5 +49,5 @@ class ArtificialBeeColony(BoxSearch):
         cycles, stride = self.rules.affordable(*self.costs), self.rules.stride
         return stages(land, lower, upper, self.colony, self.limit, cycles, self.seed, stride)
 
-    def news(self, swarm: Swarm) -> dict[str, Any]:
-        return {"scouts": swarm.scouts}
+    def scouts(self, swarm: Swarm) -> int:
+        return swarm.scouts

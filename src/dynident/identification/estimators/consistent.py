@@ -14,7 +14,7 @@ from dynident.identification.consistency.consistent_fit import (
     ConsistentFit,
     Metric,
     consistent_fit,
-    facts_of,
+    run_of,
     scale_of,
 )
 from dynident.identification.estimators.wls import WLS
@@ -76,10 +76,6 @@ class Consistent(Estimator):
     def solve(self, problem: Problem) -> Solution:
         """Fit and prove.
 
-        ``extras``: prior (its source), metric, residual_above_unconstrained, gap (proven, a share of the objective),
-        solver (whose answer it is), failed_solvers (what others lacked), active (conditions that hold the estimate),
-        data_share (of each standard parameter).
-
         Raises:
             ContradictoryConstraints: The stated conditions clash.
             SolverFailed: No solver's answer passed the check.
@@ -88,8 +84,8 @@ class Consistent(Estimator):
         reduced, scale = problem.reduced(weights), scale_of(problem)
         fit = self._fit(problem, reduced, scale)
         beta = problem.base.from_standard(fit.theta)
-        extras = {"metric": self.metric, **facts_of(fit, scale, reduced, beta)}
-        return Solution(beta, weights, theta=fit.theta, extras=extras)
+        run = run_of(fit, scale, reduced, beta, self.metric)
+        return Solution(beta, weights, theta=fit.theta, run=run)
 
     def _fit(self, problem: Problem, reduced: Reduced, scale: Scale) -> ConsistentFit:
         options = (self.pull, self.margin, self.metric)

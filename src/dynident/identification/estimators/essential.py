@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,11 +11,32 @@ from scipy.stats import f as fisher
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import BadOption
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.coloured import Uncertainty, spectral_uncertainty
 from dynident.identification.residuals.covariance import residual_factors, sandwich
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.reduction import Triangle
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """A base parameter that went, with the value and standard deviation that it had then."""
+
+    name: str
+    unit: str
+    value: float
+    std: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class EssentialRun(MethodRun):
+    """What was dropped, number kept, p-value of the Wald test of the dropped, std of the kept without them."""
+
+    dropped: Sequence[Dropped]
+    kept: int
+    significance: float | None
+    conditional_std: Sequence[float]
 
 
 @dataclass(frozen=True)
@@ -56,10 +78,6 @@ class Essential(Estimator):
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.
 
-        ``extras``: dropped (name, value and std of each parameter when it went), kept (number), significance (p-value
-        of the Wald test of all that were dropped; None where none was), conditional_std (of each kept parameter, were
-        the dropped ones zero).
-
         Raises:
             BadOption: The other estimator finds standard parameters, which cannot be dropped.
         """
@@ -99,10 +117,14 @@ class Essential(Estimator):
         moved = beta - full.beta
         stated = _uncertainty(passes, full).with_prior(np.outer(moved, moved))
         names, units = problem.base.names, problem.base.units
-        dropped = [{"name": names[k], "unit": units[k], "value": v, "std": s} for k, (v, s) in gone.items()]
-        extras = {"dropped": dropped, "kept": int(keep.sum()), "significance": significance}
-        extras["conditional_std"] = np.sqrt(np.diag(covariance)).tolist()
-        return Solution(beta, current.weights, covariance=stated.covariance, degrees=stated.degrees, extras=extras)
+        dropped = [Dropped(names[k], units[k], value, std) for k, (value, std) in gone.items()]
+        run = EssentialRun(
+            dropped=dropped,
+            kept=int(keep.sum()),
+            significance=significance,
+            conditional_std=np.sqrt(np.diag(covariance)).tolist(),
+        )
+        return Solution(beta, current.weights, covariance=stated.covariance, degrees=stated.degrees, run=run)
 
     def _asked(self, part: Estimator, problem: Problem) -> Solution:
         """Return the solution of the other estimator."""

@@ -9,7 +9,7 @@ import numpy as np
 from dynident.errors import BadOption
 from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.problem import Problem
-from dynident.identification.residuals.robust import huber_loss, outlier_counts, robust_fit, robust_uncertainty
+from dynident.identification.residuals.robust import huber_loss, robust_fit, robust_run, robust_uncertainty
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.reduction import least_squares
 from dynident.plugins import bounded
@@ -43,9 +43,6 @@ class Huber(Estimator):
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.
 
-        ``extras``: iterations, scale (of each joint), down_weighted and rejected (rows of each joint that count less
-        than half, and not at all).
-
         Raises:
             PoorExcitation: The rows do not determine all base parameters.
             SolverFailed: Not settled after so many steps.
@@ -53,6 +50,6 @@ class Huber(Estimator):
         passes, loss = RowPasses(problem), huber_loss(self.bound)
         start = least_squares(problem.reduced()).beta
         fit = robust_fit(passes, loss, start, None, self.iterations, self.tolerance)
-        extras = {"iterations": fit.iterations, "scale": fit.scale.tolist(), **outlier_counts(passes, loss, fit)}
+        run = robust_run(passes, loss, fit, fit.iterations)
         found = robust_uncertainty(passes, loss, fit)
-        return Solution(fit.beta, 1.0 / fit.scale, covariance=found.covariance, degrees=found.degrees, extras=extras)
+        return Solution(fit.beta, 1.0 / fit.scale, covariance=found.covariance, degrees=found.degrees, run=run)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +11,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.errors import BadOption, SolverFailed
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem, check_rank
 from dynident.identification.residuals.bands import bands
 from dynident.identification.residuals.coloured import Influence, uncertainty_of
@@ -26,6 +28,13 @@ COMING_AND_GOING = 20
 #: Samples for each base parameter, at least: of fewer, the fit makes a combination of the joints' residuals all but
 #: nothing, the covariance has it so, and the fit then follows that combination alone.
 SAMPLES_A_PARAMETER = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReweightedRun(MethodRun):
+    """``correlation``: of the joints' residuals, shape (n, n)."""
+
+    correlation: Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True)
@@ -67,9 +76,6 @@ class IRLS(Estimator):
 
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.
-
-        ``extras``: iterations (fits), rejected and down_weighted (rows of each joint that do not count, or less than
-        half), correlation (of the joints' residuals, n x n).
 
         Raises:
             PoorExcitation: The rows that count do not determine all base parameters.
@@ -137,10 +143,10 @@ class IRLS(Estimator):
         influence = Influence(gains, plain, slope * np.linalg.inv(white.covariance))
         found = uncertainty_of(bands(passes), white.turned_back(score), influence)
         deviations = np.sqrt(np.diag(white.covariance))
-        extras = {
-            "iterations": done,
-            "rejected": (passes.counting & ~keep).sum(axis=0).tolist(),
-            "down_weighted": (passes.counting & (~keep | (size < 0.5)[:, None])).sum(axis=0).tolist(),
-            "correlation": (white.covariance / deviations / deviations[:, None]).tolist(),
-        }
-        return Solution(beta, 1.0 / deviations, covariance=found.covariance, degrees=found.degrees, extras=extras)
+        run = ReweightedRun(
+            iterations=done,
+            rejected=(passes.counting & ~keep).sum(axis=0).tolist(),
+            down_weighted=(passes.counting & (~keep | (size < 0.5)[:, None])).sum(axis=0).tolist(),
+            correlation=(white.covariance / deviations / deviations[:, None]).tolist(),
+        )
+        return Solution(beta, 1.0 / deviations, covariance=found.covariance, degrees=found.degrees, run=run)

@@ -10,6 +10,7 @@ from scipy.stats import norm
 from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption, SolverFailed
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem, check_rank
 from dynident.identification.residuals.bands import bands
 from dynident.identification.residuals.coloured import Influence, Uncertainty, uncertainty_of
@@ -51,9 +52,6 @@ class L1(Estimator):
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.
 
-        ``extras``: iterations, objective (mean of |residual| / s over the rows), lower_bound and gap (its certificate),
-        scale (mean absolute residual of each joint).
-
         Raises:
             PoorExcitation: The rows do not determine all base parameters.
             SolverFailed: The optimum could not be certified.
@@ -69,16 +67,16 @@ class L1(Estimator):
             renewed = _scales(problem, land.sums(land.target - found.beta @ land.columns))
             settled = bool(np.all(np.abs(renewed - scale) <= self.tolerance * scale)) or len(scale) == 1
             scale = renewed
-        extras = {
-            "iterations": done,
-            "objective": found.objective / len(rows),
-            "lower_bound": found.lower_bound / len(rows),
-            "gap": found.gap,
-            "scale": scale.tolist(),
-        }
+        run = MethodRun(
+            iterations=done,
+            objective=found.objective / len(rows),
+            lower_bound=found.lower_bound / len(rows),
+            gap=found.gap,
+            scale=scale.tolist(),
+        )
         beta = np.array(found.beta)
         sure = _uncertainty(problem, beta, 1.0 / scale)
-        return Solution(beta, 1.0 / scale, covariance=sure.covariance, degrees=sure.degrees, extras=extras)
+        return Solution(beta, 1.0 / scale, covariance=sure.covariance, degrees=sure.degrees, run=run)
 
 
 def _scales(problem: Problem, sums: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,10 +11,18 @@ from dynident.identification.consistency.consistent_fit import consistent_fit, d
 from dynident.identification.consistency.log_cholesky_fit import BOUNDARY, UNFINISHED, descend
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.prior import PULL
 from dynident.identification.problem.problem import Problem
 from dynident.model.threads import one_blas_thread
 from dynident.plugins import bounded
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogCholeskyRun(MethodRun):
+    """``singular_links``: on the boundary of the possible, here or at the proven optimum of ``consistent``."""
+
+    singular_links: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -47,10 +56,6 @@ class LogCholesky(Estimator):
     def solve(self, problem: Problem) -> Solution:
         """Search, and measure against the optimum.
 
-        ``extras``: prior (its source), verdict (converged, optimum on the boundary of the possible, or not converged),
-        iterations, singular_links (on the boundary, here or at the proven optimum), gap (objective above the proven
-        optimum of `consistent`, a share of it), data_share (of each standard parameter).
-
         Raises:
             SolverFailed: The optimum to compare with could not be proven.
         """
@@ -66,12 +71,12 @@ class LogCholesky(Estimator):
         theta = found.phi * scale.parameters
         words = zip(program.conditions.links, program.conditions.cone_words, strict=True)
         singular = [name for name, text in words if text in held or name in found.singular]
-        extras = {
-            "prior": scale.source,
-            "verdict": BOUNDARY if singular and found.verdict == UNFINISHED else found.verdict,
-            "iterations": found.iterations,
-            "singular_links": singular,
-            "gap": (found.objective - best) / (best + 0.5),
-            "data_share": shares.tolist(),
-        }
-        return Solution(problem.base.from_standard(theta), weights, theta=theta, extras=extras)
+        run = LogCholeskyRun(
+            prior=scale.source,
+            verdict=BOUNDARY if singular and found.verdict == UNFINISHED else found.verdict,
+            iterations=found.iterations,
+            singular_links=singular,
+            gap=(found.objective - best) / (best + 0.5),
+            data_share=shares.tolist(),
+        )
+        return Solution(problem.base.from_standard(theta), weights, theta=theta, run=run)

@@ -12,10 +12,19 @@ from dynident.errors import BadOption, SolverFailed
 from dynident.identification.estimators._pulled import pulled_uncertainty
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.covariance import residual_factors
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.dynamic_model import DynamicModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapRun(MethodRun):
+    """Distance from the prior in its std, root mean square; share of its parameters that the data decide."""
+
+    prior_distance: float
+    learned: float
 
 
 @dataclass(frozen=True)
@@ -48,9 +57,6 @@ class MAP(Estimator):
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.
 
-        ``extras``: prior_distance (of the estimate from the prior, in the prior's deviations, root mean square),
-        learned (share of the prior's parameters that the data decide, 0 to 1).
-
         Raises:
             SolverFailed: The description states no usable inertia for a link.
         """
@@ -73,11 +79,11 @@ class MAP(Estimator):
         found = pulled_uncertainty(passes, start, covariance, weights).with_prior(
             covariance @ rows.T @ rows @ covariance
         )
-        extras = {
-            "prior_distance": float(np.sqrt(np.mean(away**2))) if len(away) else 0.0,
-            "learned": 1.0 - kept / len(away) if len(away) else 1.0,
-        }
-        return Solution(beta, weights, covariance=found.covariance, degrees=found.degrees, extras=extras)
+        run = MapRun(
+            prior_distance=float(np.sqrt(np.mean(away**2))) if len(away) else 0.0,
+            learned=1.0 - kept / len(away) if len(away) else 1.0,
+        )
+        return Solution(beta, weights, covariance=found.covariance, degrees=found.degrees, run=run)
 
     def _prior(self, problem: Problem) -> tuple[Array, Array, BoolArray]:
         """Return the centre beta0, shape (b,), the root of the precision, and on which base parameters it is."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption, SolverFailed
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem, check_rank
 from dynident.identification.residuals.bands import bands_of
 from dynident.identification.residuals.colour import Colour, best_order, colour_of, unbroken_runs, with_white_part
@@ -24,6 +25,15 @@ from dynident.plugins import bounded
 
 #: Rows of a joint for each order that is tried: of fewer, a long autoregression is fitted to the noise itself.
 ROWS_AN_ORDER = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaximumLikelihoodRun(MethodRun):
+    """Of each joint: order, std of the white noise, correlation factor of the whitened residual."""
+
+    orders: Sequence[int]
+    innovation: Sequence[float]
+    whitened_correlation: Sequence[float]
 
 
 @dataclass(frozen=True)
@@ -66,9 +76,6 @@ class ML(Estimator):
 
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.
-
-        ``extras``: iterations, orders (of each joint), innovation (standard deviation of the white noise behind each
-        joint's residual), left_over (correlation factor of the whitened residuals).
 
         Raises:
             PoorExcitation: The rows do not determine all base parameters.
@@ -125,13 +132,13 @@ class ML(Estimator):
         parts = bands_of(stretches_of(problem.logs, _whitened(passes, colours), passes.counting), passes.columns, size)
         found = uncertainty_of(parts, white, Influence(np.tile(inverse, (joints, 1, 1)), inverse, np.eye(joints)))
         innovation = np.array([np.sqrt(colour.variances[-1]) for colour in colours])
-        extras = {
-            "iterations": done,
-            "orders": orders,
-            "innovation": innovation.tolist(),
-            "whitened_correlation": correlation_factors(passes.by_log(white), problem.masks).tolist(),
-        }
-        return Solution(beta, 1.0 / innovation, covariance=found.covariance, degrees=found.degrees, extras=extras)
+        run = MaximumLikelihoodRun(
+            iterations=done,
+            orders=orders,
+            innovation=innovation.tolist(),
+            whitened_correlation=correlation_factors(passes.by_log(white), problem.masks).tolist(),
+        )
+        return Solution(beta, 1.0 / innovation, covariance=found.covariance, degrees=found.degrees, run=run)
 
 
 def _whitened(passes: RowPasses, colours: list[Colour]) -> Iterator[Segment]:

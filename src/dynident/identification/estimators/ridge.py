@@ -13,6 +13,7 @@ from dynident.errors import BadOption
 from dynident.identification.estimators._pulled import pulled_uncertainty
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.coloured import Uncertainty
 from dynident.identification.residuals.covariance import residual_factors
@@ -20,6 +21,14 @@ from dynident.identification.residuals.row_passes import RowPasses
 
 #: Range in which generalised cross-validation looks for the strength, unit columns taken as 1, and its grid.
 WEAKEST, STRONGEST, GRID = 1e-14, 1.0, 57
+
+
+@dataclass(frozen=True, kw_only=True)
+class RidgeRun(MethodRun):
+    """``strength``: of the penalty; ``free_parameters``: trace of the hat matrix."""
+
+    strength: float
+    free_parameters: float
 
 
 @dataclass(frozen=True)
@@ -44,7 +53,7 @@ class Ridge(Estimator):
             raise BadOption("strength", self.strength, "give a number, 0 or more, or leave it to cross-validation")
 
     def solve(self, problem: Problem) -> Solution:
-        """Return the estimate; ``extras``: strength, free_parameters (trace of the hat matrix)."""
+        """Return the estimate."""
         start = WLS().solve(problem)
         reduced = problem.reduced(start.weights)
         factors = _factors(problem, start.beta)
@@ -62,8 +71,8 @@ class Ridge(Estimator):
         average = float(np.sum(problem.counts * factors) / np.sum(problem.counts))  # variance of an average direction
         inverse = root @ root.T
         found = _noise(problem, start, inverse).with_prior((inverse * (average * strength * norms**2)) @ inverse)
-        extras = {"strength": float(strength), "free_parameters": float(np.sum(kept * values))}
-        return Solution(beta, start.weights, covariance=found.covariance, degrees=found.degrees, extras=extras)
+        run = RidgeRun(strength=float(strength), free_parameters=float(np.sum(kept * values)))
+        return Solution(beta, start.weights, covariance=found.covariance, degrees=found.degrees, run=run)
 
 
 def _factors(problem: Problem, beta: Array) -> Array:

@@ -11,6 +11,7 @@ from dynident.arrays import Array, IntArray
 from dynident.errors import BadOption
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.recursive import RecursiveLeastSquares
 from dynident.identification.recursive.rows_in_time import rows_in_time
@@ -22,8 +23,15 @@ from dynident.model.reduction import least_squares
 #: Rows of each joint that are taken at a time.
 BATCH = 256
 
-#: Points of the course of the parameters in ``extras``.
+#: Points of the course of the parameters in the run.
 POINTS = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecursiveRun(MethodRun):
+    """``memory``: rows a joint that count; None for all."""
+
+    memory: float | None
 
 
 @dataclass(frozen=True)
@@ -32,7 +40,7 @@ class RLS(Estimator):
 
     With ``forgetting`` 1 it is least squares, with the joints' weights of weighted least squares; below 1 the estimate
     is that of the end of the last log, for drives that warm up; its covariance counts each row by what the memory has
-    left of it, for noise alone, not for what the parameters have moved. ``extras`` has the course of the parameters. To
+    left of it, for noise alone, not for what the parameters have moved. The run has the course of the parameters. To
     take rows as they come use ``dynident.identification.recursive.RecursiveLeastSquares``.
 
     Attributes:
@@ -48,11 +56,7 @@ class RLS(Estimator):
             raise BadOption("forgetting", self.forgetting, "give a number above 0, at most 1, such as 0.999")
 
     def solve(self, problem: Problem) -> Solution:
-        """Take all samples in order.
-
-        ``extras``: trace (weighted root mean square residual so far), times (s of motion seen), course (parameters at
-        these times, one list each), memory (rows a joint that count, or None).
-        """
+        """Take all samples in order."""
         size = problem.base.count
         whole = WLS().solve(problem)
         weights = whole.weights if self.weighted else np.ones(len(problem.triangles))
@@ -63,12 +67,12 @@ class RLS(Estimator):
             state.update(matrix * weights[joint, None], torque * weights[joint], age)
             if not seen or state.samples >= seen[-1][0] + every or state.samples == problem.samples:
                 seen.append((state.samples, state.estimate(), state.reduced.rest))
-        news = self._news(problem, seen)
+        run = self._run(problem, seen)
         beta = state.estimate()
         if self.forgetting == 1:
-            return Solution(beta, weights, extras=news)
+            return Solution(beta, weights, run=run)
         sure = self._uncertainty(problem, whole, state.covariance(), weights)
-        return Solution(beta, weights, covariance=sure.covariance, degrees=sure.degrees, extras=news)
+        return Solution(beta, weights, covariance=sure.covariance, degrees=sure.degrees, run=run)
 
     def _uncertainty(self, problem: Problem, whole: Solution, inverse: Array, weights: Array) -> Uncertainty:
         """Return the covariance of a memory that fades: rows times what is left of them, noise of the fit of all."""
@@ -81,16 +85,16 @@ class RLS(Estimator):
         asked = (weights**2)[:, None, None] * np.hstack([inverse, np.zeros_like(inverse)])
         return uncertainty_of(bands_beside(passes, left), residual, influence, asked)
 
-    def _news(self, problem: Problem, seen: list[tuple[int, Array, float]]) -> dict[str, object]:
+    def _run(self, problem: Problem, seen: list[tuple[int, Array, float]]) -> RecursiveRun:
         step = problem.logs[0].every / problem.logs[0].log.rate
         joints = len(problem.triangles)
         counts = [self._memory(samples) * joints for samples, _, _ in seen]
-        return {
-            "trace": [float(np.sqrt(rest / count)) for count, (_, _, rest) in zip(counts, seen, strict=True)],
-            "times": [samples * step for samples, _, _ in seen],
-            "course": [beta.tolist() for _, beta, _ in seen],
-            "memory": None if self.forgetting == 1 else 1.0 / (1.0 - self.forgetting),
-        }
+        return RecursiveRun(
+            trace=[float(np.sqrt(rest / count)) for count, (_, _, rest) in zip(counts, seen, strict=True)],
+            times=[samples * step for samples, _, _ in seen],
+            course=[beta.tolist() for _, beta, _ in seen],
+            memory=None if self.forgetting == 1 else 1.0 / (1.0 - self.forgetting),
+        )
 
     def _memory(self, samples: int) -> float:
         if self.forgetting == 1:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,21 @@ from dynident.arrays import Array, BoolArray
 from dynident.errors import BadOption, SolverFailed
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem, check_rank
 from dynident.identification.residuals.bands import bands
 from dynident.identification.residuals.coloured import Influence, uncertainty_of
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.reduction import triangle_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class TotalLeastSquaresRun(MethodRun):
+    """Error of the torque; error as a share of the weakest columns, useless near 1; columns without error."""
+
+    relative_error: float
+    removed: float
+    exact: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -42,9 +53,6 @@ class TLS(Estimator):
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.
 
-        ``extras``: relative_error (of the torque, as the fit has it), removed (share of the weakest combination of
-        columns that counts as error; near 1 the estimate is worth nothing), exact (columns without error).
-
         Raises:
             PoorExcitation: The rows do not determine all base parameters.
             SolverFailed: The smallest singular value belongs to the columns, not to the torque (nongeneric).
@@ -67,8 +75,8 @@ class TLS(Estimator):
         influence = Influence.of_rows(problem, residual, inverse / norms / norms[:, None], weights**2)
         found = uncertainty_of(bands(passes), residual, influence)
         names = [name for name, known in zip(problem.base.names, exact, strict=True) if known]
-        extras = {"relative_error": share, "removed": lost, "exact": names}
-        return Solution(beta, weights, covariance=found.covariance, degrees=found.degrees, extras=extras)
+        run = TotalLeastSquaresRun(relative_error=share, removed=lost, exact=names)
+        return Solution(beta, weights, covariance=found.covariance, degrees=found.degrees, run=run)
 
 
 def constant_columns(problem: Problem) -> BoolArray:

@@ -12,8 +12,8 @@ from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.robust import (
     biweight_loss,
     huber_loss,
-    outlier_counts,
     robust_fit,
+    robust_run,
     robust_uncertainty,
 )
 from dynident.identification.residuals.row_passes import RowPasses
@@ -52,9 +52,6 @@ class Tukey(Estimator):
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.
 
-        ``extras``: iterations (of start and fit), scale (of each joint), down_weighted and rejected (rows of each joint
-        that count less than half, and not at all).
-
         Raises:
             PoorExcitation: The rows do not determine all base parameters.
             SolverFailed: Not settled after so many steps, or most rows of a joint lie far out.
@@ -63,10 +60,6 @@ class Tukey(Estimator):
         plain = least_squares(problem.reduced()).beta
         start = robust_fit(passes, huber_loss(START), plain, None, self.iterations, self.tolerance)
         fit = robust_fit(passes, loss, start.beta, start.scale, self.iterations, self.tolerance)
-        extras = {
-            "iterations": start.iterations + fit.iterations,
-            "scale": fit.scale.tolist(),
-            **outlier_counts(passes, loss, fit),
-        }
+        run = robust_run(passes, loss, fit, start.iterations + fit.iterations)
         found = robust_uncertainty(passes, loss, fit)
-        return Solution(fit.beta, 1.0 / fit.scale, covariance=found.covariance, degrees=found.degrees, extras=extras)
+        return Solution(fit.beta, 1.0 / fit.scale, covariance=found.covariance, degrees=found.degrees, run=run)

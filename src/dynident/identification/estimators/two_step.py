@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from dynident.arrays import Array, BoolArray
 from dynident.errors import BadOption, PoorExcitation, SolverFailed
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.bands import bands_beside
 from dynident.identification.residuals.coloured import Influence, Uncertainty, uncertainty_of
@@ -21,6 +23,15 @@ WEAK = 1e-6
 
 #: Rows of the first step for each base parameter, at least: of fewer, its residual says nothing of its errors.
 ROWS_A_PARAMETER = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoStepRun(MethodRun):
+    """The first step: samples, largest acceleration in root mean squares of the joint, parameters."""
+
+    slow_samples: int
+    largest_acceleration: float
+    friction: Sequence[str]
 
 
 @dataclass(frozen=True)
@@ -45,9 +56,6 @@ class TwoStep(Estimator):
 
     def solve(self, problem: Problem) -> Solution:
         """Return the estimate.
-
-        ``extras``: slow_samples, largest_acceleration (in the first step, in root mean squares of the joint), friction
-        (names of the parameters that the first step found).
 
         Raises:
             PoorExcitation: The rows of the first step do not determine friction.
@@ -74,13 +82,13 @@ class TwoStep(Estimator):
             weights = renewed
             if settled:
                 break
-        extras = {
-            "slow_samples": int(slow.sum()),
-            "largest_acceleration": largest,
-            "friction": [name for name, mine in zip(problem.base.names, held, strict=True) if mine],
-        }
+        run = TwoStepRun(
+            slow_samples=int(slow.sum()),
+            largest_acceleration=largest,
+            friction=[name for name, mine in zip(problem.base.names, held, strict=True) if mine],
+        )
         sure = self._uncertainty(passes, (slow, first), beta, (early.weights, weights), held)
-        return Solution(beta, weights, covariance=sure.covariance, degrees=sure.degrees, extras=extras)
+        return Solution(beta, weights, covariance=sure.covariance, degrees=sure.degrees, run=run)
 
     def _check(self, problem: Problem, weights: Array, held: BoolArray) -> None:
         """Refuse a first step that leaves friction open, or has too few rows to tell its errors."""

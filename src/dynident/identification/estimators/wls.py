@@ -9,6 +9,7 @@ import numpy as np
 
 from dynident.errors import BadOption
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.model.reduction import least_squares
 from dynident.plugins import bounded
@@ -45,4 +46,4 @@ class WLS(Estimator):
             renewed = 1.0 / problem.joint_deviations(beta)
             settled = bool(np.all(np.abs(renewed - weights) <= self.tolerance * weights))
             weights = renewed
-        return Solution(beta, weights, extras={"iterations": done})
+        return Solution(beta, weights, run=MethodRun(iterations=done))

@@ -27,6 +27,7 @@ from dynident.identification.files.saved_values import (
     preprocessing_to_dict,
 )
 from dynident.identification.problem.choices import CHOICES, choices_of
+from dynident.identification.problem.method_run import recorded_run
 from dynident.identification.uncertainty.propagation import mass_matrix
 from dynident.model.base_parameters import base_parameters
 
@@ -69,7 +70,7 @@ def summary(estimate: Estimate, test: Validation | None = None, warnings: Sequen
         "extrapolation": None if test is None or test.departure is None else test.departure.figures(),
         "diagnostics": None if estimate.diagnostics is None else plain(estimate.diagnostics),
         "filter": plain(estimate.train.filter),
-        "extras": plain({**estimate.extras, **estimate.choices.data()}),
+        "extras": plain({**estimate.run.data(), **estimate.choices.data()}),
     }
 
 
@@ -207,7 +208,7 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
         train=validation,
         preprocessing=how,
         columns=columns,
-        extras={name: value for name, value in facts["extras"].items() if name not in CHOICES},
+        run=recorded_run({name: value for name, value in facts["extras"].items() if name not in CHOICES}),
         choices=choices_of(facts["extras"]),
         provenance=data["provenance"],
         degrees=_degrees(facts, base.count),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from dynident.arrays import Array
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.prior import PULL
 from dynident.identification.problem.problem import Problem
 from dynident.model.reduction import Reduced
@@ -23,7 +24,7 @@ class Solution:
         theta: Standard parameters behind beta, shape (p,); None where the estimator works on base parameters only.
         covariance: Of beta, shape (b, b), where the method has one of its own; None: from weights and residuals.
         degrees: Degrees of freedom of its variances, for Student's t, shape (b,); None where it is as good as known.
-        extras: News of the method itself: iterations, convergence trace, gap to the optimum.
+        run: What the method states of its run: iterations, convergence trace, gap to the optimum.
     """
 
     beta: Array
@@ -31,7 +32,7 @@ class Solution:
     theta: Array | None = None
     covariance: Array | None = None
     degrees: Array | None = None
-    extras: Mapping[str, Any] = field(default_factory=dict)
+    run: MethodRun = field(default_factory=MethodRun)
 
 
 class Estimator(ABC):

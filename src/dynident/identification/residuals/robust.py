@@ -15,6 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.errors import SolverFailed
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem, check_rank
 from dynident.identification.residuals.bands import bands
 from dynident.identification.residuals.coloured import Influence, Uncertainty, uncertainty_of
@@ -167,8 +168,9 @@ def robust_uncertainty(passes: RowPasses, loss: Loss, fit: RobustFit) -> Uncerta
     return uncertainty_of(bands(passes), psi, influence)
 
 
-def outlier_counts(passes: RowPasses, loss: Loss, fit: RobustFit) -> dict[str, list[int]]:
-    """Return how many rows of each joint count less than half, and how many not at all."""
+def robust_run(passes: RowPasses, loss: Loss, fit: RobustFit, iterations: int) -> MethodRun:
+    """Return what a robust method states of its run."""
     weights = np.where(passes.counting, loss.weight(fit.standard), 1.0)
     low, none = weights < 0.5, weights == 0.0
-    return {"down_weighted": low.sum(axis=0).tolist(), "rejected": none.sum(axis=0).tolist()}
+    counts = {"down_weighted": low.sum(axis=0).tolist(), "rejected": none.sum(axis=0).tolist()}
+    return MethodRun(iterations=iterations, scale=fit.scale.tolist(), **counts)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.search.landscape import (
     Landscape,
@@ -26,6 +27,19 @@ from dynident.plugins import bounded
 
 #: Half-width of the box where none is given, in sizes of the least-squares estimate and in its standard deviations.
 BOX_SIZES, BOX_DEVIATIONS = 5.0, 5.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchRun(MethodRun):
+    """(F - F*) / F*, None for a perfect fit; the box and what it holds back; the rule that ended it; options."""
+
+    gap: float | None = field()
+    box: Mapping[str, Any]
+    at_bound: Sequence[str]
+    stopped: str
+    settings: Mapping[str, Any]
+    polished: bool
+    scouts: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,11 +105,6 @@ class BoxSearch(Estimator):
     def solve(self, problem: Problem) -> Solution:
         """Search the box, certify the optimum, and return the better known of the two as ``polish`` says.
 
-        ``extras``: trace (best objective after each iteration), objective (of the search), optimum F*, lower_bound (no
-        point of the box is below it), gap (F - F*) / F* (None where F* is a perfect fit), box (lower, upper, source),
-        at_bound (parameters of the optimum that the box holds back), evaluations, stopped (the rule that ended the
-        search), settings, polished.
-
         Raises:
             BadOption: A box or weights that do not fit the problem.
             SolverFailed: The optimum could not be certified.
@@ -109,27 +118,27 @@ class BoxSearch(Estimator):
         beta = optimum.x if self.polish else swarm.x
         near = 1e-6 * (upper - lower)
         held = (optimum.x <= lower + near) | (optimum.x >= upper - near)
-        extras = {
-            "trace": swarm.trace.tolist(),
-            "objective": swarm.objective,
-            "optimum": optimum.objective,
-            "lower_bound": optimum.lower_bound,
-            "gap": _gap(swarm.objective, optimum.objective, land.value(np.zeros(len(lower)))),
-            "box": {"lower": lower.tolist(), "upper": upper.tolist(), "source": source},
-            "at_bound": [name for name, at in zip(problem.base.names, held, strict=True) if at],
-            "evaluations": swarm.evaluations,
-            "stopped": swarm.stopped,
-            "settings": {key: value for key, value in asdict(self).items() if key not in ("lower", "upper")},
-            "polished": self.polish,
-            **self.news(swarm),
-        }
+        run = SearchRun(
+            trace=swarm.trace.tolist(),
+            objective=swarm.objective,
+            optimum=optimum.objective,
+            lower_bound=optimum.lower_bound,
+            gap=_gap(swarm.objective, optimum.objective, land.value(np.zeros(len(lower)))),
+            box={"lower": lower.tolist(), "upper": upper.tolist(), "source": source},
+            at_bound=[name for name, at in zip(problem.base.names, held, strict=True) if at],
+            evaluations=swarm.evaluations,
+            stopped=swarm.stopped,
+            settings={key: value for key, value in asdict(self).items() if key not in ("lower", "upper")},
+            polished=self.polish,
+            scouts=self.scouts(swarm),
+        )
         # The squares are least squares with these weights; for (9) the joints' own deviations are the nearest stand-in.
         weights = np.sqrt(delta) if self.norm == "l2" and self.polish else 1.0 / problem.joint_deviations(beta)
-        return Solution(np.array(beta), weights, extras=extras)
+        return Solution(np.array(beta), weights, run=run)
 
-    def news(self, swarm: Swarm) -> dict[str, Any]:
-        """Return what the method has to say of itself beyond what all searches report."""
-        return {}
+    def scouts(self, swarm: Swarm) -> int | None:
+        """Return how many points the method gave up; None for methods that give up none."""
+        return None
 
     def _weights(self, joints: int) -> Array:
         if self.delta is None:

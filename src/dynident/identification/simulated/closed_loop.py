@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ import numpy.typing as npt
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption, LogMismatch, NotConsistent, SolverFailed
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.simulated.course import HALVES, Course, LoopOptions, course_of, refuse_states
 from dynident.identification.simulated.implicit import NODES, PLACES, RULE
@@ -40,6 +40,27 @@ STAGES = 8_000
 
 #: Time constants after which the state at the start no longer shows, and the longest share of a log to wait for that.
 SETTLED, LONGEST_WAIT = 7.0, 0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopRun(MethodRun):
+    """The run of a method that simulates the closed loop.
+
+    Attributes:
+        changes: Largest change of a parameter in each round, in standard deviations.
+        reference: What the loop follows.
+        controller: As stated, or virtual with its bandwidth.
+        feedforward: The torque that is fed forward.
+        mixed: Rounds that simulated a mixture with the start, since their own parameters had no mass matrix.
+        bounded: Steps that went to the best possible robot in place of a free one.
+    """
+
+    changes: Sequence[float]
+    reference: str
+    controller: str
+    feedforward: str
+    mixed: int | None = None
+    bounded: int | None = None
 
 
 @dataclass(frozen=True)
@@ -218,18 +239,30 @@ class ClosedLoop:
             found.append(mask & (log.time[course.log.keep] >= log.time[0] + wait)[:, None])
         return tuple(found)
 
-    @cached_property
-    def facts(self) -> dict[str, object]:
-        """What stands beside an estimate: the reference, the controller and the torque fed forward, in words."""
+    def run(
+        self,
+        trace: Sequence[float],
+        changes: Sequence[float],
+        simulations: int,
+        mixed: int | None = None,
+        bounded: int | None = None,
+    ) -> LoopRun:
+        """Return the run of a method that simulated this loop so many times with each log."""
         commanded = self.courses[0].log.log.q_ref is not None and self.options.reference == "commanded"
         smooth = self.options.reference_hz
         measured = "measured positions" + (f" below {smooth:g} Hz" if smooth else "")
         known = self.options.kp is not None
-        return {
-            "reference": "commanded positions" if commanded else measured,
-            "controller": "as stated" if known else f"virtual, {self.options.bandwidth_hz:g} Hz",
-            "feedforward": self.feedforward,
-        }
+        return LoopRun(
+            iterations=len(changes),
+            simulations=simulations * len(self.courses),
+            trace=trace,
+            changes=changes,
+            mixed=mixed,
+            bounded=bounded,
+            reference="commanded positions" if commanded else measured,
+            controller="as stated" if known else f"virtual, {self.options.bandwidth_hz:g} Hz",
+            feedforward=self.feedforward,
+        )
 
 
 def closed_loop(

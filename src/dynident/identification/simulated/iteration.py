@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,13 @@ from dynident.errors import BadOption, SolverFailed
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.instruments import Instruments, instruments
-from dynident.identification.simulated.closed_loop import ClosedLoop, closed_loop, possible_beta, simulated_logs
+from dynident.identification.simulated.closed_loop import (
+    ClosedLoop,
+    LoopRun,
+    closed_loop,
+    possible_beta,
+    simulated_logs,
+)
 from dynident.identification.simulated.course import LoopOptions
 from dynident.model.reduction import least_squares
 
@@ -115,11 +120,11 @@ def fixed_point(
     iterations: int,
     tolerance: float,
     solver: str,
-) -> tuple[Round, Mapping[str, Any]]:
+) -> tuple[Round, LoopRun]:
     """Repeat: simulate with the parameters of the moment, estimate from the simulated states.
 
     Where an estimate cannot be simulated since its mass matrix is indefinite, the robot of the round is a mixture with
-    the start, the nearest of a few that can be; ``extras`` counts such rounds. The last one may not be one of them.
+    the start, the nearest of a few that can be; the run counts such rounds. The last one may not be one of them.
 
     Args:
         loop: The closed loop.
@@ -130,8 +135,7 @@ def fixed_point(
         solver: Name for messages.
 
     Returns:
-        The last round, and news of the iteration: ``iterations``, ``simulations``, ``trace`` (root mean square residual
-        after each round), ``changes`` (largest change in standard deviations), ``mixed`` and facts of the loop.
+        The last round, and the run, whose trace is the root mean square residual after each round.
 
     Raises:
         SolverFailed: Not settled within the rounds, or settled where the robot cannot be simulated.
@@ -149,15 +153,7 @@ def fixed_point(
         done = change <= tolerance and is_own
     if not done:
         _refuse(loop, solver, trace, tolerance)
-    news = {
-        "iterations": len(trace.changes),
-        "simulations": len(trace.changes) * len(loop.courses),
-        "trace": trace.residuals,
-        "changes": trace.changes,
-        "mixed": int(sum(trace.replaced)),
-        **loop.facts,
-    }
-    return found, news
+    return found, loop.run(trace.residuals, trace.changes, len(trace.changes), mixed=int(sum(trace.replaced)))
 
 
 def _refuse(loop: ClosedLoop, solver: str, trace: _Trace, tolerance: float) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from dynident.identification.residuals.bands import bands_of
 from dynident.identification.residuals.coloured import Influence, Uncertainty, uncertainty_of
 from dynident.identification.residuals.row_passes import Segment
 from dynident.identification.residuals.stretches import stretches_of
-from dynident.identification.simulated.closed_loop import ClosedLoop
+from dynident.identification.simulated.closed_loop import ClosedLoop, LoopRun
 from dynident.identification.simulated.iteration import after_changes, largest_change
 from dynident.identification.simulated.sensitivities import sensitivities
 from dynident.model.reduction import LeastSquares, Reduced, Triangle, least_squares, reduce, triangle_of
@@ -35,15 +34,14 @@ class OutputErrorFit:
         weights: Of each joint's errors, shape (n,), in 1 / N m for torques, 1 / rad for positions (1 / N, 1 / m).
         covariance: Of beta, shape (b, b).
         degrees: Degrees of freedom of its variances, shape (b,).
-        news: ``iterations``, ``simulations``, ``trace`` (weighted root mean square error after each step), ``changes``
-            ``bounded`` (steps that went to the best possible robot in place of a free one) and facts of the loop.
+        run: With the weighted root mean square error after each step as trace.
     """
 
     beta: Array
     weights: Array
     covariance: Array
     degrees: Array
-    news: Mapping[str, Any]
+    run: LoopRun
 
 
 @dataclass(frozen=True)
@@ -161,10 +159,9 @@ def output_error(
         trace.append(float(np.sqrt(error / counts.sum())))
         beta = moved
         if changes[-1] <= tolerance:
-            news = {"iterations": len(changes), "simulations": simulations * len(loop.courses)}
-            news |= {"trace": trace, "changes": changes, "bounded": bounded, **loop.facts}
             sure = task.uncertainty(rows, weights, fit)
-            return OutputErrorFit(beta, weights, sure.covariance, sure.degrees, news)
+            run = loop.run(trace, changes, simulations, bounded=bounded)
+            return OutputErrorFit(beta, weights, sure.covariance, sure.degrees, run)
     evidence = f"after {iterations} steps a parameter still moves by {changes[-1]:.3g} of its deviation"
     raise SolverFailed(solver, evidence, after_changes(changes, tolerance))
 

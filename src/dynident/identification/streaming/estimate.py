@@ -97,9 +97,9 @@ def identify_digest(
     progress(f"estimator {ESTIMATORS.name_of(part)}")
     started = time.perf_counter()
     solution = part.solve(problem)
-    extras = {**solution.extras, "streamed": True, "segments": len(digest.joints[0].counts)}
-    extras["seconds"] = time.perf_counter() - started
-    found = assembled(digest, problem, part, replace(solution, extras=extras), provenance or {})
+    segments, seconds = len(digest.joints[0].counts), time.perf_counter() - started
+    run = replace(solution.run, streamed=True, segments=segments, seconds=seconds)
+    found = assembled(digest, problem, part, replace(solution, run=run), provenance or {})
     return replace(found, choices=Choices(constraints_not_kept=not_kept(problem, part)))
 
 
@@ -130,7 +130,7 @@ def assembled(
         train=figures_of(digest, solution.beta),
         preprocessing=digest.how,
         columns=digest.columns,
-        extras=solution.extras,
+        run=solution.run,
         provenance={**versions(), "logs": sources_of(digest), **provenance},
         degrees=degrees,
         envelope=_envelope(digest, problem.triangles, covariance),

@@ -35,7 +35,7 @@ class TrustOptions:
         diagnose: Test the residual and the estimate; ``diagnostics`` of the estimate has the figures.
         folds: Parts of the logs for the cross-validation of the diagnostics; 0: none.
         bootstrap: Draws of the bootstrap of the diagnostics; 0: none. It brings the diagnostics with it.
-        sensitivity: Fit at half and at double the cut-off as well; ``cutoff_sensitivity`` of the extras has the table.
+        sensitivity: Fit at half and at double the cut-off as well; ``choices.cutoff_sensitivity`` has the table.
         nominal: Errors of the robot model's own inertias on the same samples; ``nominal`` of the training figures.
     """
 

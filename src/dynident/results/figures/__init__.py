@@ -2,24 +2,35 @@
 
 from dynident.results.figures.bodies import Scene, mass_scene, scene_chart, scene_text
 from dynident.results.figures.convergence import convergence_chart
-from dynident.results.figures.deviations import deviation_chart
 from dynident.results.figures.friction import friction_chart
 from dynident.results.figures.limits import Bounded, limit_chart
 from dynident.results.figures.path import ToolPath, path_chart, tool_path
 from dynident.results.figures.residuals import residual_chart
+from dynident.results.figures.rows import Intervals, error_chart, interval_chart
 from dynident.results.figures.scenery import Scenery, Spot
-from dynident.results.figures.signals import TorqueBands, line_chart, torque_chart, torque_overview, trajectory_chart
+from dynident.results.figures.signals import (
+    TorqueBands,
+    TorqueSignals,
+    line_chart,
+    small_torque_chart,
+    torque_chart,
+    torque_overview,
+    trajectory_chart,
+)
 
 __all__ = [
     "Bounded",
+    "Intervals",
     "Scene",
     "Scenery",
     "Spot",
     "ToolPath",
     "TorqueBands",
+    "TorqueSignals",
     "convergence_chart",
-    "deviation_chart",
+    "error_chart",
     "friction_chart",
+    "interval_chart",
     "limit_chart",
     "line_chart",
     "mass_scene",
@@ -27,6 +38,7 @@ __all__ = [
     "residual_chart",
     "scene_chart",
     "scene_text",
+    "small_torque_chart",
     "tool_path",
     "torque_chart",
     "torque_overview",

@@ -17,6 +17,10 @@ from dynident.results.text import shorten
 #: Width of a figure: two stand side by side on a page, one fills a telephone.
 WIDTH = 480.0
 
+#: Opacity of a stretch that is shaded.
+SHADE = 0.06
+
+_NAMED = 15.0  # height of the names of stretches
 _ROW = 19.0  # height of a line of text
 _APART = 64.0  # least way between two ticks across
 _STRETCH = 1.0  # of a drawing, over which a band keeps only its lowest and highest place
@@ -170,7 +174,7 @@ class Plot:
     """One rectangle of a chart.
 
     Attributes:
-        heading: What is drawn upwards, with its unit.
+        heading: What is drawn upwards, with its unit; an empty one takes no room.
         marks: The data, the last on top.
         height: Of the rectangle.
         log: Whether the vertical axis is logarithmic; only where all data are above zero.
@@ -197,16 +201,18 @@ class Across:
     """The horizontal axis that the plots of a chart share.
 
     Attributes:
-        heading: What it is, with its unit.
+        heading: What it is, with its unit; an empty one takes no room.
         starts: First row of each stretch; a stretch is a log whose time runs on its own.
         log: Whether it is logarithmic.
         pad: Share of the range that stays free at both ends of a linear axis in one stretch.
+        parts: What each stretch is called, and whether it is shaded; none for no names.
     """
 
     heading: str
     starts: tuple[int, ...] = (0,)
     log: bool = False
     pad: float = 0.0
+    parts: tuple[tuple[str, bool], ...] = ()
 
     def pieces(self, plots: Sequence[Plot], left: float, right: float) -> list[tuple[slice, AxisScale]]:
         """Return the rows and the scale of each stretch, side by side with a gap, as long as its span of values."""
@@ -246,25 +252,31 @@ def chart(
     """
     head, top = heading(title, [mark for plot in plots for mark in plot.marks if mark.label], width)
     tops = []
+    named = _NAMED if across.parts else 0.0
+    top += named
     for plot in plots:
-        top += _ROW + 5
+        top += _ROW + 5 if plot.heading else 8
         tops.append(top)
         top += plot.height + 12
     scales = [plot.scale(at) for plot, at in zip(plots, tops, strict=True)]
     left = 9 + max(svg.breadth(tick.text) for scale in scales for tick in scale.ticks(30.0))
     pieces = across.pieces(plots, left, width - 12)
-    live = []
+    live = [_parts(across.parts, pieces, tops, [plot.height for plot in plots])] if across.parts else []
     for plot, scale in zip(plots, scales, strict=True):
         live.append(_grid(plot, scale, pieces, left))
         live += [_marks(mark, scale, pieces) for mark in plot.marks]
         live.append(_levels(plot, scale, left, width - 12))
     bottom = tops[-1] + plots[-1].height
     live.append(_ticks(pieces, bottom))
-    body = [head, *(svg.words(plot.heading, 0, at - 12) for plot, at in zip(plots, tops, strict=True))]
+    body = [head]
+    raised = [named, *[0.0] * (len(plots) - 1)]
+    places = zip(plots, tops, raised, strict=True)
+    body += [svg.words(plot.heading, 0, at - 12 - up) for plot, at, up in places if plot.heading]
     body.append(svg.element("g", "".join(live), {"class": "live"}) if detail else "".join(live))
-    body.append(svg.words(across.heading, width - 12, bottom + 2 * _ROW - 1, anchor="end"))
+    rows = 2 if across.heading else 1
+    body.append(svg.words(across.heading, width - 12, bottom + 2 * _ROW - 1, anchor="end") if across.heading else "")
     zoom = _zoom(plots, tops, across, pieces, detail) if detail else ""
-    return svg.drawing(width, bottom + 2 * _ROW + 5, "".join(body), title, description, zoom)
+    return svg.drawing(width, bottom + rows * _ROW + 5, "".join(body), title, description, zoom)
 
 
 def _zoom(
@@ -281,7 +293,31 @@ def _zoom(
         for plot, top in zip(plots, tops, strict=True)
     ]
     ends = [(scale.start, scale.end, scale.low, scale.high) for _, scale in pieces if isinstance(scale, Linear)]
-    return zoom_text(live, places, across.starts, ends, detail)
+    return zoom_text(live, places, across.starts, ends, detail, across.parts)
+
+
+def _parts(
+    parts: Sequence[tuple[str, bool]],
+    pieces: Sequence[tuple[slice, AxisScale]],
+    tops: Sequence[float],
+    heights: Sequence[float],
+) -> str:
+    """Shade the stretches that are to be told apart, and name those that have room for their name, alike ones once."""
+    spans = [sorted(_ends(piece)) for _, piece in pieces]
+    body = []
+    for (start, end), (_, shaded) in zip(spans, parts, strict=True):
+        for top, height in zip(tops, heights, strict=True) if shaded else ():
+            wide = svg.number(end - start)
+            path = f"M{svg.number(start)} {svg.number(top)}h{wide}v{svg.number(height)}h-{wide}z"
+            body.append(svg.filled(path, 0, SHADE))
+    whole: list[tuple[str, float, float]] = []
+    for (name, _), (start, end) in zip(parts, spans, strict=True):
+        before = whole.pop() if whole and whole[-1][0] == name else (name, start, end)
+        whole.append((name, before[1], end))
+    for name, start, end in whole:
+        if svg.breadth(name) <= end - start:
+            body.append(svg.words(name, 0.5 * (start + end), tops[0] - 4, anchor="middle"))
+    return "".join(body)
 
 
 def heading(title: str, marks: Sequence[Mark], width: float) -> tuple[str, float]:

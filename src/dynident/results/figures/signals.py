@@ -12,6 +12,12 @@ from dynident.results.figures.chart import WIDTH, Across, Level, Line, Plot, Sha
 from dynident.results.figures.svg import COLOURS
 from dynident.results.text import format_number, format_percent, label, pretty_unit
 
+#: Width of one of a grid of small figures: four stand side by side on a page.
+SMALL = 236.0
+
+#: Colour and width of the signals; the prediction is dashed and stands on the measurement: both show where they agree.
+MEASURED, PREDICTED, RESIDUAL = (1, 1.8), (2, 1.4, True), (3, 1.2)
+
 #: Seconds from which on time is a clock's and not that of a run; it is then counted from the start.
 _CLOCK = 1e5
 
@@ -72,23 +78,35 @@ class TorqueBands:
     whole: Array
 
 
+@dataclass(frozen=True)
+class TorqueSignals:
+    """Measured and predicted torque of a joint over time.
+
+    Attributes:
+        time: Shape (N,), in s; starts anew with each log.
+        measured: Shape (N,).
+        predicted: Shape (N,).
+        starts: First row of each log; a gap stands between two.
+        bands: Half widths; None for none.
+        parts: What each log is used for, and whether it is shaded, such as ``("test", True)``; none for no names.
+    """
+
+    time: Array
+    measured: Array
+    predicted: Array
+    starts: tuple[int, ...] = (0,)
+    bands: TorqueBands | None = None
+    parts: tuple[tuple[str, bool], ...] = ()
+
+
 def _shades(time: Array, bands: TorqueBands | None) -> tuple[ShadedBand, ...]:
     if bands is None:
         return ()
     wide = ShadedBand("95 % band", time, bands.whole, 0, -bands.whole, 0.10)
-    return wide, ShadedBand("of the parameters", time, bands.parameters, 1, -bands.parameters, 0.45)
+    return wide, ShadedBand("of the parameters", time, bands.parameters, 1, -bands.parameters, 0.3)
 
 
-def torque_chart(
-    joint: str,
-    unit: str,
-    time: Array,
-    measured: Array,
-    predicted: Array,
-    starts: Sequence[int] = (0,),
-    bands: TorqueBands | None = None,
-    detail: int = 0,
-) -> str:
+def torque_chart(joint: str, unit: str, signals: TorqueSignals, detail: int = 0) -> str:
     """Return measured and predicted torque of a joint and, below on the same time axis, the residual.
 
     Figures 7 and 9 of the article. Bands hold 95 % of the residuals where the model and its noise are what they are
@@ -97,34 +115,61 @@ def torque_chart(
     Args:
         joint: Name of the joint.
         unit: N m or N.
+        signals: Its torques.
+        detail: So many values of each signal go with it, for a page that can zoom; 0 for none.
+    """
+    shown, bands = run_time(signals.time, signals.starts), signals.bands
+    kind = f"{'torque' if unit == 'N m' else 'force'} [{pretty_unit(unit)}]"
+    residual = signals.measured - signals.predicted
+    known = residual[np.isfinite(residual)]
+    rms = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
+    measured = Line("measured", shown, signals.measured, *MEASURED)
+    plots = [
+        Plot(kind, (measured, Line("predicted", shown, signals.predicted, *PREDICTED)), 150.0),
+        Plot(
+            f"measured - predicted [{pretty_unit(unit)}]",
+            (*_shades(shown, bands), Line("", shown, residual, *RESIDUAL)),
+            78.0,
+        ),
+    ]
+    said = (
+        f"Measured and predicted {kind} of {label(joint)} over {len(shown)} samples in {len(signals.starts)} log(s); "
+        f"their difference has a root mean square of {format_number(rms, 3)} {pretty_unit(unit)}."
+    )
+    if bands is not None:
+        stated = np.isfinite(residual) & np.isfinite(bands.whole)
+        inside = np.abs(residual[stated]) <= bands.whole[stated]
+        said += f" {format_percent(float(np.mean(inside)))} of the samples lie in the 95 % band." * bool(len(inside))
+    return chart(label(joint), said, Across("time [s]", signals.starts, parts=signals.parts), plots, WIDTH, detail)
+
+
+def small_torque_chart(
+    title: str,
+    unit: str,
+    time: Array,
+    measured: Array,
+    predicted: Array,
+    starts: Sequence[int] = (0,),
+    width: float = SMALL,
+) -> str:
+    """Return measured and predicted torque of a joint with the residual on the same scale, one of a grid of many.
+
+    The colours are those of :func:`torque_chart`; their names stand once beside the grid.
+
+    Args:
+        title: Name of the joint, and what to say in short.
+        unit: N m or N.
         time: Shape (N,), in s; starts anew with each log.
         measured: Shape (N,).
         predicted: Shape (N,).
         starts: First row of each log; a gap stands between two.
-        bands: Half widths; None draws none.
-        detail: So many values of each signal go with it, for a page that can zoom; 0 for none.
+        width: Of the figure.
     """
     shown = run_time(time, starts)
-    kind = f"{'torque' if unit == 'N m' else 'force'} [{pretty_unit(unit)}]"
-    residual = measured - predicted
-    known = residual[np.isfinite(residual)]
-    rms = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
-    plots = [
-        Plot(kind, (Line("measured", shown, measured, 1, 1.6), Line("predicted", shown, predicted, 2, 1.1)), 150.0),
-        Plot(
-            f"measured - predicted [{pretty_unit(unit)}]",
-            (*_shades(shown, bands), Line("", shown, residual, 3, 1.0)),
-            66.0,
-        ),
-    ]
-    said = (
-        f"Measured and predicted {kind} of {label(joint)} over {len(shown)} samples in {len(starts)} log(s); "
-        f"their difference has a root mean square of {format_number(rms, 3)} {pretty_unit(unit)}."
-    )
-    if bands is not None and len(known):
-        inside = float(np.mean(np.abs(known) <= bands.whole[np.isfinite(residual)]))
-        said += f" {format_percent(inside)} of the samples lie in the 95 % band."
-    return chart(label(joint), said, Across("time [s]", tuple(starts)), plots, WIDTH, detail)
+    signals = ((measured, MEASURED), (predicted, PREDICTED), (measured - predicted, RESIDUAL))
+    lines = tuple(Line("", shown, values, *look) for values, look in signals)
+    said = f"Measured torque, predicted torque and residual in {pretty_unit(unit)} over time in s."
+    return chart(title, said, Across("", tuple(starts)), [Plot("", lines, 92.0)], width)
 
 
 def torque_overview(
@@ -152,8 +197,8 @@ def torque_overview(
         Plot(
             f"{label(name)} [{pretty_unit(unit)}]",
             (
-                Line("measured", shown, measured[:, k], 1, 1.6),
-                Line("predicted", shown, predicted[:, k], 2, 1.1),
+                Line("measured", shown, measured[:, k], *MEASURED),
+                Line("predicted", shown, predicted[:, k], *PREDICTED),
             ),
             105.0,
         )

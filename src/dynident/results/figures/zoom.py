@@ -62,6 +62,7 @@ def zoom_text(
     starts: Sequence[int],
     pieces: Sequence[tuple[float, float, float, float]],
     detail: int,
+    parts: Sequence[tuple[str, bool]] = (),
 ) -> str:
     """Return geometry and data of a chart as JSON.
 
@@ -71,6 +72,7 @@ def zoom_text(
         starts: First row of each stretch of the axis.
         pieces: Of each stretch: first and last place, and the time at both, in s.
         detail: So many values of a mark are kept at most, about.
+        parts: What each stretch is called, and whether it is shaded; none for no names.
     """
     rows = _groups(starts, len(places), detail)
     left, right = min(piece[0] for piece in pieces), max(piece[1] for piece in pieces)
@@ -82,6 +84,7 @@ def zoom_text(
         "right": round(right, 1),
         "pieces": [[float(f"{value:.8g}") for value in piece] for piece in pieces],
         "cuts": cuts.tolist(),
+        "parts": [[name, int(shaded)] for name, shaded in parts],
         "x": _packed((shown - left) / (right - left)),
         "plots": [
             {"top": plot.top, "height": plot.height, "marks": [_mark(mark, rows, whole) for mark in plot.marks]}

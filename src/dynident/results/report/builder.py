@@ -30,22 +30,22 @@ from dynident.results.text import Table, clean, display_width, label
 #: Sections from top to bottom; one that is not named here stands before the last.
 ORDER = (
     "verdict",
-    "robot",
-    "data",
-    "log_quality",
-    "excitation",
+    "torques",
+    "nominal",
+    "friction",
     "parameters",
     "bodies",
-    "nominal",
     "mass_distribution",
     "mass_matrix",
-    "torques",
     "validation",
     "residuals",
     "trust",
-    "friction",
     "choices",
+    "data",
+    "log_quality",
+    "excitation",
     "motion",
+    "robot",
     "convergence",
     "comparison",
     "provenance",
@@ -54,8 +54,8 @@ ORDER = (
 #: Scripts, by the attribute in a page that asks for each; a page without its scripts says the same.
 SCRIPTS = {"zoom.js": " data-zoom=", "turn.js": " data-scene="}
 
-#: Looks of a page: those that the studio has too, then those of tables in a narrow place.
-STYLES = ("style.css", "cards.css")
+#: Looks of a page: those that the studio has too, those of tables in a narrow place, those of a page on its own.
+STYLES = ("style.css", "cards.css", "page.css")
 
 #: Letters that a table may take across, by its class; from 34, 50 and 66 rem on there is place for them.
 SIZES = {"": 68, "many": 102}

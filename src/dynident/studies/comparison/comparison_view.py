@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from dynident.identification.estimate.validation import Validation
+from dynident.identification.search.box_search import SearchRun
 from dynident.results.report.subject import Comparison
 from dynident.results.text import format_number
 from dynident.studies.comparison.contest import Outcome, like_the_best
@@ -29,15 +30,15 @@ def comparison_rows(outcomes: Sequence[Outcome]) -> tuple[dict[str, Any], ...]:
 
 def comparison_of(outcomes: Sequence[Outcome]) -> Comparison:
     """Return the comparison as a report shows it: the table, and the traces of searches with the same objective."""
-    found = [(outcome.method, outcome.estimate.extras) for outcome in outcomes if outcome.estimate is not None]
-    searches = [(method, extras) for method, extras in found if {"trace", "optimum", "settings"} <= extras.keys()]
-    norms = [extras["settings"]["norm"] for _, extras in searches]
-    shown = [(method, extras) for method, extras in searches if extras["settings"]["norm"] == norms[0]]
-    optima = [float(extras["optimum"]) for _, extras in shown]
+    runs = [(outcome.method, outcome.estimate.run) for outcome in outcomes if outcome.estimate is not None]
+    searches = [(method, run) for method, run in runs if isinstance(run, SearchRun)]
+    norms = [run.settings["norm"] for _, run in searches]
+    shown = [(method, run) for method, run in searches if run.settings["norm"] == norms[0]]
+    optima = [run.optimum for _, run in shown if run.optimum is not None]
     same = bool(optima) and float(np.ptp(optima)) <= 1e-6 * max(optima)
     return Comparison(
         rows=comparison_rows(outcomes),
-        traces={method: extras["trace"] for method, extras in shown},
+        traces={method: run.trace or () for method, run in shown},
         optimum=min(optima) if same else None,
         objective=_OBJECTIVES.get(norms[0], "objective") if norms else "objective",
     )

@@ -20,6 +20,7 @@ from dynident.identification.estimators import Estimator
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.files.estimate_file import plain
 from dynident.identification.fit import fit
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.validate import validate_prepared
 
@@ -89,16 +90,16 @@ class Outcome:
     @property
     def effort(self) -> dict[str, int]:
         """Iterations, simulations and evaluations that the method tells of; those it does not tell of are missing."""
-        extras = {} if self.estimate is None else self.estimate.extras
-        found = {name: extras[name] for name in EFFORTS if isinstance(extras.get(name), int)}
-        searched = "evaluations" in found and isinstance(extras.get("trace"), list)
-        return {"iterations": len(extras["trace"]), **found} if searched else found
+        run = MethodRun() if self.estimate is None else self.estimate.run
+        found = {name: getattr(run, name) for name in EFFORTS if getattr(run, name) is not None}
+        searched = run.evaluations is not None and run.trace is not None
+        return {"iterations": len(run.trace or ()), **found} if searched else found
 
     @property
     def verdict(self) -> str:
         """What the method says of its own end, where that is not a plain success; empty where it says nothing."""
-        extras = {} if self.estimate is None else self.estimate.extras
-        words = [str(extras["verdict"])] if extras.get("verdict", "converged") != "converged" else []
+        verdict = None if self.estimate is None else self.estimate.run.verdict
+        words = [] if verdict in (None, "converged") else [str(verdict)]
         if self.estimate is not None and self.estimate.choices.constraints_not_kept:
             words.append("does not keep the stated constraints")
         return "; ".join(words)
@@ -180,7 +181,7 @@ class Contest:
         possible = estimate.consistency.consistent
         return Outcome(
             method=method.label,
-            seconds=float(estimate.extras["seconds"]),
+            seconds=estimate.run.seconds or 0.0,
             estimate=estimate,
             test=validate_prepared(problem.model, problem.base, self.tests, beta) if self.tests else None,
             above=max(norm / self.least - 1.0, 0.0) if self.least > 0 else float("nan"),

@@ -39,4 +39,4 @@ class CLIE(LoopOptions, Estimator):
     def solve(self, problem: Problem) -> Solution:
         loop, start = started(problem, self)
         fit = output_error(loop, start, "torque", self.iterations, self.tolerance, "the input error")
-        return Solution(fit.beta, fit.weights, covariance=fit.covariance, degrees=fit.degrees, extras=fit.news)
+        return Solution(fit.beta, fit.weights, covariance=fit.covariance, degrees=fit.degrees, run=fit.run)

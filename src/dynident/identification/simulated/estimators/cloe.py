@@ -40,4 +40,4 @@ class CLOE(LoopOptions, Estimator):
         loop, start = started(problem, self, "measured")
         fit = output_error(loop, start, "q", self.iterations, self.tolerance, "the output error")
         weights = 1.0 / problem.joint_deviations(fit.beta)
-        return Solution(fit.beta, weights, covariance=fit.covariance, degrees=fit.degrees, extras=fit.news)
+        return Solution(fit.beta, weights, covariance=fit.covariance, degrees=fit.degrees, run=fit.run)

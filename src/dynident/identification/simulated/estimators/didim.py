@@ -54,6 +54,6 @@ class DIDIM(LoopOptions, Estimator):
             made[:] = [with_states(settled, simulated_logs(loop, states))]
             return least_squares_round(made[0], beta)
 
-        found, news = fixed_point(loop, start, step, self.iterations, self.tolerance, "the simulated regressor")
+        found, run = fixed_point(loop, start, step, self.iterations, self.tolerance, "the simulated regressor")
         sure = spectral_uncertainty(made[0], found.weights, found.beta)
-        return Solution(found.beta, found.weights, covariance=sure.covariance, degrees=sure.degrees, extras=news)
+        return Solution(found.beta, found.weights, covariance=sure.covariance, degrees=sure.degrees, run=run)

@@ -49,6 +49,6 @@ class IV(LoopOptions, Estimator):
             made[:] = [instruments(problem, simulated_logs(loop, states))]
             return instrument_round(made[0], beta)
 
-        found, news = fixed_point(loop, start, step, self.iterations, self.tolerance, "the instrumental variables")
+        found, run = fixed_point(loop, start, step, self.iterations, self.tolerance, "the instrumental variables")
         sure = made[0].uncertainty(found.weights, found.beta)
-        return Solution(found.beta, found.weights, covariance=sure.covariance, degrees=sure.degrees, extras=news)
+        return Solution(found.beta, found.weights, covariance=sure.covariance, degrees=sure.degrees, run=run)

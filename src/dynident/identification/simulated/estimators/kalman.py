@@ -14,6 +14,7 @@ from dynident.excitation.design.observation import Observation
 from dynident.identification.consistency.consistent_fit import scale_of
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.bands import bands_of_rows
@@ -33,8 +34,16 @@ from dynident.plugins import bounded
 #: Torques of a joint at rest are this many times less certain: its static friction is not known.
 AT_REST = 100.0
 
-#: Points of the course of the parameters in ``extras``.
+#: Points of the course of the parameters in the run.
 POINTS = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class KalmanRun(MethodRun):
+    """Normalised innovation squared over n, mean of the last pass, about 1 where the tuning is right; passes."""
+
+    innovation: float
+    passes: int
 
 
 @dataclass(frozen=True)
@@ -82,9 +91,6 @@ class Kalman(Estimator):
     def solve(self, problem: Problem) -> Solution:
         """Run the filter.
 
-        ``extras``: innovation (normalised innovation squared over n, mean of the last pass; about 1 where the tuning is
-        right, and the covariance is multiplied by what is above), times and course (s of motion seen, parameters then).
-
         Raises:
             NotConsistent: Parameters on the way cannot be simulated.
             SolverFailed: The motion is lost.
@@ -111,17 +117,17 @@ class Kalman(Estimator):
                 innovations.append(found)
                 seconds += path.log.log.duration
         excess = float(np.mean(np.concatenate([seen.normalised for seen in innovations]))) / problem.model.robot.dof
-        news = {
-            "innovation": excess,
-            "passes": self.passes,
-            "times": [time for time, _ in course],
-            "course": [values for _, values in course],
-        }
+        run = KalmanRun(
+            innovation=excess,
+            passes=self.passes,
+            times=[time for time, _ in course],
+            course=[values for _, values in course],
+        )
         weights = 1.0 / problem.joint_deviations(belief.beta)
         if self.drift > 0:
-            return Solution(belief.beta, weights, covariance=belief.covariance * max(excess, 1.0), extras=news)
+            return Solution(belief.beta, weights, covariance=belief.covariance * max(excess, 1.0), run=run)
         sure = _uncertainty(belief, self.spread * size, innovations)
-        return Solution(belief.beta, weights, covariance=sure.covariance, degrees=sure.degrees, extras=news)
+        return Solution(belief.beta, weights, covariance=sure.covariance, degrees=sure.degrees, run=run)
 
     def _course(self, log: Prepared) -> Course:
         """Return what drives the filter over a log, from the first measured state along the smoothed motion."""

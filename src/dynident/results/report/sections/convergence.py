@@ -34,19 +34,16 @@ class Convergence(ReportSection):
 
 def traces_of(subject: Subject) -> tuple[dict[str, Sequence[float]], float | None]:
     """Return the objective after each iteration by name of the search, and the optimum where it is known."""
-    extras, comparison = subject.estimate.extras, subject.comparison
+    run, comparison = subject.estimate.run, subject.comparison
     traces = {name: trace for name, trace in comparison.traces.items() if _is_trace(trace)}
-    if _is_trace(extras.get("trace")):
-        traces.setdefault(subject.estimate.estimator, extras["trace"])
-    optimum = comparison.optimum if comparison.optimum is not None else extras.get("optimum")
-    return traces, float(optimum) if isinstance(optimum, int | float | np.number) else None
+    if run.trace is not None and _is_trace(run.trace):
+        traces.setdefault(subject.estimate.estimator, run.trace)
+    return traces, comparison.optimum if comparison.optimum is not None else run.optimum
 
 
-def _is_trace(found: object) -> bool:
-    """Say whether something is a list of finite numbers."""
-    if not isinstance(found, Sequence | np.ndarray) or isinstance(found, str | bytes) or not len(found):
-        return False
-    return all(isinstance(value, int | float | np.number) and np.isfinite(value) for value in found)
+def _is_trace(found: Sequence[float | None] | None) -> bool:
+    """Say whether there is a trace whose numbers are all finite; files have null for others."""
+    return bool(found) and all(value is not None and np.isfinite(value) for value in found or ())
 
 
 def _ends(traces: dict[str, Sequence[float]], optimum: float | None) -> Table:

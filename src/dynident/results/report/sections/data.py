@@ -10,7 +10,8 @@ import numpy as np
 
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Dataset, Subject
-from dynident.results.text import MISSING, Column, Table, format_number, label, plain_value, statement
+from dynident.results.report.terms import in_words, term
+from dynident.results.text import MISSING, Column, Table, format_number, label, plain_value
 
 
 @dataclass(frozen=True)
@@ -43,12 +44,12 @@ class DataSection(ReportSection):
             "logs": _logs(subject),
             "filters": {"": next(iter(filters.values()))} if same else filters,
             "sources": _sources(subject),
-            "units": statement(asdict(subject.estimate.columns.units)),
+            "units": in_words(asdict(subject.estimate.columns.units)),
         }
 
 
 def _facts(filter: Mapping[str, Any]) -> list[tuple[str, str]]:
-    return [(label(key), plain_value(value)) for key, value in filter.items() if value is not None]
+    return [(term(key), plain_value(value)) for key, value in filter.items() if value is not None]
 
 
 def _logs(subject: Subject) -> Table:

@@ -7,51 +7,43 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dynident.errors import BadOption
 from dynident.identification.estimate.estimate import Estimate
-from dynident.results.figures import deviation_chart
+from dynident.results.figures import Intervals, interval_chart
 from dynident.results.report.combinations import combination
-from dynident.results.report.judgement import WELL_KNOWN
-from dynident.results.report.sections.base import ReportSection, drawn
+from dynident.results.report.sections.base import Drawing, ReportSection, drawn
 from dynident.results.report.subject import Subject
-from dynident.results.short_answer import LOST
-from dynident.results.text import Table, format_number, format_percent, parameters_table
+from dynident.results.short_answer import not_significant
+from dynident.results.text import Table, format_number, parameters_table, pretty_unit
 
 
 @dataclass(frozen=True)
 class Parameters(ReportSection):
-    """The table of base parameters and a chart of the least known.
-
-    Attributes:
-        most: Bars in the chart.
-    """
-
-    most: int = 24
+    """The values with their intervals as a chart for each unit, and as a table."""
 
     title: ClassVar = "Base parameters"
     template: ClassVar = "parameters.html"
 
-    def __post_init__(self) -> None:
-        if self.most < 1:
-            raise BadOption("most", self.most, "give 1 or more")
-
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate = subject.estimate
-        relative = estimate.relative_std
-        order = np.argsort(-np.where(np.isnan(relative), np.inf, relative), kind="stable")[: self.most]
-        chart = deviation_chart([estimate.base.names[k] for k in order], relative[order], limits=(WELL_KNOWN,))
-        count = estimate.base.count
         return {
             "table": _table(estimate),
-            "chart": drawn(chart, "relative-deviations") if count else "",
-            "count": count,
+            "charts": [_chart(estimate, unit) for unit in dict.fromkeys(estimate.base.units)],
+            "count": estimate.base.count,
+            "significant": estimate.base.count - len(not_significant(estimate)),
             "standard": len(estimate.base.parameters),
             "inertial": estimate.inertial_base_parameters,
             "condition_number": format_number(estimate.condition_number, 3),
-            "shown": len(order),
-            "well": format_percent(WELL_KNOWN),
-            "lost": format_percent(LOST),
         }
+
+
+def _chart(estimate: Estimate, unit: str) -> Drawing:
+    """Draw the values of a unit with their 95 % intervals, the largest first."""
+    own = np.array([each == unit for each in estimate.base.units])
+    order = [k for k in np.argsort(-np.abs(estimate.beta), kind="stable") if own[k]]
+    names = tuple(estimate.base.names[k] for k in order)
+    found = Intervals(names, estimate.beta[order], estimate.half_widths()[order])
+    shown = pretty_unit(unit)
+    return drawn(interval_chart(f"In {shown}", shown, found), "base-parameters", unit)
 
 
 def _table(estimate: Estimate) -> Table:

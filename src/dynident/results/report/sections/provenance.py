@@ -10,6 +10,7 @@ import numpy as np
 
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
+from dynident.results.report.terms import term
 from dynident.results.text import format_number, label, plain_value
 
 #: Lists longer than this are counted, not written out.
@@ -29,7 +30,7 @@ class Provenance(ReportSection):
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate, choices = subject.estimate, subject.estimate.choices
         aside = {"delay_s": choices.delay_s, "constraints_not_kept": choices.constraints_not_kept}
-        facts = {**estimate.extras, **{name: value for name, value in aside.items() if value is not None}}
+        facts = {**estimate.run.data(), **{name: value for name, value in aside.items() if value is not None}}
         groups = [
             ("Estimator", [("method", label(estimate.estimator)), *_entries(estimate.options)]),
             ("What the method reports", list(_entries(facts))),
@@ -55,8 +56,8 @@ def _command(stated: object) -> str:
 def _entries(facts: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
     """Return facts in words, nested ones with the way to them before their name."""
     for key, value in facts.items():
-        name = f"{prefix}{label(key)}"
-        if not prefix and key in _ELSEWHERE:
+        name = f"{prefix}{term(key)}"
+        if (not prefix and key in _ELSEWHERE) or (isinstance(value, str | list | tuple) and not value):
             continue
         if isinstance(value, Mapping):
             yield from _entries(value, f"{name} ")

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dynident.results.figures import TorqueBands, torque_chart
-from dynident.results.report.sections.base import ReportSection, drawn, left_out
+import numpy as np
+
+from dynident.results.figures import TorqueBands, TorqueSignals, torque_chart
+from dynident.results.report.sections.base import Drawing, ReportSection, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
-from dynident.results.text import Column, Table, format_number, format_percent, label, pretty_unit, statement
+from dynident.results.report.terms import in_words
+from dynident.results.text import Column, Table, format_number, format_percent, label, pretty_unit
 
 #: Bytes of all figures together that go into the numbers behind them; a value takes 8/3.
-_BUDGET = 1_600_000
+_BUDGET = 1_200_000
 
 #: Values of a signal that show all that the figure of a usual log can.
 _MOST = 12_000
@@ -22,38 +26,45 @@ _ROWS = 8
 
 @dataclass(frozen=True)
 class Torques(ReportSection):
-    """A figure per joint and data set; the figures of a data set are zoomed together."""
+    """A figure per joint with the data of the fit and the tests side by side; all are zoomed together."""
 
     title: ClassVar = "Torques"
     template: ClassVar = "torques.html"
 
     def context(self, subject: Subject) -> dict[str, Any]:
-        if not subject.datasets:
-            return {}
         shown = subject.datasets[:MOST_DRAWN]
-        figures = max(1, len(shown) * subject.estimate.model.robot.dof)
-        detail = min(_MOST, int(_BUDGET / (8 / 3 * _ROWS * figures)))
-        groups = [(dataset, _caption(dataset), _figures(dataset, detail), _bands(dataset)) for dataset in shown]
-        return {"groups": groups, "left_out": left_out(subject)}
+        if not shown:
+            return {}
+        captions = [(dataset.name, _caption(dataset)) for dataset in shown]
+        bands = [(dataset.name, table) for dataset in shown if (table := _bands(dataset))]
+        return {"figures": _figures(shown), "captions": captions, "bands": bands, "left_out": left_out(subject)}
 
 
 def _caption(dataset: Dataset) -> str:
     validation = dataset.validation
     several = "; a gap stands between two logs" if len(validation.logs) > 1 else ""
     error = format_percent(validation.total_relative_error)
-    said = f"{dataset.logs}{several}. Total relative error {error}. Filter: {statement(validation.filter)}."
+    said = f"{dataset.logs}{several}. Total relative error {error}. Filter: {in_words(validation.filter)}."
     return f"{said} {dataset.remark}".rstrip()
 
 
-def _figures(dataset: Dataset, detail: int) -> list[str]:
-    v, widths = dataset.validation, dataset.validation.half_widths()
-    found = []
-    for i, fit in enumerate(v.joints):
-        bands = None if widths is None else TorqueBands(widths[0][:, i], widths[1][:, i])
-        signals = v.time, v.measured[:, i], v.predicted[:, i]
-        chart = torque_chart(fit.name, fit.unit, *signals, v.starts, bands, detail=detail)
-        found.append(drawn(chart, "torque", dataset.name, fit.name))
-    return found
+def _figures(shown: Sequence[Dataset]) -> list[Drawing]:
+    found = [dataset.validation for dataset in shown]
+    time, measured, predicted = (
+        np.concatenate([getattr(v, name) for v in found]) for name in ("time", "measured", "predicted")
+    )
+    first = np.cumsum([0, *(len(v.time) for v in found)])
+    starts = tuple(int(start + row) for v, row in zip(found, first, strict=False) for start in v.starts)
+    parts = tuple((dataset.name.lower(), dataset.held_out) for dataset in shown for _ in dataset.validation.starts)
+    widths = [v.half_widths() or (np.full_like(v.measured, np.nan),) * 2 for v in found]
+    narrow, wide = (np.concatenate([pair[k] for pair in widths]) for k in (0, 1))
+    detail = min(_MOST, int(_BUDGET / (8 / 3 * _ROWS * len(found[0].joints))))
+    charts = []
+    for i, fit in enumerate(found[0].joints):
+        bands = TorqueBands(narrow[:, i], wide[:, i]) if np.any(np.isfinite(wide[:, i])) else None
+        signals = TorqueSignals(time, measured[:, i], predicted[:, i], starts, bands, parts)
+        charts.append(drawn(torque_chart(fit.name, fit.unit, signals, detail), "torque", fit.name))
+    return charts
 
 
 def _bands(dataset: Dataset) -> Table | None:

@@ -1,4 +1,4 @@
-"""The verdict: what the report comes to, in plain words and three numbers."""
+"""The verdict: what the report comes to, in plain words, three numbers, and the torques of each joint in small."""
 
 from __future__ import annotations
 
@@ -8,15 +8,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from dynident.diagnosis.verdict import ACCEPTED
+from dynident.diagnosis.verdict import ACCEPTED, NO_CRITERIA
 from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.estimate.estimate import Estimate
+from dynident.results.figures import error_chart, small_torque_chart
 from dynident.results.report.judgement import GAP, WELL_KNOWN, grade, tone
-from dynident.results.report.sections.base import ReportSection
-from dynident.results.report.subject import Subject
+from dynident.results.report.sections.base import Drawing, ReportSection, drawn
+from dynident.results.report.subject import Dataset, Subject
 from dynident.results.short_answer import not_significant
-from dynident.results.text import format_percent, label, shorten
-from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, headline
+from dynident.results.text import format_percent, label, pretty_unit, shorten
+from dynident.results.verdict import NOT_CHECKED, cause_lines, criteria_table, reason_of
+
+#: What the word of a verdict is called where it does not stand for itself, and how each is coloured.
+_WORDS = {NO_CRITERIA: "No acceptance criteria"}
+_TONES = {ACCEPTED: "good", NO_CRITERIA: "fair"}
 
 _WITHOUT_PRAISE = {"good": "fair"}
 
@@ -44,7 +49,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class Verdict(ReportSection):
-    """Held-out error, physical consistency and how well the parameters are known."""
+    """Verdict, test error, physical consistency, precision of the parameters, and the torques in small."""
 
     title: ClassVar = "Verdict"
     template: ClassVar = "verdict.html"
@@ -54,15 +59,51 @@ class Verdict(ReportSection):
         answers = [_prediction(subject), _consistency(estimate), _knowledge(estimate)]
         if judged.causes:  # figures of a fit to faulty logs praise nothing
             answers = [replace(answer, tone=_WITHOUT_PRAISE.get(answer.tone, answer.tone)) for answer in answers]
+        shown = _worst_data(subject)
         return {
-            "tone": "good" if judged.word == ACCEPTED else "bad",
-            "headline": headline(judged),
+            "tone": _TONES.get(judged.word, "bad"),
+            "word": _WORDS.get(judged.word, judged.word.capitalize()),
+            "reason": reason_of(judged),
+            "data": shown,
+            "errors": None if shown is None else _errors(shown),
+            "plots": [] if shown is None else _small_torques(shown),
             "causes": cause_lines(judged),
             "criteria": criteria_table(judged) if judged.criteria else None,
             "unchecked": "" if judged.is_checked else NOT_CHECKED,
             "answers": answers,
             "sentences": [*_about_prediction(subject), *_about_robot(subject), *_about_parameters(estimate)],
         }
+
+
+def _worst_data(subject: Subject) -> Dataset | None:
+    """Return the test with the largest error, the training data where there is no test, or None without any."""
+    tests = subject.held_out or subject.datasets[:1]
+    return max(tests, key=lambda data: np.nan_to_num(data.validation.total_relative_error, nan=-1.0), default=None)
+
+
+def _errors(data: Dataset) -> Drawing:
+    """Draw the relative error of each joint and in total, that of the robot model's inertias beside it."""
+    found = data.validation
+    sets = [("identified", np.array([*(fit.relative_error for fit in found.joints), found.total_relative_error]))]
+    if found.nominal is not None:
+        nominal = np.array([*found.nominal.joints_friction_fitted, found.nominal.friction_fitted])
+        sets.insert(0, ("robot model, friction fitted", nominal))
+    title = f"Relative torque error, {'test' if data.held_out else 'training'} data"
+    return drawn(error_chart(title, [*(fit.name for fit in found.joints), "total"], sets), "errors")
+
+
+def _small_torques(data: Dataset) -> list[Drawing]:
+    v = data.validation
+    return [
+        drawn(
+            small_torque_chart(
+                f"{label(fit.name)} [{pretty_unit(fit.unit)}], {format_percent(fit.relative_error)}",
+                *(fit.unit, v.time, v.measured[:, i], v.predicted[:, i], v.starts),
+            ),
+            *("overview", fit.name),
+        )
+        for i, fit in enumerate(v.joints)
+    ]
 
 
 def _worst(subject: Subject) -> float:

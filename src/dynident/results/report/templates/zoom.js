@@ -1,7 +1,7 @@
 // Charts over time that can be zoomed; those of one group share their window. Without this script they stand as drawn.
 "use strict";
 (() => {
-  const SVG = "http://www.w3.org/2000/svg", MISSING = 65535, CLOSEST = 1 / 400;
+  const SVG = "http://www.w3.org/2000/svg", MISSING = 65535, CLOSEST = 1 / 400, SHADE = 0.06;
 
   const unpack = (text) => {
     const bytes = atob(text), found = new Float64Array(bytes.length / 2);
@@ -43,6 +43,7 @@
       this.pieces = data.pieces;
       this.cuts = new Set(data.cuts);
       this.x = unpack(data.x);
+      this.parts = data.parts;
       this.plots = data.plots;
       for (const plot of this.plots)
         for (const mark of plot.marks)
@@ -57,9 +58,21 @@
       first = Math.max(0, first < 0 ? this.x.length - 1 : first - 1);
       last = Math.min(this.x.length - 1, last + 1);
       const across = (share) => this.left + ((share - a) / (b - a)) * (this.right - this.left);
+      this.drawParts(fresh, across);
       for (const plot of this.plots) this.drawPlot(fresh, plot, first, last, across);
       this.drawTicks(fresh, across);
       this.live.replaceChildren(...fresh.childNodes);
+    }
+
+    // Stretches that are to be told apart are shaded; a name stands where there is room for it.
+    drawParts(group, across) {
+      for (const { from, to, number } of this.seen(across)) {
+        const [name, shaded] = this.parts[number] || ["", 0], wide = (to - from).toFixed(1);
+        for (const { top, height } of shaded ? this.plots : [])
+          make(group, "path", { class: "d0", "fill-opacity": SHADE, d: `M${from.toFixed(1)} ${top}h${wide}v${height}h-${wide}z` });
+        const place = { class: "soft", x: ((from + to) / 2).toFixed(1), y: this.plots[0].top - 4, "text-anchor": "middle" };
+        if (name && 7.3 * name.length < to - from) make(group, "text", place, name);
+      }
     }
 
     drawPlot(group, plot, first, last, across) {
@@ -115,15 +128,16 @@
     }
 
     area(rows, first, last, across, up) {
-      let there = "", back = "", last_x = NaN;
+      let there = "", back = "", last_x = NaN, done = "";
       for (let i = first; i <= last; i++) {
+        if (this.cuts.has(i) && there) [done, there, back, last_x] = [`${done}${there}${back}z`, "", "", NaN];
         const [x, y] = this.inside(rows[1], i, across, up);
         if (Number.isNaN(y) || (i < last && Math.abs(x - last_x) < 0.5)) continue;
         there += `${there ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`;
         back = `L${x.toFixed(1)} ${this.inside(rows[0], i, across, up)[1].toFixed(1)}${back}`;
         last_x = x;
       }
-      return there && `${there}${back}z`;
+      return there ? `${done}${there}${back}z` : done;
     }
 
     // A point just outside the window is moved along its line to the edge.
@@ -139,11 +153,11 @@
     // Stretches of the axis that are to be seen: ends in the drawing and their times.
     seen(across) {
       const share = (place) => (place - this.left) / (this.right - this.left), found = [];
-      for (const [x0, x1, t0, t1] of this.pieces) {
+      for (const [number, [x0, x1, t0, t1]] of this.pieces.entries()) {
         const start = across(share(x0)), end = across(share(x1));
         const from = Math.max(start, this.left), to = Math.min(end, this.right);
         const time = (x) => t0 + ((x - start) / (end - start)) * (t1 - t0);
-        if (to > from) found.push({ from, to, t0: time(from), t1: time(to) });
+        if (to > from) found.push({ from, to, number, t0: time(from), t1: time(to) });
       }
       return found;
     }

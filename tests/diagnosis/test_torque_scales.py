@@ -1,0 +1,83 @@
+"""The scale of one joint's torque: told with figure and interval, told as open where the log does not know it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.faults import injections as put
+from benchmarks.faults.trials import Trial, virtual
+
+from dynident.case.case import read_case
+from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
+from dynident.diagnosis.causes.torque_scales import JointScale, joint_scales, other_scales
+from dynident.diagnosis.finding import Finding
+
+LAST = 5
+
+
+@pytest.fixture(scope="module")
+def trial() -> Trial:
+    return virtual(read_case("er16"))
+
+
+def scales_of(trial: Trial, folder: Path) -> tuple[JointScale, ...]:
+    fit = quick_fit(trial.case, trial.case.read(trial.written(folder)))
+    assert isinstance(fit, QuickFit)
+    return joint_scales(fit)
+
+
+def warned(trial: Trial, folder: Path) -> list[Finding]:
+    return [one for one in trial.examined(folder).findings if one.severity != "note"]
+
+
+def test_a_right_log_has_right_scales_and_says_which_it_does_not_know(trial: Trial, tmp_path: Path) -> None:
+    scales = scales_of(trial, tmp_path)
+    assert not other_scales(scales)
+    assert [scale.is_open for scale in scales] == [False] * LAST + [True]  # the last axis carries next to nothing
+    for scale in scales[:LAST]:
+        assert abs(np.log(scale.factor)) < 3 * max(scale.spread, 1e-3)
+    (note,) = [one for one in trial.examined(tmp_path).findings if one.name == "scale not determined"]
+    assert note.severity == "note" and note.joint == trial.case.robot.joint_names[LAST]
+    assert "cannot be determined" in note.evidence and "masses of the robot model" in note.remedy
+
+
+@pytest.mark.parametrize(("joint", "times"), [(0, 0.495), (1, 2.0), (2, 0.05), (2, 1.25), (2, 20.0)])
+def test_a_wrong_scale_is_an_error_with_the_factor_that_mends_it(
+    trial: Trial, joint: int, times: float, tmp_path: Path
+) -> None:
+    (found,) = warned(put.scaled(trial, times - 1, joint), tmp_path)
+    assert (found.severity, found.name) == ("error", "torque scale")
+    assert found.joint == trial.case.robot.joint_names[joint]
+    assert found.numbers["factor"] * times == pytest.approx(1, abs=0.02)
+    assert found.numbers["low"] < found.numbers["factor"] < found.numbers["high"]
+    mended = put.scaled(trial, times * found.numbers["factor"] - 1, joint)  # the remedy, obeyed
+    assert not warned(mended, tmp_path)
+
+
+@pytest.mark.parametrize("times", [0.2, 5.0])
+def test_a_scale_that_the_log_does_not_know_gets_no_figure(trial: Trial, times: float, tmp_path: Path) -> None:
+    assert not warned(put.scaled(trial, times - 1, LAST), tmp_path)
+    assert scales_of(put.scaled(trial, times - 1, LAST), tmp_path)[LAST].is_open
+
+
+def test_two_joints_that_explain_a_log_alike_are_both_named() -> None:
+    first = JointScale("a", 2.0, 1.98, 2.02, 4.0)
+    like, other = JointScale("b", 0.5, 0.49, 0.51, 3.9), JointScale("c", 1.5, 1.4, 1.6, 1.6)
+    assert other_scales([other, like, first]) == (first, like)
+    assert not other_scales([JointScale("a", 1.1, 1.05, 1.15, 4.0)])  # too near one
+    assert not other_scales([JointScale("a", 3.0, 0.0, np.inf, 0.9)])  # a model error without an interval
+    assert JointScale("a", 3.0, 0.0, np.inf, 0.9).spread == np.inf
+
+
+@pytest.mark.battery
+@pytest.mark.parametrize("robot", ["er16", "generic-6r", "generic-7r"])
+def test_every_known_scale_of_every_joint_is_found(robot: str, tmp_path: Path) -> None:
+    clean = virtual(read_case(robot))
+    known = [not scale.is_open for scale in scales_of(clean, tmp_path)]
+    for joint in np.flatnonzero(known):
+        for times in (0.05, 0.2, 0.495, 0.8, 1.25, 2.0, 2.5, 4.0, 20.0):
+            (best, *_) = other_scales(scales_of(put.scaled(clean, times - 1, int(joint)), tmp_path))
+            assert best.joint == clean.case.robot.joint_names[joint], times
+            assert best.factor * times == pytest.approx(1, abs=0.02), times
