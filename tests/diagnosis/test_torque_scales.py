@@ -43,7 +43,15 @@ def test_a_right_log_has_right_scales_and_says_which_it_does_not_know(trial: Tri
     assert "cannot be determined" in note.evidence and "masses of the robot model" in note.remedy
 
 
-@pytest.mark.parametrize(("joint", "times"), [(0, 0.495), (1, 2.0), (2, 0.05), (2, 1.25), (2, 20.0)])
+@pytest.mark.parametrize(
+    ("joint", "times"),
+    [
+        pytest.param(0, 0.495, marks=pytest.mark.battery),
+        pytest.param(1, 2.0, marks=pytest.mark.battery),
+        (2, 1.25),
+        pytest.param(2, 20.0, marks=pytest.mark.battery),
+    ],
+)
 def test_a_wrong_scale_is_an_error_with_the_factor_that_mends_it(
     trial: Trial, joint: int, times: float, tmp_path: Path
 ) -> None:
@@ -56,7 +64,7 @@ def test_a_wrong_scale_is_an_error_with_the_factor_that_mends_it(
     assert not warned(mended, tmp_path)
 
 
-@pytest.mark.parametrize("times", [0.2, 5.0])
+@pytest.mark.parametrize("times", [0.2, pytest.param(5.0, marks=pytest.mark.battery)])
 def test_a_scale_that_the_log_does_not_know_gets_no_figure(trial: Trial, times: float, tmp_path: Path) -> None:
     assert not warned(put.scaled(trial, times - 1, LAST), tmp_path)
     assert scales_of(put.scaled(trial, times - 1, LAST), tmp_path)[LAST].is_open

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.optimize
@@ -178,6 +179,5 @@ def _end(rise: Callable[[float], float], best: float, side: float) -> float:
         low, high = high, 4 * high
         if high > WIDEST:
             return side * np.inf
-    return (
-        float(scipy.optimize.brentq(lambda step: rise(best + side * step) - RISE, low, high, rtol=0.02)) * side + best
-    )
+    found: Any = scipy.optimize.root_scalar(lambda x: rise(best + side * x) - RISE, bracket=(low, high), rtol=0.02)
+    return best + side * float(found.root)
