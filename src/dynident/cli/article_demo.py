@@ -10,8 +10,6 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from dynident.identification.search.box_search import SearchRun
-
 if TYPE_CHECKING:
     from pathlib import Path
 
