@@ -18,7 +18,7 @@ from dynident.errors import LogFormatError
 #: Rows from which a draft is made at most: a quarter of an hour at 1 kHz.
 MOST_ROWS = 1 << 20
 
-#: The cut-off is this many times the band of the motion; see the part on filters in docs/how-to-choose.md.
+#: The cut-off is this many times the band of the motion; see docs/which-filter.md.
 CUTOFF_FACTOR = 10.0
 
 #: Limits of the cut-off: in Hz, and as a share of the sampling rate.

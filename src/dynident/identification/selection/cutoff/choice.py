@@ -4,7 +4,7 @@ A low cut-off leaves few independent rows, and takes from the positions what fri
 noise of the torques and what the model does not have, and the noise of the positions, which two differentiations make
 grow with the square of the frequency: it gives a variance and, being in the columns, a bias that no length of the log
 removes. Cut-offs half an octave apart are tried, from the band that the motion excites upwards, and each is judged by
-the squared error of the torque that it predicts: variance plus the squares of both biases (docs/how-to-choose.md,
+the squared error of the torque that it predicts: variance plus the squares of both biases (docs/which-filter.md,
 "Filters"). Around its least the error is flat; among the cut-offs that are within a tenth of the least, which the data
 hardly tell apart, the geometric middle is taken, the farthest from both slopes.
 """
