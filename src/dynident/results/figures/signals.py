@@ -15,8 +15,8 @@ from dynident.results.text import format_number, format_percent, label, pretty_u
 #: Width of one of a grid of small figures: four stand side by side on a page.
 SMALL = 236.0
 
-#: Colour and width of the signals; the prediction is dashed and stands on the measurement: both show where they agree.
-MEASURED, PREDICTED, RESIDUAL = (1, 1.8), (2, 1.4, True), (3, 1.2)
+#: Colour, width and dashes of the signals: the prediction stands on the measurement, and both show where they agree.
+MEASURED, PREDICTED, RESIDUAL = (1, 1.8, False), (2, 1.4, True), (3, 1.2, False)
 
 #: Seconds from which on time is a clock's and not that of a run; it is then counted from the start.
 _CLOCK = 1e5
@@ -166,7 +166,7 @@ def small_torque_chart(
         width: Of the figure.
     """
     shown = run_time(time, starts)
-    signals = ((measured, MEASURED), (predicted, PREDICTED), (measured - predicted, RESIDUAL))
+    signals = ((measured, MEASURED), (measured - predicted, RESIDUAL), (predicted, PREDICTED))
     lines = tuple(Line("", shown, values, *look) for values, look in signals)
     said = f"Measured torque, predicted torque and residual in {pretty_unit(unit)} over time in s."
     return chart(title, said, Across("", tuple(starts)), [Plot("", lines, 92.0)], width)
