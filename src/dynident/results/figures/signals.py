@@ -15,8 +15,8 @@ from dynident.results.text import format_number, format_percent, label, pretty_u
 #: Width of one of a grid of small figures: four stand side by side on a page.
 SMALL = 236.0
 
-#: Colour, width and dashes of the signals: the prediction stands on the measurement, and both show where they agree.
-MEASURED, PREDICTED, RESIDUAL = (1, 1.8, False), (2, 1.4, True), (3, 1.2, False)
+#: Colour, width, dashes, detail: the prediction stands on the measurement, and both show where they agree.
+MEASURED, PREDICTED, RESIDUAL = (1, 1.8, False, 1.0), (2, 1.4, True, 1.0), (3, 1.2, False, 1.0)
 
 #: Seconds from which on time is a clock's and not that of a run; it is then counted from the start.
 _CLOCK = 1e5
@@ -238,7 +238,7 @@ def trajectory_chart(
             own = [k for k, found in enumerate(kinds) if found == kind]
             if values is None or not own:
                 continue
-            marks = tuple(replace(lines[k], y=values[:, k], width=1.2, detail=1.0) for k in own)
+            marks = tuple(replace(lines[k], y=values[:, k], width=1.2, detail=2.0) for k in own)
             plots.append(Plot(f"{what} [{unit}]", marks, 125.0))
     reach = ", ".join(
         f"{label(name)} from {format_number(float(low), 3)} to {format_number(float(high), 3)}"
