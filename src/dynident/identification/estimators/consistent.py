@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar, Literal, TypeAlias
+from dataclasses import asdict, dataclass, replace
+from typing import Any, ClassVar, Literal, TypeAlias
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
@@ -15,13 +15,16 @@ from dynident.identification.consistency.consistent_fit import (
     Metric,
     consistent_fit,
     facts_of,
+    judged,
     scale_of,
+    scaled_data,
+    solve_program,
 )
+from dynident.identification.consistency.plausible_fit import plausible_fit
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.prior import PULL, Scale
 from dynident.identification.problem.problem import Problem
-from dynident.model.plausible import plausible_constraints
 from dynident.model.reduction import Reduced
 
 Bodies: TypeAlias = Literal["free", "plausible"]
@@ -39,7 +42,7 @@ class Consistent(Estimator):
         pull: How tightly the prior holds: its standard deviation is 1 / sqrt(pull) natural sizes of a parameter.
         margin: Smallest eigenvalue of each link's scaled pseudo-inertia: how far inside the possible it stays.
         metric: How far a body is from the prior: `natural` sizes, constant `pull_back` metric, or `entropic` (log-det).
-        bodies: `free`: consistent; `plausible`: also within bounds of size, thickness and mass from the robot model.
+        bodies: `free`: consistent; `plausible`: also within bounds from the robot model, near it where the data allow.
     """
 
     pull: float = PULL
@@ -67,9 +70,14 @@ class Consistent(Estimator):
 
     def refit(self, problem: Problem) -> Callable[[Reduced], Array]:
         scale = scale_of(problem)
+        if self.bodies == "free":
+            return lambda reduced: self._free(problem, reduced, scale).theta
+        program = plausible_fit(problem, WLS().solve(problem).weights, self.pull, self.margin).program
 
         def fit(reduced: Reduced) -> Array:
-            return self._fit(problem, reduced, scale).theta
+            """Fit within the same bounds and with the same pull."""
+            data, target = scaled_data(problem.base, reduced, scale)
+            return judged(solve_program(replace(program, data=data, target=target)), scale).theta
 
         return fit
 
@@ -78,7 +86,8 @@ class Consistent(Estimator):
 
         ``extras``: prior (its source), metric, residual_above_unconstrained, gap (proven, a share of the objective),
         solver (whose answer it is), failed_solvers (what others lacked), active (conditions that hold the estimate),
-        data_share (of each standard parameter).
+        data_share (of each standard parameter), plausibility (a
+        :class:`~dynident.identification.estimate.plausibility.Plausibility` as plain data, for plausible bodies).
 
         Raises:
             ContradictoryConstraints: The stated conditions clash.
@@ -86,14 +95,15 @@ class Consistent(Estimator):
         """
         weights = WLS().solve(problem).weights
         reduced, scale = problem.reduced(weights), scale_of(problem)
-        fit = self._fit(problem, reduced, scale)
-        beta = problem.base.from_standard(fit.theta)
-        extras = {"metric": self.metric, **facts_of(fit, scale, reduced, beta)}
-        return Solution(beta, weights, theta=fit.theta, extras=extras)
-
-    def _fit(self, problem: Problem, reduced: Reduced, scale: Scale) -> ConsistentFit:
-        options = (self.pull, self.margin, self.metric)
-        known = problem.constraints
+        fit = free = self._free(problem, reduced, scale)
+        extras: dict[str, Any] = {"metric": self.metric}
         if self.bodies == "plausible":
-            known = plausible_constraints(problem.model.robot, known)
-        return consistent_fit(problem.model, problem.base, reduced, scale, *options, known)
+            found = plausible_fit(problem, weights, self.pull, self.margin)
+            fit, free_beta = found.fit, tuple(problem.base.from_standard(free.theta).tolist())
+            extras = {"metric": "pull_back", "plausibility": asdict(replace(found.facts, free_beta=free_beta))}
+        beta = problem.base.from_standard(fit.theta)
+        return Solution(beta, weights, theta=fit.theta, extras={**extras, **facts_of(fit, scale, reduced, beta)})
+
+    def _free(self, problem: Problem, reduced: Reduced, scale: Scale) -> ConsistentFit:
+        options = (self.pull, self.margin, self.metric)
+        return consistent_fit(problem.model, problem.base, reduced, scale, *options, problem.constraints)
