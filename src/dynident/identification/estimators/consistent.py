@@ -25,6 +25,7 @@ from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.prior import PULL, Scale
 from dynident.identification.problem.problem import Problem
+from dynident.model.body_constraints import BODIES
 from dynident.model.reduction import Reduced
 
 Bodies: TypeAlias = Literal["free", "plausible"]
@@ -61,8 +62,8 @@ class Consistent(Estimator):
             raise BadOption("margin", self.margin, "give a share between 0 and 0.1, such as 1e-8")
         if self.metric not in METRICS:
             raise BadOption("metric", self.metric, f"choose one of: {', '.join(METRICS)}")
-        if self.bodies not in ("free", "plausible"):
-            raise BadOption("bodies", self.bodies, "choose one of: free, plausible")
+        if self.bodies not in BODIES:
+            raise BadOption("bodies", self.bodies, f"choose one of: {', '.join(BODIES)}")
 
     @property
     def prior_pull(self) -> float:
