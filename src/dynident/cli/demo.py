@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-
 if TYPE_CHECKING:
     from pathlib import Path
 

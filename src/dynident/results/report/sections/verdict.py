@@ -42,7 +42,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Verdict(ReportSection):
+class VerdictSection(ReportSection):
     """Held-out error, physical consistency and how well the parameters are known."""
 
     title: ClassVar = "Verdict"
