@@ -14,6 +14,7 @@ from dynident.data.formats import write_log
 from dynident.data.log import Log
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.files.estimate_file import read_estimate
+from dynident.identification.problem.method_run import recorded_run
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
@@ -110,8 +111,10 @@ def test_plausible_links_and_what_they_cost(folder: Path, capsys: Capture, how: 
     free = json.loads(shown(capsys, "--test", "b.csv", "--bodies", "free", "--json"))
     assert told["test"]["free_bodies_error"] == pytest.approx(free["test"]["total_relative_error"], rel=1e-9)
     assert "free_bodies_error" not in free["test"] and "plausibility" not in free["extras"]
-    kept = Plausibility.of(read_estimate(folder / "e.json").extras)
-    assert kept == Plausibility.of(told["extras"]) and kept is not None and kept.cost_rise <= kept.cost_limit
+    kept = Plausibility.of(read_estimate(folder / "e.json").run)
+    assert (
+        kept == Plausibility.of(recorded_run(told["extras"])) and kept is not None and kept.cost_rise <= kept.cost_limit
+    )
     documented = Path(__file__).parents[2] / "docs" / "json-output.md"
     table = documented.read_text().split("<!-- json: plausibility -->")[1].split("\n\n")[1]
     keys = {row.split("`")[1].split(".")[0].rstrip("[]") for row in table.splitlines()[2:]}

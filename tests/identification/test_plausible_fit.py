@@ -28,6 +28,7 @@ from dynident.identification.consistency.plausible_fit import (
 from dynident.identification.estimate.plausibility import TOTAL_MASS, Plausibility
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.estimators.wls import WLS
+from dynident.identification.problem.method_run import recorded_run
 from dynident.identification.problem.problem import Problem
 from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
 from dynident.model.dynamic_model import DynamicModel
@@ -148,7 +149,7 @@ def test_a_wrong_mass_of_the_robot_model_is_relaxed_and_named(
 ) -> None:
     problem, truth = problem_of(spatial_3r, exact_log, scaled_link(spatial_3r, 2, factor))
     solution = Consistent(bodies="plausible").solve(problem)
-    facts = Plausibility.of(json.loads(json.dumps(dict(solution.extras))))
+    facts = Plausibility.of(recorded_run(json.loads(json.dumps(solution.run.data()))))
     assert facts is not None
     relaxed = {mass.name for mass in facts.contradicted if mass.is_relaxed}
     assert "link3" in relaxed and "link2" not in relaxed

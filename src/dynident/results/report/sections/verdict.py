@@ -47,7 +47,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Verdict(ReportSection):
+class VerdictSection(ReportSection):
     """Verdict, test error, physical consistency, precision of the parameters, and the torques in small."""
 
     title: ClassVar = "Verdict"
