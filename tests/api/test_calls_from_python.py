@@ -188,6 +188,19 @@ def test_wrong_options(arm: Any, estimate: di.Estimate) -> None:
         estimate.model.torque(np.zeros(2), theta=[1.0, 2.0])
 
 
+def test_other_verbs_take_files_and_lists(arm: Any, tmp_path: Path) -> None:
+    robot, log = arm
+    di.write_log(di.log_of(log, robot), tmp_path / "run.csv")
+    case = tmp_path / "case.yaml"
+    case.write_text(f"case: 2\nrobot: {robot}\nfriction: [viscous, offset]\ntrain: run.csv\nsplit: first:0.6\n")
+    listed, written = (list(di.compare(given, ["ols", "wls"])) for given in (str(case), di.read_case(case)))
+    assert [one.method for one in listed] == [one.method for one in written] == ["ols", "wls"]
+    with pytest.raises(di.BadArgument, match="int where a robot is wanted"):
+        list(di.compare(3))  # type: ignore[arg-type]
+    with pytest.raises(di.BadArgument, match="list where a robot is wanted"):
+        di.excite([robot])  # type: ignore[arg-type]
+
+
 def test_friction_by_name(arm: Any) -> None:
     robot = di.read_robot(arm[0])
     one, two = di.DynamicModel(robot, "viscous"), di.DynamicModel(robot, ("viscous",))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 
 from dynident.api.case_logs import CaseData, read_data
 from dynident.api.case_options import cut, estimator_of, prior_of
+from dynident.api.given_logs import case_of
 from dynident.case.case import Case
 from dynident.errors import BadOption
 from dynident.identification.build_problem import PriorKnowledge, build_problem
@@ -17,8 +19,8 @@ from dynident.studies.comparison.truth import read_truth
 
 
 def compare(
-    case: Case,
-    estimators: str = "all",
+    case: Case | str | Path,
+    estimators: str | Sequence[str] = "all",
     data: CaseData | None = None,
     truth: str | None = None,
     progress: Callable[[str], None] = lambda step: None,
@@ -26,8 +28,8 @@ def compare(
     """Yield what each estimator comes to on the logs of a case.
 
     Args:
-        case: The case.
-        estimators: Names with their options, as :func:`methods_of` reads them.
+        case: The case, or its file.
+        estimators: Names with their options, as :func:`methods_of` reads them, or a list of them.
         data: Logs to learn from and to test on; None for those of the case.
         truth: File with the parameters of a simulated robot; None where they are not known.
         progress: Told each step in words.
@@ -35,7 +37,8 @@ def compare(
     Raises:
         DynidentError: Any fault of the case, a log or an option.
     """
-    methods = methods_of(case, estimators)
+    case = case_of(case)
+    methods = methods_of(case, estimators if isinstance(estimators, str) else ",".join(estimators))
     contest = contest_of_case(case, data or read_data(case), truth=truth, progress=progress)
     yield from compare_methods(contest, methods, progress=progress)
 

@@ -4,22 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dynident.api.given_logs import case_of
 from dynident.case.case import Case
 from dynident.excitation.design.excitation import ROWS_A_SECOND, design_excitation
 from dynident.excitation.design.limits import MotionLimits, ToolLimit
 from dynident.excitation.design.multistart import SearchState
 from dynident.excitation.design.options import DesignKnowledge, SearchOptions, SpaceLimits, TrajectoryOptions
 from dynident.excitation.design.plan import Plan
+from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction
+from dynident.model.robot import Robot
 
 if TYPE_CHECKING:
     from dynident.excitation.collision.clearance import Clearance
 
 
 def excite(
-    case: Case,
+    case: Case | DynamicModel | Robot | str | Path,
     criterion: str = "d_optimal",
     *,
     limits: MotionLimits | None = None,
@@ -34,7 +38,7 @@ def excite(
     The workspace of the case bounds the motion in space.
 
     Args:
-        case: The case.
+        case: Case, dynamic model or robot, or a file of one.
         criterion: Name of the criterion.
         limits: What the motion must keep; None for the limits of the robot model less 5 % (torque 20 %).
         trajectory: The family of motions; None for the default one.
@@ -46,8 +50,10 @@ def excite(
         progress: Told about five times a second and start, and when a start is done.
 
     Raises:
+        BadArgument: Something else than a robot.
         DynidentError: As :func:`~dynident.excitation.design.excitation.design_excitation`.
     """
+    case = case_of(case)
     trajectory, knowledge = trajectory or TrajectoryOptions(), knowledge or DesignKnowledge()
     if knowledge.rows is None:
         rate = case.preprocessing.rate_hz or ROWS_A_SECOND
