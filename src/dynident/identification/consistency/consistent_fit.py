@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
@@ -14,8 +14,7 @@ from dynident.errors import SolverFailed
 from dynident.identification.consistency.conditions import Conditions, conditions_of
 from dynident.identification.consistency.conic import ConicCandidate, solve_conic, solve_whitened
 from dynident.identification.consistency.program import Optimality, Program, optimality, whitened_rows
-from dynident.identification.estimate.plausibility import Plausibility
-from dynident.identification.problem.method_run import MethodRun
+from dynident.identification.estimate.plausibility import ConsistentRun
 from dynident.identification.problem.prior import PULL, Scale, natural_scale
 from dynident.identification.problem.problem import Problem
 from dynident.model.base_parameters import BaseParameters
@@ -52,23 +51,6 @@ Metric: TypeAlias = Literal["natural", "pull_back", "entropic"]
 METRICS: tuple[Metric, ...] = ("natural", "pull_back", "entropic")
 
 Path: TypeAlias = Callable[[Program], ConicCandidate]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ConsistentRun(MethodRun):
-    """Rise of the residual over the free fit (a fraction), solver, what holds the estimate (natural sizes), metric.
-
-    ``plausibility`` is what plausible bodies cost, for these.
-    """
-
-    residual_above_unconstrained: float | None
-    solver: str
-    failed_solvers: Sequence[str]
-    active: Sequence[str]
-    active_slack: Sequence[float]
-    active_multiplier: Sequence[float]
-    metric: Metric | None = None
-    plausibility: Plausibility | None = None
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
-"""What plausible bodies cost and where data contradict the robot model, as an estimate states it."""
+"""What a consistent fit states: its proof, what plausible bodies cost, where data contradict the robot model."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dynident.identification.problem.method_run import MethodRun
@@ -58,3 +59,20 @@ class Plausibility:
         contradicted = tuple(ContradictedMass(**item) for item in stated["contradicted"])
         tuples = {key: tuple(stated[key]) for key in ("uniform", "free_beta")}
         return cls(**{**stated, **tuples, "contradicted": contradicted})
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConsistentRun(MethodRun):
+    """Rise of the residual over the free fit (a fraction), solver, what holds the estimate (natural sizes), metric.
+
+    ``plausibility`` is what plausible bodies cost, for these.
+    """
+
+    residual_above_unconstrained: float | None
+    solver: str
+    failed_solvers: Sequence[str]
+    active: Sequence[str]
+    active_slack: Sequence[float]
+    active_multiplier: Sequence[float]
+    metric: str | None = None
+    plausibility: Plausibility | None = None
