@@ -137,3 +137,15 @@ def test_bodies_are_for_the_estimator_consistent(folder: Path, capsys: Capture) 
     (folder / "case.yaml").write_text(CASE + "bodies: plausibel\n")
     assert main(["identify", "case.yaml", "a.csv"]) == 1
     assert "plausible" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_link_without_size_or_possible_inertia_is_named(folder: Path, capsys: Capture) -> None:
+    out = shown(capsys, "--bodies", "plausible")
+    assert "size not known: link2: 40 mm about frame and nominal centre; give shapes" in out
+    assert "no possible nominal inertia" not in out
+    robot = json.loads((folder / "arm.json").read_text())
+    robot["links"][1]["inertia"] = [0.0, *robot["links"][1]["inertia"][1:]]
+    (folder / "arm.json").write_text(json.dumps(robot))
+    assert "no possible nominal inertia: link2: a uniform body" in shown(capsys, "--bodies", "plausible")
+    assert "size not known" not in shown(capsys, "--bodies", "free")

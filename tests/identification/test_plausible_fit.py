@@ -15,6 +15,7 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
+from dynident.errors import BadOption, ContradictoryConstraints
 from dynident.identification.build_problem import build_problem
 from dynident.identification.consistency.consistent_fit import scale_of
 from dynident.identification.consistency.plausible_fit import (
@@ -196,3 +197,21 @@ def test_draws_of_the_bootstrap_keep_the_bounds(spatial_3r: Robot, exact_log: Ma
     np.testing.assert_allclose(refit(reduced), found.fit.theta, rtol=1e-4, atol=1e-6)
     moved = refit(replace(reduced, z=1.5 * reduced.z))
     assert found.program.conditions.shortfall(moved / scale_of(problem).parameters) < 1e-6
+
+
+def test_plausible_bodies_have_their_own_metric() -> None:
+    with pytest.raises(BadOption, match="pull-back"):
+        Consistent(bodies="plausible", metric="entropic")
+    with pytest.raises(BadOption, match="free, plausible"):
+        Consistent(bodies="slim")  # type: ignore[arg-type]
+
+
+def test_stated_bounds_that_clash_are_named(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """A mass above the range of the total, and a thickness that does not fit into the ellipsoid of the link."""
+    problem, _ = problem_of(spatial_3r, exact_log)
+    heavy = Constraints({"link3": BodyConstraints(mass=ValueRange(low=90.0))})
+    thick = Constraints({"link2": BodyConstraints(thickness=2.0)})
+    for stated, words in ((heavy, ("link3: mass >= 90 kg", "total mass")), (thick, ("link2", "minimum thickness"))):
+        with pytest.raises(ContradictoryConstraints) as raised:
+            plausible_fit(replace(problem, constraints=stated), weights_of(problem), 0.01, 1e-8)
+        assert all(word in str(raised.value) for word in words)

@@ -9,7 +9,8 @@ import pytest
 
 from dynident import read_robot
 from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
-from dynident.model.plausible import bounding_ellipsoid, link_points, plausible_constraints
+from dynident.model.inertia import Inertia
+from dynident.model.plausible import bounding_ellipsoid, link_points, nominal_misfits, plausible_constraints
 from dynident.model.shapes import Box
 
 
@@ -46,3 +47,21 @@ def test_shapes_and_stated_bounds_stand_in_place_of_the_derived_ones() -> None:
     assert body.body_ellipsoid is not None
     np.testing.assert_allclose(np.sort(body.body_ellipsoid.semi_axes), np.sqrt(3) / 2 * np.array([1, 2, 3]), rtol=1e-9)
     assert body.thickness == pytest.approx(0.05 * 3 * np.sqrt(3))
+
+
+def test_a_nominal_inertia_beyond_the_size_of_its_link_is_named() -> None:
+    robot = read_robot("generic-6r")
+    before, body = nominal_misfits(robot), robot.links[1].inertia
+    assert robot.links[1].name not in before and body is not None
+    pseudo = np.array(body.pseudo)
+    centre = body.centre_of_mass
+    covariance = pseudo[:3, :3] / body.mass - np.outer(centre, centre)
+    values, axes = np.linalg.eigh(covariance)
+    plate = axes @ np.diag([1e-6 * values[0], *values[1:]]) @ axes.T
+    for wrong in (36.0 * covariance, plate):  # six times the size; no thickness
+        pseudo[:3, :3] = body.mass * (wrong + np.outer(centre, centre))
+        links = [
+            replace(link, inertia=Inertia.from_pseudo(pseudo)) if k == 1 else link for k, link in enumerate(robot.links)
+        ]
+        found = nominal_misfits(replace(robot, links=tuple(links)))
+        assert set(found) == {*before, robot.links[1].name}

@@ -18,6 +18,9 @@ RADIUS_SHARE, LEAST_RADIUS = 0.15, 0.04
 #: Minimum thickness as a share of the extent of the link.
 THICKNESS_SHARE = 0.05
 
+#: How often the size of its link, or below its minimum thickness, a nominal inertia is named.
+MISFIT = 1.5
+
 #: Bounds of a mass and of the total mass as factors about the nominal value.
 MASS_FACTOR, TOTAL_FACTOR = 3.0, 1.5
 
@@ -37,16 +40,12 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
     bodies: dict[str, BodyConstraints] = {}
     for i, link in enumerate(robot.links):
         body = known.links.get(link.name, BodyConstraints())
-        points = link_points(robot, i)
-        ellipsoid = bounding_ellipsoid(points)
+        ellipsoid = bounding_ellipsoid(link_points(robot, i))
         thickness = THICKNESS_SHARE * 2.0 * float(np.max(ellipsoid.semi_axes))
         if link.inertia is not None and link.inertia.is_consistent():
-            pseudo = link.inertia.pseudo
-            centre = pseudo[:3, 3] / masses[i]
-            covariance = pseudo[:3, :3] / masses[i] - np.outer(centre, centre)
-            thickness = min(thickness, 0.9 * float(np.sqrt(np.linalg.eigvalsh(covariance)[0])))
-            used = 1.0 - float(np.sum(ellipsoid.quadric * pseudo)) / masses[i]  # E |A^-1 R' (x - centre)|^2, 1 at most
-            ellipsoid = replace(ellipsoid, semi_axes=ellipsoid.semi_axes * np.sqrt(max(1.0, 1.1 * used)))
+            size, thin = _nominal_use(link.inertia, ellipsoid)
+            thickness = min(thickness, 0.9 * thin)
+            ellipsoid = replace(ellipsoid, semi_axes=ellipsoid.semi_axes * np.sqrt(max(1.0, 1.1 * size)))
         if body.body_ellipsoid is None and body.body_box is None:
             body = replace(body, body_ellipsoid=ellipsoid)
         if body.mass == ValueRange() and masses[i] > 0:
@@ -56,6 +55,26 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
     if total == ValueRange() and all(mass > 0 for mass in masses):
         total = ValueRange(sum(masses) / TOTAL_FACTOR, sum(masses) * TOTAL_FACTOR)
     return Constraints(bodies, total, known.fixed)
+
+
+def nominal_misfits(robot: Robot) -> tuple[str, ...]:
+    """Return the links whose nominal inertia is far beyond their geometry or below the minimum thickness."""
+    found = []
+    for i, link in enumerate(robot.links):
+        if link.inertia is not None and link.inertia.is_consistent():
+            ellipsoid = bounding_ellipsoid(link_points(robot, i))
+            size, thin = _nominal_use(link.inertia, ellipsoid)
+            if size > MISFIT**2 or MISFIT * thin < THICKNESS_SHARE * 2.0 * float(np.max(ellipsoid.semi_axes)):
+                found.append(link.name)
+    return tuple(found)
+
+
+def _nominal_use(body: Inertia, ellipsoid: Ellipsoid) -> tuple[float, float]:
+    """Return E |A^-1 R' (x - centre)|^2, 1 at most inside the ellipsoid, and the least radius of gyration in m."""
+    centre = body.centre_of_mass
+    covariance = body.pseudo[:3, :3] / body.mass - np.outer(centre, centre)
+    thin = float(np.sqrt(np.linalg.eigvalsh(covariance)[0]))
+    return 1.0 - float(np.sum(ellipsoid.quadric * body.pseudo)) / body.mass, thin
 
 
 def link_points(robot: Robot, index: int) -> Array:
@@ -93,21 +112,21 @@ def _shape_points(shape: Shape) -> Array:
     return np.zeros((0, 3))
 
 
-def bounding_ellipsoid(points: Array, steps: int = 200) -> Ellipsoid:
+def bounding_ellipsoid(points: Array, tolerance: float = 0.05) -> Ellipsoid:
     """Return an ellipsoid of nearly the least volume that holds points (k, 3), which are not in a plane.
 
-    Khachiyan's algorithm (Todd and Yildirim 2007, algorithm 3.1); the result is scaled so that it holds every point.
+    Khachiyan's algorithm (Todd and Yildirim 2007, algorithm 3.1) until the semi-axes are long by about half the
+    tolerance at most; the result is scaled so that it holds every point.
     """
     lifted = np.column_stack([points, np.ones(len(points))])
     weights = np.full(len(points), 1.0 / len(points))
     inverse = np.linalg.inv((lifted.T * weights) @ lifted)
     spread = np.einsum("ki,ij,kj->k", lifted, inverse, lifted)
-    for _ in range(steps):
-        far = int(np.argmax(spread))
+    while spread[far := int(spread.argmax())] > 4.0 * (1.0 + tolerance):
         step = (spread[far] - 4.0) / (4.0 * (spread[far] - 1.0))
         turned = inverse @ lifted[far]
         update = step / (1.0 - step + step * spread[far])  # of the inverse by rank one (Sherman and Morrison 1950)
-        inverse = (inverse - update * np.outer(turned, turned)) / (1.0 - step)
+        inverse = (inverse - update * turned[:, None] * turned) / (1.0 - step)
         spread = (spread - update * (lifted @ turned) ** 2) / (1.0 - step)
         weights *= 1.0 - step
         weights[far] += step

@@ -112,7 +112,7 @@ def _facts(estimate: Estimate, test: Validation | None) -> list[str]:
     missing = "no test log: name one with --test, the training error is optimistic"
     first = [line for line in error_lines(estimate, test) if line != missing]
     known = [headline(verdict)] if headline(verdict) else []
-    return [*known, *cause_lines(verdict), *first, *summary_lines(estimate)]
+    return [*known, *cause_lines(verdict), *first, *summary_lines(estimate, test)]
 
 
 def _narrow(table: Table) -> Table:

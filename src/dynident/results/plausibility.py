@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedMass, Plausibility
 from dynident.identification.estimate.validation import Validation
+from dynident.model.plausible import LEAST_RADIUS, nominal_misfits
+from dynident.model.robot import Robot
 from dynident.results.text import format_number, format_percent, label
 
 
 def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]:
-    """Return what the bounds cost, which masses the data contradict, and which links have no nominal inertia."""
+    """Return what the bounds cost, which masses the data contradict, and what is wrong with nominal inertias."""
     facts = Plausibility.of(estimate.run)
     if facts is None:
         return []
@@ -17,7 +21,25 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     if facts.uniform:
         names = ", ".join(map(label, facts.uniform))
         lines.append(f"no possible nominal inertia: {names}: a uniform body in its place; correct the robot model")
+    if names := ", ".join(map(label, links_without_size(estimate.model.robot))):
+        step = "give shapes in the robot model, or body: in the constraints"
+        lines.append(f"size not known: {names}: {1e3 * LEAST_RADIUS:.0f} mm about frame and nominal centre; {step}")
+    if misfits := nominal_misfits(estimate.model.robot):
+        names = ", ".join(map(label, misfits))
+        step = "state body: and thickness: in the constraints, or correct the robot model"
+        lines.append(f"nominal inertia beyond the size of the link: {names}: bounds widened to it; {step}")
     return [line for line in lines if line]
+
+
+def links_without_size(robot: Robot) -> list[str]:
+    """Return the links without shapes, children and named frames away from their own frame."""
+    found = []
+    for i, link in enumerate(robot.links):
+        places = [joint.translation for joint in robot.joints if joint.parent == i]
+        places += [frame.translation for frame in robot.frames.values() if frame.link == i]
+        if not link.shapes and not np.any(places):
+            found.append(link.name)
+    return found
 
 
 def cost_line(facts: Plausibility, test: Validation | None) -> str:

@@ -126,7 +126,7 @@ def largest_weight(rise: Callable[[float], float], limit: float) -> tuple[float,
     The rise grows with the weight: interpolated in logarithms until it is between :data:`ENOUGH` and 1 of the limit.
     """
     low, high, aim = (0.0, 0.0), (np.inf, np.inf), np.sqrt(ENOUGH) * limit
-    weight = 1.0
+    weight = 0.1  # a usual one: fewer solutions
     while high[0] > 1.05 * low[0]:
         value = rise(weight)
         if value <= limit:

@@ -64,6 +64,8 @@ class Consistent(Estimator):
             raise BadOption("metric", self.metric, f"choose one of: {', '.join(METRICS)}")
         if self.bodies not in BODIES:
             raise BadOption("bodies", self.bodies, f"choose one of: {', '.join(BODIES)}")
+        if self.bodies == "plausible" and self.metric != "natural":
+            raise BadOption("metric", self.metric, "plausible bodies have the pull-back metric; leave it out")
 
     @property
     def prior_pull(self) -> float:

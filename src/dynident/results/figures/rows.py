@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dynident.arrays import Array
 from dynident.results.figures import svg
@@ -75,7 +76,7 @@ class Intervals:
     half_widths: Array
 
     @property
-    def clear(self) -> Array:
+    def clear(self) -> NDArray[np.bool_]:
         """Whether each interval leaves out zero, shape (K,)."""
         return np.isfinite(self.half_widths) & (np.abs(self.values) > self.half_widths)
 

@@ -1,0 +1,171 @@
+"""Plausible bodies: on real logs beside the robot model and the free fit, and on virtual arms beside the truth.
+
+Real logs: the runs of benchmarks.real_data that have test data. Per moving link the mass over that of the robot model,
+the smallest radius of gyration over the extent of the link's geometry, and by how much the ellipsoid of equal density
+leaves the geometry; then the total, masses that the data contradict, and the test error over that of the free fit.
+Extent and geometry are those of ``dynident.model.plausible``: shapes, or 0.15 of the length to the children, 40 mm at
+least. Known truth: an arm whose robot model is the truth disturbed by 30 %, 20 draws; geodesic distance of the
+pseudo-inertias to the truth over that of the robot model, of links with a mean data share of 1/2 or more.
+
+Needs the logs under the folder that DYNIDENT_DATA names.
+Run: python -m benchmarks.bodies [real|truth]
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg
+
+from benchmarks.real_data import CASES, RUNS, data_of, how_of
+from dynident import DynamicModel, FourierSeries, Preprocessing, read_case, read_robot
+from dynident.data.log import Log
+from dynident.data.preprocessing import preprocess
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.identification.build_problem import build_problem
+from dynident.identification.estimate.plausibility import Plausibility
+from dynident.identification.estimators.consistent import Consistent
+from dynident.identification.fit import fit
+from dynident.identification.validate import validate_prepared
+from dynident.model.friction import FRICTION, Motion
+from dynident.model.friction.viscous import Viscous
+from dynident.model.inertia import Inertia
+from dynident.model.plausible import bounding_ellipsoid, link_points
+from dynident.studies.benchmark.possible_robots import described_truth, near, told
+
+PLAUSIBLE = Consistent(bodies="plausible")
+
+ARMS = ("generic-6r", "er16")
+
+DRAWS, SHARE, NOISE, RATE, DURATION = 20, 0.3, 0.05, 100.0, 20.0
+
+#: Directions in which the extent of an ellipsoid of equal density is compared with the geometry.
+_DIRECTIONS = np.random.default_rng(0).normal(size=(400, 3))
+
+
+def figures_of(robot, theta):
+    """Return mass ratios (NaN without a nominal mass), gyration over extent, ellipsoid over geometry, total ratio."""
+    rows, masses = [], []
+    for i, link in enumerate(robot.links):
+        body = Inertia.from_vector(theta[10 * i : 10 * i + 10])
+        nominal = np.nan if link.inertia is None or link.inertia.mass <= 0 else link.inertia.mass
+        centre = body.centre_of_mass
+        covariance = body.pseudo[:3, :3] / body.mass - np.outer(centre, centre)
+        space = bounding_ellipsoid(link_points(robot, i))
+        half = np.linalg.norm(_DIRECTIONS @ (space.rotation * space.semi_axes), axis=1)
+        reach = np.sqrt(5.0 * np.maximum(np.einsum("ki,ij,kj->k", _DIRECTIONS, covariance, _DIRECTIONS), 0.0))
+        ratio = np.max((np.abs(_DIRECTIONS @ (centre - space.centre)) + reach) / half)
+        rows.append(
+            (
+                body.mass / nominal,
+                np.sqrt(max(np.linalg.eigvalsh(covariance)[0], 0.0)) / (2.0 * np.max(space.semi_axes)),
+                ratio,
+            )
+        )
+        masses.append((body.mass, nominal))
+    known = np.array([pair for pair in masses if pair[1] == pair[1]]).reshape(-1, 2)
+    return np.array(rows), known[:, 0].sum() / max(known[:, 1].sum(), 1e-300)
+
+
+def real():
+    """Print the links of each run in the robot model, free and plausible, and the test errors."""
+    heads = (
+        "case",
+        "data",
+        "links",
+        "mass / model",
+        "total",
+        "gyration / extent",
+        "ellipsoid / geometry",
+        "contradicted",
+    )
+    print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
+    ratios = []
+    for name, data, change in RUNS:
+        case = read_case(CASES / f"{name}.yaml")
+        train, test = data_of(case, change)
+        if not test:
+            continue
+        more = tuple(FRICTION.make(part) for part in change.get("friction") or ())
+        model = replace(case.model, friction=(*case.friction, *more))
+        problem = build_problem(model, train, how_of(case, change))
+        prepared = [preprocess(log.ordered(model.robot.joint_names), problem.preprocessing) for log in test]
+        bodies = {"robot model": model.robot.nominal}
+        errors = []
+        for kind, estimator in (("free", Consistent()), ("plausible", PLAUSIBLE)):
+            estimate = fit(problem, estimator)
+            errors.append(validate_prepared(model, problem.base, prepared, estimate.beta).total_relative_error)
+            bodies[kind] = estimate.theta
+        facts = Plausibility.of(estimate.extras)
+        named = ", ".join(f"{mass.name} ({100 * mass.gain:.2g} %)" for mass in facts.contradicted) or "none"
+        for kind, theta in bodies.items():
+            rows, total = figures_of(model.robot, theta)
+            masses = f"{np.nanmin(rows[:, 0]):.2f} to {np.nanmax(rows[:, 0]):.2f}"
+            figures = f"{masses} | {total:.2f} | {np.min(rows[:, 1]):.3f} | {np.max(rows[:, 2]):.2f}"
+            print(f"| {name} | {data} | {kind} | {figures} | {named if kind == 'plausible' else ''} |", flush=True)
+        ratios.append((name, data, errors[0], errors[1]))
+    print("\n| case | data | test error, free | plausible | ratio |\n|---|---|---|---|---|")
+    for name, data, free, plausible in ratios:
+        print(f"| {name} | {data} | {100 * free:.3g} % | {100 * plausible:.3g} % | {plausible / free:.4f} |")
+    sets = {name: [b / a for other, _, a, b in ratios if other == name] for name, *_ in ratios}
+    means = {name: np.exp(np.mean(np.log(values))) for name, values in sets.items()}
+    print(f"\ngeometric mean of the sets: {np.exp(np.mean(np.log(list(means.values())))):.4f}")
+
+
+def truth():
+    """Print the geodesic distance to the truth over that of the robot model."""
+    heads = ("arm", "links", "number", "nearer than the model", "median ratio", "90 %", "largest")
+    print(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|")
+    for name in ARMS:
+        model = DynamicModel(read_robot(name), (Viscous(),))
+        theta = described_truth(model)
+        found = {"free": [], "plausible": []}
+        for seed in range(DRAWS):
+            nominal = near(model, theta, seed, SHARE)
+            problem = build_problem(
+                told(model, nominal), [log_of(model, theta, seed)], Preprocessing(AsGiven(), rest="keep")
+            )
+            solutions = {"free": Consistent().solve(problem), "plausible": PLAUSIBLE.solve(problem)}
+            shares = np.array(solutions["free"].extras["data_share"])[: model.inertial_count].reshape(-1, 10)
+            for kind, solution in solutions.items():
+                for i in np.flatnonzero(shares.mean(axis=1) >= 0.5):
+                    own = [values[10 * i : 10 * i + 10] for values in (solution.theta, nominal, theta)]
+                    found[kind].append(distance(own[0], own[2]) / distance(own[1], own[2]))
+        for kind, values in found.items():
+            print(
+                f"| {name} | {kind} | {len(values)} | {100 * np.mean(np.array(values) < 1):.0f} % | "
+                f"{np.median(values):.2f} | {np.quantile(values, 0.9):.2f} | {np.max(values):.2f} |",
+                flush=True,
+            )
+
+
+def distance(a, b):
+    """Return the affine-invariant distance of two bodies (Lee and Park 2018, (9)), up to a factor."""
+    values = scipy.linalg.eigh(Inertia.from_vector(a).pseudo, Inertia.from_vector(b).pseudo, eigvals_only=True)
+    return np.sqrt(np.sum(np.log(np.maximum(values, 1e-300)) ** 2))
+
+
+def log_of(model, theta, seed):
+    """Return a log of a fifth-order Fourier motion with exact derivatives and white noise in the torques."""
+    generator = np.random.default_rng(seed)
+    sine, cosine = 0.4 * generator.normal(size=(2, model.robot.dof, 5)) / np.arange(1, 6)
+    time = np.arange(int(RATE * DURATION)) / RATE
+    q, dq, ddq = FourierSeries(np.zeros(model.robot.dof), sine, cosine, DURATION / 4).evaluate(time)
+    torque = model.torque(Motion(q, dq, ddq), theta)
+    torque = torque + NOISE * np.std(torque, axis=0) * generator.normal(size=torque.shape)
+    return Log(model.robot.joint_names, time, q, dq, ddq, torque)
+
+
+def main() -> None:
+    wanted = sys.argv[1:] or ["real", "truth"]
+    if "real" in wanted:
+        real()
+    if "truth" in wanted:
+        print()
+        truth()
+
+
+if __name__ == "__main__":
+    main()
