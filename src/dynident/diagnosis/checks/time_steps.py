@@ -45,7 +45,7 @@ def _unit(subject: CheckedLog, middle: float) -> Finding:
     plain = middle * UNITS["time"][unit][0][1]
     usual = time_units(plain) or time_units(plain, POSSIBLE_STEPS)
     remedy = f"state the unit of the time column (log: units: {{time: {usual[0]}}})" if usual else "check the column"
-    evidence = f"the median step is {plain:.4g} {unit}, {1 / middle:.4g} rows a second"
+    evidence = f"the median step is {plain:.4g} {unit}, {1 / middle:.4g} samples a second"
     return Finding("error", "time unit", "", evidence, remedy, {"median_step_s": middle})
 
 
@@ -62,7 +62,7 @@ def _gaps(subject: CheckedLog, middle: float) -> list[Finding]:
     numbers = {"gaps": len(long), "longest_s": float(steps[worst])}
     if steps[worst] > longest_step(middle, subject.case.preprocessing.longest_gap_s):
         return [Finding("error", "gap in time", "", evidence, gap_remedy(float(steps[worst])), numbers)]
-    remedy = "rows near them are left out of the fit; look for what stopped the recorder"
+    remedy = "samples near them are left out of the fit; look for what stopped the recorder"
     return [Finding("warning", "gap in time", "", evidence, remedy, numbers)]
 
 

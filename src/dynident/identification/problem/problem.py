@@ -25,7 +25,7 @@ from dynident.model.reduction import Reduced, Triangle, reduce
 
 @dataclass(frozen=True)
 class Rows:
-    """The observation matrix in full, joint by joint, rows at rest left out.
+    """The observation matrix in full, joint by joint, samples at rest left out.
 
     Attributes:
         matrix: W, shape (r, b).
@@ -73,7 +73,7 @@ class Problem:
         load: Base parameters whose torque without friction loads the drives, shape (b,); None where no part asks.
         choices: What was chosen on the way to the problem, such as the delay of each log; goes with the estimate.
         constraints: What is known about bodies beforehand; estimators of possible robots keep it, others do not.
-        prior: Standard parameters known beforehand, in place of the description's; None for the description's.
+        prior: Standard parameters known beforehand, in place of the robot model's; None for the robot model's.
         left: What is known of rows that are gone; None where logs and rows are there.
         kept: The rows of the logs, where they were made already and fit into memory.
     """
