@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.log import Log
-from dynident.data.preprocessing._shift import shifted
+from dynident.data.preprocessing._local_polynomials import shifted
 from dynident.data.preprocessing._thinning import Thinning
 from dynident.data.preprocessing.base import Filter
 from dynident.data.turns import jumps_of_a_turn
