@@ -70,7 +70,7 @@ class Bench:
 def known_gains(bench, kind, generator, memory, method):
     """Return the gains of one run and the true ones."""
     without, loaded = bench.noisy(generator, memory)
-    if kind == "prior":  # links that are lighter or heavier than the description says
+    if kind == "prior":  # links that are lighter or heavier than the robot model says
         factors = 1.0 + TOLD * generator.normal(size=len(bench.model.robot.links))
         theta = bench.model.robot.nominal * np.repeat(factors, 10)
         return gains_from_prior(bench.model, [without], theta, TOLD, options=GainOptions(method=method)), GAINS

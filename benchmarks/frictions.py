@@ -45,7 +45,7 @@ class Virtual:
     Attributes:
         bodies: Its joints and links.
         friction: Parts that are there: name, options, and for each joint the coefficient, or a row of them.
-        rate: Rows a second.
+        rate: Samples a second.
         late: Samples by which the torque lags behind.
         first: Lowest frequency of its motion in Hz, of five harmonics.
         share: Share of the largest speeds that it reaches.
@@ -254,7 +254,7 @@ def motion_of(virtual: Virtual, seed: int, first: float) -> FourierSeries:
 
 
 def logged(name: str, virtual: Virtual, folder: Path) -> list[Path]:
-    """Write the description, two logs to learn from and one on another motion to test on."""
+    """Write the robot model, two logs to learn from and one on another motion to test on."""
     (folder / "robot.urdf").write_text(urdf(name, virtual.bodies))
     (folder / "truth.urdf").write_text(urdf(name, virtual.bodies, seed=len(name)))
     robot = read_robot(str(folder / "truth.urdf"))

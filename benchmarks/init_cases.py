@@ -1,6 +1,6 @@
 """Case files that ``dynident init`` drafts for real logs, beside those written by hand.
 
-``init`` drafts a case of each set from its description and logs; only what the draft asks for is filled in, from the
+``init`` drafts a case of each set from its robot model and logs; only what the draft asks for is filled in, from the
 table of answers below; the case and the hand-written one then learn from and are tested on the same rows. The error is
 the held-out total relative error, of both under the filter of the hand-written case, and of the draft under its own.
 
@@ -40,7 +40,7 @@ class Set:
     """A set of logs: the arguments of ``init``, and what is known beside the logs.
 
     Attributes:
-        robot: Robot description.
+        robot: Robot model.
         train: Logs to learn from.
         test: Logs to test on; empty where the rows of one log are split as the hand-written case says.
         answers: Answer by words of the question.

@@ -77,7 +77,7 @@ def panda() -> None:
     inertial = case.model.inertial_count
     nominal, found = case.model.robot.nominal, possible.theta
     if nominal is None or found is None:
-        raise SystemExit("the description has no inertias, or the consistent fit no links")
+        raise SystemExit("the robot model has no inertias, or the consistent fit no links")
     published = np.append(nominal, np.zeros(len(case.model.parameters) - inertial))
     reference, spread = free.base.from_standard(published), np.sqrt(np.diag(free.covariance))
     own = [k for k, lead in enumerate(free.base.independent) if lead < inertial]

@@ -48,7 +48,10 @@ PHRASES = {
     r"takes off (?:\[|%)": "error reduction [%]",
     r"how far to trust": "diagnostics",
     r"hopeless|\bastray\b": "tracking_error_limit, abort_error_ratio",
+    r"\brows (?:a second|kept|at rest|near gaps|dropped)\b|\brows:\.\.\.|--split rows": "samples",
 }
+#: What whole pages must not have either, code and all.
+PAGE_PHRASES = (r"\brobot descriptions?\b", r"\brows (?:a second|kept|at rest|near gaps|dropped)\b", r"--split rows")
 _PATTERNS = {re.compile(phrase, re.IGNORECASE): term for phrase, term in PHRASES.items()}
 
 
@@ -77,6 +80,13 @@ def headings(file: Path) -> Iterator[tuple[int, str]]:
             yield number, line
 
 
+def page_lines(file: Path) -> Iterator[tuple[int, str]]:
+    """Yield each phrase in the body of a page that no page may have; headings are looked at for all phrases."""
+    for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+        if not line.startswith("#"):
+            yield from ((number, found.group(0)) for phrase in PAGE_PHRASES for found in re.finditer(phrase, line))
+
+
 def lines(file: Path) -> Iterator[tuple[int, str]]:
     """Yield the lines of a template, comments of the code aside."""
     for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
@@ -92,7 +102,8 @@ def texts(root: Path = ROOT) -> Iterator[tuple[str, int, str]]:
         if read:
             yield from ((file.relative_to(root).as_posix(), number, text) for number, text in read(file))
     for file in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
-        yield from ((file.relative_to(root).as_posix(), number, text) for number, text in headings(file))
+        for read in (headings, page_lines):
+            yield from ((file.relative_to(root).as_posix(), number, text) for number, text in read(file))
 
 
 def hits(root: Path = ROOT) -> Iterator[str]:

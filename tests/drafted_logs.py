@@ -21,7 +21,7 @@ from dynident.model.robot import Robot
 
 
 def moved(robot: Robot, samples: int = 600, rate: float = 100.0, seed: int = 1) -> dict[str, Array]:
-    """Return time (N,) and q, dq, torque (N, n) of a motion with the description's masses and some friction."""
+    """Return time (N,) and q, dq, torque (N, n) of a motion with the robot model's masses and some friction."""
     generator = np.random.default_rng(seed)
     time = np.arange(samples) / rate
     q, dq, ddq = (np.zeros((samples, robot.dof)) for _ in range(3))

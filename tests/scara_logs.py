@@ -1,4 +1,4 @@
-"""Logs of a small arm with two revolute joints, a slide and a wrist, as its description has it, with friction."""
+"""Logs of a small arm with two revolute joints, a slide and a wrist, as its robot model has it, with friction."""
 
 from __future__ import annotations
 

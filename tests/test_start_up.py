@@ -72,7 +72,7 @@ def write_arm_and_log(tmp_path: Path, planar_2r: Robot, exact_log: Callable[...,
 
 
 def test_the_usual_commands_load_nothing_slow(tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log]) -> None:
-    """From the description of an arm and its log to a report, in one process."""
+    """From the robot model of an arm and its log to a report, in one process."""
     write_arm_and_log(tmp_path, planar_2r, exact_log)
     code = "\n".join(
         [

@@ -35,6 +35,14 @@ def test_a_phrase_is_found_where_it_is_read(tmp_path: Path, place: str, text: st
 
 
 @pytest.mark.parametrize(
+    "text", ["Give the robot description.", "`--rate`: rows a second", "dynident --split rows:0:1"]
+)
+def test_old_names_are_found_in_the_body_of_a_page(tmp_path: Path, text: str) -> None:
+    _write(tmp_path, "docs/page.md", f"# Title\n\n{text}\n")
+    assert len(list(words.hits(tmp_path))) == 1
+
+
+@pytest.mark.parametrize(
     ("place", "text"),
     [
         ("src/dynident/check.py", f'"""{PHRASE}"""\n\n\ndef f():\n    """{PHRASE}"""\n'),

@@ -120,7 +120,7 @@ KINDS = (
     Kind(
         "joint never moved", ("joint never moved",), lambda c, s, g: put.still(c, int(s), g), joint=lambda c, s: int(s)
     ),
-    Kind("standstill [share]", ("standstill",), put.pause, fixed=(0.55, 0.7, 0.9), why="rows at rest are left out"),
+    Kind("standstill [share]", ("standstill",), put.pause, fixed=(0.55, 0.7, 0.9), why="samples at rest are left out"),
     Kind(
         "sign of torque", ("torque sign",), lambda c, s, g: put.turned(c, ("tau",), int(s)), joint=lambda c, s: int(s)
     ),

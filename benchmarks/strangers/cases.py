@@ -25,7 +25,7 @@ class Stranger:
     Attributes:
         bodies: Its joints and links.
         drives: What moves it.
-        rate: Rows a second.
+        rate: Samples a second.
         seconds: Length of the logs to learn from; that to test on has two thirds of it.
         first: Lowest frequency of its motion in Hz, of five harmonics.
         share: Share of the largest speeds that it reaches.

@@ -73,7 +73,7 @@ def cylinder(mass: float, radius: float, length: float, axis: int) -> list[float
 
 
 def urdf(name: str, bodies: Sequence[Body], seed: int | None = None) -> str:
-    """Return the description; with a seed that of a robot whose bodies are drawn about the described ones."""
+    """Return the robot model; with a seed that of a robot whose bodies are drawn about the described ones."""
     generator = None if seed is None else np.random.default_rng(seed)
     parts, parent = [f'<robot name="{name}">', '<link name="base_link"/>'], "base_link"
     for k, body in enumerate(bodies):

@@ -63,7 +63,7 @@ class FileError(DynidentError):
 
 
 class DescriptionError(DynidentError):
-    """A robot description or case file with a fault; ``where`` names the link, the joint, the line or the key."""
+    """A robot model or case file with a fault; ``where`` names the link, the joint, the line or the key."""
 
     def __init__(self, path: object, where: str, evidence: str, step: str) -> None:
         self.path, self.where, self.evidence, self.step = str(path), where, evidence, step

@@ -140,7 +140,7 @@ def test_gaps_are_bridged_as_long_as_they_are(arm: str, motion: dict[str, Array]
     run = write_log(tmp_path / "run.csv", numbered({**motion, "time": time}))
     draft = draft_case(arm, run, tmp_path)
     (remark,) = draft.remarks
-    assert re.fullmatch(r"run.csv has gaps in time, the longest of 1.5\d? s: rows near them are left out", remark)
+    assert re.fullmatch(r"run.csv has gaps in time, the longest of 1.5\d? s: samples near them are left out", remark)
     assert read(draft, tmp_path).preprocessing.longest_gap_s == pytest.approx(1.7, abs=0.05)
     time[300:] += 60.0
     far = draft_case(arm, write_log(tmp_path / "far.csv", numbered({**motion, "time": time})), tmp_path)
@@ -264,7 +264,7 @@ def test_two_groups_that_fit_equally_are_asked(arm: str, motion: dict[str, Array
 def test_an_effort_whose_name_is_not_understood_is_asked_about(
     arm: str, motion: dict[str, Array], tmp_path: Path
 ) -> None:
-    """The description's masses confirm it, then a comment asks; else an answer is needed."""
+    """The robot model's masses confirm it, then a comment asks; else an answer is needed."""
     for factor, needed in ((1.0, False), (0.05, True)):
         log = write_log(
             tmp_path / "run.csv", numbered({**motion, "torque": factor * motion["torque"]}, torque="tau_b{}")
@@ -307,7 +307,7 @@ def test_units_are_looked_at_where_a_rate_stands_for_the_time(
     found, log = case.read(case.train[0]), other_case.read(other_case.train[0])
     for one, other in ((found.time, log.time), (found.q, log.q), (found.torque, log.torque)):
         np.testing.assert_allclose(np.asarray(one), np.asarray(other), atol=1e-9)
-    with pytest.raises(BadOption, match="rate = '0' is not possible; give the rows a second, above 0"):
+    with pytest.raises(BadOption, match="rate = '0' is not possible; give the samples a second, above 0"):
         draft_case(arm, timeless, tmp_path, rate_hz=0.0)
     with pytest.raises(BadOption, match="leave the profile out, it names a column of the time"):
         draft_case(arm, timeless, tmp_path, rate_hz=100.0, profile="franka")

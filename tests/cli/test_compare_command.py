@@ -33,7 +33,7 @@ Capture = pytest.CaptureFixture[str]
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory, planar_2r: Robot, exact_log: Callable[..., Log]) -> Path:
-    """A robot with friction in its description, the same without inertias, two logs, and a case."""
+    """A robot with friction in its robot model, the same without inertias, two logs, and a case."""
     place = tmp_path_factory.mktemp("cell")
     joints = tuple(replace(joint, damping=0.3, friction=0.5) for joint in planar_2r.joints)
     robot = replace(planar_2r, joints=joints)
@@ -67,7 +67,7 @@ def test_the_table_is_in_the_order_of_the_test_error(capsys: Capture) -> None:
         assert heading in head
     names = [row.split()[0] for row in rows]
     assert sorted(names) == ["consistent", "de:iterations=3", "map", "ols", "wls"]
-    assert names[-2:] == ["de:iterations=3", "map"]  # map asks for inertias that the description does not state
+    assert names[-2:] == ["de:iterations=3", "map"]  # map asks for inertias that the robot model does not state
     errors = [float(row.split()[1]) for row in rows[:-1]]
     assert errors == sorted(errors)
     assert re.search(r"^map: .*; .*$", shown, re.MULTILINE)

@@ -104,7 +104,7 @@ def test_what_to_record_next(robot: str, capsys: pytest.CaptureFixture[str]) -> 
     assert main([*command, "next.json", *known, "--repeats", "2"]) == 0
     shown = capsys.readouterr().out
     assert "noise: residuals of estimate.json; torque limits: estimate.json, 2 sigmas free" in shown
-    # two periods of 6 s, at the rows a second that the estimate's noise is of
+    # two periods of 6 s, at the samples a second that the estimate's noise is of
     rows = 12 * float(str(read_estimate("estimate.json").train.filter["rate_hz"]))
     assert f"Expected from {rows:.0f} independent samples of each joint, " in shown
     assert "known before: estimate.json." in shown

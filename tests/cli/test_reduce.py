@@ -90,7 +90,7 @@ def test_large_logs_are_reduced_as_a_stream_by_themselves(
         assert main(["identify", "case.yaml", "--estimator", estimator, "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["extras"].get("streamed", False) is streamed
     assert main(["identify", "case.yaml", "--estimator", "huber", "--cross-validate", "0"]) == 0
-    assert "are read into memory: the estimator needs the rows" in capsys.readouterr().err
+    assert "are read into memory: the estimator needs the samples" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("split", ["first:0.6", "samples:300:1500,1600:2400"])

@@ -72,7 +72,7 @@ def test_the_cell_of_the_case_is_the_one_that_is_rehearsed(
     stage = {f"stages[].{key}" for key in found["stages"][0]} - {"stages[].joints", "stages[].parameters"}
     assert keys == {*found, *stage, *inner(found["stages"][0])} - {"schema", "stages"}
     main([*command, "--quiet", "--set", "ripple.amplitude=0.1"])
-    assert "virtual cell: pid at 2000 Hz, 500 rows a second; beside the default: ripple" in capsys.readouterr().out
+    assert "virtual cell: pid at 2000 Hz, 500 samples a second; beside the default: ripple" in capsys.readouterr().out
     assert main([*command, "--set", "effort.noise=-1"]) == 1
     assert "effort.noise" in capsys.readouterr().err
 

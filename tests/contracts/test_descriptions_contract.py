@@ -1,4 +1,4 @@
-"""What every reader of robot descriptions must do: read the same robot every time, and refuse damage by name."""
+"""What every reader of robot models must do: read the same robot every time, and refuse damage by name."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ FRICTIONS = ("coulomb", "viscous", "offset", "rotor_inertia")
 
 @pytest.fixture(scope="module")
 def estimates(request: pytest.FixtureRequest, exact_log: Callable[..., Log]) -> dict[str, Estimate]:
-    """Return a consistent estimate of each robot, the values those of its description and drawn friction."""
+    """Return a consistent estimate of each robot, the values those of its robot model and drawn friction."""
     return {name: made(request.getfixturevalue(name), exact_log) for name in ROBOTS}
 
 
@@ -42,7 +42,7 @@ def made(robot: Robot, exact_log: Callable[..., Log], estimator: str = "consiste
 
 
 def drawn(model: DynamicModel) -> Array:
-    """Return the bodies of the description with drawn friction, shape (p,)."""
+    """Return the bodies of the robot model with drawn friction, shape (p,)."""
     theta = model.nominal()
     assert theta is not None
     theta = theta.copy()

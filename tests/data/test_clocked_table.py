@@ -46,7 +46,7 @@ def test_a_rate_has_no_unit_and_is_one(columns: dict[str, np.ndarray], tmp_path:
     np.savez(path, **columns)  # type: ignore[arg-type]
     with pytest.raises(BadOption, match=r"units\.time.*made of the rate 200 Hz"):
         read_log(path, replace(RATE, units=Units(time="ms")))
-    with pytest.raises(BadOption, match="rows a second"):
+    with pytest.raises(BadOption, match="samples a second"):
         read_log(path, ColumnMap(time="0 Hz"))
     with pytest.raises(LogFormatError, match="no column 't'"):
         read_log(path)

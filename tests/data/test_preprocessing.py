@@ -257,7 +257,7 @@ def test_rows_are_trimmed_and_thinned_after_the_filter():
     np.testing.assert_array_equal(prepared.keep, np.arange(100, 901, 4))  # both ends of the trim are rows
     np.testing.assert_array_equal(prepared.kept.q, FivePoint().apply(log).q[prepared.keep])
     assert prepared.log.samples == 1001
-    assert "201 of 1001 rows kept" in prepared.kept.source.steps[-1]
+    assert "201 of 1001 samples kept" in prepared.kept.source.steps[-1]
     everything = preprocess(log, Preprocessing(FivePoint()))
     np.testing.assert_array_equal(everything.keep, np.arange(1001))
     np.testing.assert_array_equal(everything.kept.q, everything.log.q)
@@ -311,7 +311,7 @@ def test_a_statement_names_filter_and_rows():
         (lambda: FourierFit(torque_repeats=-1), "torque_repeats = -1 is not possible; give 0 or more"),
         (
             lambda: Preprocessing(FivePoint(), rate_hz=0.0),
-            "rate_hz = 0.0 is not possible; give the rows a second to keep, above 0",
+            "rate_hz = 0.0 is not possible; give the samples a second to keep, above 0",
         ),
         (lambda: Preprocessing(FivePoint(), trim_s=-1.0), "trim_s = -1.0 is not possible; give seconds, 0 or more"),
         (
@@ -427,7 +427,7 @@ def test_a_longer_gap_is_refused_with_what_bridges_it():
         preprocess(broken, Preprocessing(Butterworth(5.0)))
     assert str(caught.value) == (
         "simulated log: a gap of 2.005 s after sample 1000; "
-        "leave the rows near it out (preprocessing: {longest_gap_s: 2.2}), or split the log there"
+        "leave the samples near it out (preprocessing: {longest_gap_s: 2.2}), or split the log there"
     )
     assert len(preprocess(broken, Preprocessing(Butterworth(5.0), longest_gap_s=2.2)).keep) > 3000
     with pytest.raises(BadOption, match="longest_gap_s = 0 is not possible; give seconds, above 0"):

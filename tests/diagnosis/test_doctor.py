@@ -32,7 +32,7 @@ from dynident.model.friction import FRICTION, default_friction
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
 
-#: Half the rows a second of the benchmark.
+#: Half the samples a second of the benchmark.
 RATE = 100.0
 
 #: Strengths of the kinds whose smallest one the benchmark looks for.

@@ -234,7 +234,7 @@ def test_a_run_designed_after_another_tells_more_than_the_same_run_again(criteri
 
 
 def run_information(model: DynamicModel, plan: Plan, noise: list[float]) -> Array:
-    """Return the information of 200 rows a second of one period, from the whole regressor."""
+    """Return the information of 200 samples a second of one period, from the whole regressor."""
     from dynident.model.friction import Motion
 
     count = 1200

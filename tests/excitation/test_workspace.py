@@ -156,7 +156,7 @@ def test_faults(fault: str, write: Write) -> None:
 
 
 def test_meshes_are_looked_for_beneath_the_stated_folders_only(write: Write, tmp_path: Path) -> None:
-    """A mesh beside the description is read; one above it is not."""
+    """A mesh beside the robot model is read; one above it is not."""
     case = read_case(write("floor: -1"))
     assert case.workspace is not None
     corners = Box(np.array([0.5, 0.1, 0.1])).corners

@@ -33,7 +33,7 @@ def model_of(robot: Robot, *friction: str) -> DynamicModel:
 
 
 def bare(robot: Robot) -> Robot:
-    """Return the robot without the inertias of its description."""
+    """Return the robot without the inertias of its robot model."""
     return replace(robot, links=tuple(Link(link.name) for link in robot.links))
 
 

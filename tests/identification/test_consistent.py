@@ -42,12 +42,12 @@ def model_of(robot: Robot, *friction: str) -> DynamicModel:
 
 
 def bare(robot: Robot) -> Robot:
-    """Return the robot without the inertias of its description."""
+    """Return the robot without the inertias of its robot model."""
     return replace(robot, links=tuple(Link(link.name) for link in robot.links))
 
 
 def theta_of(model: DynamicModel, mass: float = 1.0, length: float = 1.0) -> Array:
-    """Return a possible truth: the inertias of the description, and friction in the same units."""
+    """Return a possible truth: the inertias of the robot model, and friction in the same units."""
     assert model.robot.nominal is not None
     sizes = {"N m": mass * length**2, "N m s/rad": mass * length**2, "kg m^2": 0.02 * mass * length**2,
              "N": mass * length, "N s/m": mass * length, "kg": 0.02 * mass}  # fmt: skip
@@ -298,7 +298,7 @@ def test_a_truth_on_the_edge_of_the_possible(spatial_3r: Robot, exact_log: MakeL
 
 
 def test_what_the_data_leave_open_stays_at_the_description(planar_2r: Robot, exact_log: MakeLog) -> None:
-    """The mass of link 1 moves no torque: it is that of the description, and follows when another one is given."""
+    """The mass of link 1 moves no torque: it is that of the robot model, and follows when another one is given."""
     model = model_of(planar_2r, "viscous")
     theta = theta_of(model)
     log = exact_log(model, theta, noise=0.01)

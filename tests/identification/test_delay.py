@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, preprocess
-from dynident.data.preprocessing._shift import fractional_shift, shifted
+from dynident.data.preprocessing._local_polynomials import fractional_shift, shifted
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.errors import BadOption

@@ -1,4 +1,4 @@
-"""Stated values of friction fields that give way to those of held-out rows, and those that stand."""
+"""Stated values of friction fields that give way to those of held-out samples, and those that stand."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_a_width_that_is_right_stands(planar_2r: Robot, exact_log: MakeLog, seed
 
 
 def test_what_only_some_stretches_ask_for_is_not_taken(planar_2r: Robot, exact_log: MakeLog) -> None:
-    """One log of five has another width: the best of all rows is another one, held-out rows are not sure of it."""
+    """One log of five has another width: the best of all rows is another one, held-out samples are not sure of it."""
     usual, other = (
         [
             logged(

@@ -64,7 +64,7 @@ def test_an_estimate_is_whole(model: DynamicModel, log: Log) -> None:
     assert estimate.columns.joints == model.robot.joint_names and estimate.preprocessing is GIVEN
     assert estimate.provenance["versions"]["numpy"] == np.__version__
     (kept,) = estimate.provenance["logs"]
-    assert kept["steps"][0] == "signals as given" and kept["steps"][1].startswith("400 of 400 rows kept")
+    assert kept["steps"][0] == "signals as given" and kept["steps"][1].startswith("400 of 400 samples kept")
     assert estimate.run.seconds >= 0 and estimate.run.iterations >= 1
     assert steps == ["preprocessing", "base parameters", "reduction", "estimator wls"]
     np.testing.assert_allclose(estimate.joint_deviations, NOISE, rtol=0.15)

@@ -25,7 +25,7 @@ from dynident.model.reduction import Reduced, least_squares
 
 @pytest.fixture(scope="module", params=["given", "filtered"])
 def problem(request, spatial_3r, exact_log):
-    """Return a noisy problem, with rows at rest left out and rows thinned where it is filtered."""
+    """Return a noisy problem, with samples at rest left out and rows thinned where it is filtered."""
     model = DynamicModel(spatial_3r, (Coulomb(), Viscous()))
     theta = np.append(spatial_3r.nominal, np.tile([1.0, 0.5], 3))
     log = exact_log(model, theta, noise=0.3, samples=700)

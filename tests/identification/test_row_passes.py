@@ -20,7 +20,7 @@ from noisy_arms import Bench
 
 @pytest.fixture(scope="module", params=["given", "filtered"])
 def problem(request: pytest.FixtureRequest, spatial_3r: Robot, exact_log: Callable[..., Log]) -> Problem:
-    """Return a problem of two logs, once with rows at rest left out and only every other row kept."""
+    """Return a problem of two logs, once with samples at rest left out and only every other row kept."""
     bench = Bench(spatial_3r, exact_log, samples=1300)
     if request.param == "given":
         return bench.problem(bench.white(0), cuts=(500,))

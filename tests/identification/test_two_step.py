@@ -70,7 +70,9 @@ def test_errors_are_as_large_as_stated(kind: str, bench: Bench) -> None:
 
 
 def test_too_few_slow_samples_are_refused(bench: Bench) -> None:
-    with pytest.raises(PoorExcitation, match=r"friction in the rows with little acceleration, undetermined: .*share"):
+    with pytest.raises(
+        PoorExcitation, match=r"friction in the samples with little acceleration, undetermined: .*share"
+    ):
         TwoStep(share=0.005).solve(bench.problem(bench.white(0)))
 
 

@@ -184,7 +184,7 @@ def check_invariance(model: DynamicModel, seed: int) -> None:
     theta = np.random.default_rng(seed).normal(size=regressor.shape[1])
     torque = regressor @ theta
     norms = np.linalg.norm(regressor, axis=0)
-    # A column this small is taken for rounding of the description; the torque then lacks what it gives.
+    # A column this small is taken for rounding of the robot model; the torque then lacks what it gives.
     tiny = bool(np.any((norms > 1e-14 * norms.max()) & (norms < 2 * ZERO * norms.max())))
     size = (1e-4 if tiny else 1e-9) * float(np.abs(torque).max())
     np.testing.assert_allclose(regressor[:, base.independent] @ base.from_standard(theta), torque, atol=size)

@@ -58,7 +58,7 @@ def whole() -> PlanView:
     clearance = clearance_of(robot, around())
     plan = plan_of(robot, friction=["viscous"], outlook=OUTLOOK)
     check = recheck(plan, model, theta=theta, clearance=clearance)
-    return PlanView(plan, check, robot, model, theta, around(), clearance, "the masses of the description", "plan.json")
+    return PlanView(plan, check, robot, model, theta, around(), clearance, "the masses of the robot model", "plan.json")
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,7 @@ def test_the_page_is_complete_in_itself(whole: PlanView) -> None:
     for words in ("Excitation of arm", "Nearest pairs", "Expected standard deviations", "How it was checked"):
         assert words in said
     assert "torque [N·m]" in drawings[2] and "Around it: floor, shelf." in drawings[1]
-    assert "torques: computed again with the masses of the description" in said
+    assert "torques: computed again with the masses of the robot model" in said
 
 
 def test_without_the_robot_the_page_asks_for_it(alone: PlanView) -> None:

@@ -31,7 +31,7 @@ WEAKNESSES = {
 
 
 def plain(value: Any) -> Any:
-    """Return what a template shows as plain data: of a figure its name and its description."""
+    """Return what a template shows as plain data: of a figure its name and its robot model."""
     if isinstance(value, Drawing):
         return f"{value.stem}: {value.partition('<desc>')[2].partition('</desc>')[0]}"
     if isinstance(value, Mapping):

@@ -50,7 +50,7 @@ def course(joints: int, seed: int = 0, samples: int = 1500) -> tuple[Array, Moti
 def written(
     folder: Path, robot: Robot, change: Callable[[Motion], Motion] = lambda motion: motion, offset: Array | float = 0.0
 ) -> None:
-    """Write a robot, the case and a log of a motion of it with the torque of its description and 1 % of noise."""
+    """Write a robot, the case and a log of a motion of it with the torque of its robot model and 1 % of noise."""
     (folder / "arm.json").write_text(json.dumps(robot_to_dict(robot)))
     model = DynamicModel(robot, ("viscous",))  # type: ignore[arg-type]
     assert robot.nominal is not None
@@ -64,7 +64,7 @@ def written(
 
 
 def truth(robot: Robot) -> Array:
-    """Return bodies of the description and a tenth of the largest of them as viscous friction."""
+    """Return bodies of the robot model and a tenth of the largest of them as viscous friction."""
     assert robot.nominal is not None
     return np.append(robot.nominal, np.full(robot.dof, 0.1 * np.abs(robot.nominal[:6]).max()))
 

@@ -90,7 +90,7 @@ def digest_of_large_logs(
     size = sum(size_of(str(case.place(name))) for name in case.train)
     if size <= LARGE:
         return None
-    why = _why_not_streamed(case, estimator) or (f"{needs_rows} needs the rows" if needs_rows else "")
+    why = _why_not_streamed(case, estimator) or (f"{needs_rows} needs the samples" if needs_rows else "")
     if why:
         progress(f"logs of {size >> 20} MiB are read into memory: {why}")
         return None
@@ -110,7 +110,7 @@ def _why_not_streamed(case: Case, estimator: Estimator) -> str:
         return "the test part is needed as well"
     if case.preprocessing.filter.span(1000.0) is None:
         return "the filter needs the whole log at once"
-    return "" if estimator.from_triangles else "the estimator needs the rows"
+    return "" if estimator.from_triangles else "the estimator needs the samples"
 
 
 def digest_of_file(case: Case, path: str, estimator: Estimator) -> Digest:

@@ -25,7 +25,7 @@ class CaseOptions:
         split: How one log becomes a training and a test part, such as ``first:0.67``.
         has_test_logs: Whether test logs are given, which take the place of the case's split.
         cutoff: Cut-off of the Butterworth filter in Hz, or ``auto``.
-        rate: Rows a second, ``all`` or ``auto``.
+        rate: Samples a second, ``all`` or ``auto``.
         delay: Seconds by which torques lag behind positions, or ``auto``.
         prior: File with inertias known beforehand.
         constraints: File with constraints.
@@ -75,7 +75,7 @@ def _with_preprocessing(case: Case, options: CaseOptions) -> Case:
             rows = default_preprocessing().rows_per_period if options.rate == AUTO else None
             preprocessing = replace(preprocessing, rate_hz=rate, rows_per_period=rows)
         except ValueError:
-            raise BadOption("rate", options.rate, "give rows a second, 'all' or 'auto'") from None
+            raise BadOption("rate", options.rate, "give samples a second, 'all' or 'auto'") from None
     if options.delay is not None:
         try:
             delay = None if options.delay == AUTO else float(options.delay)

@@ -19,7 +19,7 @@ class LogKind:
         profile: Profile of their vendor.
         format: Format of the files.
         format_options: Options of the format, as text.
-        rate_hz: Rows a second, where no column has the time.
+        rate_hz: Samples a second, where no column has the time.
     """
 
     profile: str = ""

@@ -105,11 +105,11 @@ class Case:
         workspace: What the robot must keep clear of; None where the case does not say.
         bodies: `free` or `plausible`, of the estimator `consistent`; empty: as its options say.
         constraints: What is known about bodies beforehand.
-        prior: Robot description or estimate file with inertias known beforehand, as written; empty for none.
+        prior: Robot model or estimate file with inertias known beforehand, as written; empty for none.
         cell: The virtual cell in which the case is simulated; None where the case does not say.
         accept: What an estimate must meet to be accepted.
         path: The case file; empty for a case made from a robot alone.
-        robot_path: The robot description.
+        robot_path: The robot model.
     """
 
     robot: Robot
@@ -194,14 +194,14 @@ class Case:
 
 
 def case_of_robot(path: str) -> Case:
-    """Return the case that stands for a robot description alone: its joints, default friction and filter."""
+    """Return the case that stands for a robot model alone: its joints, default friction and filter."""
     robot = read_robot(path)
     friction = tuple(FRICTION.make(name) for name in default_friction())
     return Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing(), robot_path=path)
 
 
 def read_case(path: str | Path, open_gains: bool = False, friction: str | Sequence[str] = ()) -> Case:
-    """Read a case file, or a robot description as a case with all defaults.
+    """Read a case file, or a robot model as a case with all defaults.
 
     Args:
         path: The file.
@@ -210,7 +210,7 @@ def read_case(path: str | Path, open_gains: bool = False, friction: str | Sequen
 
     Raises:
         FileError: No such file.
-        DescriptionError: A fault in the case file or the robot description, with the key.
+        DescriptionError: A fault in the case file or the robot model, with the key.
         UnknownChoice: A part that does not exist.
         BadOption: An option of a part with a value it cannot take.
     """

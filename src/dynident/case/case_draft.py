@@ -1,4 +1,4 @@
-"""A case file drafted from a robot description and logs: columns by profiles and names, facts and doubts as comments.
+"""A case file drafted from a robot model and logs: columns by profiles and names, facts and doubts as comments.
 
 Nothing is converted on a guess: a unit that neither the profile nor the header states, and that the values do not
 support, is asked for with the likely answer; so is what no log can tell (drive gains, mounting, couplings).
@@ -72,18 +72,18 @@ def draft_case(
     """Draft the case file of a robot and its logs.
 
     Args:
-        robot: Robot description, or the name of a robot that ships.
+        robot: Robot model, or the name of a robot that ships.
         logs: Log of a motion, or several with the same columns; the first says what the columns are.
         folder: Where the case file will stand; paths in it are relative to it.
         test: Logs to test on.
         profile: Profile of the logs; empty for the one that their columns fit.
         form: Format of the logs; empty for the one by their suffix.
         form_options: Options of the format as text.
-        rate_hz: Rows a second of logs that have no column of the time; None where one is there.
+        rate_hz: Samples a second of logs that have no column of the time; None where one is there.
 
     Raises:
         FileError: A file cannot be read.
-        DescriptionError: A fault in the robot description.
+        DescriptionError: A fault in the robot model.
         LogFormatError: No sound log.
         UnknownChoice: No such profile or format.
         BadOption: A profile that does not fit the columns, or is named beside a rate; a rate that is none.
@@ -98,7 +98,9 @@ def draft_case(
     if rate_hz is not None:
         if profile or not 0 < rate_hz < np.inf:
             step = (
-                "leave the profile out, it names a column of the time" if profile else "give the rows a second, above 0"
+                "leave the profile out, it names a column of the time"
+                if profile
+                else "give the samples a second, above 0"
             )
             raise BadOption("rate", f"{rate_hz:g}", step)
         clock = f"{np.format_float_positional(rate_hz, trim='-')} Hz"
@@ -251,10 +253,10 @@ def _remarks(found: Recognised) -> list[str]:
         gap = long_gap(reading.time * found.to_seconds)
         if gap:
             told = f"{Path(reading.path).name} has gaps in time, the longest of {gap:.3g} s"
-            remarks.append(f"{told}: {SPLIT if gap > BRIDGED else 'rows near them are left out'}")
+            remarks.append(f"{told}: {SPLIT if gap > BRIDGED else 'samples near them are left out'}")
     if not found.time or "q" not in found.sources:
         what = "time" if not found.time else "positions"
-        rate = "; where the log has none, draft again with --rate, its rows a second, and units are looked at"
+        rate = "; where the log has none, draft again with --rate, its samples a second, and units are looked at"
         step = f"fill them in, or draft again with --profile{'' if found.time else rate}"
         remarks.append(f"the columns of the {what} are not recognised: {step}{_ELSEWHERE if found.time else ''}")
         return remarks

@@ -52,12 +52,12 @@ _CAPSULE = ("start", "end", "radius")
 def read_workspace(top: Section, robot: Robot, robot_path: str) -> Workspace | None:
     """Return the workspace of a case file; None where it states none.
 
-    Mesh files are looked for beneath the folder of the robot description and those under ``mesh_folders``.
+    Mesh files are looked for beneath the folder of the robot model and those under ``mesh_folders``.
 
     Args:
         top: The whole case.
         robot: The robot, its locked joints locked; names are checked against it.
-        robot_path: Its description.
+        robot_path: Its robot model.
 
     Raises:
         DescriptionError: A fault in the section, with its key.
@@ -161,7 +161,7 @@ def _pairs(section: Section) -> tuple[tuple[str, str], ...]:
 
 
 def _folders(section: Section, case: str, robot_path: str) -> tuple[str, ...]:
-    """Return the folders of mesh files: that of the description, then the stated ones, beside the case file."""
+    """Return the folders of mesh files: that of the robot model, then the stated ones, beside the case file."""
     found = [str(Path(robot_path).parent)] if os.path.isfile(robot_path) else []
     if not section.has("mesh_folders"):
         return tuple(found)

@@ -89,7 +89,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="FILE", help="write the plan (JSON) here")
     output.add_argument("--csv", metavar="FILE", help="write t, q, dq, ddq for the controller here, in SI units")
-    output.add_argument("--rate", type=float, default=1000.0, metavar="HZ", help="rows a second of --csv (1000)")
+    output.add_argument("--rate", type=float, default=1000.0, metavar="HZ", help="samples a second of --csv (1000)")
     output.add_argument("--repeats", type=int, default=1, metavar="N", help="periods in --csv (1)")
     output.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     output.add_argument("--quiet", action="store_true", help="no progress and no remarks")

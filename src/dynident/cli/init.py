@@ -27,7 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     kind.add_argument(
         "--format-option", action="append", default=[], metavar="KEY=VALUE", help="such as topics=/joint_states"
     )
-    kind.add_argument("--rate", type=float, metavar="HZ", help="rows a second, where no column has the time")
+    kind.add_argument("--rate", type=float, metavar="HZ", help="samples a second, where no column has the time")
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="FILE", default="case.yaml", help="default: case.yaml")
     output.add_argument("--force", action="store_true", help="write over a file that is there")

@@ -22,11 +22,11 @@ class Knowledge:
     Attributes:
         noise: Standard deviation of each joint's torque, shape (n,); None for the default.
         source: Where the noise comes from, in words; empty for the default.
-        theta: Parameters of the torque limits, shape (p,); None for those of the description.
+        theta: Parameters of the torque limits, shape (p,); None for those of the robot model.
         uncertainty: Chance margin of the torque limits.
-        model: Where the torque limits come from, in words; empty for the description.
+        model: Where the torque limits come from, in words; empty for the robot model.
         earlier: What earlier runs know.
-        rate: Rows a second that the noise is of, where it comes from residuals; None: those of the case.
+        rate: Samples a second that the noise is of, where it comes from residuals; None: those of the case.
     """
 
     noise: Array | None = None
@@ -74,7 +74,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         type=float,
         metavar="N",
         help="independent rows of each joint that the run will give, to weigh it against earlier runs; default: the "
-        "case's rows a second times period times --repeats",
+        "case's samples a second times period times --repeats",
     )
 
 
@@ -113,7 +113,7 @@ def knowledge_of(options: argparse.Namespace, case: Case, model: DynamicModel) -
 
 
 def _rows_a_second(estimate: Estimate) -> float | None:
-    """Return how many rows a second the noise of an estimate is stated for."""
+    """Return how many samples a second the noise of an estimate is stated for."""
     rate = estimate.train.filter.get("rate_hz")
     return None if rate is None else float(rate)
 
@@ -127,7 +127,7 @@ def _given(noise: list[float]) -> Array:
 def _earlier(
     options: argparse.Namespace, case: Case, model: DynamicModel
 ) -> tuple[Prior | None, Array | None, str, float | None]:
-    """Return what earlier runs know, and their noise with its source and the rows a second that it is of."""
+    """Return what earlier runs know, and their noise with its source and the samples a second that it is of."""
     if options.earlier:
         from dynident.diagnosis.earlier import noise_of, prior_of_estimate
         from dynident.identification.files.estimate_file import read_estimate

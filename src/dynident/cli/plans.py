@@ -51,8 +51,8 @@ def plan_view(
 
     Args:
         path: The plan.
-        case_path: Case file or robot description; None to check only what the plan itself holds.
-        estimate: Estimate whose parameters and covariance stand for the torques; None for the description's masses.
+        case_path: Case file or robot model; None to check only what the plan itself holds.
+        estimate: Estimate whose parameters and covariance stand for the torques; None for the robot model's masses.
         sigmas: Standard deviations of its torque that stay free; None for 2.
         robot: Robot for the path of the tool, where no case is given.
 

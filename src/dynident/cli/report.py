@@ -28,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
     parser.add_argument("--test", nargs="+", default=[], metavar="LOG", help="logs to validate on")
-    parser.add_argument("--split", metavar="HOW", help="use only the test part of each log: first:0.67 or rows:...")
+    parser.add_argument("--split", metavar="HOW", help="use only the test part of each log: first:0.67 or samples:...")
     parser.add_argument("--plan", metavar="PLAN", help="add the designed motion, a file of 'dynident excite -o'")
     parser.add_argument(
         "--case",

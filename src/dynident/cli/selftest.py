@@ -250,7 +250,7 @@ def _words(cell: Cell) -> str:
     from dynident.simulation.controllers import CONTROLLERS
 
     name = CONTROLLERS.name_of(cell.controller)
-    rates = f"{name} at {cell.controller.rate:g} Hz, {cell.recorder.rate:g} rows a second"
+    rates = f"{name} at {cell.controller.rate:g} Hz, {cell.recorder.rate:g} samples a second"
     effects = ", ".join(cell.changes())
     return f"{rates}; beside the default: {effects}" if effects else rates
 

@@ -23,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("estimate", metavar="ESTIMATE", help="file that 'dynident identify -o' has written")
     parser.add_argument("logs", nargs="+", metavar="LOG", help="logs to compare with")
     add_accept(parser)
-    parser.add_argument("--split", metavar="HOW", help="use only the test part of each log: first:0.67 or rows:...")
+    parser.add_argument("--split", metavar="HOW", help="use only the test part of each log: first:0.67 or samples:...")
     parser.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     parser.add_argument("--quiet", action="store_true", help="no progress and no remarks")

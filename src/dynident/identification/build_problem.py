@@ -45,7 +45,7 @@ def build_problem(
 ) -> Problem:
     """Return the problem that every estimator can be asked to solve.
 
-    The order: cut-off, delay, fields of friction parts that held-out rows choose, friction parts, fields that vary.
+    The order: cut-off, delay, fields of friction parts that held-out samples choose, friction parts, fields that vary.
 
     Args:
         model: Robot, drives and friction; fields that its friction parts vary are found first.
@@ -102,7 +102,7 @@ def _with_chosen_fields(
     before: tuple[Sequence[Prepared], Choices],
     progress: Callable[[str], None],
 ) -> tuple[DynamicModel, Sequence[Prepared], Choices]:
-    """Return the model with the fields that held-out rows ask for, the logs with their delay, and the choice of both.
+    """Return the model with the fields that held-out data ask for, the logs with their delay, and the choice of both.
 
     A delay that is to be found is free at first, so that neither it nor friction passes for the other. A free delay
     also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found.

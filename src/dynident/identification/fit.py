@@ -109,7 +109,7 @@ def _gain_uncertainty(problem: Problem, weights: Array) -> GainUncertainty | Non
     """Return what stated deviations of drive gains do to the estimate; None where none are."""
     if not any(joint.drive.gain_deviation for joint in problem.model.robot.active):
         return None
-    from dynident.identification.uncertainty.gain_propagation import gain_uncertainty  # few need it
+    from dynident.identification.uncertainty.propagation import gain_uncertainty  # few need it
 
     return gain_uncertainty(problem, weights)
 

@@ -241,9 +241,9 @@ class DynamicModel(ModelMethods):
         return motion.ddq @ self.robot.reflected_inertia - self.robot.bias
 
     def nominal(self) -> Array | None:
-        """Return theta of the description, shape (p,), with its damping and friction; None where links lack inertias.
+        """Return theta of the robot model, shape (p,), with its damping and friction; None where links lack inertias.
 
-        Coefficients that the description does not state are zero.
+        Coefficients that the robot model does not state are zero.
         """
         inertial = self.robot.nominal
         if inertial is None:

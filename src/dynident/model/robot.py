@@ -112,8 +112,8 @@ class Joint:
         limits: Limits of the joint.
         drive: What moves it.
         mimic: The joint that it follows, or None.
-        damping: Viscous friction that the description states, in N m s/rad or N s/m; None where it states none.
-        friction: Coulomb friction that the description states, in N m or N; None where it states none.
+        damping: Viscous friction that the robot model states, in N m s/rad or N s/m; None where it states none.
+        friction: Coulomb friction that the robot model states, in N m or N; None where it states none.
     """
 
     name: str
@@ -150,9 +150,9 @@ class Link:
 
     Attributes:
         name: Name of the link whose frame is used.
-        inertia: Nominal inertia of the description, with its fixed links; None where it states none.
+        inertia: Nominal inertia of the robot model, with its fixed links; None where it states none.
         fixed: Names of the links merged into it.
-        shapes: The space it takes up, with its fixed links, in its frame; empty where the description states none.
+        shapes: The space it takes up, with its fixed links, in its frame; empty where the robot model states none.
     """
 
     name: str
@@ -272,7 +272,7 @@ class Robot(ShortText):
 
     @cached_property
     def nominal(self) -> Array | None:
-        """Inertial parameters of the description, 10 per link in the order of TEN, shape (10 l,); None if any lacks."""
+        """Inertial parameters of the robot model, 10 per link in the order of TEN, shape (10 l,); None if any lacks."""
         if any(link.inertia is None for link in self.links):
             return None
         return np.concatenate([link.inertia.vector for link in self.links if link.inertia is not None])

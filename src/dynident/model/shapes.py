@@ -146,7 +146,7 @@ class Mesh:
     """A reference to a file of triangles; the file is read only where its points are needed.
 
     Attributes:
-        file: File name or URI as the description writes it, such as ``package://arm/meshes/link1.stl``.
+        file: File name or URI as the robot model writes it, such as ``package://arm/meshes/link1.stl``.
         scale: What the file's coordinates are multiplied by to be in m, shape (3,); a negative one mirrors.
         rotation: Orientation in the link frame, shape (3, 3).
         translation: Position in the link frame, shape (3,), in m.

@@ -180,7 +180,7 @@ def _plain(values: npt.ArrayLike) -> Array:
 
 
 def _turn(tilt: Tilt) -> Array:
-    """Return the orientation of the real base in that of the description, shape (3, 3)."""
+    """Return the orientation of the real base in that of the robot model, shape (3, 3)."""
     return rotation_about([1.0, 0.0, 0.0], tilt.roll) @ rotation_about([0.0, 1.0, 0.0], tilt.pitch)
 
 

@@ -164,7 +164,7 @@ class Warming:
 
 @dataclass(frozen=True)
 class Payload:
-    """A body fixed to a link that neither the robot description nor the controller knows.
+    """A body fixed to a link that neither the robot model nor the controller knows.
 
     Attributes:
         mass: In kg.
@@ -187,7 +187,7 @@ class Payload:
 
 @dataclass(frozen=True)
 class Tilt:
-    """A base that does not stand as the description says: turned about its x axis, then its new y axis.
+    """A base that does not stand as the robot model says: turned about its x axis, then its new y axis.
 
     Attributes:
         roll: About x, in rad.
@@ -233,7 +233,7 @@ class Recorder:
     """How rows are taken.
 
     Attributes:
-        rate: Rows a second, in Hz.
+        rate: Samples a second, in Hz.
         jitter_s: Standard deviation of the time of a row about its tick, in s; at most half a row's time is used.
         stamps: ``tick``, where the log says when a row should have been taken, or ``true``, when it was.
         dropped: Share of the rows that are missing, at random.

@@ -124,7 +124,7 @@ class LoopRun:
         keep = np.flatnonzero(draw["dropped"].uniform(size=len(told)) >= recorder.dropped)
         keep = np.union1d(keep, [0, len(told) - 1])
         if len(keep) < len(told):
-            lost = f"{len(told) - len(keep)} rows dropped"
+            lost = f"{len(told) - len(keep)} samples dropped"
             log, truth = log.rows(keep, lost), truth.rows(keep, lost)
         return log, truth, found.friction[keep], link[keep]
 

@@ -1,4 +1,4 @@
-"""What is true in a virtual cell: the parameters of its robot, near those of the description or of an estimate."""
+"""What is true in a virtual cell: the parameters of its robot, near those of the robot model or of an estimate."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Truth:
     """How the true parameters are made.
 
     Attributes:
-        parameters: ``nominal`` for those of the robot description, or an estimate file.
+        parameters: ``nominal`` for those of the robot model, or an estimate file.
         spread: How far the bodies are from there: masses, lengths and moments differ by about this share at random,
             and stay those of possible bodies.
         friction: Coefficients by symbol (Fc, Fv, ...), one number for all joints or one each; the others are those of
-            the description or estimate, 0 where it states none.
+            the robot model or estimate, 0 where it states none.
         believed: What the controller believes: ``truth``, ``nominal``, or an estimate file.
     """
 
@@ -45,7 +45,7 @@ class Truth:
 
 
 def nominal_parameters(model: DynamicModel) -> Array:
-    """Return the parameters of the description, shape (p,).
+    """Return the parameters of the robot model, shape (p,).
 
     Raises:
         NotConsistent: It states no inertias.

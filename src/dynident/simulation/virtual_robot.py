@@ -177,7 +177,7 @@ def free_motion(
         dq: Velocities at the start, shape (n,) or one number.
         torque: Joint torques, shape (n,) or one number, in N m or N.
         duration: Length in s.
-        rate: Rows a second.
+        rate: Samples a second.
         integration_rate: Steps a second, a multiple of ``rate``; None chooses.
 
     Raises:

@@ -29,9 +29,9 @@ def scene_of(
     Args:
         robot: The robot.
         folder: Where its meshes are looked for.
-        theta: Standard inertial parameters to show in place of the description's, shape (10 l,) at least, in the order
-            of TEN; None for those of the description.
-        workspace: Where a case states capsules of its own, or the radius of the links; None for what the description
+        theta: Standard inertial parameters to show in place of the robot model's, shape (10 l,) at least, in the order
+            of TEN; None for those of the robot model.
+        workspace: Where a case states capsules of its own, or the radius of the links; None for what the robot model
             states.
     """
     notes: list[str] = []
@@ -136,7 +136,7 @@ def _all_capsules(
 
 
 def _points(mesh: Mesh, folder: Path) -> Array:
-    """Return the points of a mesh where the description says, or of the upload with its name."""
+    """Return the points of a mesh where the robot model says, or of the upload with its name."""
     try:
         return mesh_points(mesh, [folder])
     except FileError:

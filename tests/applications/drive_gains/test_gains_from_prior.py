@@ -15,7 +15,7 @@ from dynident.errors import BadOption
 from dynident.identification.build_problem import build_problem
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.fit import fit
-from dynident.identification.uncertainty.gain_propagation import gain_slopes, gain_uncertainty
+from dynident.identification.uncertainty.propagation import gain_slopes, gain_uncertainty
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Robot
 

@@ -230,7 +230,7 @@ DAMAGE: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "another kind": (lambda a: a["about"].update(kind="estimate"), "no file of QR factors"),
     "another format": (lambda a: a["about"].update(format=99), "version 99; this dynident reads versions up to"),
     "another gravity": (lambda a: a["about"]["robot"].update(gravity=[0, 0, -1.0]), "its hash is not that"),
-    "no description": (lambda a: a.pop("about"), "no file of QR factors"),
+    "no robot model": (lambda a: a.pop("about"), "no file of QR factors"),
     "no number": (lambda a: a["factors_0"].__setitem__((0, 0, 0), np.nan), "factors_0 is no array of finite"),
     "another shape": (lambda a: a.update(sums_1=a["sums_1"][:, 1:]), "sums_1 is no array"),
     "columns that are not there": (lambda a: a["columns_1"].__setitem__(0, 99), "columns_1 are no positions"),

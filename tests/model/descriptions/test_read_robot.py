@@ -1,4 +1,4 @@
-"""Which reader a file gets, and what becomes of a path that is no description."""
+"""Which reader a file gets, and what becomes of a path that is no robot model."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ def gains_from_prior(
     Args:
         model: Robot and friction.
         logs: Logs with currents.
-        theta: Standard parameters, shape (10 l,) or longer; None for those of the description.
+        theta: Standard parameters, shape (10 l,) or longer; None for those of the robot model.
         share: Standard deviation of the factor of each link; 0 takes the bodies for exact.
         preprocessing: How logs become rows.
         options: Method, signs and confidence.

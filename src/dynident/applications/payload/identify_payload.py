@@ -77,7 +77,7 @@ def identify_payload(
     Args:
         estimate: Of the robot without it; its covariance is part of the payload's.
         logs: Raw logs with the payload.
-        flange: Link or frame of the description that the payload is stated in; empty for the tool, or the last link.
+        flange: Link or frame of the robot model that the payload is stated in; empty for the tool, or the last link.
         known: What is known before the run.
         rows: ``motion``; ``poses`` takes one row from each posture at which the arm stands; ``auto`` looks.
         level: Confidence of the intervals.

@@ -17,8 +17,7 @@ from dynident.errors import BadOption, LogMismatch
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Z_95
 from dynident.identification.problem.problem import counting_rows
-from dynident.identification.problem.regressor_stream import RegressorStream
-from dynident.identification.recursive.rows_in_time import rows_in_time
+from dynident.identification.problem.regressor_stream import RegressorStream, rows_in_time
 
 #: Looks at the window per length of the window.
 LOOKS = 5

@@ -24,13 +24,13 @@ from dynident.model.descriptions.base import shipped_robots
 #: Logs that are described one by one at the head of the file.
 _MOST_LOGS = 12
 
-#: A log without more rows a second than this keeps all of them.
+#: A log without more samples a second than this keeps all of them.
 _SLOW_HZ = 250.0
 
 #: Width of the smoothed sign of dry friction in rad/s or m/s: the filter smooths more than that at most reversals.
 _WIDTH = 0.01
 
-#: Speed in rad/s over which friction at rest fades, where held-out rows find some and no other speed of it.
+#: Speed in rad/s over which friction at rest fades, where held-out samples find some and no other speed of it.
 _FADES = 0.1
 
 #: A joint slower than this, in rad/s or m/s, is at rest.
@@ -42,7 +42,7 @@ class Files:
     """The files of a case as they were given.
 
     Attributes:
-        robot: Robot description, or the name of a robot that ships.
+        robot: Robot model, or the name of a robot that ships.
         train: Logs to learn from.
         test: Logs to test on.
         folder: Where the case file will stand.
@@ -192,7 +192,7 @@ def _preprocessing(found: Recognised) -> list[str]:
         "(99.9 % of the positions' power)",
         f"  rate_hz: {rate}               # rows that are used; the log has {max(rates):.4g} a second",
         f"  trim_s: {trim:.2g}",
-        f"  standstill: {_STANDSTILL:g}            # rad/s; rows at rest are left out: {rest:.0%} of the first log",
+        f"  standstill: {_STANDSTILL:g}            # rad/s; samples at rest are left out: {rest:.0%} of the first log",
         "  delay_s: auto               # found from the log; applied where it is significant",
         *_bridged(found),
     ]

@@ -9,7 +9,7 @@ from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.yaml_words import asked, offered, plain, quoted
 from dynident.model.robot import Joint, Robot
 
-#: Share that the description has to explain before a rough gain is worth saying.
+#: Share that the robot model has to explain before a rough gain is worth saying.
 _SURE = 0.9
 
 #: Share of gravity along an axis about which a turn leaves all upright, and along a slide that carries weight.

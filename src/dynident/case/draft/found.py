@@ -56,7 +56,7 @@ class Recognised:
         profiles: Profiles that fit, the best first; the first is taken where no other is as good.
         rivals: Groups that fit a signal equally well.
         refused: Columns that are no measurement, and why.
-        evidence: What the description's masses say about torques or currents.
+        evidence: What the robot model's masses say about torques or currents.
         band_hz: Band of the motion; 0 where it is not known.
         still: Position in rad or m of the joints that stand still.
         left_out: Signals whose columns were found and are not read, and why.
@@ -103,7 +103,7 @@ class Recognised:
 
     @property
     def torques_agree(self) -> bool:
-        """Whether the torques, as they stand in the file, are about those of the description's masses."""
+        """Whether the torques, as they stand in the file, are about those of the robot model's masses."""
         if self.effort != "torque" or self.evidence is None or not any(self.evidence.telling):
             return False
         seen = np.abs(self.evidence.ratios[np.array(self.evidence.telling)])

@@ -58,7 +58,7 @@ def choose_joints(robot: Robot, group: Group, q: Array) -> JointChoice:
 
 
 def outside_limits(joints: Sequence[Joint], q: Array) -> list[str]:
-    """Return in words which joints leave the limits of the description, q of shape (N, n) in rad or m."""
+    """Return in words which joints leave the limits of the robot model, q of shape (N, n) in rad or m."""
     found = []
     for joint, low, high in zip(joints, q.min(axis=0), q.max(axis=0), strict=True):
         if not is_within(joint, float(low), float(high)):

@@ -285,7 +285,7 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
         largest = np.abs(np.concatenate([r.signals["torque"] for r in found.readings])).max(axis=0)
         if count and not found.on_motors:
             told = torque_unit(joints, stated["torque"], ratios, telling, largest)
-            if found.drivers_differ:  # what the profile says stands, unless the description's masses are against it
+            if found.drivers_differ:  # what the profile says stands, unless the robot model's masses are against it
                 told = Told(units["torque"].words, told.certain or not any(telling), told.why)
             units["torque"] = told
         elif "torque" not in units:

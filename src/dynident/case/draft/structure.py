@@ -44,7 +44,7 @@ EXPLAINED, AS_GOOD = 0.6, 0.1
 
 _EXPLAINED = "the equations of motion of the robot model"
 
-#: Rates that loggers have, in rows a second.
+#: Rates that loggers have, in samples a second.
 RATES = (
     10,
     20,
@@ -78,7 +78,7 @@ class TableStructure:
 
     Attributes:
         time: Column of the time; empty for none.
-        rate_hz: Rows a second that velocities and positions agree on, where no column is the time; 0 for none.
+        rate_hz: Samples a second that velocities and positions agree on, where no column is the time; 0 for none.
         rate_why: What speaks for it.
         groups: Columns of each signal.
         evidence: What speaks for each signal.
@@ -142,7 +142,7 @@ def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str =
     rate, rate_why = 0.0, ""
     if place is None:
         rate = _common_rate(velocity.factor)
-        rate_why = f"rows a second by which {told.shown(velocity.by)} are the derivative of {told.shown(first)}"
+        rate_why = f"samples a second by which {told.shown(velocity.by)} are the derivative of {told.shown(first)}"
         evidence["dq"] = rate_why
     else:
         evidence["dq"] = f"{velocity.factor:.4g} times the derivative of {told.shown(first)} by the time's column"

@@ -101,7 +101,7 @@ def torque_unit(joints: Sequence[Joint], stated: str, ratios: Array, telling: Se
     Args:
         joints: Their joints.
         stated: What the header states; empty for nothing.
-        ratios: Logged torque over that of the description's inertias, by joint, shape (n,).
+        ratios: Logged torque over that of the robot model's inertias, by joint, shape (n,).
         telling: For which joints that ratio says something.
         largest: Largest torque of each joint in the file's unit, shape (n,).
     """

@@ -1,6 +1,6 @@
 """What the masses of the robot model say about the torques or currents of a log: unit, sign, rough gain, gravity.
 
-The torque of the description is a column beside friction; a joint tells something where that column explains most of
+The torque of the robot model is a column beside friction; a joint tells something where that column explains most of
 what friction leaves. Nothing is converted by it: it supports a unit, or stands as the likely answer to a question.
 """
 
@@ -20,7 +20,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.robot import Robot
 
-#: Share of the variance left by friction that the description must explain where its scale says something.
+#: Share of the variance left by friction that the robot model must explain where its scale says something.
 EXPLAINED = 0.5
 
 #: Factor between torques and those of the masses from which a unit is suspected: robot models are off by less.
@@ -33,7 +33,7 @@ LEAN = 10.0
 #: Share of the strongest direction below which the torques do not tell gravity along an axis.
 FAINT = 1e-3
 
-#: Rows a second that are enough for this, and rows at most.
+#: Samples a second that are enough for this, and rows at most.
 _RATE, _ROWS = 50.0, 4000
 
 #: Rows of a fit that only has to tell torques from other columns.
@@ -42,12 +42,12 @@ _FIT_ROWS = 800
 
 @dataclass(frozen=True)
 class TorqueEvidence:
-    """The torque of the description beside the log, joint by joint.
+    """The torque of the robot model beside the log, joint by joint.
 
     Attributes:
-        ratios: Logged torque or current over the description's torque, shape (n,).
-        shares: Share of what friction leaves of the log that the description explains, shape (n,).
-        levels: Mean of the log beside the mean of the description, by joint: what is constant, shape (n, 2).
+        ratios: Logged torque or current over the robot model's torque, shape (n,).
+        shares: Share of what friction leaves of the log that the robot model explains, shape (n,).
+        levels: Mean of the log beside the mean of the robot model, by joint: what is constant, shape (n, 2).
         gravity: Direction of gravity that the torques of the telling joints follow, of the stated size in m/s^2, shape
             (3,); the stated one where none tells it.
         lean: Angle between it and the stated gravity, in degrees.
@@ -66,7 +66,7 @@ class TorqueEvidence:
 
 
 def torque_evidence(robot: Robot, time: Array, q: Array, effort: Array, cutoff_hz: float) -> TorqueEvidence | None:
-    """Return what the description says about torques or currents; None where it has no masses or the log is too poor.
+    """Return what the robot model says about torques or currents; None where it has no masses or the log is too poor.
 
     Args:
         robot: With the joints of the columns only.
@@ -176,7 +176,7 @@ def _friction(dq: Array) -> Array:
 
 
 def _ratio(dq: Array, described: Array, logged: Array) -> tuple[float, float]:
-    """Return the factor of the description's torque beside friction, and the share that it alone explains."""
+    """Return the factor of the robot model's torque beside friction, and the share that it alone explains."""
     friction = _friction(dq)
     left = [x - friction @ np.linalg.lstsq(friction, x, rcond=None)[0] for x in (described, logged)]
     if not float(left[0] @ left[0]) > 1e-12 * max(float(described @ described), 1e-12):

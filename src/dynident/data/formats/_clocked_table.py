@@ -91,7 +91,7 @@ class ClockedTable(TimedTable):
     """A table whose rows follow each other at a stated rate.
 
     Attributes:
-        rate: Rows a second.
+        rate: Samples a second.
     """
 
     rate: float
@@ -156,12 +156,12 @@ def clocked(table: LogTable, columns: ColumnMap) -> LogTable:
     assert stated is not None
     rate = float(stated[1])
     if not rate > 0:
-        raise BadOption("time", columns.time, "state the rows a second, such as 200 Hz")
+        raise BadOption("time", columns.time, "state the samples a second, such as 200 Hz")
     return with_clock(table, columns.time, rate)
 
 
 def with_clock(table: LogTable, clock: str, rate: float) -> ClockedTable:
-    """Return a table with a column of the time called ``clock``, at ``rate`` rows a second."""
+    """Return a table with a column of the time called ``clock``, at ``rate`` samples a second."""
     return ClockedTable(
         path=table.path,
         sha256=table.sha256,

@@ -46,7 +46,7 @@ class ColumnMap:
 
     Attributes:
         joints: Names of the n joints in the order of the columns; empty: as many as there are, joint1, joint2, ...
-        time: Column of the time, the rows a second where a file has none, such as ``200 Hz``, or the sum of two
+        time: Column of the time, the samples a second where a file has none, such as ``200 Hz``, or the sum of two
             columns, such as ``sec s + nanosec ns``.
         q: Columns of the positions.
         dq: Columns of the velocities; None takes dq1, ... where they are there.

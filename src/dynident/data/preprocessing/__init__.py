@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.log import Log
-from dynident.data.preprocessing._shift import shifted
+from dynident.data.preprocessing._local_polynomials import shifted
 from dynident.data.preprocessing._thinning import Thinning
 from dynident.data.preprocessing.base import Filter
 from dynident.data.turns import jumps_of_a_turn
@@ -40,7 +40,7 @@ LONGEST_DELAY = 1.0
 #: four times its cut-off, half the rate of such rows, so that nothing folds back.
 ROWS_PER_PERIOD = 8.0
 
-#: Rows a second that are kept where neither a rate is stated nor a cut-off.
+#: Samples a second that are kept where neither a rate is stated nor a cut-off.
 ROWS_A_SECOND = 200.0
 
 #: A joint that is slow for less time than this, in s, is turning round, not resting.
@@ -53,11 +53,11 @@ class Preprocessing:
 
     Attributes:
         filter: The filter part.
-        rate_hz: Rows a second that are kept; None: as ``rows_per_period`` says.
+        rate_hz: Samples a second that are kept; None: as ``rows_per_period`` says.
         trim_s: Seconds left out at both ends, where filters have no past or future.
         standstill: Speed in rad/s (or m/s) below which a joint is at rest when it stays there; its static friction is
             then unknown.
-        rest: ``mask`` leaves rows at rest out of the fit, ``keep`` takes them in.
+        rest: ``mask`` leaves samples at rest out of the fit, ``keep`` takes them in.
         delay_s: By how much the torque of the log lags behind its positions, in s; the motion is shifted by it. None:
             identification estimates it for each log.
         rows_per_period: Rows a period of the filter's cut-off that are kept where no rate is stated, 200 a second where
@@ -79,7 +79,7 @@ class Preprocessing:
         if self.rows_per_period is not None and not self.rows_per_period > 2:
             raise BadOption("rows_per_period", self.rows_per_period, "give more than 2, such as 8")
         if self.rate_hz is not None and not self.rate_hz > 0:
-            raise BadOption("rate_hz", self.rate_hz, "give the rows a second to keep, above 0")
+            raise BadOption("rate_hz", self.rate_hz, "give the samples a second to keep, above 0")
         if not self.trim_s >= 0:
             raise BadOption("trim_s", self.trim_s, "give seconds, 0 or more")
         if not self.standstill >= 0:
@@ -93,14 +93,14 @@ class Preprocessing:
             raise BadOption("delay_s", self.delay_s, step)
 
     def rows_hz(self, rate: float) -> float | None:
-        """Return the rows a second that are kept of ``rate`` samples a second; None for all."""
+        """Return the samples a second that are kept of ``rate`` samples a second; None for all."""
         if self.rate_hz is not None or self.rows_per_period is None:
             return self.rate_hz
         cutoff = self.filter.bandwidth()
         return self.rows_per_period * cutoff if cutoff is not None and self.filter.reach(rate) else ROWS_A_SECOND
 
     def statement(self) -> dict[str, object]:
-        """Return what must stand beside every figure: the filter, the rows kept, and the rows at rest."""
+        """Return what must stand beside every figure: the filter, the samples kept, and the samples at rest."""
         rows = {"rate_hz": self.rate_hz, "trim_s": self.trim_s, "standstill": self.standstill, "rest": self.rest}
         delay = {"delay_s": "auto" if self.delay_s is None else self.delay_s} if self.delay_s != 0 else {}
         gaps = {"longest_gap_s": self.longest_gap_s} if self.longest_gap_s != LONGEST_GAP else {}
@@ -134,7 +134,7 @@ class Prepared:
     @cached_property
     def kept(self) -> Log:
         """The log of the rows that are used."""
-        return self.log.rows(self.keep, f"{len(self.keep)} of {self.log.samples} rows kept, one in {self.every}")
+        return self.log.rows(self.keep, f"{len(self.keep)} of {self.log.samples} samples kept, one in {self.every}")
 
     @cached_property
     def thinning(self) -> Thinning | None:
@@ -309,7 +309,7 @@ def resample(log: Log, longest_gap: float | None = None) -> Log:
     count = round(log.duration / middle) + 1
     if count > 10 * log.samples:
         evidence = f"a median step of {middle:.3g} s where {log.samples} samples last {log.duration:.4g} s"
-        raise LogMismatch(log.name, evidence, "log the time of the measurement: rows came in bursts")
+        raise LogMismatch(log.name, evidence, "log the time of the measurement: samples came in bursts")
     time = log.time[0] + log.duration * np.linspace(0, 1, count)
     moved = {
         name: np.column_stack([np.interp(time, log.time, column) for column in values.T])
@@ -332,7 +332,7 @@ def gap_remedy(seconds: float) -> str:
     """Return what to do about a gap in time that is not bridged."""
     if seconds > BRIDGED:
         return SPLIT
-    return f"leave the rows near it out (preprocessing: {{longest_gap_s: {bridge_over(seconds):g}}}), or {SPLIT}"
+    return f"leave the samples near it out (preprocessing: {{longest_gap_s: {bridge_over(seconds):g}}}), or {SPLIT}"
 
 
 def bridge_over(seconds: float) -> float:

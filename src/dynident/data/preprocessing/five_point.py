@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from dynident.data.log import Log
-from dynident.data.preprocessing._differences import central_differences, five_point_smoothing
+from dynident.data.preprocessing._local_polynomials import central_differences, five_point_smoothing
 from dynident.data.preprocessing.base import Filter
 from dynident.errors import BadOption, LogMismatch
 from dynident.plugins import bounded

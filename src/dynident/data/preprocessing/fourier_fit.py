@@ -8,7 +8,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.data.log import Log
-from dynident.data.preprocessing._differences import five_point_smoothing
+from dynident.data.preprocessing._local_polynomials import five_point_smoothing
 from dynident.data.preprocessing.base import Filter
 from dynident.errors import BadOption, LogMismatch
 from dynident.plugins import bounded

@@ -31,7 +31,7 @@ SAME = 1e-6
 #: Deviations of the earlier estimate below this share of its largest, all with unit columns, are rounding.
 SMALLEST = 1e-6
 
-#: Chance of so large a difference below which an earlier estimate contradicts the description.
+#: Chance of so large a difference below which an earlier estimate contradicts the robot model.
 CONTRADICTS = 1e-3
 
 #: Causes that have no meaning against bodies: friction may be another one.

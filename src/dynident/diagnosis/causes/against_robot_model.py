@@ -1,4 +1,4 @@
-"""Causes that show only against the bodies of the description: a load, a counterbalance that carries weight, a scale.
+"""Causes that show only against the bodies of the robot model: a load, a counterbalance that carries weight, a scale.
 
 A fit of base parameters takes all of these in: they have the torque of a body. So bodies are held as they are
 described, friction alone is fitted, and what is left is explained. Where bodies are described so badly that no one
@@ -34,7 +34,7 @@ class Against:
 
     Attributes:
         fit: The quick fit, whose bodies are free.
-        theta: Standard parameters of the description, shape (p,).
+        theta: Standard parameters of the robot model, shape (p,).
         robot: The robot with its known rotor inertias; None where they are to be identified.
     """
 

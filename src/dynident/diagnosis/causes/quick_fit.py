@@ -37,7 +37,7 @@ _POTRF: Any
 _POTRS: Any
 _POTRF, _POTRS = scipy.linalg.get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)
 
-#: Cut-off of both sides in Hz at most, and rows kept a second per Hz of it.
+#: Cut-off of both sides in Hz at most, and samples kept a second per Hz of it.
 CUTOFF_HZ, ROWS_PER_HZ = 5.0, 8.0
 
 #: Samples a second per Hz of the cut-off before the filter.

@@ -1,4 +1,4 @@
-"""Causes of a residual that need no description of the bodies: springs, drift, friction curves, tilt, clock, scales."""
+"""Causes of a residual that need no robot model of the bodies: springs, drift, friction curves, tilt, clock, scales."""
 
 from __future__ import annotations
 

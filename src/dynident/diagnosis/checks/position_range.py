@@ -1,4 +1,4 @@
-"""Positions against limits: degrees, joints that never move, rows at rest."""
+"""Positions against limits: degrees, joints that never move, samples at rest."""
 
 from __future__ import annotations
 

@@ -44,12 +44,12 @@ def _unit(subject: CheckedLog, middle: float) -> Finding:
     unit = subject.raw.columns.units.time
     plain = middle * UNITS["time"][unit][0][1]
     usual = time_units(plain) or time_units(plain, POSSIBLE_STEPS)
-    counter = "of a counter state the rate of the rows instead (log: columns: {time: 200 Hz})"
+    counter = "of a counter state the sampling rate instead (log: columns: {time: 200 Hz})"
     remedy = f"check the column; {counter}"
     if usual:
         rate = UNITS["time"][usual[0]][0][1] / plain
-        remedy = f"state its unit (log: units: {{time: {usual[0]}}}, {rate:.4g} rows a second then); {counter}"
-    evidence = f"the median step is {plain:.4g} {unit}, {1 / middle:.4g} rows a second"
+        remedy = f"state its unit (log: units: {{time: {usual[0]}}}, {rate:.4g} samples a second then); {counter}"
+    evidence = f"the median step is {plain:.4g} {unit}, {1 / middle:.4g} samples a second"
     return Finding("error", "time unit", "", evidence, remedy, {"median_step_s": middle})
 
 
@@ -66,7 +66,7 @@ def _gaps(subject: CheckedLog, middle: float) -> list[Finding]:
     numbers = {"gaps": len(long), "longest_s": float(steps[worst])}
     if steps[worst] > longest_step(middle, subject.case.preprocessing.longest_gap_s):
         return [Finding("error", "gap in time", "", evidence, gap_remedy(float(steps[worst])), numbers)]
-    remedy = "rows near them are left out of the fit; look for what stopped the recorder"
+    remedy = "samples near them are left out of the fit; look for what stopped the recorder"
     return [Finding("warning", "gap in time", "", evidence, remedy, numbers)]
 
 

@@ -127,7 +127,7 @@ class Clearance:
     def speed_bound(self) -> Array:
         """Return how fast each distance changes at most per unit of joint speed, shape (c, n), in m/rad or 1.
 
-        At every posture within the position limits of the description |d distance / dq_i| <= bound, so between two
+        At every posture within the position limits of the robot model |d distance / dq_i| <= bound, so between two
         postures the distance differs by at most sum_i bound_i |q_i' - q_i| along a straight line, and along any way by
         bound_i times the length of the way of joint i. Infinite beyond a sliding joint without limits.
         """

@@ -18,7 +18,7 @@ from dynident.model.shapes import Capsule, Shape
 def robot_capsules(robot: Robot, workspace: Workspace) -> tuple[tuple[Capsule, ...], ...]:
     """Return the capsules of the base and of each moving link, in the frames of these, 1 + l tuples.
 
-    A link has the capsules of ``workspace.shapes``, be they none, else those that cover its shapes in the description,
+    A link has the capsules of ``workspace.shapes``, be they none, else those that cover its shapes in the robot model,
     else, with a ``joint_radius``, those from its joint to the next ones, else none. Capsules stated for a frame come
     in addition, and so does the tool.
 

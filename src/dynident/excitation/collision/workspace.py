@@ -77,7 +77,7 @@ class Workspace:
         ignore: Pairs of names that are not checked: two links, or a link and a half-space or box.
         joint_radius: Radius, in m, of the capsules from joint to joint that stand for links without shapes; None where
             there are none.
-        shapes: Capsules by link, in place of the description's; by frame, in addition to those of its link.
+        shapes: Capsules by link, in place of the robot model's; by frame, in addition to those of its link.
         tool_speed: Largest speed of the tool point, in m/s.
         mesh_folders: Folders beneath which mesh files are looked for.
 

@@ -34,7 +34,7 @@ from dynident.model.threads import one_blas_thread
 #: Noise of a joint's torque where none is given, as a share of its effort limit.
 NOISE_SHARE = 0.01
 
-#: Independent rows a second that a run gives where nothing else is said; that of the default preprocessing.
+#: Independent samples a second that a run gives where nothing else is said; that of the default preprocessing.
 ROWS_A_SECOND = 200.0
 
 

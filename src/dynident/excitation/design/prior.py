@@ -83,7 +83,7 @@ def prior_of_covariance(covariance: Array, mean: Array | None, source: str) -> P
 
 
 def prior_of_nominal(model: DynamicModel, base: BaseParameters, share: float) -> Prior:
-    """Return what the description knows when each of its parameters has a relative standard deviation.
+    """Return what the robot model knows when each of its parameters has a relative standard deviation.
 
     A parameter that is zero or small counts with the size of its kind on its link: the greatest moment of inertia for
     the inertias, mass times the radius of gyration for the first moments. Friction that is not stated is unknown: it
@@ -95,7 +95,7 @@ def prior_of_nominal(model: DynamicModel, base: BaseParameters, share: float) ->
         share: Relative standard deviation, such as 0.5.
 
     Raises:
-        BadOption: The description states no inertias.
+        BadOption: The robot model states no inertias.
     """
     theta = model.nominal()
     if theta is None:

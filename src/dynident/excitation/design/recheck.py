@@ -83,12 +83,12 @@ def recheck(
     """Check a plan again, on as many samples as when it was made.
 
     Position to jerk need the plan alone. With a model the torques, their rates, the figures of the criteria and the
-    limits of the description are looked at as well; with a clearance the distances.
+    limits of the robot model are looked at as well; with a clearance the distances.
 
     Args:
         plan: The plan.
         model: Robot, drives and friction; None for what needs no model.
-        theta: Parameters of the torque, shape (p,); None for those of the description.
+        theta: Parameters of the torque, shape (p,); None for those of the robot model.
         uncertainty: Chance margin of the torque; None for none.
         clearance: Pairs of shapes to be kept apart; None leaves them as the file has them.
         tool: Largest speed of the tool point; None leaves it as the file has it.
@@ -237,7 +237,7 @@ def _against_robot(plan: Plan, model: DynamicModel) -> Iterator[str]:
     try:
         full = limits_of(robot, 0.0, 0.0)
     except BadOption:
-        return  # limits that the description does not state were given when the plan was made
+        return  # limits that the robot model does not state were given when the plan was made
     for i, joint in enumerate(plan.joints):
         for name in ("velocity", "acceleration", "jerk", "torque", "torque_rate"):
             bound, stated = float(getattr(own, name)[i]), float(getattr(full, name)[i])

@@ -56,7 +56,7 @@ def export_model(
         estimate: The estimate.
         exporter: Name of an exporter, or a part with its options.
         path: The file to write; further files stand beside it.
-        description: The robot description to put the model into, for targets that are one; None takes the one that
+        description: The robot model to put the model into, for targets that are one; None takes the one that
             the estimate's provenance names, where it is unchanged.
         proof: Whether the files are loaded again and torques compared.
         write: False checks and tells what would be written.
@@ -67,7 +67,7 @@ def export_model(
         BadOption: An option or a name that cannot be, or a description where the target takes none.
         NotAccepted: The log checks have a finding at error level, and ``force`` is not set.
         NotConsistent: No possible robot has these base parameters; the message names the worst body and what to do.
-        DescriptionError: The robot description is faulty, or of another robot.
+        DescriptionError: The robot model is faulty, or of another robot.
         FileError: The proof fails, or a file cannot be written.
     """
     target, part = Path(path), MODEL_EXPORTERS.make(exporter)

@@ -35,7 +35,7 @@ class ModelExporter(Exporter[Identified, ModelContent]):
 
     Attributes:
         needs_bodies: Whether it takes only physically consistent standard parameters.
-        edits_description: Whether it writes into the user's robot description.
+        edits_description: Whether it writes into the user's robot model.
     """
 
     takes: ClassVar[str] = "estimate"

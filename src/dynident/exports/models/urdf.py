@@ -18,7 +18,7 @@ from dynident.exports.models.writing.urdf import written_urdf
 
 @dataclass(frozen=True)
 class UrdfModel(ModelExporter):
-    """URDF: the description's own file with new inertias, damping and friction and every other byte as it was.
+    """URDF: the robot model's own file with new inertias, damping and friction and every other byte as it was.
 
     Attributes:
         lump: Whether links fixed to a moving one lose their inertia to it, in place of keeping what the file states.

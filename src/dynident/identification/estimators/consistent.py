@@ -36,7 +36,7 @@ class Consistent(Estimator):
     """Physically consistent weighted least squares: P_i > 0 for every link, friction and rotor inertia >= 0.
 
     Weights come from weighted least squares first. What the data leave open settles at the prior: the one that the
-    problem states, else the description's inertias where they are possible, else balls of the right size. What the
+    problem states, else the robot model's inertias where they are possible, else balls of the right size. What the
     problem states about bodies (masses, centres, hulls) holds as well. The answer is proven to be the optimum.
 
     Attributes:

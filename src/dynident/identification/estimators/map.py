@@ -1,4 +1,4 @@
-"""Least squares with the description's inertias as a prior."""
+"""Least squares with the robot model's inertias as a prior."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class MAP(Estimator):
         """Return the estimate.
 
         Raises:
-            SolverFailed: The description states no usable inertia for a link.
+            SolverFailed: The robot model states no usable inertia for a link.
         """
         start = WLS().solve(problem)
         passes = RowPasses(problem)
@@ -105,7 +105,7 @@ class MAP(Estimator):
 
 
 def prior_sizes(model: DynamicModel) -> Array:
-    """Return the natural size of each inertial standard parameter from the description, shape (10 l,).
+    """Return the natural size of each inertial standard parameter from the robot model, shape (10 l,).
 
     Raises:
         SolverFailed: A link without inertia, or none with a mass.

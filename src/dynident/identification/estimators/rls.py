@@ -13,8 +13,8 @@ from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
+from dynident.identification.problem.regressor_stream import rows_in_time
 from dynident.identification.recursive import RecursiveLeastSquares
-from dynident.identification.recursive.rows_in_time import rows_in_time
 from dynident.identification.residuals.bands import bands_beside
 from dynident.identification.residuals.coloured import Influence, Uncertainty, uncertainty_of
 from dynident.identification.residuals.row_passes import RowPasses

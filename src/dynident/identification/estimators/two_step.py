@@ -102,12 +102,12 @@ class TwoStep(Estimator):
             raise PoorExcitation(
                 int(held.sum() - open_parts.sum()),
                 int(held.sum()),
-                f"friction in the rows with little acceleration, undetermined: {'; '.join(names[:3])}",
+                f"friction in the samples with little acceleration, undetermined: {'; '.join(names[:3])}",
                 "give a larger share, or add stretches of constant velocity in both directions",
             )
         rows, wanted = int(problem.counts.sum()), problem.base.count
         if rows < ROWS_A_PARAMETER * wanted:
-            evidence = f"{rows} rows with little acceleration are too few for {wanted} parameters"
+            evidence = f"{rows} samples with little acceleration are too few for {wanted} parameters"
             raise SolverFailed("the two-step fit", evidence, "record a longer log, or give a larger share")
 
     def _uncertainty(

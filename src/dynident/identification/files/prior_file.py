@@ -1,4 +1,4 @@
-"""A prior from a file: the inertias of a robot description, or the standard parameters of an estimate."""
+"""A prior from a file: the inertias of a robot model, or the standard parameters of an estimate."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ def read_prior(path: str | Path, robot: Robot, locked: Mapping[str, float] | Non
     """Read inertias known beforehand.
 
     Args:
-        path: A robot description (URDF, native) with inertias, or an estimate file with standard parameters.
+        path: A robot model (URDF, native) with inertias, or an estimate file with standard parameters.
         robot: The robot whose prior it is; link frames must be the same.
-        locked: Positions of the joints that the robot's case has locked, which are locked in the description too.
+        locked: Positions of the joints that the robot's case has locked, which are locked in the robot model too.
 
     Raises:
         FileError: The file cannot be read.

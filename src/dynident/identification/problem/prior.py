@@ -86,7 +86,7 @@ def natural_scale(model: DynamicModel, torque: Array, acceleration: Array, prior
         model: Robot, drives and friction.
         torque: Root mean square torque of each joint, shape (n,).
         acceleration: Root mean square acceleration of each joint, shape (n,).
-        prior: Standard parameters known beforehand, in place of the description's.
+        prior: Standard parameters known beforehand, in place of the robot model's.
     """
     robot = model.robot
     length = link_lengths(model)

@@ -11,10 +11,9 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared, Preprocessing, at_rest
-from dynident.errors import PoorExcitation
+from dynident.errors import LogMismatch, PoorExcitation
 from dynident.identification.problem.choices import Choices
 from dynident.identification.problem.kept_rows import KeptRows, kept_rows
-from dynident.identification.problem.motion_checks import check_motion, check_temperature, check_torque
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of
 from dynident.model.base_parameters import BaseParameters
@@ -25,7 +24,7 @@ from dynident.model.reduction import Reduced, Triangle, reduce
 
 @dataclass(frozen=True)
 class Rows:
-    """The observation matrix in full, joint by joint, rows at rest left out.
+    """The observation matrix in full, joint by joint, samples at rest left out.
 
     Attributes:
         matrix: W, shape (r, b).
@@ -73,7 +72,7 @@ class Problem:
         load: Base parameters whose torque without friction loads the drives, shape (b,); None where no part asks.
         choices: What was chosen on the way to the problem, such as the delay of each log; goes with the estimate.
         constraints: What is known about bodies beforehand; estimators of possible robots keep it, others do not.
-        prior: Standard parameters known beforehand, in place of the description's; None for the description's.
+        prior: Standard parameters known beforehand, in place of the robot model's; None for the robot model's.
         left: What is known of rows that are gone; None where logs and rows are there.
         kept: The rows of the logs, where they were made already and fit into memory.
     """
@@ -223,3 +222,38 @@ def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) 
         f"undetermined: {'; '.join(names)}",
         "record a motion that moves all joints fast and far at once, or drop friction terms",
     )
+
+
+def check_temperature(model: DynamicModel, logs: Sequence[Prepared]) -> None:
+    """Refuse logs without the temperatures that a friction part asks for."""
+    for log in logs:
+        if "temperature" in model.needs and log.log.temperature is None:
+            step = "map them in the case file (log: columns: temperature), or leave the friction part out"
+            raise LogMismatch(log.log.name, "no temperatures of the drives", step)
+
+
+def check_motion(model: DynamicModel, logs: Sequence[Prepared]) -> None:
+    """Name the joints that never move: their friction cannot be known, and the case must say that they are locked."""
+    span = np.max([np.ptp(log.log.q, axis=0) for log in logs], axis=0)
+    still = [name for name, moved in zip(model.robot.joint_names, span, strict=True) if moved < 1e-3]
+    if still:
+        names, ranges = ", ".join(still), ", ".join(f"{s:.2g}" for s in span[span < 1e-3])
+        raise LogMismatch(
+            ", ".join(log.log.name for log in logs),
+            f"{names} never moved (range {ranges} rad or m)",
+            "lock it in the case file (locked: {" + still[0] + ": 0}) or record a motion of all joints",
+        )
+
+
+def check_torque(model: DynamicModel, logs: Sequence[Prepared]) -> None:
+    """Name the joints whose torque is one and the same number: no sensor says that of a joint that moves."""
+    torques = [log.log.torque if log.log.raw_torque is None else log.log.raw_torque for log in logs]
+    known = [torque for torque in torques if torque is not None]
+    if not known:
+        return
+    low, high = (pick([pick(torque, axis=0) for torque in known], axis=0) for pick in (np.min, np.max))
+    for name, unit, least, most in zip(model.robot.joint_names, model.robot.units, low, high, strict=True):
+        if most - least <= 1e-12 * abs(most):
+            evidence = f"{name} moves but its torque is {most:.4g} {unit} throughout"
+            step = "map the right column, or leave the joint out (locked:)"
+            raise LogMismatch(", ".join(log.log.name for log in logs), evidence, step)

@@ -15,7 +15,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, thinned
-from dynident.data.preprocessing._shift import fractional_shift
+from dynident.data.preprocessing._local_polynomials import fractional_shift
 from dynident.identification.problem.problem import counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of, target_torque
 from dynident.model.dynamic_model import DynamicModel

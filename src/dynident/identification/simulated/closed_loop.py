@@ -209,7 +209,7 @@ class ClosedLoop:
             return _Pace(steps, 0, implicit)
         ratio = Fraction(options.control_hz / course.rate).limit_denominator(20)
         if ratio == 0 or abs(float(ratio) * course.rate / options.control_hz - 1.0) > 1e-4:
-            advice = f"the log has {course.rate:.6g} rows a second; give a simple multiple or part of that, or None"
+            advice = f"the log has {course.rate:.6g} samples a second; give a simple multiple or part of that, or None"
             raise BadOption("control_hz", options.control_hz, advice)
         steps = math.ceil(steps / ratio.numerator) * ratio.numerator
         return _Pace(steps, steps * ratio.denominator // ratio.numerator, implicit)

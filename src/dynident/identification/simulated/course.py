@@ -105,7 +105,7 @@ class Course:
         reference: q, dq and ddq to follow at its rows, shape (3, N, n).
         torque: Measured torque, its first and its second derivative, shape (3, N, n); None where it is not fed forward.
         start: q and dq at the first row, shape (2, n).
-        rate: Rows a second.
+        rate: Samples a second.
     """
 
     log: Prepared

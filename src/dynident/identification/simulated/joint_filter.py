@@ -192,7 +192,7 @@ def filter_log(
         belief: What is known of the parameters before.
         start: q and dq at the first row, shape (2, n).
         tuning: What is uncertain.
-        rate: Rows a second.
+        rate: Samples a second.
         watch: Told each row and its parameters.
 
     Returns:

@@ -1,8 +1,8 @@
 """Digest: what is left of the rows of logs that were reduced as a stream; digests merge.
 
 Of each joint: one triangle for each stretch of time, from which the triangle over all rows, its covariance under
-coloured residuals and the correlation of residuals follow; the triangle of the rows at rest; and sums of products with
-the constant, the measured torque and what the filter took from it, for the figures of the fit.
+coloured residuals and the correlation of residuals follow; the triangle of the samples at rest; and sums of products
+with the constant, the measured torque and what the filter took from it, for the figures of the fit.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ class JointRows:
         factors: Triangle of [W, tau] of each stretch over the rows that count, shape (m, K + 1, K + 1).
         sums: Sum of the same rows, shape (m, K + 1).
         counts: How many they are, shape (m,).
-        resting: Triangle of the rows at rest, shape (K + 1, K + 1).
+        resting: Triangle of the samples at rest, shape (K + 1, K + 1).
         rested: How many they are.
         products: Of [1, measured, unfiltered - measured] with [W, tau, 1, measured, unfiltered - measured], for rows
-            that count and rows at rest, shape (2, 3, K + 4).
+            that count and samples at rest, shape (2, 3, K + 4).
     """
 
     columns: IntArray
@@ -210,7 +210,7 @@ class Chunk:
         sha256: Hash of its bytes.
         rows: Rows of the file.
         samples: Time samples used.
-        rate: Rows a second that are used, in Hz.
+        rate: Samples a second that are used, in Hz.
         steps: What was done to its rows, in words.
         split: How ``--split`` takes the training part from the file; empty for all.
     """

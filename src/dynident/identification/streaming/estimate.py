@@ -82,7 +82,7 @@ def identify_digest(
         digest: What is left of the rows.
         estimator: Name or part.
         constraints: What is known about bodies beforehand.
-        prior: Standard parameters known beforehand, in place of the description's.
+        prior: Standard parameters known beforehand, in place of the robot model's.
         provenance: Facts to keep with the estimate.
         progress: Told each step in words.
 

@@ -40,7 +40,7 @@ class StreamSetup:
     split: Split | None = None
 
     def check(self) -> None:
-        """Refuse what needs all rows at once.
+        """Refuse what needs all samples at once.
 
         Raises:
             LogMismatch: Friction that is chosen, varied or loaded.
@@ -51,11 +51,11 @@ class StreamSetup:
         faults = [
             (evidence, step)
             for asked, evidence, step in (
-                (self.choose_friction, "friction: auto needs all rows at once, which a stream does not have", state),
-                (has_varying(self.model), "a friction part that varies a field (vary) needs all rows at once", state),
+                (self.choose_friction, "friction: auto needs all samples at once, which a stream does not have", state),
+                (has_varying(self.model), "a friction part that varies a field (vary) needs all samples", state),
                 (
                     has_choices(self.model),
-                    "a friction part that leaves a field to the log (choose) needs all rows at once",
+                    "a friction part that leaves a field to the log (choose) needs all samples",
                     state,
                 ),
                 (

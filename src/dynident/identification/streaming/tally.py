@@ -43,7 +43,7 @@ class Tally:
 
         Args:
             regressor: What makes rows from windows.
-            rate: Rows a second that are used.
+            rate: Samples a second that are used.
             expected: Rows that will come, about.
         """
         self.rows, self.stretch = 0, max(_FEWEST, round(STRETCH * rate))

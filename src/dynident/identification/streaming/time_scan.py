@@ -201,4 +201,4 @@ def _check(scan: TimeScan, path: str, longest_gap: float) -> None:
         evidence = (
             f"a median step of {scan.step:.3g} s where {scan.samples} samples last {scan.last - scan.first:.4g} s"
         )
-        raise LogMismatch(path, evidence, "log the time of the measurement: rows came in bursts")
+        raise LogMismatch(path, evidence, "log the time of the measurement: samples came in bursts")

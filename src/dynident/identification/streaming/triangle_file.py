@@ -1,4 +1,4 @@
-"""The triangle file (.tri): a digest as a NumPy archive of plain arrays, with no pickle; its description is JSON.
+"""The triangle file (.tri): a digest as a NumPy archive of plain arrays, with no pickle; its robot model is JSON.
 
 The array ``about`` holds UTF-8 JSON: kind, format, versions, model and its hash, base parameters, joints,
 preprocessing, columns, chunks (path, hash, rows of each log), ``options`` of the command that reduced them and, in a

@@ -15,7 +15,7 @@ from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.formats import LogStream
 from dynident.data.log import Log, Source
 from dynident.data.preprocessing import SHORTEST_REST, Prepared, Preprocessing, check_finite, check_turns
-from dynident.data.preprocessing._shift import POINTS, shifted
+from dynident.data.preprocessing._local_polynomials import POINTS, shifted
 from dynident.errors import LogMismatch
 from dynident.identification.streaming.time_scan import TimeScan
 

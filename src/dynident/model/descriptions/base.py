@@ -1,4 +1,4 @@
-"""A robot description format, and read_robot: from a file, or the name of a robot that ships, to a Robot."""
+"""A robot model format, and read_robot: from a file, or the name of a robot that ships, to a Robot."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SPACE: Final = b"\xef\xbb\xbf \t\r\n"  # with the byte order mark of UTF-8
 
 
 class Description(ABC):
-    """A format of robot descriptions.
+    """A format of robot models.
 
     Attributes:
         suffixes: Endings of its file names, with the dot.
@@ -46,7 +46,7 @@ DESCRIPTIONS: Final = Family("dynident.model.descriptions", Description, "robot 
 
 
 def read_robot(path: str | Path) -> Robot:
-    """Read a robot description: a URDF, a DH table in YAML, the JSON of dynident, or a robot that ships, by name.
+    """Read a robot model: a URDF, a DH table in YAML, the JSON of dynident, or a robot that ships, by name.
 
     The format follows from the first visible character (``<`` is XML) and then from the ending of the file name.
 
@@ -55,7 +55,7 @@ def read_robot(path: str | Path) -> Robot:
 
     Raises:
         FileError: No such file or robot, no regular file, not readable, or larger than 20 MB.
-        DescriptionError: A fault in the description.
+        DescriptionError: A fault in the robot model.
     """
     file = Path(path)
     name = str(path)

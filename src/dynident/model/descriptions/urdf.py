@@ -34,7 +34,7 @@ _TENSOR: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 @final
 @dataclass(frozen=True)
 class Urdf(Description):
-    """URDF, the robot description of ROS (specification 1.0 to 1.2).
+    """URDF, the robot model of ROS (specification 1.0 to 1.2).
 
     Read: links with ``<inertial>`` and ``<collision>`` (box, sphere, cylinder, capsule, name of a mesh), joints (fixed,
     revolute, continuous, prismatic), ``<origin>`` with rpy or quat_xyzw, ``<axis>``, ``<limit>`` with acceleration,

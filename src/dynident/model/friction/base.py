@@ -175,7 +175,7 @@ class SharedUse:
         place: Place in such a list, from 0.
         group: ``default`` for the friction of a model that states none. Parts of another group are added together;
             the selection compares the lists with and without each group. ``optional``: in the list that the selection
-            begins with only, where held-out rows decide.
+            begins with only, where held-out samples decide.
         options: Options of the part in the list that the selection begins with.
     """
 
@@ -197,7 +197,7 @@ class Friction(ABC):
     Attributes:
         joints: Joints that the part acts on; None for all.
         vary: Names of its non-linear fields whose values are to be found from the log; the stated ones are the start.
-        choose: Names of such fields whose stated values stand unless held-out rows of the log ask for others; with
+        choose: Names of such fields whose stated values stand unless held-out samples of the log ask for others; with
             ``part`` the part itself is only there if they ask for it.
     """
 
@@ -228,7 +228,7 @@ class Friction(ABC):
 
     @property
     def is_optional(self) -> bool:
-        """Whether it is only there if held-out rows of the log ask for it."""
+        """Whether it is only there if held-out samples of the log ask for it."""
         return WHOLE in (self.choose or ())
 
     @property

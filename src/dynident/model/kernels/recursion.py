@@ -28,7 +28,7 @@ NEAR = 1e-11
 
 
 def snapped(chain: Chain) -> Chain:
-    """Return the chain without the rounding of its description.
+    """Return the chain without the rounding of its robot model.
 
     Entries of rotations, axes and of gravity's direction within 1e-11 of 0, 0.5 or 1 (either sign) become that number,
     and translations below 1e-11 of the longest become 0. The dynamics change by a few 1e-11 relative at most, while

@@ -144,7 +144,7 @@ def kept_rows(x: Array, y: Array, bucket: float = 0.5) -> IntArray:
 
 
 def drawing(width: float, height: float, body: str, title: str, description: str, zoom: str = "") -> str:
-    """Return a whole figure with its title and the description that stands for it where it cannot be seen.
+    """Return a whole figure with its title and the robot model that stands for it where it cannot be seen.
 
     Args:
         width: Of the drawing.

@@ -78,7 +78,7 @@ def _drawings(value: Any) -> Iterator[Drawing]:
 
 
 def _said(drawing: Drawing) -> tuple[str, str]:
-    """Return the title and the description that stand in a figure."""
+    """Return the title and the robot model that stand in a figure."""
     return tuple(unescape(_between(drawing, tag)) for tag in ("title", "desc"))  # type: ignore[return-value]
 
 

@@ -14,7 +14,7 @@ from dynident.model.documents.sections import Section
 from dynident.simulation.controllers import Controller
 from dynident.studies.comparison.contest import Method
 
-#: Cut-off of an unfiltered preparation as a share of its rows a second: differences need one, and this is beyond them.
+#: Cut-off of an unfiltered preparation as a share of its samples a second: differences need one, this is beyond.
 OPEN = 0.4
 
 #: What the estimators call that which a controller feeds forward.
@@ -36,7 +36,7 @@ class Preparation:
     unfiltered: bool = False
 
     def at(self, rate: float) -> Preprocessing:
-        """Return the preprocessing of a condition with ``rate`` rows a second, in Hz."""
+        """Return the preprocessing of a condition with ``rate`` samples a second, in Hz."""
         if not self.unfiltered:
             return replace(self.how, rate_hz=rate)
         return replace(self.how, filter=Butterworth(OPEN * rate), rate_hz=None)

@@ -90,7 +90,7 @@ class Experiment:
         motion: Where motions come from.
         truth: ``nominal``, or ``random``: each draw has a robot of its own.
         duration: Of a log, in s.
-        rates: Rows a second that are used, in Hz.
+        rates: Samples a second that are used, in Hz.
         noise: Levels.
         draws: Logs of each condition, each with noise and guess of its own.
         guess: Relative deviation of the bodies and friction that methods are told; None: they are told none.

@@ -28,10 +28,10 @@ SELDOM = 0.3
 
 
 def described_truth(model: DynamicModel, seed: int = 0) -> Array:
-    """Return the parameters of the description, shape (p,); friction that it does not state is invented.
+    """Return the parameters of the robot model, shape (p,); friction that it does not state is invented.
 
     Raises:
-        NotConsistent: The description states no inertias, or impossible ones.
+        NotConsistent: The robot model states no inertias, or impossible ones.
     """
     theta = model.nominal()
     step = "take a random physically consistent robot (--truth random), or an estimate (--truth FILE)"
@@ -45,7 +45,7 @@ def described_truth(model: DynamicModel, seed: int = 0) -> Array:
 def random_truth(model: DynamicModel, seed: int, share: float = 0.3) -> Array:
     """Return parameters (p,) of a random robot that could exist, the same for the same seed.
 
-    Bodies that the description states are changed as :func:`near` does; others are invented: a cylinder from joint to
+    Bodies that the robot model states are changed as :func:`near` does; others are invented: a cylinder from joint to
     joint of random density and thickness, turned and shifted a little.
 
     Args:

@@ -26,7 +26,7 @@ class MethodRow:
     Attributes:
         robot: Name.
         noise: Name of the level.
-        rate: Rows a second, in Hz.
+        rate: Samples a second, in Hz.
         method: Label.
         draws: Logs that it was given so far.
         failures: Those on which it came to nothing.

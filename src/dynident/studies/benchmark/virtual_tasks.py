@@ -61,7 +61,7 @@ class VirtualTask:
     Attributes:
         robot: Name.
         noise: Of the log.
-        rate: Rows a second, in Hz.
+        rate: Samples a second, in Hz.
         entrant: Method and preparation.
         draw: Number of the log, from 0.
         facts: Everything that the result depends on.
@@ -81,7 +81,7 @@ class VirtualTask:
 
     @property
     def condition(self) -> tuple[str, str, float]:
-        """Robot, noise and rows a second."""
+        """Robot, noise and samples a second."""
         return self.robot, self.noise.name, self.rate
 
 

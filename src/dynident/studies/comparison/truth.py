@@ -21,10 +21,10 @@ def read_truth(path: str | Path, model: DynamicModel, locked: Mapping[str, float
     """Return the standard parameters that are known to stand behind the logs, shape (p,).
 
     Args:
-        path: The truth that 'dynident simulate' wrote beside the log; the robot description that was simulated, with
+        path: The truth that 'dynident simulate' wrote beside the log; the robot model that was simulated, with
             inertias; or an estimate file with standard parameters. Friction that a description does not state is zero.
         model: The model whose parameters they are.
-        locked: Positions of the joints that the case has locked, which are locked in the description too.
+        locked: Positions of the joints that the case has locked, which are locked in the robot model too.
 
     Raises:
         FileError: The file cannot be read.

@@ -41,7 +41,7 @@ export function build() {
       el("h2", {}, "Measured and predicted"),
       el("div", { class: "charts" }, found.torques.map((joint) => chart([
         { label: "measured", ...joint.measured, colour: 0 }, { label: "predicted", ...joint.predicted, colour: 2 },
-      ], { title: joint.name, unit: pretty(joint.unit), xLabel: "kept rows of the fit" }))),
+      ], { title: joint.name, unit: pretty(joint.unit), xLabel: "kept samples of the fit" }))),
       el("h2", {}, "Parameters"), parameters(found),
       el("h2", {}, "Nominal and identified"), beside(found),
       found.command ? [el("h3", {}, "The command of this estimate"), commandLine(found.command)] : null,

@@ -1,4 +1,4 @@
-// Stage 1: the robot, as its description states it.
+// Stage 1: the robot, as its robot model states it.
 
 import { choose, guarded, known, ofKind } from "./api.js";
 import { el, field, fill, name, number, options, table } from "./dom.js";

@@ -33,7 +33,7 @@ class Identified:
         theta: Standard parameters behind its base parameters, shape (p,); possible bodies and friction >= 0 unless
             ``origin`` is none: then they are zero outside the base parameters.
         origin: Where theta is from: the estimate, chosen here behind its base parameters, or none.
-        source: The robot description of the user; None where there is none.
+        source: The robot model of the user; None where there is none.
     """
 
     estimate: Estimate
@@ -70,7 +70,7 @@ def identified(estimate: Estimate, source: OwnDescription | None = None, needs_b
 
     Args:
         estimate: The estimate.
-        source: The robot description of the user.
+        source: The robot model of the user.
         needs_bodies: Whether nothing can be exported without them.
 
     Raises:

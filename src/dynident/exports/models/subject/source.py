@@ -1,4 +1,4 @@
-"""The robot description that a model goes back into: found, read, and kept byte by byte."""
+"""The robot model that a model goes back into: found, read, and kept byte by byte."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAX_BYTES = 20_000_000
 
 @dataclass(frozen=True)
 class OwnDescription:
-    """A robot description.
+    """A robot model.
 
     Attributes:
         path: Its file.
@@ -35,9 +35,9 @@ class OwnDescription:
 
 
 def find_source(estimate: Estimate, path: str | Path | None) -> OwnDescription | None:
-    """Return the robot description of a user: the one given, or the one that the estimate's provenance names.
+    """Return the robot model of a user: the one given, or the one that the estimate's provenance names.
 
-    The provenance names the description itself or the case file that does. One that is not there any more, or has
+    The provenance names the robot model itself or the case file that does. One that is not there any more, or has
     changed, is passed over: the model is then exported without it.
 
     Raises:

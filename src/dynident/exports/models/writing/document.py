@@ -86,7 +86,7 @@ def document_bytes(subject: Identified, drives: Drives) -> bytes:
     """Return the text of the document, plain ASCII.
 
     Raises:
-        BadOption: A name that no reader of robot descriptions takes.
+        BadOption: A name that no reader of robot models takes.
     """
     robot = subject.model.robot
     check_printable("robot", [robot.name, robot.base])

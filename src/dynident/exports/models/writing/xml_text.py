@@ -65,7 +65,7 @@ def checked_names(what: str, names: Sequence[str]) -> list[str]:
 
 
 def check_printable(what: str, names: Sequence[str]) -> None:
-    """Refuse names that no reader of a robot description takes.
+    """Refuse names that no reader of a robot model takes.
 
     Raises:
         BadOption: An empty name, or characters that cannot be printed.

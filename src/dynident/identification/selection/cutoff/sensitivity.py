@@ -129,7 +129,7 @@ def _figures(
 
 
 def _spread(blocks: BlockTriangles, hertz: float) -> Array:
-    """Return the variance of each parameter (b,) up to a factor, for 2 c independent rows a second and white noise."""
+    """Return the variance of each parameter (b,) up to a factor, for 2 c independent rows in 1 s and white noise."""
     reduced = blocks.reduced
     inverse = scipy.linalg.solve_triangular(reduced.r, np.eye(len(reduced.r)))
     return np.sum(np.asarray(inverse) ** 2, axis=1) * reduced.rows / hertz

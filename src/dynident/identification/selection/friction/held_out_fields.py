@@ -1,4 +1,4 @@
-"""Non-linear friction fields, and whole parts, whose stated value stands unless held-out rows ask for another one.
+"""Non-linear friction fields, and whole parts, whose stated value stands unless held-out samples ask for another one.
 
 The best value in the fit (see :mod:`variable_projection`) takes up whatever the model lacks, and the next motion need
 not have it: a sign of dry friction that turns over a tenth of a radian a second may stand for a joint that gives. Here
@@ -53,12 +53,12 @@ _ABSENT, _THERE = 0.0, 1.0
 
 
 def has_choices(model: DynamicModel) -> bool:
-    """Return whether a friction part leaves fields, or itself, to the logs where held-out rows ask for it."""
+    """Return whether a friction part leaves fields, or itself, to the logs where held-out samples ask for it."""
     return any(part.choose for part in model.friction)
 
 
 def without_optional(model: DynamicModel) -> DynamicModel:
-    """Return the model without the parts that are only there if held-out rows ask for them."""
+    """Return the model without the parts that are only there if held-out samples ask for them."""
     return replace(model, friction=tuple(part for part in model.friction if not part.is_optional))
 
 
@@ -162,7 +162,7 @@ class _FieldSearch:
     def with_part(self, p: int) -> FieldChoice:
         """Hold a part against its absence, with the best value of its first field, and put it there if it is better."""
         part = self.model.friction[p]
-        self._progress(f"friction: {FRICTION.name_of(part)} on held-out rows")
+        self._progress(f"friction: {FRICTION.name_of(part)} on held-out samples")
         for shared in self._group(p, "width") if (p, "width") in self._spans else ():
             if shared not in self.absent:
                 width = self.model.friction[shared].options["width"]
@@ -198,7 +198,7 @@ class _FieldSearch:
         part = self.stated.friction[there[0]]
         labels = ", ".join(FRICTION.name_of(self.model.friction[p]) for p in there)
         stated = float(getattr(part, name))
-        self._progress(f"friction: {labels} {name} on held-out rows")
+        self._progress(f"friction: {labels} {name} on held-out samples")
         about = (labels, part.joints, name, stated)
         self.model = _with_value(self.model, there, name, stated)
         grid = np.geomspace(*span, COARSE)

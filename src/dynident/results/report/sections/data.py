@@ -36,7 +36,7 @@ class DataSection(ReportSection):
         if not subject.datasets:
             return {}
         filters = {dataset.name: _facts(dataset.validation.filter) for dataset in subject.datasets}
-        # The rate of the rows kept and the delay follow from the logs and change no figure by themselves.
+        # The rate of the samples kept and the delay follow from the logs and change no figure by themselves.
         own = ("rate_hz", "delay_s")
         told = [{k: v for k, v in data.validation.filter.items() if k not in own} for data in subject.datasets]
         same = all(facts == told[0] for facts in told)

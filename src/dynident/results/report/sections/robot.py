@@ -1,4 +1,4 @@
-"""The robot: joints, limits, drives, gravity, and whether the description's inertias are possible."""
+"""The robot: joints, limits, drives, gravity, and whether the robot model's inertias are possible."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dynident.results.text import MISSING, Column, Table, format_given, label, p
 
 @dataclass(frozen=True)
 class RobotSection(ReportSection):
-    """Joints, drives, links and gravity as the description states them."""
+    """Joints, drives, links and gravity as the robot model states them."""
 
     title: ClassVar = "Robot"
     template: ClassVar = "robot.html"
