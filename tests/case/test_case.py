@@ -383,15 +383,18 @@ def test_splits_that_are_none(text: str) -> None:
 def test_a_split_by_duration() -> None:
     train, test = Split.parse(" first:0.25 ").apply(log_of(101))
     assert (train.samples, test.samples) == (25, 76)
-    assert train.source.steps == ("first 0.25 of the duration",)
+    assert train.source.steps == ("first 0.25 of the duration",) and train.source.split == "first:0.25"
 
 
 @pytest.mark.parametrize("word", ["samples", "rows"])  # once it was rows
 def test_a_split_by_samples(word: str) -> None:
     train, test = Split.parse(f"{word}:0:60,70:100").apply(log_of())
     assert (train.samples, test.samples, test.time[0]) == (60, 30, 7.0)
-    assert test.source.steps == ("rows 70 to 100 of 100",)
-    with pytest.raises(LogMismatch, match="simulated log: 90 rows, the split ends at 100; state rows that the log has"):
+    assert train.source.split == "samples:0:60,70:100"
+    assert test.source.steps == ("samples 70 to 100 of 100",) and test.source.split == ""
+    with pytest.raises(
+        LogMismatch, match="simulated log: 90 samples, the split ends at 100; state samples that the log has"
+    ):
         Split.parse(f"{word}:0:60,70:100").apply(log_of(90))
 
 

@@ -93,7 +93,7 @@ def test_large_logs_are_reduced_as_a_stream_by_themselves(
     assert "are read into memory: the estimator needs the rows" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("split", ["first:0.6", "rows:300:1500,1600:2400"])
+@pytest.mark.parametrize("split", ["first:0.6", "samples:300:1500,1600:2400"])
 def test_a_case_that_splits_its_logs_has_the_training_parts_reduced(
     capsys: Capture, tmp_path: Path, split: str
 ) -> None:
@@ -112,14 +112,14 @@ def test_a_case_that_splits_its_logs_has_the_training_parts_reduced(
     one, two = map(read_estimate, saved)
     np.testing.assert_allclose(one.beta, two.beta, rtol=1e-8)
     assert one.samples == two.samples
-    part = "first 0.6 of the duration" if split.startswith("first") else "rows 300 to 1500 of 2400"
-    assert part in one.provenance["logs"][0]["steps"]
+    part = "first 0.6 of the duration" if split.startswith("first") else "samples 300 to 1500 of 2400"
+    assert part in one.provenance["logs"][0]["steps"] and one.provenance["logs"][0]["split"] == split
     capsys.readouterr()
     err = refused(capsys, "identify", "arm.json", "--from", files[-1], "--cutoff", "3")
     assert "another preprocessing (cutoff_hz 4.0, there 3.0" in err
-    if split.startswith("rows"):
-        too_far = ["--split", "rows:0:2000,2000:9000", "-o", files[0]]
-        assert "2400 rows, the split ends at 9000" in refused(capsys, "reduce", "arm.json", "a.csv", *too_far)
+    if split.startswith("samples"):
+        too_far = ["--split", "samples:0:2000,2000:9000", "-o", files[0]]
+        assert "2400 samples, the split ends at 9000" in refused(capsys, "reduce", "arm.json", "a.csv", *too_far)
 
 
 def test_what_does_not_go_together_is_refused(capsys: Capture, tmp_path: Path) -> None:

@@ -12,6 +12,9 @@ import pytest
 from dynident.cli.main import main
 from dynident.data.formats import write_log
 from dynident.data.log import Log
+from dynident.identification.estimate.plausibility import Plausibility
+from dynident.identification.files.estimate_file import read_estimate
+from dynident.identification.problem.method_run import recorded_run
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
@@ -94,3 +97,43 @@ def test_warnings_are_one_line_each_and_the_rest_is_counted() -> None:
     lines = short_answer.warning_lines([f"warning number {k} " + 50 * "x" for k in range(7)], 40)
     assert len(lines) == 5 and all(len(line) <= 40 for line in lines)
     assert lines[-1] == "and 3 more warnings"
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("how", ["flag", "key"])
+def test_plausible_links_and_what_they_cost(folder: Path, capsys: Capture, how: str) -> None:
+    if how == "key":
+        (folder / "case.yaml").write_text(CASE + "bodies: plausible\n")
+    words = ("--bodies", "plausible") if how == "flag" else ()
+    out = shown(capsys, "--test", "b.csv", *words, "-o", "e.json")
+    assert "links: physically consistent and plausible" in out and "plausible links change the test error by" in out
+    told = json.loads(shown(capsys, "--test", "b.csv", *words, "--json"))
+    free = json.loads(shown(capsys, "--test", "b.csv", "--bodies", "free", "--json"))
+    assert told["test"]["free_bodies_error"] == pytest.approx(free["test"]["total_relative_error"], rel=1e-9)
+    assert "free_bodies_error" not in free["test"] and "plausibility" not in free["extras"]
+    kept = Plausibility.of(read_estimate(folder / "e.json").run)
+    assert (
+        kept == Plausibility.of(recorded_run(told["extras"])) and kept is not None and kept.cost_rise <= kept.cost_limit
+    )
+    documented = Path(__file__).parents[2] / "docs" / "json-output.md"
+    table = documented.read_text().split("<!-- json: plausibility -->")[1].split("\n\n")[1]
+    keys = {row.split("`")[1].split(".")[0].rstrip("[]") for row in table.splitlines()[2:]}
+    assert keys == set(told["extras"]["plausibility"])
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_mass_that_the_data_contradict_is_named(folder: Path, capsys: Capture) -> None:
+    robot = json.loads((folder / "arm.json").read_text())
+    robot["links"][1]["inertia"] = np.multiply(8.0, robot["links"][1]["inertia"]).tolist()
+    (folder / "arm.json").write_text(json.dumps(robot))
+    out = shown(capsys, "--test", "b.csv", "--bodies", "plausible", "--report", "r.html")
+    line = next(line for line in out.splitlines() if line.startswith("mass of link2: the data contradict it"))
+    assert line.endswith("its range is relaxed") and line.split(" (")[0] in (folder / "r.html").read_text()
+
+
+def test_bodies_are_for_the_estimator_consistent(folder: Path, capsys: Capture) -> None:
+    assert main(["identify", "case.yaml", "a.csv", "--estimator", "wls", "--bodies", "free"]) == 1
+    assert "--bodies" in capsys.readouterr().err
+    (folder / "case.yaml").write_text(CASE + "bodies: plausibel\n")
+    assert main(["identify", "case.yaml", "a.csv"]) == 1
+    assert "plausible" in capsys.readouterr().err

@@ -102,7 +102,7 @@ def test_a_fault_leaves_an_estimate_that_is_not_accepted(
     assert cause["name"] == name and cause["log"] == "run.csv" and cause["remedy"]
     page = Path("report.html").read_text(encoding="utf-8")
     verdict = page[page.index('id="verdict"') : page.index('id="robot"')]
-    assert "NOT ACCEPTED" in verdict and 'answer good"' not in verdict
+    assert "Not accepted" in verdict and 'word good"' not in verdict
     assert main(["export", "estimate.json", "--to", "csv", "-o", "out.csv", "--quiet"]) == 1
     assert name in capsys.readouterr().err and not Path("out.csv").exists()
     assert main(["export", "estimate.json", "--to", "csv", "-o", "out.csv", "--quiet", "--force"]) == 0

@@ -54,6 +54,14 @@ def test_a_torque_of_the_wrong_sign() -> None:
     assert any("negative correlation" in text for text in found), found
 
 
+def test_samples_near_gaps_are_named() -> None:
+    model, log = recorded()
+    sound = identify(model, [log], preprocessing=HOW)
+    (kept,) = sound.provenance["logs"]
+    gapped = replace(sound, provenance={"logs": [{**kept, "path": "run.csv", "gap_samples": 12}]})
+    assert warnings_of(gapped) == ("run.csv: 12 samples near gaps in time left out",)
+
+
 def test_a_consistent_fit_that_is_some_tens_of_per_cent_worse_is_no_fault() -> None:
     """Right cases of real robots leave as much, by friction that the model lacks."""
     model, log = recorded()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from drawings import check_labels, named, parsed, points
 from synthetic import arm, subject_of
 
 from dynident.model.inertia import Inertia
+from dynident.model.shapes import Capsule, Mesh
 from dynident.results.figures import mass_scene, scene_chart, scene_text
 from dynident.results.figures.bodies import FAR
 from dynident.results.report import Subject
@@ -65,6 +67,21 @@ def test_a_body_larger_than_the_robot_is_a_line_and_does_not_fill_the_picture() 
     filled = [p for p in named(parsed(scene_chart("View", scene)), "path") if p.get("fill-opacity") == "0.14"]
     assert [body.vast for body in scene.bodies] == [False, True] and len(filled) == 1
     assert [body["vast"] for body in json.loads(scene_text(scene))["bodies"]] == [False, True]
+
+
+def test_the_shapes_of_links_are_drawn_as_thick_as_they_are_where_their_link_is() -> None:
+    plain = arm()
+    shape, mesh = Capsule(np.zeros(3), np.array([0.0, 0.0, 0.4]), 0.07), Mesh("upper.stl")
+    robot = replace(plain, links=(replace(plain.links[0], shapes=(shape, mesh)), *plain.links[1:]))
+    scene = mass_scene(robot, np.zeros(3), [("own", [link.inertia for link in robot.links])])
+    (found,) = scene.capsules
+    assert np.allclose(found.start, plain.joints[0].translation) and np.allclose(found.end - found.start, shape.end)
+    (drawn,) = [p for p in named(parsed(scene_chart("View", scene)), "path") if p.get("stroke-linecap") == "round"]
+    ((start, end),) = points(drawn.attrib["d"])
+    seen = np.linalg.norm(end - start) / np.cos(np.deg2rad(24.0))  # the eye is raised, the capsule upright
+    assert float(drawn.attrib["stroke-width"]) / seen == pytest.approx(2 * 0.07 / 0.4, rel=0.01)
+    assert json.loads(scene_text(scene))["capsules"][0][2] == 0.07
+    assert mass_scene(plain, np.zeros(3), [("own", [None] * 3)]).capsules == ()
 
 
 def test_the_section_shows_what_was_identified_beside_what_was_described() -> None:

@@ -282,4 +282,7 @@ def test_references_are_matched_by_name(case: tuple[Estimate, Validation]) -> No
 def test_a_long_log_of_seven_joints_stays_small() -> None:
     names = [f"joint{k}" for k in range(1, 8)]
     estimate, test = subject_of(arm(names), samples=25_000, rate=1000.0)
+    spread, noise = np.random.default_rng(1).uniform(0.05, 0.15, test.measured.shape), np.full(7, 0.4)
+    estimate = replace(estimate, train=replace(estimate.train, deviations=spread, noise=noise))
+    test = replace(test, deviations=spread, noise=noise)
     assert len(build_report(estimate, [test]).encode()) < 3_000_000

@@ -166,17 +166,9 @@ def test_the_word_of_the_verdict_and_its_reason(case: tuple[Estimate, Validation
     assert (word, tone) == ("Not accepted", "bad") and reason.startswith("the log checks have 1 finding at error level")
 
 
-@pytest.mark.parametrize(
-    ("step", "split"),
-    [
-        ("first 0.6667 of the duration", "first:0.6667"),
-        ("rows 0 to 300 of 700", "rows:0:300,300:700"),
-        ("rows 400 to 700 of 700", "rows:400:700,0:400"),
-    ],
-)
-def test_rows_that_the_fit_kept_apart_are_named(case: tuple[Estimate, Validation], step: str, split: str) -> None:
-    subject = with_errors(case, 0.03, [])
-    logs = [{"path": "run.csv", "steps": ["read as text", step]}]
+def test_samples_that_the_fit_kept_apart_are_named(case: tuple[Estimate, Validation]) -> None:
+    subject, split = with_errors(case, 0.03, []), "samples:0:300,300:700"
+    logs = [{"path": "run.csv", "split": split}]
     parted = replace(subject, estimate=replace(subject.estimate, provenance={"logs": logs}))
     said = context("verdict", parted)["sentences"][1]
     assert f"test on it with --test LOG --split {split}, since" in said and "kept a part of its log apart" in said

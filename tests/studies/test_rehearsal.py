@@ -105,7 +105,7 @@ def test_longer_logs_know_more_and_the_verdict_follows_the_tolerance(model: Dyna
     theta = described_truth(model)
     found = rehearse(model, theta, plan, WLS(), Tolerance(0.05))
     assert [stage.share for stage in found.stages] == [0.5, 1.0, 2.0, 4.0]
-    deviations = [float(np.median(stage.relative_deviations)) for stage in found.stages[1:]]
+    deviations = [float(np.median(stage.relative_std)) for stage in found.stages[1:]]
     assert 0.4 < deviations[2] / deviations[0] < 0.65  # about 1 / 2 for four times the log
     assert found.passed and found.enough is not None
     assert min(stage.inside for stage in found.stages) > 0.8  # no shift between torque and motion takes them away
@@ -145,11 +145,11 @@ def test_a_joint_that_sticks_is_named_with_what_helps(model: DynamicModel, plan:
         return rehearse(model, theta, replace(plan, cell=cell), WLS(), Tolerance(), shares=(1.0,))
 
     found = rehearsed(bandwidth_hz=8.0)
-    assert list(found.facts["left_behind"]) == [last]
+    assert list(found.left_behind) == [last]
     (said,) = [line for line in verdict(found) if "not on the commanded motion" in line]
     assert last in said and "controller.feedforward=model" in said
-    assert not rehearsed(bandwidth_hz=8.0, feedforward="model").facts["left_behind"]
-    assert not rehearsed().facts["left_behind"]
+    assert not rehearsed(bandwidth_hz=8.0, feedforward="model").left_behind
+    assert not rehearsed().left_behind
 
 
 def test_payload_and_tilt_of_the_cell_are_part_of_the_truth(model: DynamicModel, plan: RehearsalPlan) -> None:

@@ -29,6 +29,7 @@ class CaseOptions:
         delay: Seconds by which torques lag behind positions, or ``auto``.
         prior: File with inertias known beforehand.
         constraints: File with constraints.
+        bodies: ``free`` or ``plausible``.
     """
 
     friction: tuple[str, ...] = ()
@@ -39,6 +40,7 @@ class CaseOptions:
     delay: str | None = None
     prior: str | None = None
     constraints: str | None = None
+    bodies: str | None = None
 
 
 def case_with(path: str, options: CaseOptions, open_gains: bool = False) -> Case:
@@ -57,6 +59,8 @@ def case_with(path: str, options: CaseOptions, open_gains: bool = False) -> Case
         raise BadOption("--split", options.split, "it does not go with --test; give one of the two")
     if options.split or options.has_test_logs:
         case = replace(case, split=Split.parse(options.split) if options.split else None)
+    if options.bodies:
+        case = replace(case, bodies=options.bodies)
     return with_knowledge(_with_preprocessing(case, options), options.prior, options.constraints)
 
 
@@ -129,6 +133,8 @@ def estimator_of(case: Case, name: str | None = None, options: Sequence[str] = (
         if not equals:
             raise BadOption("--option", item, "write key=value, such as --option iterations=500")
         texts[key] = value
+    if (name or chosen.name) == "consistent" and case.bodies:
+        texts.setdefault("bodies", case.bodies)
     try:
         return ESTIMATORS.make_from_text(name or chosen.name, texts)
     except DynidentError as error:

@@ -1,9 +1,9 @@
 """The case file: the one place where a user describes their robot, their log and how the two are used.
 
 YAML. Keys: case (the version of the format), robot, gravity, limits, locked, joints, coupling, drives, friction, log
-(profile, format, columns, units, ...), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, train,
-test, split, accept, workspace, cell, note. Unknown keys are errors that name the nearest known one. docs/case-file.md
-describes each.
+(profile, format, columns, units, ...), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, bodies,
+train, test, split, accept, workspace, cell, note. Unknown keys are errors that name the nearest known one.
+docs/case-file.md describes each.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from dynident.data.split import Split
 from dynident.errors import FileError
 from dynident.file_versions import Document, FileVersions, renamed
 from dynident.files import unreadable
-from dynident.model.body_constraints import Constraints
+from dynident.model.body_constraints import BODIES, Constraints
 from dynident.model.descriptions import read_robot
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
@@ -70,7 +70,8 @@ _KEYS = (
     "log",
     "preprocessing",
 )
-_KEYS += ("estimator", "constraints", "prior", "train", "test", "split", "accept", "workspace", "cell", "note")
+_KEYS += ("estimator", "bodies", "constraints", "prior", "train", "test", "split", "accept")
+_KEYS += ("workspace", "cell", "note")
 
 #: Keys of a joint under ``drives``.
 DRIVE_KEYS = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_std")
@@ -102,6 +103,7 @@ class Case:
         split: How a single log is split; None where it is not.
         locked: Positions of the joints that do not move, by name.
         workspace: What the robot must keep clear of; None where the case does not say.
+        bodies: `free` or `plausible`, of the estimator `consistent`; empty: as its options say.
         constraints: What is known about bodies beforehand.
         prior: Robot description or estimate file with inertias known beforehand, as written; empty for none.
         cell: The virtual cell in which the case is simulated; None where the case does not say.
@@ -127,6 +129,7 @@ class Case:
     prior: str = ""
     cell: CellSetup | None = None
     accept: Acceptance = field(default_factory=lambda: Acceptance({}))
+    bodies: str = ""
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -257,6 +260,7 @@ def _read_case(path: str | Path, open_gains: bool) -> Case:
         accept=acceptance_of(top.section("accept", tuple(CRITERIA))),
         path=str(path),
         robot_path=robot_path,
+        bodies=top.choice("bodies", BODIES) if top.has("bodies") else "",
     )
 
 

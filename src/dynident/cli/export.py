@@ -202,7 +202,7 @@ def _show(export: MotionExport) -> None:
     console.answer(f"\nlargest round-off of a position: {max(export.round_off.values()):.2g} rad or m")
     for proof in export.proofs:
         console.answer(f"read back by {proof.engine}: {proof.what}")
-    for key, value in export.facts.items():
+    for key, value in export.figures.data().items():
         worst = max(value.values()) if isinstance(value, dict) else value
         console.answer(f"{key.replace('_', ' ')}: {worst:.4g}" if isinstance(worst, float) else f"{key}: {worst}")
     for note in export.notes:

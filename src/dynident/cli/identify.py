@@ -53,6 +53,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     method.add_argument("--option", action="append", default=[], metavar="KEY=VALUE", help="an option of the estimator")
     known = parser.add_argument_group("prior knowledge (can be set in the case file)")
     known.add_argument("--prior", metavar="FILE", help="robot model or estimate whose inertias are the prior")
+    known.add_argument(
+        "--bodies",
+        choices=("free", "plausible"),
+        help="links of the estimator consistent: any of positive density, or within bounds that follow from the robot "
+        "model and near it where the data allow",
+    )
     known.add_argument("--constraints", metavar="FILE", help="masses, centres, hulls: YAML as in the case file")
     jobs.add_case_options(parser)
     trust = parser.add_argument_group("diagnostics")
@@ -130,8 +136,12 @@ def _estimate(
     from dynident.api.case_options import estimator_of
     from dynident.api.identify import DEFAULT_TRUST, Record, identify
     from dynident.cli import jobs
+    from dynident.errors import BadOption
+    from dynident.identification.estimators import ESTIMATORS
 
     estimator = estimator_of(case, options.estimator, options.option)
+    if options.bodies and ESTIMATORS.name_of(estimator) != "consistent":
+        raise BadOption("--bodies", options.bodies, "it is for the estimator consistent; leave one of the two out")
     record = Record(command=jobs.repeat_command(), checks=not options.no_check)
     digest = _digest(case, options, estimator, progress)
     if digest is not None:
@@ -179,6 +189,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
     from dynident.identification.consistency.labels import labels_line
     from dynident.identification.selection.cutoff.sensitivity import cutoff_lines
     from dynident.results.choices import choice_tables
+    from dynident.results.plausibility import plausibility_lines
     from dynident.results.text import fits_table, format_number, parameters_table, statement, total_error
 
     model = estimate.model
@@ -201,6 +212,8 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
     console.answer(consistency_line(estimate))
     if labels_line(estimate):
         console.answer(labels_line(estimate))
+    for line in plausibility_lines(estimate, test):
+        console.answer(line)
     for line in cutoff_lines(estimate.choices):
         console.answer(line)
     if estimate.diagnostics is not None:

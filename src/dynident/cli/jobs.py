@@ -85,8 +85,9 @@ def case_from(options: argparse.Namespace, open_gains: bool = False) -> Case:
         cutoff=options.cutoff,
         rate=options.rate,
         delay=options.delay,
-        prior=getattr(options, "prior", None),  # not every command has these two
+        prior=getattr(options, "prior", None),  # not every command has these three
         constraints=getattr(options, "constraints", None),
+        bodies=getattr(options, "bodies", None),
     )
     return case_with(options.case, own, open_gains)
 

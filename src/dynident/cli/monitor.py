@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dynident.applications.monitor import Monitor, Monitored
-    from dynident.identification.estimate.estimate import Estimate
 
 SUMMARY = "alarms where torques from outside exceed what clean runs show"
 
@@ -47,10 +46,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.applications.monitor import MomentumObserver, calibrated, run_monitor
-    from dynident.applications.monitor.signals import signals_of
+    from dynident.api.applications import logs_of_fit, monitor
     from dynident.cli import console
-    from dynident.data.log_of_robot import read_with
     from dynident.errors import BadOption
     from dynident.identification.files.estimate_file import read_estimate
 
@@ -62,25 +59,27 @@ def run(options: argparse.Namespace) -> int:
         progress.step("reading")
         estimate = read_estimate(options.estimate)
         names = options.clean or logs_of_fit(estimate)
-        clean = [signals_of(estimate, read_with(name, estimate.columns, estimate.model.robot)) for name in names]
-        logs = [] if live else [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
-        progress.step("thresholds of the clean runs")
-        observer = MomentumObserver(estimate, options.gain)
-        monitor = calibrated(observer, clean, [one / 3600.0 for one in rates] if len(rates) > 1 else rates[0] / 3600.0)
-        progress.step("looking")
+        wanted = rates if len(rates) > 1 else rates[0]
+        logs = [] if live else options.logs
+        found = monitor(estimate, logs, clean=names, rates=wanted, gain=options.gain, progress=progress.step)
         if live:
             progress.stop()
-            return _watch(monitor, options.json)
-        found = [run_monitor(monitor, log) for log in logs]
-    told = {"clean": list(names), "gain": options.gain, "tails": [vars(tail) for tail in monitor.tails]}
-    alarms = sum(len(one.alarms) for one in found)
+            return _watch(found.monitor, options.json)
     if options.json:
-        wanted = [3600.0 * float(rate) for rate in monitor.rates]
-        facts = {"factors": [float(one) for one in monitor.factors], "false_alarms_an_hour": wanted}
-        console.answer_json({**facts, **told, "logs": [one.figures() for one in found]})
+        limits = found.monitor
+        console.answer_json(
+            {
+                "factors": [float(one) for one in limits.factors],
+                "false_alarms_an_hour": [3600.0 * float(rate) for rate in limits.rates],
+                "clean": list(names),
+                "gain": options.gain,
+                "tails": [vars(tail) for tail in limits.tails],
+                "logs": [one.figures() for one in found.logs],
+            }
+        )
     else:
-        _show(monitor, found, names)
-    return 1 if alarms else 0
+        _show(found.monitor, found.logs, names)
+    return 1 if any(one.alarms for one in found.logs) else 0
 
 
 def _watch(monitor: Monitor, as_json: bool) -> int:
@@ -123,25 +122,6 @@ def _rates(text: str) -> list[float]:
         found = []
     if not found or not all(0 < one < float("inf") for one in found):
         raise BadOption("--rate", text, "give false alarms an hour, above 0: one number, or one for each joint")
-    return found
-
-
-def logs_of_fit(estimate: Estimate) -> list[str]:
-    """Return the logs that the estimate was made from, where they are still there and unchanged."""
-    from pathlib import Path
-
-    from dynident.errors import LogMismatch
-    from dynident.files import sha256_of
-
-    found = []
-    for log in estimate.provenance.get("logs", ()):
-        path = str(log.get("path", ""))
-        if not path or not Path(path).is_file() or (log.get("sha256") and sha256_of(path) != log["sha256"]):
-            step = "name logs without contact: --clean LOG ..."
-            raise LogMismatch(path or "simulated log", "this log of the fit is not there as it was", step)
-        found.append(path)
-    if not found:
-        raise LogMismatch("monitor", "the estimate names no logs", "name logs without contact: --clean LOG ...")
     return found
 
 

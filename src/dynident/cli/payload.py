@@ -51,18 +51,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.applications.payload import BeforeRun, identify_payload, vendor_forms
+    from dynident.api.applications import payload
+    from dynident.applications.payload import BeforeRun, vendor_forms
     from dynident.cli import console
-    from dynident.data.log_of_robot import read_with
     from dynident.identification.files.estimate_file import read_estimate
 
     with console.progress(6, options.quiet or options.json) as progress:
         progress.step("reading")
-        estimate = read_estimate(options.estimate)
-        logs = [read_with(name, estimate.columns, estimate.model.robot) for name in options.logs]
-        found = identify_payload(
-            estimate,
-            logs,
+        found = payload(
+            read_estimate(options.estimate),
+            options.logs,
             flange=options.flange,
             known=BeforeRun(options.mass, options.mass_std, options.friction_share, options.gain_std),
             rows=options.rows,

@@ -102,9 +102,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.case_options import estimator_of
+    from dynident.api.simulate import believed_parameters, cell_setup
     from dynident.case.case import read_case
     from dynident.cli import console, jobs
-    from dynident.cli.cells import believed_parameters, cell_setup
     from dynident.errors import BadOption
     from dynident.studies.selftest.rehearsal import SHARES, KnownBefore, Tolerance, rehearse
 
@@ -113,7 +113,7 @@ def run(options: argparse.Namespace) -> int:
     tolerance = Tolerance(options.tolerance, options.parameter_tolerance)
     case = read_case(options.case)
     estimator = estimator_of(case, options.estimator)
-    setup = cell_setup(options, case)
+    setup = cell_setup(case, options.cell, options.settings)
     believed = believed_parameters(setup, case)
     theta, source = _truth(options, case, setup)
     with console.progress(3 + len(SHARES), options.quiet or options.json) as progress:
@@ -196,7 +196,7 @@ def _plan(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Re
 
 def _noise(options: argparse.Namespace, case: Case, setup: CellSetup) -> tuple[Array | None, str]:
     """Return the torque noise that is stated, shape (n,), and by whom; None for that of the plan."""
-    from dynident.cli.cells import current_scale
+    from dynident.api.simulate import current_scale
     from dynident.simulation.effects import each
 
     joints = case.robot.dof
@@ -210,7 +210,7 @@ def _cell(options: argparse.Namespace, case: Case, setup: CellSetup, noise: tupl
     """Return the cell of the case with what the command line states beside it; it measures torques."""
     from dataclasses import replace
 
-    from dynident.cli.cells import current_scale
+    from dynident.api.simulate import current_scale
     from dynident.simulation.effects import Encoder, each
 
     cell = setup.cell
@@ -281,8 +281,8 @@ def _show(found: Rehearsal, plan: RehearsalPlan, facts: dict[str, Any], case: Ca
     console.answer(f"virtual cell: {_words(plan.cell)}")
     if case.choose_friction:
         console.answer("friction: auto chooses from real logs; here the default parts are taken")
-    if found.facts.get("saturated_torques"):
-        console.answer(f"{found.facts['saturated_torques']} torques were cut at the effort limits")
+    if found.saturated_torques:
+        console.answer(f"{found.saturated_torques} torques were cut at the effort limits")
     tables = (
         view.parameters_table(found, console.NAME_WIDTH), view.joints_table(found), view.lengths_table(found)
     )  # fmt: skip

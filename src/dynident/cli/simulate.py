@@ -53,16 +53,12 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from pathlib import Path
 
+    from dynident.api.simulate import cell_setup, simulate_case, write_simulated_log
     from dynident.case.case import read_case
-    from dynident.case.simulated_bag import BAGS, write_bag
-    from dynident.case.simulated_log import case_columns, wants_current, write_columns
     from dynident.cli import console
-    from dynident.cli.cells import believed_parameters, cell_setup, stated_parameters
     from dynident.errors import BadOption
     from dynident.excitation.design.plan import breach_of, read_plan, worst_breach
     from dynident.files import check_outputs, check_place
-    from dynident.simulation.cell_simulation import simulate_cell
-    from dynident.simulation.truth import true_parameters
 
     if options.seed < 0:
         raise BadOption("--seed", options.seed, "give 0 or more")
@@ -72,29 +68,9 @@ def run(options: argparse.Namespace) -> int:
         check_place(place)
     case, plan = read_case(options.case), read_plan(options.plan)
     check_outputs((str(target), *map(str, truth_files)), (options.case, options.plan, *map(str, case.files)))
-    setup = cell_setup(options, case)
-    model, robot = case.model, case.robot
-    if plan.joints != robot.joint_names:
-        step = f"the robot of the case has {', '.join(robot.joint_names)}; design the plan for this case"
-        raise BadOption("plan", f"for {', '.join(plan.joints)}", step)
-    theta = true_parameters(model, stated_parameters(setup.truth.parameters, case), setup.truth, options.seed)
-    believed = believed_parameters(setup, case)
-    gains = {j.name: j.drive.gain for j in robot.active if j.drive.gain is not None}
-    found = simulate_cell(
-        model,
-        theta,
-        plan.motion(options.repeats),
-        setup.cell,
-        gains=gains if wants_current(case.columns) else None,
-        believed=believed,
-        seed=options.seed,
-    )
-    table = case_columns(found.log, case.columns, robot, case.locked)
-    if target.suffix.lower() in BAGS:
-        signals = {name: values for name, values in table.items() if name != case.columns.time}
-        write_bag(signals, target, found.log.time, case.columns.joints or found.log.joints)
-    else:
-        write_columns(table, target, case.columns.decimal)
+    setup = cell_setup(case, options.cell, options.settings)
+    found, model = simulate_case(case, plan, setup, repeats=options.repeats, seed=options.seed), case.model
+    write_simulated_log(found, case, target)
     facts = _facts(options, setup, model, found)
     _write_truth(truth_files, facts, found)
     if options.json:

@@ -44,11 +44,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.api.applications import logs_of_fit, track
     from dynident.api.estimate_output import files_behind
-    from dynident.applications.tracking import Pace, thresholds_of, tracked
+    from dynident.applications.tracking import Pace
     from dynident.cli import console
-    from dynident.cli.monitor import logs_of_fit
-    from dynident.data.log_of_robot import read_with
     from dynident.files import check_outputs, check_place, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
 
@@ -62,19 +61,15 @@ def run(options: argparse.Namespace) -> int:
         if options.output:
             inputs = (options.estimate, options.log, *names, *files_behind(estimate))
             check_outputs((options.output,), inputs)
-        clean = [read_with(name, estimate.columns, estimate.model.robot) for name in names]
-        log = read_with(options.log, estimate.columns, estimate.model.robot)
-        progress.step("thresholds of the clean runs")
-        thresholds = thresholds_of(estimate, clean, pace, options.rate)
-        progress.step("following")
-        found = tracked(estimate, log, pace, thresholds)
+        followed = track(estimate, options.log, clean=names, rate=options.rate, pace=pace, progress=progress.step)
+    found, seconds = followed.found, followed.clean_seconds
     if options.output:
         write_atomically(options.output, _csv(estimate, found))
     if options.json:
-        told = {"clean": list(names), "clean_seconds": thresholds.seconds, "false_alarms_an_hour": options.rate}
+        told = {"clean": list(names), "clean_seconds": seconds, "false_alarms_an_hour": options.rate}
         console.answer_json({**found.figures(estimate), **told})
     else:
-        _show(estimate, found, names, thresholds.seconds)
+        _show(estimate, found, names, seconds)
     if options.output:
         console.remark(f"saved {options.output}", options.quiet or options.json)
     return 1 if found.events else 0

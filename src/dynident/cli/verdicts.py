@@ -71,7 +71,7 @@ def show_short(
         console.answer(line)
     table = short_answer.joints_table(estimate, test)
     console.answer_table(table, f"relative torque error, {'training' if test is None else 'test'} data")
-    for line in (table.note, "", *short_answer.summary_lines(estimate)):
+    for line in (table.note, "", *short_answer.summary_lines(estimate, test)):
         if line or line != table.note:
             console.answer(line)
     for line in short_answer.warning_lines(warnings_of(estimate, test), console.line_width()):

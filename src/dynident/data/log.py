@@ -24,12 +24,16 @@ class Source:
         sha256: Hash of the file's bytes; empty for a simulated log.
         rows: Rows of the file.
         steps: What was done to the rows since, in order, in words.
+        split: How ``--split`` takes this training part, and the test part beside it, from the file; empty for all.
+        gap_samples: Samples near gaps in time that were left out.
     """
 
     path: str = ""
     sha256: str = ""
     rows: int = 0
     steps: tuple[str, ...] = ()
+    split: str = ""
+    gap_samples: int = 0
 
 
 @dataclass(frozen=True, repr=False)
@@ -136,8 +140,9 @@ class Log(ShortText):
         if not 0 < first < 1:
             raise BadOption("split", first, "give the share of the first part, such as first:0.67")
         head = self.time < self.time[0] + first * self.duration
+        train = self.rows(head, f"first {first:g} of the duration")
         return (
-            self.rows(head, f"first {first:g} of the duration"),
+            replace(train, source=replace(train.source, split=f"first:{first:g}")),
             self.rows(~head, f"all after the first {first:g} of the duration"),
         )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dynident.data.log import Log
 from dynident.errors import BadOption, LogMismatch
@@ -42,24 +42,32 @@ class Split:
         step = "write first:0.67 (share of the duration) or samples:0:24750,29250:45000 (that train, that test)"
         raise BadOption("split", text, step)
 
+    def __str__(self) -> str:
+        if self.first is not None:
+            return f"first:{self.first:g}"
+        (a, b), (c, d) = self.train, self.test
+        return f"samples:{a}:{b},{c}:{d}"
+
     def apply(self, log: Log) -> tuple[Log, Log]:
         """Return the training and the test part of a log.
 
         Raises:
-            LogMismatch: The log has fewer rows than the split names.
+            LogMismatch: The log has fewer samples than the split names.
         """
         if self.first is not None:
             return log.split(self.first)
         self.check(log.samples, log.name)
-        parts = [log.rows(slice(a, b), f"rows {a} to {b} of {log.samples}") for a, b in (self.train, self.test)]
-        return parts[0], parts[1]
+        train, test = (
+            log.rows(slice(a, b), f"samples {a} to {b} of {log.samples}") for a, b in (self.train, self.test)
+        )
+        return replace(train, source=replace(train.source, split=str(self))), test
 
     def check(self, rows: int, name: str) -> None:
-        """Refuse a log with fewer rows than the split names.
+        """Refuse a log with fewer samples than the split names.
 
         Raises:
             LogMismatch: It has.
         """
         last = max(self.train[1], self.test[1])
         if last > rows:
-            raise LogMismatch(name, f"{rows} rows, the split ends at {last}", "state rows that the log has")
+            raise LogMismatch(name, f"{rows} samples, the split ends at {last}", "state samples that the log has")

@@ -21,7 +21,7 @@ SUSPECT = "The log checks found"
 
 
 @dataclass(frozen=True)
-class Cause:
+class ErrorFinding:
     """A finding at error level of a log of the fit.
 
     Attributes:
@@ -48,7 +48,7 @@ class Cause:
 
 
 @dataclass(frozen=True)
-class Criterion:
+class AcceptanceCriterion:
     """An acceptance criterion, judged.
 
     Attributes:
@@ -80,8 +80,8 @@ class Verdict:
         is_checked: Whether the log checks were made on the logs of the fit.
     """
 
-    causes: tuple[Cause, ...]
-    criteria: tuple[Criterion, ...]
+    causes: tuple[ErrorFinding, ...]
+    criteria: tuple[AcceptanceCriterion, ...]
     is_checked: bool
 
     @property
@@ -109,10 +109,10 @@ class Verdict:
         }
 
 
-def errors_in(quality: Sequence[Mapping[str, Any]]) -> tuple[Cause, ...]:
+def errors_in(quality: Sequence[Mapping[str, Any]]) -> tuple[ErrorFinding, ...]:
     """Return the findings at error level of examinations as plain data."""
     return tuple(
-        Cause(log, *(str(finding[key]) for key in ("name", "joint", "evidence", "remedy")))
+        ErrorFinding(log, *(str(finding[key]) for key in ("name", "joint", "evidence", "remedy")))
         for log, finding in _findings(quality, "error")
     )
 
@@ -120,7 +120,7 @@ def errors_in(quality: Sequence[Mapping[str, Any]]) -> tuple[Cause, ...]:
 def check_warnings(quality: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the findings at warning level of examinations as plain data, each in one line."""
     return [
-        str(Cause(log, *(str(finding[key]) for key in ("name", "joint", "evidence", "remedy"))))
+        str(ErrorFinding(log, *(str(finding[key]) for key in ("name", "joint", "evidence", "remedy"))))
         for log, finding in _findings(quality, "warning")
     ]
 
@@ -166,15 +166,15 @@ def _judged(
     estimate: Estimate,
     test: Validation | None,
     quality: Sequence[Mapping[str, Any]] | None,
-) -> Criterion:
+) -> AcceptanceCriterion:
     on = "training data" if test is None else "test data"
     data = estimate.train if test is None else test
     if name == "consistent":
         reasons = "; ".join(estimate.consistency.reasons[:2])
-        return Criterion(name, None, None, estimate.consistency.consistent, reasons)
+        return AcceptanceCriterion(name, None, None, estimate.consistency.consistent, reasons)
     if name == "log_checks":
         count = None if quality is None else len(errors_in(quality))
-        return Criterion(name, count, 0, count == 0, "the log checks were not made" if count is None else "")
+        return AcceptanceCriterion(name, count, 0, count == 0, "the log checks were not made" if count is None else "")
     value: float | None = data.total_relative_error
     detail = on
     if name == "joint_error":
@@ -186,7 +186,7 @@ def _judged(
     below = False
     if value is not None and np.isfinite(value) and np.isfinite(limit):
         below = bool(value < limit if name in CONDITIONS else value <= limit)
-    return Criterion(name, None if value is None else finite(value), finite(limit), below, detail)
+    return AcceptanceCriterion(name, None if value is None else finite(value), finite(limit), below, detail)
 
 
 def _largest(data: Validation, values: np.ndarray, on: str) -> tuple[float, str]:

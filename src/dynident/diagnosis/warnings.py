@@ -55,12 +55,11 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
 
 
 def _gaps(estimate: Estimate) -> list[str]:
-    """Name the logs with gaps in time whose rows were left out."""
+    """Name the logs with gaps in time whose samples were left out."""
     return [
-        f"{log.get('path') or 'a log'}: {step}"
+        f"{log.get('path') or 'a log'}: {log['gap_samples']} samples near gaps in time left out"
         for log in estimate.provenance.get("logs", ())
-        for step in log.get("steps", ())
-        if "near gaps in time" in step
+        if log.get("gap_samples")
     ]
 
 

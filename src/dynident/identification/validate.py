@@ -13,6 +13,7 @@ from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.errors import LogMismatch
 from dynident.identification.estimate.envelope import departure_of
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import NominalErrors, Validation, compare_torques
 from dynident.identification.problem.problem import Problem, counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream
@@ -41,6 +42,10 @@ def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
     deviations = [prediction_deviations(regressor, log, estimate.covariance) for log in prepared]
     known = estimate.train.nominal
     nominal = None if known is None else nominal_errors(estimate.model, estimate.base, prepared, known.friction)
+    bodies = Plausibility.of(estimate.run)
+    if bodies is not None:
+        free = validate_prepared(estimate.model, estimate.base, prepared, np.array(bodies.free_beta))
+        found = replace(found, free_bodies_error=free.total_relative_error)
     found = replace(found, deviations=np.concatenate(deviations), noise=estimate.joint_deviations, nominal=nominal)
     if estimate.envelope is None:
         return found

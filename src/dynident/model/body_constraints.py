@@ -18,6 +18,9 @@ from dynident.model.robot import Robot
 
 AXES = ("x", "y", "z")
 
+#: What bodies a fit may find: any of positive density, or those within bounds that follow from the robot model.
+BODIES = ("free", "plausible")
+
 
 @dataclass(frozen=True)
 class ValueRange:

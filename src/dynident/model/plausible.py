@@ -8,6 +8,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.model.body_constraints import BodyConstraints, Constraints, Ellipsoid, ValueRange
+from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 
@@ -99,10 +100,15 @@ def bounding_ellipsoid(points: Array, steps: int = 200) -> Ellipsoid:
     """
     lifted = np.column_stack([points, np.ones(len(points))])
     weights = np.full(len(points), 1.0 / len(points))
+    inverse = np.linalg.inv((lifted.T * weights) @ lifted)
+    spread = np.einsum("ki,ij,kj->k", lifted, inverse, lifted)
     for _ in range(steps):
-        spread = np.einsum("ki,ij,kj->k", lifted, np.linalg.inv((lifted.T * weights) @ lifted), lifted)
         far = int(np.argmax(spread))
         step = (spread[far] - 4.0) / (4.0 * (spread[far] - 1.0))
+        turned = inverse @ lifted[far]
+        update = step / (1.0 - step + step * spread[far])  # of the inverse by rank one (Sherman and Morrison 1950)
+        inverse = (inverse - update * np.outer(turned, turned)) / (1.0 - step)
+        spread = (spread - update * (lifted @ turned) ** 2) / (1.0 - step)
         weights *= 1.0 - step
         weights[far] += step
     centre = weights @ points
@@ -110,3 +116,18 @@ def bounding_ellipsoid(points: Array, steps: int = 200) -> Ellipsoid:
     sizes, axes = np.linalg.eigh(covariance)
     furthest = float(np.max(np.sum(((points - centre) @ axes) ** 2 / sizes, axis=1)))
     return Ellipsoid(centre, np.sqrt(sizes * furthest), axes)
+
+
+def uniform_body(known: BodyConstraints) -> Inertia:
+    """Return the body of density 1 kg/m^3 that fills the ellipsoid of a link, or the ellipsoid inside its box."""
+    space = known.body_ellipsoid
+    if space is None:
+        box = known.body_box
+        assert box is not None  # plausible bounds have one of the two
+        space = Ellipsoid((box.lower + box.upper) / 2, np.maximum((box.upper - box.lower) / 2, 1e-3))
+    volume = 4.0 / 3.0 * np.pi * float(np.prod(space.semi_axes))
+    covariance = (np.asarray(space.rotation) * space.semi_axes**2 / 5.0) @ np.asarray(space.rotation).T
+    centre = np.append(space.centre, 1.0)
+    pseudo = volume * np.outer(centre, centre)
+    pseudo[:3, :3] += volume * covariance
+    return Inertia.from_pseudo(pseudo)

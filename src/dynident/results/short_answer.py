@@ -8,8 +8,10 @@ import numpy as np
 
 from dynident.diagnosis.verdict import Verdict, quality_of
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Validation
 from dynident.results.nominal import errors_table, link_changes, missing_reason
+from dynident.results.plausibility import plausibility_lines
 from dynident.results.text import (
     Column,
     Table,
@@ -58,9 +60,15 @@ def joints_table(estimate: Estimate, test: Validation | None) -> Table:
     return Table(table.columns, tuple(table.rows[k] for k in (*kept, len(table.rows) - 1)), note)
 
 
-def summary_lines(estimate: Estimate) -> list[str]:
+def summary_lines(estimate: Estimate, test: Validation | None) -> list[str]:
     """Return what the estimate is made of: links, parameters, data, findings of the log checks."""
-    known = [bodies_line(estimate), parameters_line(estimate), data_line(estimate), checks_line(estimate)]
+    known = [
+        bodies_line(estimate),
+        *plausibility_lines(estimate, test),
+        parameters_line(estimate),
+        data_line(estimate),
+        checks_line(estimate),
+    ]
     return [line for line in (*known, missing_reason(estimate)) if line]
 
 
@@ -71,7 +79,7 @@ def bodies_line(estimate: Estimate) -> str:
         more = len(verdict.reasons) - 1
         reasons = f"{'; '.join(verdict.reasons[:1])}{f' and {more} more' if more > 0 else ''}"
         return f"links: physically INCONSISTENT: {reasons}"
-    line = "links: physically consistent"
+    line = "links: physically consistent" + (" and plausible" if Plausibility.of(estimate.run) else "")
     changes = [each for each in link_changes(estimate) if min(each.mass) > 0]
     if not changes:
         return line

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dynident.diagnosis.verdict import NO_CRITERIA, Criterion, Verdict
+from dynident.diagnosis.verdict import NO_CRITERIA, AcceptanceCriterion, Verdict
 from dynident.results.text import MISSING, Column, Table, format_percent, label
 
 #: What is said where nobody has looked at the logs of a fit.
@@ -49,7 +49,7 @@ def criteria_table(verdict: Verdict) -> Table:
     return Table(columns, rows)
 
 
-def _figure(criterion: Criterion, value: float | None) -> str:
+def _figure(criterion: AcceptanceCriterion, value: float | None) -> str:
     if value is None:
         return MISSING
     return f"{value:g}" if criterion.criterion == "log_checks" else format_percent(value)

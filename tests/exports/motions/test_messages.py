@@ -187,7 +187,7 @@ def test_a_bag_plays_the_approach_and_then_the_motion(storage: str, tmp_path: Pa
     assert [topic for topic, _, _ in messages] == ["/arm/go", "/arm/go"]
     (_, zero, approach), (_, start, motion) = messages
     end = approach.points[-1].time_from_start  # type: ignore[attr-defined]
-    assert zero == 0 and start == (end.sec + 2) * 10**9 + end.nanosec == round(found.facts["motion_starts_s"] * 1e9)
+    assert zero == 0 and start == (end.sec + 2) * 10**9 + end.nanosec == round(found.figures.motion_starts_s * 1e9)
     read = [
         {
             "points": [
@@ -253,7 +253,7 @@ def test_a_franka_table_meets_the_conditions_of_the_robot(tmp_path: Path) -> Non
     commands = np.vstack([signals[0, :1]] * 3 + [signals[0]] + [signals[0, -1:]] * 3)
     for order, (name, bound) in enumerate([("velocity", 3), ("acceleration", 20), ("jerk", 200)], start=1):
         used = np.abs(np.diff(commands, order, axis=0)).max() * 1000.0**order / bound
-        assert used < 1 and found.facts["used_by_differences"][name] == pytest.approx(used, rel=1e-6)
+        assert used < 1 and found.figures.used_by_differences[name] == pytest.approx(used, rel=1e-6)
     time, signals = read_table(tmp_path / "m-approach.csv", 7)
     check_approach(time, signals, np.zeros(7), exact[0, 0])
 

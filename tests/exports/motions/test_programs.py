@@ -142,7 +142,7 @@ def test_the_reported_deviation_is_that_of_the_interpolation(name: str, file: st
         else:
             way = np.stack([np.interp(time, knots, column) for column in targets.T], axis=1)
         away = np.abs(way - np.degrees(plan.motion().evaluate(time)[0])).max(axis=0)
-        stated = np.array(list(found.facts["deviation"].values()))
+        stated = np.array(list(found.figures.deviation.values()))
         assert np.all(stated <= tolerance)
         np.testing.assert_allclose(away, stated, rtol=0.05, atol=2e-5)
     assert found.points > 12

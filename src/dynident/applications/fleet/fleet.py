@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,10 @@ from dynident.applications.fleet.robots import FleetRobot, check_alike
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.excitation.design.prior import prior_of_covariance
-from dynident.identification.consistency.consistent_fit import ConsistentRun, consistent_fit, run_of
+from dynident.identification.consistency.consistent_fit import consistent_fit, run_of
 from dynident.identification.consistency.verdicts import judge
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.problem.method_run import recorded_run
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.reduction import Reduced
 
@@ -40,13 +41,6 @@ class FleetPlace:
     rate: float
     widened: float
     p: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class FleetRun(ConsistentRun):
-    """The run of the fit of one robot within its fleet."""
-
-    fleet: FleetPlace
 
 
 @dataclass(frozen=True)
@@ -190,11 +184,11 @@ def _estimate(robot: FleetRobot, found: Screening, place: FleetPlace) -> tuple[E
     possible = base.from_standard(fit.theta)
     estimate = robot.estimate(possible, covariance, fit.theta)
     spread = place.widened * found.population.variances
-    stated = {**vars(estimate.run), **vars(run_of(fit, scale, reduced, possible))}
+    stated = {**estimate.run.data(), **run_of(fit, scale, reduced, possible).data(), "fleet": asdict(place)}
     return replace(
         estimate,
         estimator="fleet",
         options={"rate": found.rate},
         consistency=judge(model, base, possible, fit.theta),
-        run=FleetRun(fleet=place, **stated),
+        run=recorded_run(stated),
     ), np.clip(1.0 - np.diag(covariance) / (spread + np.diag(found.population.mean_covariance)), 0.0, 1.0)

@@ -11,7 +11,7 @@ from dynident.case.draft.column_groups import Group
 from dynident.case.draft.joint_choice import JointChoice
 from dynident.case.draft.profile_fit import ProfileFit
 from dynident.case.draft.readings import LogReading
-from dynident.case.draft.structure import Structure
+from dynident.case.draft.structure import TableStructure
 from dynident.case.draft.told_units import Told
 from dynident.data.evidence.torques import TorqueEvidence, agrees
 from dynident.model.robot import Robot
@@ -87,7 +87,7 @@ class Recognised:
     is_large: bool = False
     turn: float = 0.0
     wrapped: tuple[str, ...] = ()
-    structure: Structure | None = None
+    structure: TableStructure | None = None
     form: str = ""
 
     @property

@@ -73,7 +73,7 @@ RATES = (
 
 
 @dataclass(frozen=True)
-class Structure:
+class TableStructure:
     """What the values of unnamed columns say.
 
     Attributes:
@@ -104,7 +104,7 @@ class _Derivative:
     factor: float
 
 
-def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str = "") -> Structure:
+def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str = "") -> TableStructure:
     """Return what the values of columns say.
 
     Args:
@@ -121,9 +121,9 @@ def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str =
     usable = [k for k in range(len(header)) if k != place]
     runs = _runs(usable, count)
     if len(values) < 50 or not runs or np.any(np.diff(clock) <= 0):
-        return Structure("" if place is None else header[place])
+        return TableStructure("" if place is None else header[place])
     told = _Names(header)
-    found = Structure("" if place is None else header[place])
+    found = TableStructure("" if place is None else header[place])
     pairs = _derivatives(clock, values, runs)
     followed = {pair.by for pair in pairs}
     firsts = {pair.of: pair for pair in pairs if pair.of not in followed}
@@ -152,10 +152,12 @@ def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str =
     seconds = clock / (rate or _clock_unit(velocity.factor))
     efforts = [run for run in runs if not known.intersection(run)]
     all_told = _with_effort(robot, seconds, values, efforts, told, (groups, evidence, rivals))
-    return Structure(found.time, rate, rate_why, all_told.groups, all_told.evidence, all_told.rivals, left_out)
+    return TableStructure(found.time, rate, rate_why, all_told.groups, all_told.evidence, all_told.rivals, left_out)
 
 
-def _without_velocities(robot: Robot, clock: Array, values: Array, told: _Names, found: Structure) -> Structure:
+def _without_velocities(
+    robot: Robot, clock: Array, values: Array, told: _Names, found: TableStructure
+) -> TableStructure:
     """Return the positions and torques that explain each other best, of columns that stand in whole sets of joints."""
     step = float(np.median(np.diff(clock)))
     units = time_units(step)

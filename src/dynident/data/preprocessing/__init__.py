@@ -203,7 +203,9 @@ def thinned(log: Log, filtered: Log, how: Preprocessing, delay_s: float = 0.0) -
     near = _near_gaps(filtered.gaps, filtered.time[keep], how.filter)
     if near.any():
         keep = keep[~near]
-        filtered = filtered.with_step(f"{np.count_nonzero(near)} rows near gaps in time left out")
+        count = int(np.count_nonzero(near))
+        filtered = filtered.with_step(f"{count} samples near gaps in time left out")
+        filtered = replace(filtered, source=replace(filtered.source, gap_samples=count))
     if len(keep) < 2:
         length = log.time[-1] - log.time[0]
         kept = f"{len(keep)} of {log.samples} samples are left after {how.trim_s:.3g} s trimmed at each end"

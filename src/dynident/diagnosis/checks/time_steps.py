@@ -44,7 +44,11 @@ def _unit(subject: CheckedLog, middle: float) -> Finding:
     unit = subject.raw.columns.units.time
     plain = middle * UNITS["time"][unit][0][1]
     usual = time_units(plain) or time_units(plain, POSSIBLE_STEPS)
-    remedy = f"state the unit of the time column (log: units: {{time: {usual[0]}}})" if usual else "check the column"
+    counter = "of a counter state the rate of the rows instead (log: columns: {time: 200 Hz})"
+    remedy = f"check the column; {counter}"
+    if usual:
+        rate = UNITS["time"][usual[0]][0][1] / plain
+        remedy = f"state its unit (log: units: {{time: {usual[0]}}}, {rate:.4g} rows a second then); {counter}"
     evidence = f"the median step is {plain:.4g} {unit}, {1 / middle:.4g} rows a second"
     return Finding("error", "time unit", "", evidence, remedy, {"median_step_s": middle})
 

@@ -84,7 +84,7 @@ def export_motion(
         plan_sha256=motion.plan_sha256,
         proofs=proofs,
         notes=content.notes,
-        facts=content.facts,
+        figures=content.figures,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from dynident.excitation.design.limits import LimitRow, check_limits
 from dynident.exports.base import Proof
 from dynident.exports.motions._motion import DrivenMotion
+from dynident.exports.motions.base import MotionFigures
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class MotionExport:
         plan_sha256: Hash of the plan's file.
         proofs: How far the printed positions are from those of the plan.
         notes: What the reader has to know.
-        facts: Plain figures of the target.
+        figures: Of the target.
     """
 
     exporter: str
@@ -49,16 +50,17 @@ class MotionExport:
     plan_sha256: str
     proofs: tuple[Proof, ...]
     notes: tuple[str, ...]
-    facts: Mapping[str, Any]
+    figures: MotionFigures
 
 
 def motion_export_data(export: MotionExport) -> dict[str, Any]:
     """Return an export as plain data: what ``dynident export --json`` prints."""
     data = asdict(export)
+    del data["figures"]
     data["rows"] = [{**asdict(row), "limit": row.limit if np.isfinite(row.limit) else None} for row in export.rows]
     for key in ("files", "notes", "proofs"):
         data[key] = list(data[key])
-    data["facts"], data["round_off"] = dict(export.facts), dict(export.round_off)
+    data["facts"], data["round_off"] = export.figures.data(), dict(export.round_off)
     return data
 
 

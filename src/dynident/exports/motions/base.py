@@ -4,13 +4,37 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
 from dynident.exports.base import Exporter, Proof
 from dynident.exports.motions._motion import DrivenMotion
 from dynident.exports.motions._printed import Printed, check_printed
+
+
+@dataclass(frozen=True)
+class MotionFigures:
+    """Figures of a target; none here."""
+
+    def data(self) -> dict[str, Any]:
+        """Return them as plain data: ``facts`` of ``dynident export --json``."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class ThinnedPoints(MotionFigures):
+    """Points that a controller joins by its own curve.
+
+    Attributes:
+        tolerance: Largest deviation from the motion that was asked for, in printed units.
+        deviation: Of the points' curve from the motion, by joint, in printed units.
+        point_distance_s: Time from point to point, in s.
+    """
+
+    tolerance: float
+    deviation: Mapping[str, float]
+    point_distance_s: float
 
 
 @dataclass(frozen=True)
@@ -21,13 +45,13 @@ class MotionContent:
         files: Bytes by place, in the order of their use.
         printed: The samples of the motion that the files hold.
         notes: What the reader has to know, one sentence each.
-        facts: Plain figures of this target, such as the deviation of thinned points.
+        figures: Of this target, such as the deviation of thinned points.
     """
 
     files: Mapping[Path, bytes]
     printed: Printed
     notes: tuple[str, ...] = ()
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    figures: MotionFigures = field(default_factory=MotionFigures)
 
 
 class MotionExporter(Exporter[DrivenMotion, MotionContent]):

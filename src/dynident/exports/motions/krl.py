@@ -14,7 +14,7 @@ from dynident.exports.motions._motion import DrivenMotion
 from dynident.exports.motions._printed import Decimals, Printed
 from dynident.exports.motions._programs import Axes, assign, degrees_and_mm, header_lines, name_notes
 from dynident.exports.motions._thinning import clamped_cubic, thinned
-from dynident.exports.motions.base import MotionContent, MotionExporter
+from dynident.exports.motions.base import MotionContent, MotionExporter, ThinnedPoints
 from dynident.exports.names_in_files import program_name
 
 #: Digits after the point, in degrees and mm; per cent of the axis speed of the approach.
@@ -75,11 +75,11 @@ class Krl(MotionExporter):
             path: _text(self._source(subject, name, time, waypoint is not None, deviation * scale)),
             path.with_suffix(".dat"): _text(self._data(name, axes, texts, waypoint)),
         }
-        facts = {"tolerance": self.tolerance, "deviation": away, "point_distance_s": float(time[1])}
+        figures = ThinnedPoints(self.tolerance, away, float(time[1]))
         note = (
             "the deviation is that of a cubic spline through the points: the controller's own spline is not published"
         )
-        return MotionContent(files, printed, (*name_notes(subject), note), facts)
+        return MotionContent(files, printed, (*name_notes(subject), note), figures)
 
     def _source(self, subject: DrivenMotion, name: str, time: Array, by_posture: bool, away: Array) -> list[str]:
         own = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -13,13 +14,20 @@ from dynident.errors import BadOption, FileError
 from dynident.exports.motions._franka_player import player_source
 from dynident.exports.motions._motion import APPROACH_SHARE, DrivenMotion
 from dynident.exports.motions._printed import table
-from dynident.exports.motions.base import MotionContent, MotionExporter
+from dynident.exports.motions.base import MotionContent, MotionExporter, MotionFigures
 
 #: Joints of the arm, and commands a second.
 JOINTS, RATE = 7, 1000.0
 
 #: What differences of printed positions may be above a bound: rounding at this rate.
 _ROUNDING = 1e-3
+
+
+@dataclass(frozen=True)
+class DifferenceFigures(MotionFigures):
+    """Largest share of each bound that differences of the commands use."""
+
+    used_by_differences: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -62,7 +70,7 @@ class Libfranka(MotionExporter):
             slow = (APPROACH_SHARE * bound for bound in (limits.velocity, limits.acceleration, limits.jerk))
             files[path.with_name(f"{path.stem}_player.cpp")] = player_source(*slow)
         note = "libfranka refuses a motion that does not start where the robot is commanded to be (q_d)"
-        return MotionContent(files, printed, (note,), {"used_by_differences": used})
+        return MotionContent(files, printed, (note,), DifferenceFigures(used))
 
 
 def _check_differences(q: Array, subject: DrivenMotion, path: Path) -> dict[str, float]:

@@ -22,7 +22,7 @@ from dynident.exports.motions._programs import (
     name_notes,
 )
 from dynident.exports.motions._thinning import linear, thinned
-from dynident.exports.motions.base import MotionContent, MotionExporter
+from dynident.exports.motions.base import MotionContent, MotionExporter, ThinnedPoints
 from dynident.exports.names_in_files import program_name
 
 #: Digits after the point in degrees and mm; longest name, less the four letters of ``run_`` (RAPID: 32).
@@ -39,6 +39,13 @@ _WORDS = frozenset(
     "MODULE NOSTEPIN NOT NOVIEW OR PERS PROC RAISE READONLY RECORD RETRY RETURN STEP SYSMODULE TEST THEN "
     "TO TRAP TRUE TRYNEXT UNDO VAR VIEWONLY WHILE WITH XOR MAIN QS QP SLOW I FINE TOOL0 V1000 NUM BOOL STRING".split()
 )
+
+
+@dataclass(frozen=True)
+class ZonedPoints(ThinnedPoints):
+    """Thinned points with the zone in which the controller rounds them."""
+
+    zone: str
 
 
 @dataclass(frozen=True)
@@ -83,10 +90,10 @@ class Rapid(MotionExporter):
         waypoint = None if subject.posture is None else decimals.texts(subject.posture[None])[0]
         lines = self._module(subject, name, axes, texts, waypoint, time, float((deviation * scale).max()))
         away = dict(zip(subject.joints, (deviation * scale).tolist(), strict=True))
-        facts = {"tolerance": self.tolerance, "deviation": away, "point_distance_s": float(time[1]), "zone": self.zone}
+        figures = ZonedPoints(self.tolerance, away, float(time[1]), self.zone)
         note = "speeds are in steps from point to point; what zones cut off is not counted in the deviation"
         data = ("\r\n".join(lines) + "\r\n").encode("ascii")
-        return MotionContent({path: data}, printed, (*name_notes(subject), note), facts)
+        return MotionContent({path: data}, printed, (*name_notes(subject), note), figures)
 
     def _module(
         self,

@@ -15,7 +15,7 @@ from dynident.errors import BadOption, FileError, MissingDependency
 from dynident.exports.motions._messages import NANO, Points, approach_points, points_of
 from dynident.exports.motions._motion import DrivenMotion
 from dynident.exports.motions._printed import Printed
-from dynident.exports.motions.base import MotionContent, MotionExporter
+from dynident.exports.motions.base import MotionContent, MotionExporter, MotionFigures
 from dynident.exports.names_in_files import ros_names
 from dynident.files import written_for_a_while
 
@@ -25,6 +25,13 @@ _FOLDER = re.compile(r"[A-Za-z0-9_.-]+")
 
 #: Pause in s between the end of the approach and the motion.
 PAUSE = 2
+
+
+@dataclass(frozen=True)
+class BagFigures(MotionFigures):
+    """Time stamp of the first sample, in s."""
+
+    motion_starts_s: float
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,7 @@ class Ros2Bag(MotionExporter):
             with written_for_a_while():
                 printed = self._bag(place, names, [*messages, (start, motion)])
             files = {path / file.name: file.read_bytes() for file in sorted(place.iterdir())}
-        return MotionContent(files, printed, facts={"motion_starts_s": start / NANO})
+        return MotionContent(files, printed, figures=BagFigures(start / NANO))
 
     def _bag(self, place: Path, names: tuple[str, ...], messages: list[tuple[int, Points]]) -> Printed:
         """Write a bag and return the samples of its last message."""

@@ -12,7 +12,7 @@ from dynident.errors import BadOption
 from dynident.exports.motions._motion import APPROACH_SHARE, APPROACH_SLOW, DrivenMotion
 from dynident.exports.motions._printed import Decimals, Printed
 from dynident.exports.motions._programs import header_lines, name_notes
-from dynident.exports.motions.base import MotionContent, MotionExporter
+from dynident.exports.motions.base import MotionContent, MotionExporter, MotionFigures
 from dynident.exports.names_in_files import program_name
 
 #: Joints of the arm, and the step in s that every control cycle is a part of (e-Series; CB3 takes multiples of 8 ms).
@@ -25,6 +25,15 @@ _WORDS = frozenset(
     "AND BREAK CONTINUE DEF ELIF ELSE END FALSE GLOBAL HALT IF LOCAL NOT OR RETURN RUN SEC THREAD TRUE "
     "WHILE XOR MOVEJ MOVEL SERVOJ STOPJ SLEEP FOLLOW H I K N P".split()
 )
+
+
+@dataclass(frozen=True)
+class ServoFigures(MotionFigures):
+    """Largest acceleration that round-off adds, in rad/s^2, gain and lookahead time of servoj."""
+
+    acceleration_by_round_off: float
+    gain: float
+    lookahead_s: float
 
 
 @dataclass(frozen=True)
@@ -73,8 +82,8 @@ class Urscript(MotionExporter):
         lines = self._program(subject, name, texts, round(step, 6))
         printed = Printed(time, decimals.read(texts)[None], decimals.round_off[None])
         seen = float(4 * decimals.round_off.max() * subject.rate**2)
-        facts = {"acceleration_by_round_off": seen, "gain": self.gain, "lookahead_s": self.lookahead}
-        return MotionContent({path: ("\n".join(lines) + "\n").encode("ascii")}, printed, name_notes(subject), facts)
+        figures = ServoFigures(seen, self.gain, self.lookahead)
+        return MotionContent({path: ("\n".join(lines) + "\n").encode("ascii")}, printed, name_notes(subject), figures)
 
     def _program(self, subject: DrivenMotion, name: str, texts: list[list[str]], step: float) -> list[str]:
         limits = subject.plan.limits

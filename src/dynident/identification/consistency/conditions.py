@@ -171,10 +171,10 @@ def _stated(model: DynamicModel, known: Constraints) -> Iterator[_Row]:
     size = len(model.parameters)
     for i, link in enumerate(model.robot.links):
         if link.name in known.links:
-            for ten, offset, words, equation in _link_rows(known.links[link.name]):
+            for ten, offset, words, equation, unit in _link_rows(known.links[link.name]):
                 row = np.zeros(size)
                 row[10 * i : 10 * i + 10] = ten
-                yield _Row(row, offset, f"{link.name}: {words}", equation, "kg" if words.startswith("mass") else "")
+                yield _Row(row, offset, f"{link.name}: {words}", equation, unit)
     total = np.zeros(size)
     total[9 : model.inertial_count : 10] = 1.0
     for sign, offset, words, equation in _range_rows(known.total_mass.low, known.total_mass.high, "total mass", "kg"):
@@ -195,33 +195,34 @@ def _range_rows(low: float, high: float, what: str, unit: str) -> Iterator[tuple
         yield -1.0, high, f"{what} <= {high:g} {unit}", False
 
 
-def _link_rows(known: BodyConstraints) -> Iterator[tuple[Array, float, str, bool]]:
-    """Yield (ten, offset, words, equation) of a link: conditions ten @ (parameters of the link) + offset."""
+def _link_rows(known: BodyConstraints) -> Iterator[tuple[Array, float, str, bool, str]]:
+    """Yield (ten, offset, words, equation, unit) of a link: conditions ten @ (parameters of the link) + offset."""
     mass, moment = np.eye(10)[9], np.eye(10)[6:9]
     for sign, offset, words, equation in _range_rows(known.mass.low, known.mass.high, "mass", "kg"):
-        yield sign * mass, offset, words, equation
+        yield sign * mass, offset, words, equation, "kg"
     if known.centre_box is not None:
-        yield from _box_rows(known.centre_box, mass, moment)
+        yield from ((*row, "") for row in _box_rows(known.centre_box, mass, moment))
     if known.centre_hull is not None:
         normals, limits, equations, values = halfspaces(known.centre_hull)
         for normal, limit in zip(normals, limits, strict=True):
-            yield limit * mass - normal @ moment, 0.0, "centre of mass in the hull of its points", False
+            yield limit * mass - normal @ moment, 0.0, "centre of mass in the hull of its points", False, ""
         for normal, value in zip(equations, values, strict=True):
-            yield normal @ moment - value * mass, 0.0, "centre of mass in the plane or line of its points", True
+            words = "centre of mass in the plane or line of its points"
+            yield normal @ moment - value * mass, 0.0, words, True, ""
     if known.body_ellipsoid is not None:
-        yield _trace_row(known.body_ellipsoid.quadric), 0.0, "all matter in the ellipsoid", False
+        yield _trace_row(known.body_ellipsoid.quadric), 0.0, "all matter in the ellipsoid", False, ""
     if known.body_box is not None:
         for axis, quadric in zip(AXES, box_quadrics(known.body_box), strict=True):
-            yield _trace_row(quadric), 0.0, f"all matter in the box along {axis}", False
+            yield _trace_row(quadric), 0.0, f"all matter in the box along {axis}", False, ""
     for axis, place in known.symmetry.items():
         k = AXES.index(axis)
         words = f"symmetric about the plane {axis} = {place:g} m"
-        yield moment[k] - place * mass, 0.0, words, True
+        yield moment[k] - place * mass, 0.0, words, True, ""
         for other in {0, 1, 2} - {k}:  # the mirrored products vanish: int (x - place) y = 0
             quadric = np.zeros((4, 4))
             quadric[k, other] = quadric[other, k] = 0.5
             quadric[other, 3] = quadric[3, other] = -0.5 * place
-            yield _trace_row(quadric), 0.0, words, True
+            yield _trace_row(quadric), 0.0, words, True, ""
 
 
 def _box_rows(box: BoundingBox, mass: Array, moment: Array) -> Iterator[tuple[Array, float, str, bool]]:

@@ -14,6 +14,7 @@ from dynident.errors import SolverFailed
 from dynident.identification.consistency.conditions import Conditions, conditions_of
 from dynident.identification.consistency.conic import ConicCandidate, solve_conic, solve_whitened
 from dynident.identification.consistency.program import Optimality, Program, optimality, whitened_rows
+from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.prior import PULL, Scale, natural_scale
 from dynident.identification.problem.problem import Problem
@@ -55,7 +56,10 @@ Path: TypeAlias = Callable[[Program], ConicCandidate]
 
 @dataclass(frozen=True, kw_only=True)
 class ConsistentRun(MethodRun):
-    """Rise of the residual over the free fit (a fraction), solver, what holds the estimate (natural sizes), metric."""
+    """Rise of the residual over the free fit (a fraction), solver, what holds the estimate (natural sizes), metric.
+
+    ``plausibility`` is what plausible bodies cost, for these.
+    """
 
     residual_above_unconstrained: float | None
     solver: str
@@ -64,6 +68,7 @@ class ConsistentRun(MethodRun):
     active_slack: Sequence[float]
     active_multiplier: Sequence[float]
     metric: Metric | None = None
+    plausibility: Plausibility | None = None
 
 
 @dataclass(frozen=True)
@@ -123,11 +128,15 @@ def consistent_fit(
     """
     program = pose_program(model, base, reduced, scale, pull, margin, metric, constraints)
     with one_blas_thread():  # matrices this small are slower on several threads
-        answer, failed = _first_good(program, constraints is not None and not constraints.is_empty)
-        found = answer.candidate
-        shares = data_shares(answer.program, found.phi)
-    theta, active = found.phi * scale.parameters, active_conditions(program.conditions, found)
-    return ConsistentFit(theta, answer.optimality, answer.path, failed, active, shares)
+        return judged(solve_program(program, constraints is not None and not constraints.is_empty), scale)
+
+
+def judged(answer: Answer, scale: Scale) -> ConsistentFit:
+    """Return a checked answer as standard parameters with its proof."""
+    found = answer.candidate
+    shares = data_shares(answer.program, found.phi)
+    theta, active = found.phi * scale.parameters, active_conditions(answer.program.conditions, found)
+    return ConsistentFit(theta, answer.optimality, answer.path, answer.failed, active, shares)
 
 
 def pose_program(
@@ -142,7 +151,7 @@ def pose_program(
 ) -> Program:
     """Return the program of :func:`consistent_fit` in variables theta / scale, in units of the residual."""
     size, inertial = len(model.parameters), model.inertial_count
-    unit = np.sqrt(max(reduced.rest, 1e-14 * (reduced.rest + float(reduced.z @ reduced.z))))
+    data, target = scaled_data(base, reduced, scale)
     start = scale.prior / scale.parameters
     each = pull / max(reduced.rows, 1)
     held = np.array([metric == "natural" or k >= inertial for k in range(size)])
@@ -152,14 +161,14 @@ def pose_program(
     whitening = np.zeros((0, 4, 4))
     if metric != "natural":
         bodies = np.einsum("lk,kij->lij", start[:inertial].reshape(-1, 10), PSEUDO_BASIS)
-        roots = np.linalg.cholesky(_lifted(bodies))
+        roots = np.linalg.cholesky(lifted(bodies))
         whitening = np.linalg.inv(roots)
         if metric == "pull_back":
             bound = np.sqrt(each) * whitened_rows(roots, size)
             rows, aim = np.vstack([bound, rows]), np.concatenate([bound @ start, aim])
     return Program(
-        data=reduced.r @ (base.matrix * scale.parameters) / unit,
-        target=reduced.z / unit,
+        data=data,
+        target=target,
         pull=rows,
         pull_target=aim,
         weight=each if metric == "entropic" else 0.0,
@@ -169,7 +178,13 @@ def pose_program(
     )
 
 
-def _lifted(bodies: Array) -> Array:
+def scaled_data(base: BaseParameters, reduced: Reduced, scale: Scale) -> tuple[Array, Array]:
+    """Return A and y of a program: the triangle over scaled parameters in units of the unconstrained residual."""
+    unit = np.sqrt(max(reduced.rest, 1e-14 * (reduced.rest + float(reduced.z @ reduced.z))))
+    return reduced.r @ (base.matrix * scale.parameters) / unit, reduced.z / unit
+
+
+def lifted(bodies: Array) -> Array:
     """Return pseudo-inertias whose eigenvalues are at least a small share of their trace."""
     values, vectors = np.linalg.eigh(bodies)
     values = np.maximum(values, _THIN * values.sum(axis=1, keepdims=True))
@@ -195,17 +210,22 @@ def _solve_barrier(program: Program) -> ConicCandidate:
 def _check_room(program: Program) -> None:
     from dynident.identification.consistency.certificate import check_room  # few programs come here
 
-    check_room(program.conditions)
+    rules = program.conditions
+    place = program.start + 1e-3 * (np.arange(rules.size) >= 10 * program.links)  # the prior with a little friction
+    if rules.shortfall(place) == 0.0 and np.min(rules.signs(place), initial=1.0) > 1e-6:
+        return  # where it is inside, nothing is to be proven
+    check_room(rules)
 
 
 @dataclass(frozen=True)
-class _Answer:
-    """A checked answer, the program that it answers, and the path that gave it."""
+class Answer:
+    """A checked answer, the program that it answers, the path that gave it, and what the paths before it lack."""
 
     program: Program
     candidate: ConicCandidate
     optimality: Optimality
     path: str
+    failed: tuple[str, ...] = ()
 
 
 def _residual(program: Program, phi: Array) -> float:
@@ -213,8 +233,17 @@ def _residual(program: Program, phi: Array) -> float:
     return float(np.hypot(1.0, np.linalg.norm(program.data @ phi - program.target)))
 
 
-def _first_good(program: Program, stated: bool) -> tuple[_Answer, tuple[str, ...]]:
-    """Return the first answer that passes the check, else the best fair one, and what the others lack."""
+def solve_program(program: Program, stated: bool = False) -> Answer:
+    """Return the first answer that passes the check, else the best fair one.
+
+    Args:
+        program: The program.
+        stated: Whether conditions are stated that may not hold together; that is looked at first.
+
+    Raises:
+        ContradictoryConstraints: They cannot.
+        SolverFailed: No path reached a solution that passes the check.
+    """
     if stated:
         _check_room(program)  # else a body of next to no mass could pass for one within the tolerances
     failed: list[str] = []
@@ -223,15 +252,15 @@ def _first_good(program: Program, stated: bool) -> tuple[_Answer, tuple[str, ...
         place = _clipped(program.conditions, program.start) if best is None else best.candidate.phi
         best = _in_own_units(program, place) or best
     if best is not None:
-        return best, tuple(failed)
+        return replace(best, failed=tuple(failed))
     _check_room(program)
     step = "check the units of the log and the robot model, or use --estimator wls"
     raise SolverFailed("the consistent fit", "; ".join(failed), step)
 
 
-def _best_answer(program: Program, failed: list[str]) -> _Answer | None:
+def _best_answer(program: Program, failed: list[str]) -> Answer | None:
     """Return the first answer with a good gap, else the best fair one; what paths lack is added to ``failed``."""
-    fair: list[_Answer] = []
+    fair: list[Answer] = []
     for name, path in paths_of(program).items():
         try:
             raw = path(program)
@@ -242,7 +271,7 @@ def _best_answer(program: Program, failed: list[str]) -> _Answer | None:
         if checked is None:
             failed.append(f"{name}: status {raw.said}, and its answer breaks the conditions")
             continue
-        answer = _Answer(program, *checked, name)
+        answer = Answer(program, *checked, name)
         if answer.optimality.gap <= GOOD:
             return answer
         failed.append(f"{name}: status {raw.said}, proven gap {answer.optimality.gap:.2g}")
@@ -251,14 +280,14 @@ def _best_answer(program: Program, failed: list[str]) -> _Answer | None:
     return min(fair, key=lambda answer: answer.optimality.gap, default=None)
 
 
-def _in_own_units(program: Program, place: Array) -> _Answer | None:
+def _in_own_units(program: Program, place: Array) -> Answer | None:
     """Return the answer in units of the residual that possible robots leave, from a place near; None without one.
 
     Where data have next to no noise and ask for the impossible, the free fit's residual is no unit: the data's part is
     so many times the prior's that no solver sees both. The residual variance that weighs the prior is then that of the
     consistent fit itself, renewed a few times.
     """
-    best: _Answer | None = None
+    best: Answer | None = None
     for _ in range(RENEWALS):
         unit = _residual(program, place)
         if unit < FAR:

@@ -101,6 +101,8 @@ class Validation(ShortText):
         noise: Residual standard deviation of each joint in the fit, shape (n,); None where it is not known.
         nominal: Errors of the robot model's own inertias on the same samples; None where it states none, or where they
             were not computed.
+        free_bodies_error: Total relative error of the same fit without bounds of bodies on the same samples; None where
+            the estimate has none, and on the data of the fit.
     """
 
     joints: tuple[Fit, ...]
@@ -121,6 +123,7 @@ class Validation(ShortText):
     deviations: Array | None = None
     noise: Array | None = None
     nominal: NominalErrors | None = None
+    free_bodies_error: float | None = None
 
     @property
     def residual(self) -> Array:
@@ -179,6 +182,7 @@ class Validation(ShortText):
             },
             "bands": self.bands(),
             **({} if self.nominal is None else {"nominal": self.nominal.figures()}),
+            **({} if self.free_bodies_error is None else {"free_bodies_error": finite(self.free_bodies_error)}),
         }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal, TypeAlias
 
 from dynident.arrays import Array
@@ -14,14 +14,18 @@ from dynident.identification.consistency.consistent_fit import (
     ConsistentFit,
     Metric,
     consistent_fit,
+    judged,
     run_of,
     scale_of,
+    scaled_data,
+    solve_program,
 )
+from dynident.identification.consistency.plausible_fit import plausible_fit
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.prior import PULL, Scale
 from dynident.identification.problem.problem import Problem
-from dynident.model.plausible import plausible_constraints
+from dynident.model.body_constraints import BODIES
 from dynident.model.reduction import Reduced
 
 Bodies: TypeAlias = Literal["free", "plausible"]
@@ -39,7 +43,7 @@ class Consistent(Estimator):
         pull: How tightly the prior holds: its standard deviation is 1 / sqrt(pull) natural sizes of a parameter.
         margin: Smallest eigenvalue of each link's scaled pseudo-inertia: how far inside the possible it stays.
         metric: How far a body is from the prior: `natural` sizes, constant `pull_back` metric, or `entropic` (log-det).
-        bodies: `free`: consistent; `plausible`: also within bounds of size, thickness and mass from the robot model.
+        bodies: `free`: consistent; `plausible`: also within bounds from the robot model, near it where the data allow.
     """
 
     pull: float = PULL
@@ -58,8 +62,8 @@ class Consistent(Estimator):
             raise BadOption("margin", self.margin, "give a share between 0 and 0.1, such as 1e-8")
         if self.metric not in METRICS:
             raise BadOption("metric", self.metric, f"choose one of: {', '.join(METRICS)}")
-        if self.bodies not in ("free", "plausible"):
-            raise BadOption("bodies", self.bodies, "choose one of: free, plausible")
+        if self.bodies not in BODIES:
+            raise BadOption("bodies", self.bodies, f"choose one of: {', '.join(BODIES)}")
 
     @property
     def prior_pull(self) -> float:
@@ -67,9 +71,14 @@ class Consistent(Estimator):
 
     def refit(self, problem: Problem) -> Callable[[Reduced], Array]:
         scale = scale_of(problem)
+        if self.bodies == "free":
+            return lambda reduced: self._free(problem, reduced, scale).theta
+        program = plausible_fit(problem, WLS().solve(problem).weights, self.pull, self.margin).program
 
         def fit(reduced: Reduced) -> Array:
-            return self._fit(problem, reduced, scale).theta
+            """Fit within the same bounds and with the same pull."""
+            data, target = scaled_data(problem.base, reduced, scale)
+            return judged(solve_program(replace(program, data=data, target=target)), scale).theta
 
         return fit
 
@@ -82,14 +91,16 @@ class Consistent(Estimator):
         """
         weights = WLS().solve(problem).weights
         reduced, scale = problem.reduced(weights), scale_of(problem)
-        fit = self._fit(problem, reduced, scale)
+        fit = free = self._free(problem, reduced, scale)
+        metric, facts = self.metric, None
+        if self.bodies == "plausible":
+            found = plausible_fit(problem, weights, self.pull, self.margin)
+            free_beta = tuple(problem.base.from_standard(free.theta).tolist())
+            fit, metric, facts = found.fit, "pull_back", replace(found.facts, free_beta=free_beta)
         beta = problem.base.from_standard(fit.theta)
-        run = run_of(fit, scale, reduced, beta, self.metric)
+        run = replace(run_of(fit, scale, reduced, beta, metric), plausibility=facts)
         return Solution(beta, weights, theta=fit.theta, run=run)
 
-    def _fit(self, problem: Problem, reduced: Reduced, scale: Scale) -> ConsistentFit:
+    def _free(self, problem: Problem, reduced: Reduced, scale: Scale) -> ConsistentFit:
         options = (self.pull, self.margin, self.metric)
-        known = problem.constraints
-        if self.bodies == "plausible":
-            known = plausible_constraints(problem.model.robot, known)
-        return consistent_fit(problem.model, problem.base, reduced, scale, *options, known)
+        return consistent_fit(problem.model, problem.base, reduced, scale, *options, problem.constraints)

@@ -16,7 +16,7 @@ from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.coloured import Uncertainty
-from dynident.identification.residuals.covariance import residual_factors
+from dynident.identification.residuals.covariance import correlation_of
 from dynident.identification.residuals.row_passes import RowPasses
 
 #: Range in which generalised cross-validation looks for the strength, unit columns taken as 1, and its grid.
@@ -56,7 +56,7 @@ class Ridge(Estimator):
         """Return the estimate."""
         start = WLS().solve(problem)
         reduced = problem.reduced(start.weights)
-        factors = _factors(problem, start.beta)
+        factors = correlation_of(problem, start.beta)
         norms = reduced.column_norms
         scale = np.where(norms > 0, norms, 1.0)
         u, values, directions = np.linalg.svd(reduced.r / scale)
@@ -73,11 +73,6 @@ class Ridge(Estimator):
         found = _noise(problem, start, inverse).with_prior((inverse * (average * strength * norms**2)) @ inverse)
         run = RidgeRun(strength=float(strength), free_parameters=float(np.sum(kept * values)))
         return Solution(beta, start.weights, covariance=found.covariance, degrees=found.degrees, run=run)
-
-
-def _factors(problem: Problem, beta: Array) -> Array:
-    """Return the correlation factor of each joint's residual, shape (n,)."""
-    return residual_factors(RowPasses(problem), beta) if problem.left is None else problem.left.factors(beta)
 
 
 def _noise(problem: Problem, start: Solution, inverse: Array) -> Uncertainty:

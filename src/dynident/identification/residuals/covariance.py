@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
+from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.reduction import Reduced, least_squares
 
@@ -68,3 +69,8 @@ def sandwich(bread: Reduced, meat: Reduced) -> Array:
 def residual_factors(passes: RowPasses, beta: Array) -> Array:
     """Return the correlation factor of each joint's residual at ``beta``, shape (n,)."""
     return correlation_factors(passes.by_log(passes.residuals(beta)), passes.problem.masks)
+
+
+def correlation_of(problem: Problem, beta: Array) -> Array:
+    """Return the same of a problem whose rows may be gone."""
+    return residual_factors(RowPasses(problem), beta) if problem.left is None else problem.left.factors(beta)

@@ -28,3 +28,8 @@ def chi_square_tail(value: npt.ArrayLike, degrees: npt.ArrayLike) -> Array:
     """Return the probability that chi square is above a value; not a number without a degree of freedom."""
     tail = scipy.special.chdtrc(degrees, np.maximum(value, 0.0))
     return np.where(np.asarray(degrees) > 0, tail, np.nan)
+
+
+def chi_square_quantile(probability: float, degrees: float) -> float:
+    """Return the quantile of chi square."""
+    return float(scipy.special.chdtri(degrees, 1.0 - probability))

@@ -43,7 +43,7 @@ SETTLED, LONGEST_WAIT = 7.0, 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoopRun(MethodRun):
+class SimulatingRun(MethodRun):
     """The run of a method that simulates the closed loop.
 
     Attributes:
@@ -246,13 +246,13 @@ class ClosedLoop:
         simulations: int,
         mixed: int | None = None,
         bounded: int | None = None,
-    ) -> LoopRun:
+    ) -> SimulatingRun:
         """Return the run of a method that simulated this loop so many times with each log."""
         commanded = self.courses[0].log.log.q_ref is not None and self.options.reference == "commanded"
         smooth = self.options.reference_hz
         measured = "measured positions" + (f" below {smooth:g} Hz" if smooth else "")
         known = self.options.kp is not None
-        return LoopRun(
+        return SimulatingRun(
             iterations=len(changes),
             simulations=simulations * len(self.courses),
             trace=trace,

@@ -15,7 +15,7 @@ from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.instruments import Instruments, instruments
 from dynident.identification.simulated.closed_loop import (
     ClosedLoop,
-    LoopRun,
+    SimulatingRun,
     closed_loop,
     possible_beta,
     simulated_logs,
@@ -120,7 +120,7 @@ def fixed_point(
     iterations: int,
     tolerance: float,
     solver: str,
-) -> tuple[Round, LoopRun]:
+) -> tuple[Round, SimulatingRun]:
     """Repeat: simulate with the parameters of the moment, estimate from the simulated states.
 
     Where an estimate cannot be simulated since its mass matrix is indefinite, the robot of the round is a mixture with

@@ -16,7 +16,7 @@ from dynident.identification.residuals.bands import bands_of
 from dynident.identification.residuals.coloured import Influence, Uncertainty, uncertainty_of
 from dynident.identification.residuals.row_passes import Segment
 from dynident.identification.residuals.stretches import stretches_of
-from dynident.identification.simulated.closed_loop import ClosedLoop, LoopRun
+from dynident.identification.simulated.closed_loop import ClosedLoop, SimulatingRun
 from dynident.identification.simulated.iteration import after_changes, largest_change
 from dynident.identification.simulated.sensitivities import sensitivities
 from dynident.model.reduction import LeastSquares, Reduced, Triangle, least_squares, reduce, triangle_of
@@ -41,7 +41,7 @@ class OutputErrorFit:
     weights: Array
     covariance: Array
     degrees: Array
-    run: LoopRun
+    run: SimulatingRun
 
 
 @dataclass(frozen=True)

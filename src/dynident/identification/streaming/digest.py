@@ -212,6 +212,7 @@ class Chunk:
         samples: Time samples used.
         rate: Rows a second that are used, in Hz.
         steps: What was done to its rows, in words.
+        split: How ``--split`` takes the training part from the file; empty for all.
     """
 
     path: str
@@ -220,6 +221,7 @@ class Chunk:
     samples: int
     rate: float
     steps: tuple[str, ...]
+    split: str = ""
 
 
 @dataclass(frozen=True)

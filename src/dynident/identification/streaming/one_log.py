@@ -151,7 +151,7 @@ def _by_windows(
     def digest() -> Digest:
         steps = steps_of(windows, meaning.last, scan.source)
         rate = windows.rate / windows.every
-        chunk = Chunk(stream.table.path, stream.table.sha256, scan.samples, tally.rows, rate, steps)
+        chunk = Chunk(stream.table.path, stream.table.sha256, scan.samples, tally.rows, rate, steps, scan.source.split)
         assert tally.states is not None
         own = (setup.model, regressor.base, setup.preprocessing, setup.columns)
         return Digest(*own, tally.joints(), tally.states, tally.sampled(), (chunk,))

@@ -77,9 +77,10 @@ class TrainingPart(LogStream):
 
     def _source(self, source: Source) -> Source:
         if self.split.first is not None:
-            return replace(source, steps=(*source.steps, f"first {self.split.first:g} of the duration"))
-        a, b = self.split.train
-        return replace(source, steps=(*source.steps, f"rows {a} to {b} of {source.rows}"))
+            step = f"first {self.split.first:g} of the duration"
+        else:
+            step = "samples {} to {} of {}".format(*self.split.train, source.rows)
+        return replace(source, steps=(*source.steps, step), split=str(self.split))
 
 
 def _trains(start: int, time: Array, limits: _Limits) -> BoolArray:

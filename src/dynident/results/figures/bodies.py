@@ -9,9 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.model.covering import covering_capsules
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
+from dynident.model.shapes import Capsule, Mesh
 from dynident.results.figures import svg
 from dynident.results.figures.chart import WIDTH, Line, heading
 from dynident.results.figures.path import tool_path
@@ -22,6 +24,7 @@ from dynident.results.text import format_number, label, shorten
 #: Of the robot's own reach, so far may an ellipsoid widen the picture.
 FAR = 1.15
 
+_SIDES = np.eye(3)
 _CORNERS = 48  # of the outline of an ellipsoid
 
 
@@ -56,12 +59,14 @@ class Scene:
         bones: From each link's parent to the link, and on to the tool, shape (s, 2, 3), in m.
         bodies: Those of all sets.
         left_out: Links of a set that no body with a positive mass can have, in words.
+        capsules: What covers the shapes of the links, in the base frame; empty where the robot model states none.
     """
 
     kinds: tuple[str, ...]
     bones: Array
     bodies: tuple[Body, ...]
     left_out: tuple[str, ...]
+    capsules: tuple[Capsule, ...] = ()
 
     @property
     def points(self) -> Array:
@@ -69,7 +74,9 @@ class Scene:
 
         An ellipsoid that the data do not pin down may be metres long: it counts no further than FAR times the robot.
         """
-        core = np.concatenate([self.bones.reshape(-1, 3), np.zeros((1, 3)), *(b.centre[None, :] for b in self.bodies)])
+        hulls = [np.stack([c.start, c.end])[:, None] + c.radius * np.vstack([_SIDES, -_SIDES]) for c in self.capsules]
+        known = [*(hull.reshape(-1, 3) for hull in hulls), *(b.centre[None, :] for b in self.bodies)]
+        core = np.concatenate([self.bones.reshape(-1, 3), np.zeros((1, 3)), *known])
         middle = 0.5 * (core.min(axis=0) + core.max(axis=0))
         most = FAR * float(np.linalg.norm(core - middle, axis=1).max())
         found = [core]
@@ -111,7 +118,21 @@ def mass_scene(robot: Robot, q: Array, sets: Sequence[tuple[str, Sequence[Inerti
     bones = tool_path(robot, np.asarray(q, dtype=float)[None, :]).bones
     reach = float(np.ptp(bones.reshape(-1, 3), axis=0).max())
     bodies = [replace(each, vast=bool(2.0 * np.sqrt(np.linalg.norm(each.spread, 2)) > reach)) for each in bodies]
-    return Scene(tuple(name for name, _ in sets), bones, tuple(bodies), tuple(left_out))
+    return Scene(
+        tuple(name for name, _ in sets),
+        bones,
+        tuple(bodies),
+        tuple(left_out),
+        _capsules(robot, rotations[0], places[0]),
+    )
+
+
+def _capsules(robot: Robot, rotations: Array, places: Array) -> tuple[Capsule, ...]:
+    """Return what covers the shapes of the base and the links but meshes, whose files are not at hand."""
+    own = [(shape, np.eye(3), np.zeros(3)) for shape in robot.base_shapes]
+    own += [(shape, rotations[k], places[k]) for k, link in enumerate(robot.links) for shape in link.shapes]
+    shapes = [each for each in own if not isinstance(each[0], Mesh)]
+    return tuple(one.moved(turn, place) for shape, turn, place in shapes for one in covering_capsules(shape))
 
 
 def scene_chart(
@@ -133,7 +154,12 @@ def scene_chart(
     depth = -np.cross(view.matrix[0], view.matrix[1])  # towards the eye
     behind = sorted(scene.bodies, key=lambda body: float(depth @ body.centre))
     taken: list[LabelPlace] = []
+    size = float(np.linalg.norm(view.matrix[0]))
     inside = [
+        *[
+            svg.stroke(view.line(np.stack([c.start, c.end])), 0, 2 * size * c.radius, opacity=0.1, round_ends=True)
+            for c in scene.capsules
+        ],
         *[svg.stroke(view.line(bone), 0, 7.0, opacity=0.3) for bone in scene.bones if np.ptp(bone, axis=0).any()],
         *[view.dot(bone[0], 0, 3.0) for bone in scene.bones],
         *[_ellipsoid(view, each) for each in behind],
@@ -169,7 +195,9 @@ def scene_text(scene: Scene) -> str:
     points = scene.points
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     radius = float(np.linalg.norm(points - middle, axis=1).max())
-    data = {"kinds": scene.kinds, "bones": bones, "bodies": bodies, "middle": _short(middle), "radius": radius}
+    data: dict[str, object] = {"kinds": scene.kinds, "bones": bones, "bodies": bodies}
+    data["capsules"] = [[_short(c.start), _short(c.end), c.radius] for c in scene.capsules]
+    data |= {"middle": _short(middle), "radius": radius}
     return json.dumps(data, separators=(",", ":"), allow_nan=False)
 
 

@@ -23,7 +23,7 @@ SHADE = 0.06
 _NAMED = 15.0  # height of the names of stretches
 _ROW = 19.0  # height of a line of text
 _APART = 64.0  # least way between two ticks across
-_STRETCH = 1.0  # of a drawing, over which a band keeps only its lowest and highest place
+_STRETCH = 2.0  # of a drawing, over which a band keeps only its lowest and highest place
 
 
 @dataclass(frozen=True)
@@ -139,20 +139,20 @@ class Cloud(Mark):
     """Many points as their density: cells of the drawing, the darker the more points lie in them (four shades)."""
 
     def draw(self, x: Array, y: Array) -> str:
-        cell = 3.0
+        cell = 3
         good = np.isfinite(x) & np.isfinite(y)
-        places = np.floor(np.column_stack([x[good], y[good]]) / cell).astype(np.int64)
+        places = np.rint(np.column_stack([y[good], x[good]]) / cell).astype(np.int64)
         cells, counts = np.unique(places, axis=0, return_counts=True)
         if not len(cells):
             return ""
         level = np.minimum(np.log1p(counts) / np.log1p(counts.max()) * 4, 3).astype(int)
-        shade = f"h{cell:g}v{cell:g}h-{cell:g}z"
-        layers = [cells[level == k] * cell for k in range(4)]
-        return "".join(
-            svg.filled("".join(f"M{a:g} {b:g}{shade}" for a, b in layer.tolist()), self.colour, opacity)
-            for layer, opacity in zip(layers, (0.22, 0.42, 0.68, 1.0), strict=True)
-            if len(layer)
-        )
+        follows = (np.diff(cells[:, 0]) == 0) & (np.diff(cells[:, 1]) == 1) & (np.diff(level) == 0)
+        starts = np.flatnonzero(np.concatenate([[True], ~follows]))  # of runs of a shade, drawn as one line each
+        lengths = cell * np.diff(np.append(starts, len(cells)))
+        runs = [f"M{b * cell:g} {a * cell:g}h{wide:g}" for (a, b), wide in zip(cells[starts], lengths, strict=True)]
+        layers = ["".join(run for run, own in zip(runs, level[starts], strict=True) if own == k) for k in range(4)]
+        shades = zip(layers, (0.22, 0.42, 0.68, 1.0), strict=True)
+        return "".join(svg.stroke(layer, self.colour, cell, opacity=opacity) for layer, opacity in shades)
 
     def sample(self, x: float, y: float) -> str:
         return svg.filled(f"M{svg.number(x + 6)} {svg.number(y - 3)}h6v6h-6z", self.colour, 0.7)

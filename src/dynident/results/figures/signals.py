@@ -15,8 +15,8 @@ from dynident.results.text import format_number, format_percent, label, pretty_u
 #: Width of one of a grid of small figures: four stand side by side on a page.
 SMALL = 236.0
 
-#: Colour and width of the signals; the prediction is dashed and stands on the measurement: both show where they agree.
-MEASURED, PREDICTED, RESIDUAL = (1, 1.8), (2, 1.4, True), (3, 1.2)
+#: Colour, width, dashes, detail: the prediction stands on the measurement, and both show where they agree.
+MEASURED, PREDICTED, RESIDUAL = (1, 1.8, False, 1.0), (2, 1.4, True, 1.0), (3, 1.2, False, 1.0)
 
 #: Seconds from which on time is a clock's and not that of a run; it is then counted from the start.
 _CLOCK = 1e5
@@ -166,7 +166,7 @@ def small_torque_chart(
         width: Of the figure.
     """
     shown = run_time(time, starts)
-    signals = ((measured, MEASURED), (predicted, PREDICTED), (measured - predicted, RESIDUAL))
+    signals = ((measured, MEASURED), (measured - predicted, RESIDUAL), (predicted, PREDICTED))
     lines = tuple(Line("", shown, values, *look) for values, look in signals)
     said = f"Measured torque, predicted torque and residual in {pretty_unit(unit)} over time in s."
     return chart(title, said, Across("", tuple(starts)), [Plot("", lines, 92.0)], width)
@@ -238,7 +238,7 @@ def trajectory_chart(
             own = [k for k, found in enumerate(kinds) if found == kind]
             if values is None or not own:
                 continue
-            marks = tuple(replace(lines[k], y=values[:, k], width=1.2, detail=1.0) for k in own)
+            marks = tuple(replace(lines[k], y=values[:, k], width=1.2, detail=2.0) for k in own)
             plots.append(Plot(f"{what} [{unit}]", marks, 125.0))
     reach = ", ".join(
         f"{label(name)} from {format_number(float(low), 3)} to {format_number(float(high), 3)}"

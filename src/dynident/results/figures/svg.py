@@ -93,9 +93,18 @@ def track(x: Array, y: Array) -> str:
     return "".join(parts)
 
 
-def stroke(data: str, colour: int, width: float = 1.3, dashed: bool = False, opacity: float = 1.0) -> str:
+def stroke(
+    data: str,
+    colour: int,
+    width: float = 1.3,
+    dashed: bool = False,
+    opacity: float = 1.0,
+    round_ends: bool = False,
+) -> str:
     """Return a line along path data in a colour of the palette."""
     more: dict[str, object] = {"stroke-width": width}
+    if round_ends:
+        more["stroke-linecap"] = "round"
     if dashed:
         more["stroke-dasharray"] = "5 3"
     if opacity < 1:

@@ -111,8 +111,13 @@ def _mark(mark: Live, rows: IntArray, whole: bool) -> dict[str, Any]:
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     span = high - low or 1.0
     found: dict[str, Any] = {"c": mark.colour, "low": low, "span": span}
-    found["v"] = [_packed((row - low) / span) for row in values]
-    return found | ({"o": mark.opacity} if len(values) == 2 else {"w": mark.width, "d": int(mark.dashed)})
+    even = len(values) == 2 and np.array_equal(
+        values[0], -values[1], equal_nan=True
+    )  # a band about zero goes as its top
+    found["v"] = [_packed((row - low) / span) for row in values[int(even) :]]
+    return found | (
+        {"o": mark.opacity, "e": int(even)} if len(values) == 2 else {"w": mark.width, "d": int(mark.dashed)}
+    )
 
 
 def _thinned(values: Array, rows: IntArray) -> list[Array]:

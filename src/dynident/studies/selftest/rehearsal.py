@@ -90,7 +90,7 @@ class RehearsalStage:
         return np.divide(np.abs(self.errors), size, out=np.full(len(size), np.inf), where=size > 0)
 
     @property
-    def relative_deviations(self) -> Array:
+    def relative_std(self) -> Array:
         """Stated deviations as shares of the true values, shape (b,); NaN where nothing was found."""
         if self.estimate is None:
             return np.full(len(self.truth), np.nan)
@@ -116,7 +116,8 @@ class Rehearsal:
         weights: How much of the torque each carries: its largest share of the torque of a joint, shape (b,).
         stages: Logs of growing length; :attr:`planned` is the one of the plan.
         tolerance: What was asked.
-        facts: Truth, noise, rates and seed, as plain data.
+        saturated_torques: Torques that were cut at the effort limits.
+        left_behind: Position error as a share of the motion of each joint that did not follow.
     """
 
     model: DynamicModel
@@ -125,7 +126,8 @@ class Rehearsal:
     weights: Array
     stages: tuple[RehearsalStage, ...]
     tolerance: Tolerance
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    saturated_torques: int = 0
+    left_behind: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def planned(self) -> RehearsalStage:
@@ -170,7 +172,8 @@ class Rehearsal:
             "violations": list(self.complaints(self.planned)),
             "sufficient_share": self.enough,
             "tolerance": {"torque": self.tolerance.torque, "parameter": self.tolerance.parameter},
-            **self.facts,
+            "saturated_torques": self.saturated_torques,
+            "left_behind": dict(self.left_behind),
             "stages": [self._stage_figures(stage) for stage in self.stages],
         }
 
@@ -298,8 +301,8 @@ def rehearse(
         progress(f"{log.duration:.3g} s of motion")
         stages.append(_stage(share, log, nominal, plan.preprocessing, estimator, known.constraints))
     judged = tuple(_judged(stage, model, run, states, noise) for stage in stages)
-    facts = {"saturated_torques": run.saturated, "left_behind": dict(run.left_behind())}
-    return Rehearsal(model, base.names, base.units, weights, judged, tolerance, facts)
+    behind = dict(run.left_behind())
+    return Rehearsal(model, base.names, base.units, weights, judged, tolerance, run.saturated, behind)
 
 
 def _stage(

@@ -74,7 +74,7 @@ def _parameter_row(rehearsal: Rehearsal, stage: RehearsalStage, k: int, width: i
     deviation = float(stage.estimate.std[k])
     value, spread = format_value(float(stage.estimate.beta[k]), deviation)
     off = float(stage.errors[k]) / deviation if deviation > 0 else float("nan")
-    relative = format_percent(float(stage.relative_deviations[k]), sign=False)
+    relative = format_percent(float(stage.relative_std[k]), sign=False)
     return (*head, format_number(float(stage.truth[k])), value, spread, relative, format_number(off, 2), weight)
 
 
@@ -97,7 +97,7 @@ def _length_row(rehearsal: Rehearsal, stage: RehearsalStage) -> tuple[str, ...]:
     if stage.estimate is None:
         return (*head, f"0 of {len(stage.truth)}", MISSING, MISSING, MISSING, "nothing found")
     counts = rehearsal.weights >= MATTERS
-    known = stage.relative_deviations
+    known = stage.relative_std
     return (
         *head,
         f"{int(np.sum(known[counts] <= FOUND))} of {int(counts.sum())}",
@@ -131,9 +131,8 @@ def verdict(rehearsal: Rehearsal) -> list[str]:
     """Return whether the plan passes, what is beyond the tolerance, and what would help."""
     complaints = rehearsal.complaints(rehearsal.planned)
     lines = []
-    if rehearsal.facts.get("left_behind"):
-        facts = rehearsal.facts
-        lines.append(left_behind(facts["left_behind"], facts["saturated_torques"]))
+    if rehearsal.left_behind:
+        lines.append(left_behind(rehearsal.left_behind, rehearsal.saturated_torques))
     if _chance_of(rehearsal.stages[-1]) < UNLIKELY:
         held, length = format_percent(rehearsal.stages[-1].inside), rehearsal.stages[-1].seconds
         lines.append(

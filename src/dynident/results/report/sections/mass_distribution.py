@@ -36,7 +36,12 @@ class MassDistribution(ReportSection):
         scene = mass_scene(estimate.model.robot, estimate.middle, sets)
         if not scene.bodies:
             return {}
-        return {"scene": scene_text(scene), "figures": _figures(scene), "left_out": ", ".join(scene.left_out)}
+        return {
+            "scene": scene_text(scene),
+            "figures": _figures(scene),
+            "left_out": ", ".join(scene.left_out),
+            "covered": bool(scene.capsules),
+        }
 
 
 def _figures(scene: Scene) -> list[Any]:

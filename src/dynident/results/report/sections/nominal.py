@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from dynident.results.nominal import bodies_table, errors_table, link_changes, links_table, missing_reason
+from dynident.results.plausibility import plausibility_lines
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
 
@@ -27,4 +28,7 @@ class Nominal(ReportSection):
             "links": links_table(changes) if changes else None,
             "bodies": bodies_table(changes) if changes else None,
             "reason": missing_reason(subject.estimate),
+            "plausibility": plausibility_lines(
+                subject.estimate, subject.held_out[0].validation if subject.held_out else None
+            ),
         }

@@ -15,13 +15,13 @@ from dynident.results.report.terms import in_words
 from dynident.results.text import Column, Table, format_number, format_percent, label, pretty_unit
 
 #: Bytes of all figures together that go into the numbers behind them; a value takes 8/3.
-_BUDGET = 1_200_000
+_BUDGET = 1_000_000
 
 #: Values of a signal that show all that the figure of a usual log can.
 _MOST = 12_000
 
-#: Rows of numbers in a figure: time, three lines, two bands of two edges each.
-_ROWS = 8
+#: Rows of numbers in a figure: time, three lines, two bands.
+_ROWS = 6
 
 
 @dataclass(frozen=True)

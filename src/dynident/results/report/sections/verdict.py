@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -48,7 +47,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Verdict(ReportSection):
+class VerdictSection(ReportSection):
     """Verdict, test error, physical consistency, precision of the parameters, and the torques in small."""
 
     title: ClassVar = "Verdict"
@@ -148,7 +147,8 @@ def _about_prediction(subject: Subject) -> list[str]:
 def _untested(subject: Subject) -> str:
     """Return why there is no test and what to do about it."""
     why = label(subject.why_no_test) if subject.why_no_test else ""
-    split = _split_of(subject.estimate)
+    splits = (str(log.get("split", "")) for log in subject.estimate.provenance.get("logs", ()))
+    split = next(filter(None, splits), "")
     flatters = "training error is optimistic"
     if split:
         also = f" ({why})" if why else ""
@@ -158,21 +158,6 @@ def _untested(subject: Subject) -> str:
         )
     lead = f"No test can be repeated ({why})" if why else "No log was held out"
     return f"{lead}, and {flatters}: record a second, different motion and test on it with --test LOG."
-
-
-def _split_of(estimate: Estimate) -> str:
-    """Return the split of the fit as it is written on the command line, from the steps of its logs; empty for none."""
-    for log in estimate.provenance.get("logs", ()):
-        for step in log.get("steps", ()):
-            first = re.fullmatch(r"first ([\d.]+) of the duration", str(step))
-            if first:
-                return f"first:{first[1]}"
-            rows = re.fullmatch(r"rows (\d+) to (\d+) of (\d+)", str(step))
-            if rows:
-                start, stop, whole = map(int, rows.groups())
-                rest = (stop, whole) if whole - stop >= start else (0, start)
-                return f"rows:{start}:{stop},{rest[0]}:{rest[1]}"
-    return ""
 
 
 def _consistency(estimate: Estimate) -> Answer:

@@ -100,6 +100,10 @@
       };
       this.svg.replaceChildren();
       make(this.svg, "desc", {}, `Eye at ${Math.round(this.azimuth)} degrees about the vertical, ${Math.round(this.elevation)} above it.`);
+      for (const [start, end, radius] of this.capsules) {
+        const [p, q] = [at(start), at(end)], d = `M${p[0]} ${p[1]}L${q[0]} ${q[1]}`;
+        make(this.svg, "path", { class: "c0", d, "stroke-width": 2 * this.zoom * radius, "stroke-opacity": 0.1, "stroke-linecap": "round" });
+      }
       for (const [start, end] of this.bones) {
         const [[x1, y1], [x2, y2]] = [at(start), at(end)];
         make(this.svg, "line", { class: "c0", "stroke-width": 8, "stroke-opacity": 0.28, "stroke-linecap": "round", x1, y1, x2, y2 });

@@ -46,8 +46,10 @@
       this.parts = data.parts;
       this.plots = data.plots;
       for (const plot of this.plots)
-        for (const mark of plot.marks)
+        for (const mark of plot.marks) {
           mark.rows = mark.v.map((text) => unpack(text).map((share) => mark.low + mark.span * share));
+          if (mark.e) mark.rows.unshift(mark.rows[0].map((value) => -value));
+        }
     }
 
     // The window runs from a to b, shares of the axis.
