@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import re
@@ -29,6 +30,9 @@ def test_the_demo_in_one_screen(
     out, err = capsys.readouterr()
     assert err == "" and len(out.splitlines()) <= 40
     assert "virtual six-joint arm: simulated log" in out and "links: physically consistent" in out
+    for engine, module, extra in (("MuJoCo", "mujoco", "mujoco"), ("Pinocchio", "pinocchio", "pin")):
+        is_missing = importlib.util.find_spec(module) is None
+        assert (f"{engine}: not installed" in out) == is_missing == bool(re.search(rf"dynident\[.*{extra}\b", out))
     names = {path.name for path in folder.iterdir()}
     assert {"case.yaml", "estimate.json", "report.html", "identified.urdf", "identified.xml", "identified.h"} <= names
     # The true arm, which neither its URDF nor the demo states: torques are its, as far as 1 % noise allows.

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 SUMMARY = "the whole job on an industrial arm; the article's case"
 
+#: Extra by the engine that it brings.
+_EXTRAS = {"MuJoCo": "mujoco", "Pinocchio": "pin"}
+
 #: Steps of which progress is shown.
 _STEPS = 14
 
@@ -83,6 +86,10 @@ def _show(demo: Demo) -> None:
     rows = tuple((_name(done), *_proof(done)) for done in demo.exports)
     console.answer()
     console.answer_table(Table((Column("file"), Column("torques equal to", numeric=True), Column("proof by")), rows))
+    engines = [one.engine for done in demo.exports for one in done.proofs if one.why_not == "not installed"]
+    extras = ",".join(extra for engine, extra in _EXTRAS.items() if engine in engines)
+    if extras:
+        console.answer(f"proof by the engines that are not installed: pip install 'dynident[{extras}]'")
 
 
 def _name(done: ModelExport) -> str:
@@ -98,4 +105,4 @@ def _proof(done: ModelExport) -> tuple[str, str]:
     engines = dict.fromkeys(
         [one.engine for one in made] + [f"{o.engine}: {o.why_not}" for o in done.proofs if o.why_not]
     )
-    return ("-" if worst is None else f"{worst:.0e}"), "; ".join(engines)
+    return ("not proved" if worst is None else f"{worst:.0e}"), "; ".join(engines)
