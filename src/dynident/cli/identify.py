@@ -119,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
             found, sources = () if test is None else (test,), [log.source for log in tests]
             write_report(options.report, estimate, found, command=jobs.repeat_command(), sources=sources)
     if options.output:
-        write_estimate(estimate, options.output)
+        write_estimate(estimate, options.output, test)
     verdict = verdict_of(estimate, test)
     if options.json:
         console.answer_json(summary(estimate, test))
