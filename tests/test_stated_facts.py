@@ -80,7 +80,7 @@ def test_options_of_the_command_line(capsys: pytest.CaptureFixture[str]) -> None
     """Every option that the page of the case file names is one of ``identify``."""
     text = (ROOT / "docs/case-file.md").read_text(encoding="utf-8").partition("## What the command line changes")[2]
     with pytest.raises(SystemExit):
-        main(["identify", "--help"])
+        main(["identify", "--help-all"])
     known = re.findall(r"--[a-z]+", capsys.readouterr().out)
     assert set(re.findall(r"--[a-z]+", text.partition("\n## ")[0])) <= set(known)
 

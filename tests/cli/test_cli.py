@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -87,6 +88,25 @@ def test_help_of_every_command(command: str, capsys: Capture) -> None:
     out = capsys.readouterr().out
     assert caught.value.code == 0
     assert out.startswith(f"usage: dynident {command}") and f"dynident {command}" in out.split("\n", 1)[1]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_fits_one_screen_has_an_example_and_names_the_help_with_all_options(
+    command: str, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    texts = []
+    for flag in ("--help", "--help-all"):
+        with pytest.raises(SystemExit) as caught:
+            main([command, flag])
+        assert caught.value.code == 0
+        texts.append(capsys.readouterr().out)
+    short, whole = texts
+    assert len(short.splitlines()) <= 40 and re.search(rf"^ *dynident {command}", short, re.MULTILINE)
+    flags = [set(re.findall(r"^  (?:-\w \S+, )?(--[a-z-]+)", text, re.MULTILINE)) for text in texts]
+    hidden = re.search(r"--help-all shows (\d+) more options", short)
+    assert len(flags[1] - flags[0]) == (int(hidden[1]) if hidden else 0) and flags[0] <= flags[1]
+    assert len(whole.splitlines()) <= 40 or hidden
 
 
 @pytest.mark.parametrize("words", [["identify"], ["list", "robos"], ["identify", "a", "--cutoff", "low"]])

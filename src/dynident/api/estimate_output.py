@@ -27,17 +27,18 @@ def summary(estimate: Estimate, test: Validation | None = None, acceptance: Acce
     return {"verdict": verdict_of(estimate, test, acceptance).figures(), **found, "links": links or None}
 
 
-def write_estimate(estimate: Estimate, path: str | Path) -> None:
+def write_estimate(estimate: Estimate, path: str | Path, test: Validation | None = None) -> None:
     """Write an estimate as JSON with the warnings about it; the old file or the new one is there, never half of one.
 
     Args:
         estimate: The estimate.
         path: The file.
+        test: Its figures on data that had no part in the fit; they go into the summary.
 
     Raises:
         FileError: The file cannot be written.
     """
-    estimate_file.write_estimate(estimate, path, warnings_of(estimate))
+    estimate_file.write_estimate(estimate, path, warnings_of(estimate), test)
 
 
 def files_behind(estimate: Estimate) -> list[str]:

@@ -25,7 +25,18 @@ if TYPE_CHECKING:
     from dynident.studies.benchmark.summary import MethodRow
     from dynident.studies.comparison.contest import Method
 
-SUMMARY = "estimators where the truth is known, by Monte Carlo; or on every real set"
+SUMMARY = "estimators where the truth is known, or on every real set"
+
+#: Options in the short help.
+FREQUENT = (
+    "--real",
+    "--quick",
+    "--methods",
+    "--out",
+    "--jobs",
+    "--html",
+    "--json",
+)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

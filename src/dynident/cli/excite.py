@@ -5,7 +5,7 @@ CASE is a case file or a robot model. The motion is a Fourier series of every jo
 where the case has a workspace, the clearances; the worst of every joint is shown, and a motion that
 passes a bound is not written.
 
-  dynident excite panda.urdf -o plan.json --csv plan.csv --rate 1000
+  dynident excite robot.urdf -o plan.json --csv plan.csv --rate 1000
   dynident excite case.yaml -o plan.json --period 20 --criterion unit_condition --starts 8
 
 The torque is that of the nominal masses, with 20 % of every effort limit to spare. The model of a first run with its
@@ -34,6 +34,21 @@ if TYPE_CHECKING:
     from dynident.model.friction import Friction
 
 SUMMARY = "design the motion to record"
+
+#: Options in the short help.
+FREQUENT = (
+    "--friction",
+    "--period",
+    "--harmonics",
+    "--margin",
+    "--model",
+    "--criterion",
+    "--starts",
+    "-o",
+    "--csv",
+    "--rate",
+    "--json",
+)
 
 #: Rows of the table for the pairs that come nearest.
 PAIRS = 6

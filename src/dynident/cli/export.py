@@ -31,7 +31,18 @@ if TYPE_CHECKING:
     from dynident.exports.motions import MotionExport
     from dynident.identification.estimate.estimate import Estimate
 
-SUMMARY = "a plan for a controller, or an identified model for a simulator, a controller or a paper"
+SUMMARY = "a plan for a controller, or a model for other programs"
+
+#: Options in the short help.
+FREQUENT = (
+    "-o",
+    "--option",
+    "--speed",
+    "--from-posture",
+    "--description",
+    "--check",
+    "--json",
+)
 
 #: Options of one kind of file, by destination, with the value that stands for one that is not given.
 _PLAN_ONLY = {"rate": None, "repeats": None, "speed": None, "from_posture": None, "units": None}

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dynident.applications.fleet import Fleet, FleetRobot
 
-SUMMARY = "many robots of one type: estimates with what they have in common, outliers named"
+SUMMARY = "many robots of one type: what they share, outliers named"
 
 #: Name of the file about the whole fleet.
 WHOLE = "fleet.json"

@@ -26,7 +26,17 @@ if TYPE_CHECKING:
     from dynident.cli.console import Progress
     from dynident.results.text import Table
 
-SUMMARY = "drive gains from motor currents: with a known payload, or against a known model"
+SUMMARY = "drive gains from motor currents"
+
+#: Options in the short help.
+FREQUENT = (
+    "--load",
+    "--mass",
+    "--com",
+    "--prior-share",
+    "-o",
+    "--json",
+)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

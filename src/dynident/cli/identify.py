@@ -4,7 +4,7 @@ CASE is a case file (see 'dynident init') or a robot model: URDF, DH table in YA
 Without a case file the model has Coulomb and viscous friction and an offset; columns are t, q1.., tau1.. (or i1.. with
 drive gains) in chain order, in SI units; the filter is a zero-phase Butterworth on both sides, its cut-off chosen.
 
-  dynident identify panda.urdf run.csv --split first:0.67
+  dynident identify robot.urdf run.csv --split first:0.67
   dynident identify case.yaml -o estimate.json --report report.html
   dynident identify case.yaml a.csv b.csv --test c.csv --estimator wls --json
   dynident identify case.yaml --from all.tri
@@ -35,6 +35,20 @@ if TYPE_CHECKING:
     from dynident.identification.streaming.digest import Digest
 
 SUMMARY = "identify a physically consistent dynamic model from logs"
+
+#: Options in the short help.
+FREQUENT = (
+    "--test",
+    "--split",
+    "--friction",
+    "--estimator",
+    "--cutoff",
+    "--accept",
+    "-o",
+    "--report",
+    "--full",
+    "--json",
+)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -111,7 +125,7 @@ def run(options: argparse.Namespace) -> int:
             found, sources = () if test is None else (test,), [log.source for log in tests]
             write_report(options.report, estimate, found, command=jobs.repeat_command(), sources=sources)
     if options.output:
-        write_estimate(estimate, options.output)
+        write_estimate(estimate, options.output, test)
     verdict = verdict_of(estimate, test)
     if options.json:
         console.answer_json(summary(estimate, test))

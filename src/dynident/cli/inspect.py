@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dynident.model.dynamic_model import DynamicModel
     from dynident.model.robot import Robot
 
-SUMMARY = "joints, limits, nominal inertias and base parameters of a robot; a plan and its check"
+SUMMARY = "a robot's joints, limits and base parameters; a plan's check"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -38,7 +38,11 @@ def run(options: argparse.Namespace) -> int:
     from dynident.cli import console
 
     chosen = [options.family] if options.family else list(FAMILIES)
-    data = {name: _parts(name) for name in chosen}
+    data = {}
+    with console.progress(len(chosen), options.json) as progress:
+        for name in chosen:
+            progress.step(name)
+            data[name] = _parts(name)
     if options.json:
         console.answer_json(data)
         return 0

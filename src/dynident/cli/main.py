@@ -15,6 +15,8 @@ from collections.abc import MutableMapping, Sequence
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any, TextIO
 
+from dynident.cli.short_help import SHORT, WHOLE, HelpText, shorten_help
+
 if TYPE_CHECKING:
     from dynident.errors import BadOption
 
@@ -46,24 +48,31 @@ physically consistent dynamic model with confidence intervals.
 
   dynident demo                                     the whole job on an industrial arm
   dynident inspect robot.urdf                       joints, limits, base parameters
-  dynident excite robot.urdf -o plan.json           an excitation trajectory within the limits
-  dynident export plan.json --to urscript -o excite.script   the trajectory for a controller
   dynident init robot.urdf run.csv -o case.yaml     a commented case file to fill in
   dynident identify case.yaml run.csv --test other.csv -o estimate.json --report report.html
 """
 
+_EPILOG = """\
+exit codes: 0 done, 1 a named error, 2 wrong usage, 130 interrupted; identify and
+validate also 3 acceptance criteria not met, 4 an error of the log checks.
+'dynident COMMAND --help' explains a command.
+"""
 
-def build_parser(only: str | None = None) -> argparse.ArgumentParser:
-    """Return the parser of all commands, or of one; no command's own imports are made."""
+
+def build_parser(only: str | None = None, short: bool = False) -> argparse.ArgumentParser:
+    """Return the parser of all commands, or of one; no command's own imports are made.
+
+    Args:
+        only: The command; None for all.
+        short: Whether its help shows the options that most runs take, where it has many (``FREQUENT`` of its module).
+    """
     from importlib.metadata import version
 
     parser = argparse.ArgumentParser(
         prog="dynident",
         description=_DESCRIPTION,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="exit codes: 0 done, 1 a named error, 2 wrong usage, 130 interrupted; identify and validate also 3 "
-        "acceptance criteria not met, 4 a finding of the log checks at error level. 'dynident COMMAND --help' explains "
-        "a command.",
+        formatter_class=HelpText,
+        epilog=_EPILOG,
     )
     parser.add_argument("--version", action="version", version=f"dynident {version('dynident')}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
@@ -74,10 +83,12 @@ def build_parser(only: str | None = None) -> argparse.ArgumentParser:
             name,
             help=module.SUMMARY,
             description=module.__doc__,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=HelpText,
         )
         own.add_argument("--debug", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         module.configure(own)
+        if short and hasattr(module, "FREQUENT"):
+            shorten_help(own, module.FREQUENT)
     return parser
 
 
@@ -104,7 +115,9 @@ def _done(words: list[str]) -> int:
         remark(f"error: no command called '{words[0]}'{nearest(words[0], COMMANDS)}")
         remark("'dynident --help' lists the commands")
         return 2
-    parser = build_parser(words[0] if words and words[0] in COMMANDS else None)
+    short = WHOLE not in words
+    words = [SHORT[-1] if word == WHOLE else word for word in words]
+    parser = build_parser(words[0] if words and words[0] in COMMANDS else None, short and bool({*SHORT} & set(words)))
     options = parser.parse_args(words)
     if options.command is None:
         parser.print_help()

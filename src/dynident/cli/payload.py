@@ -20,7 +20,15 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dynident.applications.payload import CarriedLoad
 
-SUMMARY = "mass, centre of mass and inertia of a tool or load from a run with it"
+SUMMARY = "mass, centre of mass and inertia of a load from a run with it"
+
+#: Options in the short help.
+FREQUENT = (
+    "--mass",
+    "--flange",
+    "--rows",
+    "--json",
+)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@ With a split, the training parts are reduced. Merge the QR factors of several ru
 a folder of logs, a pattern in quotes, or an address of a bucket. Workers reduce logs side by side, to the same bits.
 'identify --from' takes --friction, --cutoff, --rate and --delay from the QR factors.
 
-  dynident reduce case.yaml monday.parquet -o monday.tri
+  dynident reduce case.yaml monday.csv -o monday.tri
   dynident merge monday.tri tuesday.tri -o week.tri
   dynident identify case.yaml --from week.tri -o estimate.json
   dynident reduce case.yaml runs/ 'more/*.csv' --jobs 4 -o year.tri
@@ -26,6 +26,15 @@ if TYPE_CHECKING:
     from dynident.identification.streaming.reduction import Standing
 
 SUMMARY = "compress logs larger than memory to QR factors for identify"
+
+#: Options in the short help.
+FREQUENT = (
+    "--split",
+    "--jobs",
+    "--skip-bad",
+    "-o",
+    "--json",
+)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

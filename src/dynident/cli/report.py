@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dynident.results.report.builder import ReportPart
     from dynident.results.report.subject import Subject
 
-SUMMARY = "one self-contained HTML file from an estimate, and its figures for a paper"
+SUMMARY = "one HTML file from an estimate, and its figures for a paper"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

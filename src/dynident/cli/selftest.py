@@ -29,7 +29,17 @@ if TYPE_CHECKING:
     from dynident.simulation.cell import Cell
     from dynident.studies.selftest.rehearsal import Rehearsal, RehearsalPlan
 
-SUMMARY = "rehearse a run on a virtual robot: what would be found, and how well"
+SUMMARY = "rehearse a run on a virtual robot: what would be found"
+
+#: Options in the short help.
+FREQUENT = (
+    "--plan",
+    "--noise",
+    "--truth",
+    "--seed",
+    "--tolerance",
+    "--json",
+)
 
 #: Words for what stands behind the virtual robot.
 _NOMINAL, _RANDOM = "nominal", "random"

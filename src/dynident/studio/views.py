@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -163,7 +164,8 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
     from dynident.results.verdict import NOT_CHECKED, cause_lines, headline
     from dynident.studio.preview import decimated
 
-    estimate = read_estimate(folder.find(name))
+    path = folder.find(name)
+    estimate = read_estimate(path)
     train = estimate.train
     joints = [
         {
@@ -184,6 +186,7 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
         "bodies": _cells(bodies_table(link_changes(estimate))),
         "no_links": missing_reason(estimate),
         "torques": joints,
+        "test": json.loads(path.read_bytes()).get("summary", {}).get("test"),
         "table": parameters_table(estimate).rows,  # with the digits that the deviations allow
     }
     return {**summary(estimate), **shown, "command": str(estimate.provenance.get("command", ""))}

@@ -99,13 +99,16 @@ def _mass_matrix(estimate: Estimate) -> dict[str, Any]:
     return {"q": estimate.middle.tolist(), "value": value.tolist(), "std": deviations.tolist()}
 
 
-def write_estimate(estimate: Estimate, path: str | Path, warnings: Sequence[str] = ()) -> None:
+def write_estimate(
+    estimate: Estimate, path: str | Path, warnings: Sequence[str] = (), test: Validation | None = None
+) -> None:
     """Write an estimate as JSON; the old file or the new one is there, never half of one.
 
     Args:
         estimate: The estimate.
         path: The file.
         warnings: What does not look right about it, for people who read the file.
+        test: Its figures on data that had no part in the fit, for those who read the summary.
 
     Raises:
         FileError: The file cannot be written.
@@ -115,7 +118,7 @@ def write_estimate(estimate: Estimate, path: str | Path, warnings: Sequence[str]
     data = {
         "kind": KIND,
         "format": VERSIONS.current,
-        "summary": summary(estimate, warnings=warnings),
+        "summary": summary(estimate, test, warnings),
         **plain(model_to_dict(estimate.model)),
         "preprocessing": plain(preprocessing_to_dict(estimate.preprocessing)),
         "columns": plain(columns_to_dict(estimate.columns)),

@@ -1,6 +1,6 @@
 // The page: stages in the order of the work, one at a time, named in the address.
 
-import { choose, get, guarded, known, refresh } from "./api.js";
+import { choose, get, guarded, known, listen, refresh } from "./api.js";
 import { el, fill } from "./dom.js";
 import * as robot from "./stage_robot.js";
 import * as log from "./stage_log.js";
@@ -15,6 +15,26 @@ import * as session from "./stage_session.js";
 const STAGES = { robot, log, case: setting, check, excite, identify, results, compare, session };
 const built = {};
 let current = "";
+
+// What a stage is done by, and what it needs first; the others are always ready.
+const has = (kind) => known.files.some((file) => file.kind === kind);
+const ran = (verb) => known.runs.some((run) => run.verb === verb && run.state === "done");
+const DONE = {
+  robot: () => has("robot"), log: () => has("log"), case: () => has("case"), check: () => ran("check"), excite: () => has("plan"),
+  identify: () => has("estimate"), results: () => ran("validate") || ran("export"), compare: () => ran("compare"),
+};
+const NEEDS = { case: "log", check: "case", identify: "case", results: "estimate", compare: "case" };
+
+function mark() {
+  for (const link of document.querySelectorAll("#stages a[data-stage]")) {
+    const stage = link.dataset.stage, needed = NEEDS[stage];
+    const state = DONE[stage]?.() ? "done" : needed && !has(needed) ? "blocked" : DONE[stage] ? "ready" : "";
+    if (link.dataset.state === state) continue;
+    link.dataset.state = state;
+    link.title = state === "blocked" ? `needs ${needed === "estimate" ? "an" : "a"} ${needed} first` : "";
+    fill(link.querySelector(".state-word"), state && ` (${state})`);
+  }
+}
 
 function enter() {
   const wanted = location.hash.replace(/^#\/?/, ""); // with a slash: a stage, no place on the page that a skip link goes to
@@ -47,8 +67,9 @@ function enter() {
 
 async function begin() {
   if (location.search) history.replaceState(null, "", `/${location.hash}`); // the token leaves the address bar
-  const list = Object.entries(STAGES).map(([key, stage]) => el("li", {}, el("a", { href: `#/${key}` }, stage.title)));
+  const list = Object.entries(STAGES).map(([key, stage]) => el("li", {}, el("a", { href: `#/${key}`, "data-stage": key }, stage.title, el("span", { class: "state-word" }))));
   fill(document.getElementById("stages"), el("ol", {}, list));
+  listen(mark);
   await guarded(document.getElementById("stage"), async () => {
     const [choices] = await Promise.all([get("choices"), refresh()]);
     choose({ choices });

@@ -1,8 +1,9 @@
 // Stage 6: from logs to the model, with its progress.
 
-import { choose, known, ofKind } from "./api.js";
-import { el, field, options, picked } from "./dom.js";
+import { choose, get, known, ofKind } from "./api.js";
+import { el, field, options, picked, put } from "./dom.js";
 import { answerText, runner } from "./runner.js";
+import { answers, judged } from "./stage_results.js";
 
 export const title = "Identify";
 
@@ -14,9 +15,12 @@ export function build() {
   const quick = el("input", { type: "checkbox", id: "quick" });
   const run = runner("identify", "Identify", () => ({
     case: choice.value, estimator: estimator.value, friction: picked(friction), cutoff: cutoff.value, quick: quick.checked,
-  }), (done, place) => {
+  }), async (done, place) => {
     choose({ estimate: done.outputs[0] });
-    place.append(el("p", { class: "actions" }, el("a", { class: "go", href: "#/results" }, "See the result")), answerText(done.answer));
+    const found = await get("estimate", { name: done.outputs[0] });
+    put(place, judged(found), answers(found), found.warnings.map((text) => el("p", { class: "remark" }, text)),
+      el("p", { class: "actions" }, el("a", { class: "go", href: "#/results" }, "See the result")),
+      el("details", {}, el("summary", {}, "Answer of the command"), answerText(done.answer)));
   });
   return {
     whole: [

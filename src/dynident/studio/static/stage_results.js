@@ -69,7 +69,7 @@ export function build() {
   };
 }
 
-function judged(found) {
+export function judged(found) {
   const clean = found.verdict.word === "accepted";
   return [found.headline ? el("p", { class: clean ? "good" : "fault", role: clean ? "status" : "alert" }, found.headline) : null,
     found.causes.map((text) => el("p", { class: "fault" }, text)),
@@ -84,13 +84,14 @@ function beside(found) {
     found.no_links ? el("p", { class: "soft" }, found.no_links) : null];
 }
 
-function answers(found) {
+export function answers(found) {
   const praised = !found.verdict.causes.length; // figures of a fit to faulty logs praise nothing
-  const error = found.train.total_relative_error;
+  const [error, fit] = [(found.test ?? found.train).total_relative_error, percent(found.train.total_relative_error)];
+  const said = found.test ? `test error of the torque; training error ${fit}` : "training error of the torque; no test log yet";
   const known_ = found.parameters.filter((one) => one.relative_std !== null && one.relative_std < 0.1).length;
   const tile = (value, text, grade) => el("div", { class: `answer ${grade === "good" && !praised ? "fair" : grade}` }, el("dt", {}, value), el("dd", {}, text));
   return el("dl", { class: "answers" },
-    tile(percent(error), "relative torque error in the fit", error < 0.05 ? "good" : error < 0.15 ? "fair" : "bad"),
+    tile(percent(error), said, error < 0.05 ? "good" : error < 0.15 ? "fair" : "bad"),
     tile(`${known_} of ${found.parameters.length}`, "base parameters known to better than 10 %", known_ * 2 > found.parameters.length ? "good" : "fair"),
     tile(found.physically_consistent ? "consistent" : "inconsistent", "physical consistency", found.physically_consistent ? "good" : "bad"));
 }
