@@ -98,7 +98,7 @@ def real():
             estimate = fit(problem, estimator)
             errors.append(validate_prepared(model, problem.base, prepared, estimate.beta).total_relative_error)
             bodies[kind] = estimate.theta
-        facts = Plausibility.of(estimate.extras)
+        facts = Plausibility.of(estimate.run)
         named = ", ".join(f"{mass.name} ({100 * mass.gain:.2g} %)" for mass in facts.contradicted) or "none"
         for kind, theta in bodies.items():
             rows, total = figures_of(model.robot, theta)
@@ -128,7 +128,7 @@ def truth():
                 told(model, nominal), [log_of(model, theta, seed)], Preprocessing(AsGiven(), rest="keep")
             )
             solutions = {"free": Consistent().solve(problem), "plausible": PLAUSIBLE.solve(problem)}
-            shares = np.array(solutions["free"].extras["data_share"])[: model.inertial_count].reshape(-1, 10)
+            shares = np.array(solutions["free"].run.data_share)[: model.inertial_count].reshape(-1, 10)
             for kind, solution in solutions.items():
                 for i in np.flatnonzero(shares.mean(axis=1) >= 0.5):
                     own = [values[10 * i : 10 * i + 10] for values in (solution.theta, nominal, theta)]
