@@ -107,7 +107,7 @@ def _from_pinocchio(model: Any) -> Robot:
         if frame.type == pin.FrameType.BODY:
             bodies.setdefault(int(frame.parentJoint), frame.name)
     for number in range(1, model.njoints):
-        joint, name = model.joints[number], model.names[number]
+        joint, name = model.joints[number], str(model.names[number])
         columns = pin.getJointJacobian(model, data, number, pin.LOCAL)[:, joint.idx_v : joint.idx_v + joint.nv]
         slides, turns = np.linalg.norm(columns[:3]), np.linalg.norm(columns[3:])
         if joint.nv != 1 or min(slides, turns) > 1e-9:
@@ -126,11 +126,14 @@ def _from_pinocchio(model: Any) -> Robot:
         )
         kind: Literal["revolute", "prismatic"] = "revolute" if turns > slides else "prismatic"
         axis = columns[3:, 0] if turns > slides else columns[:3, 0]
-        own = (limits, Drive(rotor_inertia=float(model.armature[at])))
-        friction = {"damping": float(model.damping[at]), "friction": float(model.friction[at])}
+        drive = Drive(rotor_inertia=float(model.armature[at]))
         parent = int(model.parents[number]) - 1
         inertia = Inertia.from_centre_of_mass(body.mass, body.lever, body.inertia)
-        moved = Joint(name, kind, parent, place.rotation, place.translation, axis, *own, **friction)
+        damping, friction = float(model.damping[at]), float(model.friction[at])
+        moved = Joint(
+            name, kind, parent, place.rotation, place.translation, axis, limits, drive,
+            damping=damping, friction=friction,
+        )  # fmt: skip
         parts.add(bodies.get(number, name), inertia, moved)
     for frame in model.frames:
         if frame.type != pin.FrameType.JOINT and frame.name != base:

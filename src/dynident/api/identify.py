@@ -65,7 +65,7 @@ def identify(
     :func:`verdict_of` of the estimate is ``not accepted`` with the cause; ``record`` says whether that raises.
 
     Args:
-        subject: Case, its file, model or robot (:func:`robot_of`); ``read_case(path, friction="auto")`` chooses friction.
+        subject: Case, file, model or robot (:func:`robot_of`); ``read_case(path, friction="auto")`` chooses friction.
         logs: One raw log or several, as :func:`log_of` takes them, or a digest; None for those of the case that train.
         estimator: Name or part; None for that of the case, else ``consistent``.
         preprocessing: How logs become rows; None for that of the case, else the default of :class:`Case`.
