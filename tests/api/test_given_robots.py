@@ -167,7 +167,7 @@ def estimate(planar_2r: di.Robot, exact_log: Callable[..., di.Log]) -> di.Estima
     model = di.DynamicModel(planar_2r, ["viscous", "coulomb", "rotor_inertia"])
     assert planar_2r.nominal is not None
     theta = np.append(planar_2r.nominal, [0.3, 0.1, 0.2, 0.4, 0.05, 0.08])
-    return di.identify(model, exact_log(model, theta, noise=0.01, samples=800, rate=200.0))
+    return di.identify(model, exact_log(model, theta, noise=0.01, samples=800, rate=200.0), trust=di.TrustOptions())
 
 
 def test_an_estimate_as_a_model_of_pinocchio(estimate: di.Estimate) -> None:
