@@ -90,7 +90,3 @@ function words(run) {
   const judged = { 3: ", criteria not met", 4: ", not accepted" };
   return { done: `done${judged[run.code] ?? ""}`, failed: "failed", cancelled: "cancelled, nothing was left behind" }[run.state];
 }
-
-export function answerText(text) {
-  return el("pre", { class: "answer-text", tabIndex: 0, "aria-label": "answer of the command" }, text);
-}

@@ -1,7 +1,7 @@
 // Stage 3: the case file: drafted from robot and logs, its columns and units mapped, its questions answered.
 
 import { choose, get, guarded, known, ofKind, post, refresh } from "./api.js";
-import { el, field, fill, name, options, picked, say, table } from "./dom.js";
+import { el, field, fill, name, next, options, say, several, table } from "./dom.js";
 import { runner } from "./runner.js";
 import { robots } from "./stage_robot.js";
 
@@ -11,15 +11,15 @@ const WORDS = { q: "positions", dq: "velocities", torque: "joint torques", curre
 
 export function build() {
   const robot = el("select");
-  const logs = el("select", { multiple: true, size: 4 });
-  const tests = el("select", { multiple: true, size: 4 });
+  const logs = several("Training logs");
+  const tests = several("Test logs", "None: the last third of the log is kept for that.");
   const profile = el("select");
   const choice = el("select", { id: "case-choice", on: { change: () => open(choice.value) } });
   const body = el("div");
   let drafted = null;
 
   const draft = runner("init", "Draft the case file", () => ({
-    robot: robot.value, logs: picked(logs), test: picked(tests), profile: profile.value,
+    robot: robot.value, logs: logs.picked(), test: tests.picked(), profile: profile.value,
   }), async (run) => {
     drafted = JSON.parse(run.answer);
     options(choice, ofKind("case"), drafted.case);
@@ -39,7 +39,7 @@ export function build() {
     const mapping = completed(found.mapping, mine);
     const state = found.fault
       ? el("p", { class: "fault", role: "alert" }, found.fault)
-      : el("p", { class: "good" }, "This case can be used: robot, columns and units are stated.");
+      : [el("p", { class: "good" }, "This case can be used: robot, columns and units are stated."), next("check", "Check the logs")];
     const editor = el("textarea", { value: found.text, spellcheck: false, rows: 24, wrap: "off" });
     const save = el("button", { type: "button", on: { click: () => saved({ text: editor.value }) } }, "Save the text");
     const asks = found.questions.map((question) => el("li", { class: question.needed ? "needed" : "" },
@@ -95,18 +95,13 @@ export function build() {
     whole: [
       el("p", { class: "lead" }, "A case file says which columns are which signals, in which units, and what is to be identified. It is drafted from what can be told, and asks for the rest."),
       el("div", { class: "row" }, field("Robot", robot), field("Profile of the log", profile, "Found from the columns where none is chosen.")),
-      el("div", { class: "row" }, field("Logs to learn from", logs, "Ctrl or Shift chooses several."), field("Logs to test on", tests, "None: the last third of the log is kept for that.")),
+      el("div", { class: "row" }, logs, tests),
       draft.whole, el("h2", {}, "Case file"), field("Case file", choice), body,
     ],
     enter() {
       options(robot, robots().filter((one) => !ofKind("case", "estimate").includes(one)), known.robot || robot.value);
-      const chosen = picked(logs);
-      const tested = picked(tests);
-      for (const [select, keep] of [[logs, chosen], [tests, tested]]) {
-        options(select, ofKind("log"));
-        for (const option of select.options) option.selected = keep.includes(option.value);
-      }
-      if (!picked(logs).length && known.log) for (const option of logs.options) option.selected = option.value === known.log;
+      for (const list of [logs, tests]) list.offer(ofKind("log"));
+      if (!logs.picked().length && known.log) logs.choose([known.log]);
       options(profile, [{ value: "", text: "as found" }, ...known.choices.profiles]);
       const before = choice.value;
       options(choice, ofKind("case"), known.case || choice.value);
