@@ -15,6 +15,7 @@ from hypothesis import settings
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.problem.method_run import MethodRun
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -212,7 +213,7 @@ def bare_estimate() -> Callable[[DynamicModel, Array], Estimate]:
         estimate = object.__new__(Estimate)
         values = {"model": model, "base": base, "beta": base.from_standard(theta), "theta": theta}
         values |= {"covariance": np.eye(base.count), "estimator": "consistent", "provenance": {}, "samples": 1}
-        values |= {"degrees": None}
+        values |= {"degrees": None, "run": MethodRun()}
         for key, value in values.items():
             object.__setattr__(estimate, key, value)
         return estimate

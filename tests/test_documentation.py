@@ -268,6 +268,16 @@ def _read_yaml(block: Block, after: Block, workshop: Path) -> None:
         assert _matches(after.text, str(caught.value)), f"{block.place}: {caught.value}"
 
 
+def test_the_ten_tasks_take_three_lines_each() -> None:
+    """Each heading of the page has one cell that runs, of at most three lines."""
+    page = ROOT / "docs" / "notebooks" / "ten-tasks.md"
+    parts = page.read_text(encoding="utf-8").split("\n## ")
+    assert [part.partition(".")[0] for part in parts[1:]] == [str(k) for k in range(1, 11)]
+    for part, block in zip(parts[1:], blocks_of(page)[1:], strict=True):
+        assert block.text in part and (block.language, block.marks) == ("python", ("run",))
+        assert len(block.text.splitlines()) <= 3, part.partition("\n")[0]
+
+
 # --- the case file ---------------------------------------------------------------------------------------------------
 
 

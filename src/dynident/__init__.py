@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from dynident.api.excite import excite as excite
     from dynident.api.export import export as export
     from dynident.api.given_logs import log_of as log_of
+    from dynident.api.given_robots import robot_of as robot_of
     from dynident.api.identify import Record as Record
     from dynident.api.identify import identify as identify
     from dynident.api.init import init as init
@@ -50,6 +51,8 @@ if TYPE_CHECKING:
     from dynident.exports.models import MODEL_EXPORTERS as MODEL_EXPORTERS
     from dynident.exports.motions import MOTION_EXPORTERS as MOTION_EXPORTERS
     from dynident.exports.motions import Playback as Playback
+    from dynident.exports.objects import mujoco_spec as mujoco_spec
+    from dynident.exports.objects import pinocchio_model as pinocchio_model
     from dynident.identification.build_problem import PriorKnowledge as PriorKnowledge
     from dynident.identification.build_problem import build_problem as build_problem
     from dynident.identification.estimate.estimate import Estimate as Estimate
@@ -88,6 +91,7 @@ _HOMES = {
     "api.excite": ("excite",),
     "api.export": ("export",),
     "api.given_logs": ("log_of",),
+    "api.given_robots": ("robot_of",),
     "api.identify": ("Record", "identify"),
     "api.init": ("init",),
     "api.validate": ("validate",),
@@ -112,6 +116,7 @@ _HOMES = {
     "excitation.trajectories.fourier": ("FourierSeries",),
     "exports.models": ("MODEL_EXPORTERS",),
     "exports.motions": ("MOTION_EXPORTERS", "Playback"),
+    "exports.objects": ("mujoco_spec", "pinocchio_model"),
     "identification.build_problem": ("PriorKnowledge", "build_problem"),
     "identification.estimate.estimate": ("Estimate",),
     "identification.estimate.validation": ("Validation",),

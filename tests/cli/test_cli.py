@@ -383,7 +383,10 @@ UNUSABLE = [
     (["identify", "arm.json", "run.csv", "--friction", "coulom"], "no friction model called 'coulom'; choose one of"),
     (["identify", "arm.json", "run.csv", "--friction", "coulomb", "coulomb"], "the coefficient Fc is there twice"),
     (["identify", "arm.json", "run.csv", "--split", "third"], "split = 'third' is not possible; write first:0.67"),
-    (["identify", "arm.json", "run.csv", "--split", "rows:0:9,9:9999"], "run.csv: 2400 rows, the split ends at 9999"),
+    (
+        ["identify", "arm.json", "run.csv", "--split", "rows:0:9,9:9999"],
+        "2400 samples, the split ends at 9999",
+    ),
     (["identify", "arm.json", "run.csv", "--cutoff", "-1"], "cutoff_hz = -1.0 is not possible; give a frequency"),
     (["identify", "arm.json", "run.csv", "--cutoff", "500"], "run.csv: 200 samples a second cannot carry a cut-off"),
     (["identify", "arm.json", "run.csv", "--rate", "often"], "rate = 'often' is not possible; give samples a second"),

@@ -220,6 +220,24 @@ def test_a_payload_is_weighed(trial: Trial, tmp_path: Path) -> None:
     assert load.numbers["mass_kg"] == pytest.approx(0.8, abs=3 * load.numbers["std_kg"] + 0.02)
 
 
+def test_a_load_is_told_with_the_errors_of_the_robot_model(case: Case, trial: Trial, tmp_path: Path) -> None:
+    """Masses of the robot model 20 % off: no warning without a load, and an interval that holds a large one."""
+    off = []
+    for seed in range(4):
+        shares = np.exp(np.random.default_rng(seed).normal(0, 0.2, len(case.robot.links)))
+        links = [
+            replace(link, inertia=Inertia.from_vector(share * link.inertia.vector))  # type: ignore[union-attr]
+            for link, share in zip(case.robot.links, shares, strict=True)
+        ]
+        rough = replace(trial, case=replace(case, robot=replace(case.robot, links=tuple(links))))
+        assert not [one.line() for one in rough.examined(tmp_path).findings if one.severity != "note"]
+        found = put.loaded(rough, 8.0, np.random.default_rng(0)).examined(tmp_path).findings
+        for load in (finding for finding in found if finding.name == "load at the flange"):
+            assert load.numbers["std_kg"] > 0.04  # noise alone: below 0.01
+            off.append((load.numbers["mass_kg"] - 8.0) / load.numbers["std_kg"])
+    assert len(off) >= 3 and np.max(np.abs(off)) < 3.0, off
+
+
 def test_a_tilt_is_measured_and_the_right_gravity_stated(trial: Trial, tmp_path: Path) -> None:
     found = put.tilted(trial, 2.0, np.random.default_rng(0)).examined(tmp_path).findings
     (tilt,) = [finding for finding in found if finding.name == "tilt"]

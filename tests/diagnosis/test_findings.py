@@ -107,6 +107,14 @@ FAULTS: dict[str, tuple[str, Callable[[Trial], Trial], tuple[str, str, str], str
     "one torque for ever": (
         "resolution", put("tau", (ALL, 2), 1.5), ("error", "torque never changes", "joint3 of it"), "one value in all",
     ),
+    "a torque written twice": (
+        "equal_columns", lambda t: changed(t, "tau", lambda v: v.__setitem__((ALL, 2), v[:, 0])),
+        ("error", "equal columns", "joint1 of it, joint3 of it"), "are the same in all 2000 samples",
+    ),
+    "a position written twice": (
+        "equal_columns", lambda t: changed(t, "q", lambda v: v.__setitem__((ALL, 1), v[:, 0])),
+        ("warning", "equal columns", "joint1 of it, joint2 of it"), r"log: columns: q\)",
+    ),
     "a velocity of noise": (
         "velocity", put("dq", (ALL, 1), np.random.default_rng(0).normal(size=2000)),
         ("warning", "velocity mismatch", "joint2 of it"), "does not follow the derivative of q",
@@ -143,6 +151,11 @@ def test_a_fault_is_told_in_true_words(fault: str, trial: Trial, tmp_path: Path)
 @pytest.mark.parametrize("check", sorted({check for check, *_ in FAULTS.values()}))
 def test_nothing_is_told_of_the_clean_log(check: str, trial: Trial, tmp_path: Path) -> None:
     assert told(commanded()(trial), check, tmp_path) == []
+
+
+def test_joints_at_rest_or_without_torque_are_no_equal_columns(trial: Trial, tmp_path: Path) -> None:
+    still = changed(trial, "q", lambda v: v.__setitem__((ALL, [0, 1]), 0.25))
+    assert told(changed(still, "tau", lambda v: v.__setitem__((ALL, [0, 1]), 0.0)), "equal_columns", tmp_path) == []
 
 
 def test_the_last_digit_of_joints_at_rest_is_no_second_publisher(trial: Trial, tmp_path: Path) -> None:

@@ -64,7 +64,8 @@ def test_the_true_robot_moves_as_the_virtual_one(cell):
     late = run.truth.time > 0.8  # the first state is only estimated
     for k, signal in enumerate((run.truth.q, run.truth.dq, run.truth.ddq, run.truth.torque)):
         np.testing.assert_allclose(rows[late, k], signal[late], atol=5e-5 * np.abs(signal).max())
-    assert loop.facts["reference"] == "commanded positions" and loop.facts["controller"] == "as stated"
+    facts = loop.run((), (), simulations=1)
+    assert facts.reference == "commanded positions" and facts.controller == "as stated"
     settled = loop.settled(truth)[0]
     assert 0 < np.count_nonzero(~settled[:, 0]) < len(settled) / 2 and settled[-1].all()
 

@@ -126,7 +126,7 @@ def subject_of(
         consistency=Consistency(consistent, reasons, 0.031),
         train=train,
         preprocessing=how,
-        run=MethodRun(trace=list(2.0 + 30 * np.exp(-np.arange(50) / 9)), optimum=1.9),
+        run=MethodRun(trace=list(2.0 + 30 * np.exp(-np.arange(50) / 9)), optimum=1.9, gap=0.06),
         provenance={
             "versions": {"dynident": "0.1.0", "numpy": "2.4.6"},
             "logs": [vars(log.source) for log in made],

@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
+from dynident.api.given_robots import RobotLike, is_robot_model, robot_of
 from dynident.api.log_checks import case_of_model
 from dynident.applications.states import motion_of_arrays, plain_numbers
 from dynident.arrays import Array
@@ -19,7 +20,6 @@ from dynident.data.log import Log, Source
 from dynident.data.log_of_robot import with_meaning
 from dynident.errors import BadArgument, nearest
 from dynident.identification.estimators import ESTIMATORS
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import default_friction
 from dynident.model.robot import Robot
@@ -60,20 +60,20 @@ ARRAYS = "arrays"
 EXAMPLE = '{"time": t, "q": q, "torque": tau}'
 
 
-def log_of(data: LogLike, robot: Robot | str | Path | None = None) -> Log:
+def log_of(data: LogLike, robot: RobotLike | None = None) -> Log:
     """Return a log from arrays by name, a pandas frame, or a file.
 
     Args:
         data: Arrays ``time`` (N,), ``q`` (N, n), ``torque`` or ``current`` (N, n), and ``dq``, ``ddq``,
             ``temperature``, ``q_ref``, ``dq_ref`` where they are measured, in SI units; or a frame with columns
             ``time``, ``q1``, ..., ``torque1``, ..., or ``q_NAME``, ``torque_NAME`` by the names of the joints.
-        robot: The robot, or its file: its joints, in its order; None for joint1, joint2, ...
+        robot: The robot, as :func:`robot_of` takes it: its joints, in its order; None for joint1, joint2, ...
 
     Raises:
         BadArgument: A wrong shape, a value that is not finite, positions in degrees, time that does not run forward.
         DynidentError: Any fault of a file.
     """
-    known = robot if robot is None or isinstance(robot, Robot) else read_robot(str(robot))
+    known = None if robot is None else robot_of(robot)
     if isinstance(data, Log):
         return data
     if isinstance(data, str | Path):
@@ -117,7 +117,7 @@ def logs_of(data: Any, robot: Robot, read: Callable[[str | Path], Log], argument
 
 
 def case_of(subject: Any) -> Case:
-    """Return the case of a case file, a robot model file, a robot or a dynamic model; a case as it is.
+    """Return the case of a case file, a dynamic model, or a robot as :func:`robot_of` takes it; a case as it is.
 
     Raises:
         BadArgument: Something else.
@@ -127,8 +127,8 @@ def case_of(subject: Any) -> Case:
         return subject
     if isinstance(subject, str | Path):
         return read_case(subject)
-    if isinstance(subject, Robot):
-        subject = DynamicModel(subject, default_friction())
+    if isinstance(subject, Robot) or is_robot_model(subject):
+        subject = DynamicModel(robot_of(subject), default_friction())
     if isinstance(subject, DynamicModel):
         return case_of_model(subject)
     step = 'write di.identify("arm.urdf", log), or give a case file, a Robot or a DynamicModel'

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 from dynident.api.case_logs import read_data
 from dynident.api.case_options import estimator_of, prior_of
 from dynident.api.given_logs import LogLike, case_of, check_kinds, logs_of
+from dynident.api.given_robots import RobotLike
 from dynident.api.log_checks import add_causes, check_logs, refuse_faulty
 from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
@@ -22,7 +23,6 @@ from dynident.identification.estimators import Estimator
 from dynident.identification.identify import identify as identify_model
 from dynident.identification.uncertainty.trust import TrustOptions
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.robot import Robot
 
 if TYPE_CHECKING:
     from dynident.identification.streaming.digest import Digest
@@ -49,7 +49,7 @@ class Record:
 
 
 def identify(
-    subject: Case | DynamicModel | Robot | str | Path,
+    subject: Case | DynamicModel | RobotLike,
     logs: LogLike | Sequence[LogLike] | Digest | None = None,
     estimator: str | Estimator | None = None,
     preprocessing: Preprocessing | None = None,
@@ -65,7 +65,7 @@ def identify(
     :func:`verdict_of` of the estimate is ``not accepted`` with the cause; ``record`` says whether that raises.
 
     Args:
-        subject: Case, dynamic model or robot, or a file of one; ``read_case(path, friction="auto")`` chooses friction.
+        subject: Case, file, model or robot (:func:`robot_of`); ``read_case(path, friction="auto")`` chooses friction.
         logs: One raw log or several, as :func:`log_of` takes them, or a digest; None for those of the case that train.
         estimator: Name or part; None for that of the case, else ``consistent``.
         preprocessing: How logs become rows; None for that of the case, else the default of :class:`Case`.

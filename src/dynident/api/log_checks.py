@@ -25,6 +25,7 @@ STOPS = (
     "equal time stamps",
     "too few rows",
     "torque never changes",
+    "equal columns",
 )
 
 

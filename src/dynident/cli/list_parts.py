@@ -8,6 +8,7 @@ dynident list friction --json
 from __future__ import annotations
 
 import argparse
+import sys
 
 SUMMARY = "the parts to choose from, with their options"
 
@@ -39,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
 
     chosen = [options.family] if options.family else list(FAMILIES)
     data = {}
-    with console.progress(len(chosen), options.json) as progress:
+    with console.progress(len(chosen), options.json or not sys.stderr.isatty()) as progress:
         for name in chosen:
             progress.step(name)
             data[name] = _parts(name)

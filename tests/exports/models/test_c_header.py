@@ -17,6 +17,7 @@ from dynident.exports.models import MODEL_EXPORTERS, ModelContent, export_model
 from dynident.exports.models.c_header import CHeader
 from dynident.exports.models.writing import c_programs
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.problem.method_run import MethodRun
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -40,7 +41,7 @@ def bare(robot: Robot, friction: tuple[str, ...]) -> Estimate:
     estimate = object.__new__(Estimate)
     values = {"model": model, "base": base, "beta": base.from_standard(theta), "theta": theta}
     values |= {"covariance": np.eye(base.count), "estimator": "consistent", "provenance": {}, "samples": 1}
-    for key, value in (values | {"degrees": None}).items():
+    for key, value in (values | {"degrees": None, "run": MethodRun()}).items():
         object.__setattr__(estimate, key, value)
     return estimate
 

@@ -225,10 +225,11 @@ def test_what_needs_all_rows_is_refused_in_words(case: Case, make: Callable[...,
         changed = replace(case, preprocessing=replace(case.preprocessing, **how))  # type: ignore[arg-type]
         with pytest.raises(LogMismatch, match=words):
             reduce_logs(changed.stream_setup(), [log])
-    with pytest.raises(LogMismatch, match="friction: auto needs all rows"):
+    with pytest.raises(LogMismatch, match="friction: auto needs all samples"):
         reduce_logs(replace(case, choose_friction=True).stream_setup(), [log])
     with pytest.raises(
-        LogMismatch, match=r"auto needs all rows .*several passes; find it on a part .*; take load out of friction in "
+        LogMismatch,
+        match=r"auto needs all samples .*several passes; find it on a part .*; take load out of ",
     ):
         both = replace(case, friction=("coulomb", "load"), choose_friction=True)  # type: ignore[arg-type]
         reduce_logs(both.stream_setup(), [log])

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-import scipy.optimize
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.quick_fit import RIDGE, QuickFit, halves
@@ -25,8 +23,8 @@ WIDEST, STEP, NEAR = 5.0, 1.0, 0.1
 #: Rounds in which a joint's own size is weighed in the linear estimate.
 ROUNDS = 4
 
-#: Rise of the deviance at the ends of a 95 % interval of one unknown, and the precision of the logarithms.
-RISE, PRECISION = 3.84, 1e-3
+#: Rise of the deviance at the ends of a 95 % interval of one unknown, precision of the logarithms and of these ends.
+RISE, PRECISION, ENDS = 3.84, 1e-3, 0.02
 
 #: Half-width of an interval in logarithms up to which a figure stands, and from which the log does not tell the scale.
 SHARP, BLUNT = 0.1, 0.25
@@ -179,5 +177,7 @@ def _end(rise: Callable[[float], float], best: float, side: float) -> float:
         low, high = high, 4 * high
         if high > WIDEST:
             return side * np.inf
-    found: Any = scipy.optimize.root_scalar(lambda x: rise(best + side * x) - RISE, bracket=(low, high), rtol=0.02)
-    return best + side * float(found.root)
+    while high - low > ENDS * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if rise(best + side * middle) < RISE else (low, middle)
+    return best + side * high

@@ -15,6 +15,7 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError, FileError, nearest
 from dynident.model.robot import Robot
 from dynident.plugins import Family
+from dynident.robot_catalogue import ENDING, catalogued_file
 
 MAX_BYTES: Final = 20_000_000
 
@@ -51,7 +52,8 @@ def read_robot(path: str | Path) -> Robot:
     The format follows from the first visible character (``<`` is XML) and then from the ending of the file name.
 
     Args:
-        path: The file, or a name from :func:`shipped_robots`; a file of that name goes first.
+        path: The file, or a name from :func:`shipped_robots` or of the package robot_descriptions (from its cache,
+            such as ``panda_description``); a file of that name goes first.
 
     Raises:
         FileError: No such file or robot, no regular file, not readable, or larger than 20 MB.
@@ -62,6 +64,8 @@ def read_robot(path: str | Path) -> Robot:
     if not os.path.isfile(file) and name in shipped_robots():
         data = (resources.files(_SHIPPED) / f"{name}.yaml").read_bytes()
         return _format(f"{name}.yaml", ".yaml", data).read(f"{name}.yaml", data)
+    if name.endswith(ENDING) and not os.path.exists(file):
+        path = file = catalogued_file(name)
     data = _bytes(file)
     return _format(path, file.suffix.lower(), data).read(path, data)
 

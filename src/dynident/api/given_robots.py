@@ -1,0 +1,273 @@
+"""What a call from Python is given as a robot: a file or a name, a value of this library, of Pinocchio or of MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from dynident.arrays import Array
+from dynident.errors import BadArgument
+from dynident.model.descriptions import read_robot
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
+
+#: A robot: a value, a file or a name, a ``pinocchio.Model``, a ``mujoco.MjModel`` or ``MjSpec``.
+RobotLike: TypeAlias = Any
+
+#: Types of joints and of equality constraints of MuJoCo (mjtJoint, mjtEq).
+_SLIDE, _HINGE, _EQUALITY_OF_JOINTS = 2, 3, 2
+
+#: From here on a limit stands for none.
+_NO_LIMIT = 1e20
+
+
+def robot_of(subject: RobotLike) -> Robot:
+    """Return a robot from a file, a name, or a model of Pinocchio or MuJoCo.
+
+    Of a ``pinocchio.Model`` and a ``mujoco.MjModel`` are read: the tree of joints with one degree of freedom, inertias,
+    gravity, limits, armature (as known rotor inertia), damping and Coulomb friction, named frames, and of MuJoCo the
+    linear equality of two joints (as a joint that follows another). Shapes are not read. ``note`` of the robot names
+    what has a torque in MuJoCo and none here: springs, gravity compensation, tendons, fluids.
+
+    Args:
+        subject: A file or a name as :func:`read_robot` takes it, a ``pinocchio.Model``, its ``RobotWrapper``, a
+            ``mujoco.MjModel`` or ``mujoco.MjSpec``, a :class:`DynamicModel`; a :class:`Robot` as it is.
+
+    Raises:
+        BadArgument: Something else, or a model with other joints or with loops.
+        FileError: No such file or name.
+        DescriptionError: A fault in a file.
+    """
+    if isinstance(subject, Robot):
+        return subject
+    if isinstance(subject, DynamicModel):
+        return subject.robot
+    if isinstance(subject, str | Path):
+        return read_robot(subject)
+    reader = _READERS.get((type(subject).__module__.partition(".")[0], type(subject).__name__))
+    if reader is None:
+        step = "give a URDF file, a name, a Robot, a pinocchio.Model or a mujoco.MjModel"
+        raise BadArgument("robot", f"{type(subject).__name__} where a robot is wanted", step)
+    return reader(subject)
+
+
+def is_robot_model(subject: Any) -> bool:
+    """Return whether a value is a robot model of Pinocchio or MuJoCo."""
+    return (type(subject).__module__.partition(".")[0], type(subject).__name__) in _READERS
+
+
+@dataclass
+class _Parts:
+    """Links, joints and frames as they are read, and where each body of the source is: link, rotation, translation."""
+
+    inertias: list[Inertia] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    fixed: list[list[str]] = field(default_factory=list)
+    joints: list[Joint] = field(default_factory=list)
+    frames: dict[str, Frame] = field(default_factory=dict)
+
+    def add(self, name: str, inertia: Inertia, joint: Joint) -> int:
+        """Add a link with the joint that moves it, and return its number."""
+        self.names.append(name)
+        self.inertias.append(inertia)
+        self.fixed.append([])
+        self.joints.append(joint)
+        return len(self.names) - 1
+
+    def robot(self, name: str, base: str, gravity: npt.ArrayLike, note: str) -> Robot:
+        """Return the robot.
+
+        Raises:
+            BadArgument: No joint.
+        """
+        if not self.joints:
+            raise BadArgument("robot", "a model without moving joints", "give the model of an arm")
+        found = zip(self.names, self.inertias, self.fixed, strict=True)
+        links = tuple(Link(link, inertia, tuple(fixed)) for link, inertia, fixed in found)
+        frames = {key: frame for key, frame in self.frames.items() if key not in self.names}
+        joints = tuple(self.joints)
+        return Robot(name or "robot", links, joints, np.array(gravity), base=base, frames=frames, note=note)
+
+
+def _from_pinocchio(model: Any) -> Robot:
+    import pinocchio  # pyright: ignore[reportMissingImports]
+
+    pin: Any = pinocchio
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    parts, base = _Parts(), "universe"
+    bodies: dict[int, str] = {}
+    for frame in model.frames:
+        if frame.type == pin.FrameType.BODY:
+            bodies.setdefault(int(frame.parentJoint), frame.name)
+    for number in range(1, model.njoints):
+        joint, name = model.joints[number], str(model.names[number])
+        columns = pin.getJointJacobian(model, data, number, pin.LOCAL)[:, joint.idx_v : joint.idx_v + joint.nv]
+        slides, turns = np.linalg.norm(columns[:3]), np.linalg.norm(columns[3:])
+        if joint.nv != 1 or min(slides, turns) > 1e-9:
+            evidence = f"joint '{name}' is a {joint.shortname()} with {joint.nv} degrees of freedom"
+            step = "build the model without a free base and without mimic, with revolute and prismatic joints"
+            raise BadArgument("robot", evidence, step)
+        place = model.jointPlacements[number]
+        body = model.inertias[number]
+        at = joint.idx_v
+        bounded = joint.nq == 1
+        limits = JointLimits(
+            lower=_bound(model.lowerPositionLimit[joint.idx_q], -np.inf) if bounded else -np.inf,
+            upper=_bound(model.upperPositionLimit[joint.idx_q]) if bounded else np.inf,
+            velocity=_bound(model.velocityLimit[at]),
+            effort=_bound(model.effortLimit[at]),
+        )
+        kind: Literal["revolute", "prismatic"] = "revolute" if turns > slides else "prismatic"
+        axis = columns[3:, 0] if turns > slides else columns[:3, 0]
+        drive = Drive(rotor_inertia=float(model.armature[at]))
+        parent = int(model.parents[number]) - 1
+        inertia = Inertia.from_centre_of_mass(body.mass, body.lever, body.inertia)
+        damping, friction = float(model.damping[at]), float(model.friction[at])
+        moved = Joint(
+            name, kind, parent, place.rotation, place.translation, axis, limits, drive,
+            damping=damping, friction=friction,
+        )  # fmt: skip
+        parts.add(bodies.get(number, name), inertia, moved)
+    for frame in model.frames:
+        if frame.type != pin.FrameType.JOINT and frame.name != base:
+            place = frame.placement
+            parts.frames[frame.name] = Frame(int(frame.parentJoint) - 1, place.rotation, place.translation)
+    base = bodies.get(0, base)
+    parts.frames.pop(base, None)
+    return parts.robot(model.name, base, model.gravity.linear, "read from a model of Pinocchio")
+
+
+def _from_mujoco(model: Any) -> Robot:
+    parts = _Parts()
+    places: list[tuple[int, Array, Array]] = [(-1, np.eye(3), np.zeros(3))]  # of each body
+    for number in range(1, model.nbody):
+        places.append(_add_body(model, number, places[model.body_parentid[number]], parts))
+    for number in range(model.nsite):
+        link, turn, shift = places[model.site_bodyid[number]]
+        rotation, translation = _rotation(model.site_quat[number]), model.site_pos[number]
+        name = model.site(number).name or f"site{number}"
+        parts.frames.setdefault(name, Frame(link, turn @ rotation, shift + turn @ translation))
+    _tie(model, parts)
+    name = bytes(model.names).split(b"\0", 1)[0].decode("utf-8", "replace")
+    return parts.robot(name, model.body(0).name or "world", model.opt.gravity, _note(model))
+
+
+def _add_body(model: Any, number: int, carrier: tuple[int, Array, Array], parts: _Parts) -> tuple[int, Array, Array]:
+    """Add the links of the joints of a body, and return where the body is; one without joints joins its carrier."""
+    link, turn, shift = carrier
+    name = model.body(number).name or f"body{number}"
+    rotation, translation = turn @ _rotation(model.body_quat[number]), shift + turn @ model.body_pos[number]
+    first, count = int(model.body_jntadr[number]), int(model.body_jntnum[number])
+    own = _rotation(model.body_iquat[number])
+    tensor = own @ np.diag(model.body_inertia[number]) @ own.T
+    inertia = Inertia.from_centre_of_mass(model.body_mass[number], model.body_ipos[number], tensor)
+    if not count:
+        parts.frames[name] = Frame(link, rotation, translation)
+        if link >= 0:
+            parts.inertias[link] = parts.inertias[link] + inertia.moved(rotation, translation)
+            parts.fixed[link].append(name)
+        return link, rotation, translation
+    at = np.zeros(3)  # origin of the link frame in the frame of the body, which the joints of the body turn with
+    for joint in range(first, first + count):
+        anchor = np.array(model.jnt_pos[joint])
+        moved = _joint(model, joint, link, rotation, translation + rotation @ (anchor - at))
+        is_last = joint == first + count - 1
+        zero = Inertia.from_centre_of_mass(0.0, np.zeros(3), np.zeros((3, 3)))
+        label = name if is_last else f"{name} before {model.joint(joint + 1).name or f'joint{joint + 2}'}"
+        link = parts.add(label, inertia.moved(np.eye(3), -anchor) if is_last else zero, moved)
+        rotation, translation, at = np.eye(3), np.zeros(3), anchor
+    return link, np.eye(3), -at
+
+
+def _joint(model: Any, number: int, parent: int, rotation: Array, translation: Array) -> Joint:
+    name = model.joint(number).name or f"joint{number + 1}"
+    if model.jnt_type[number] not in (_SLIDE, _HINGE):
+        evidence = f"joint '{name}' has more than one degree of freedom"
+        raise BadArgument("robot", evidence, "give the model of an arm on a fixed base, with hinge and slide joints")
+    dof, axis = int(model.jnt_dofadr[number]), np.array(model.jnt_axis[number])
+    zero = float(model.qpos0[model.jnt_qposadr[number]])  # the position at which the bodies are placed as written
+    is_hinge = model.jnt_type[number] == _HINGE
+    if is_hinge:
+        rotation = rotation @ rotation_about(axis, -zero)
+    else:
+        translation = translation - zero * rotation @ axis
+    lower, upper = model.jnt_range[number] if model.jnt_limited[number] else (-np.inf, np.inf)
+    force = np.abs(model.jnt_actfrcrange[number]).max() if model.jnt_actfrclimited[number] else np.inf
+    return Joint(
+        name,
+        "revolute" if is_hinge else "prismatic",
+        parent,
+        rotation,
+        translation,
+        axis,
+        JointLimits(lower=float(lower), upper=float(upper), effort=float(force)),
+        Drive(rotor_inertia=float(model.dof_armature[dof])),
+        damping=float(model.dof_damping[dof]),
+        friction=float(model.dof_frictionloss[dof]),
+    )
+
+
+def _tie(model: Any, parts: _Parts) -> None:
+    """Let joints follow others as equality constraints of joints say.
+
+    Raises:
+        BadArgument: Another equality constraint, which closes a loop, or one that ties a joint to one that follows.
+    """
+    led: set[int] = set()
+    tied: set[int] = set()
+    for number in np.flatnonzero(model.eq_active0):
+        one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+        constant, slope, *rest = (float(value) for value in model.eq_data[number][:5])
+        led.add(other)
+        tied.add(one)
+        if model.eq_type[number] != _EQUALITY_OF_JOINTS or other < 0 or any(rest) or led & tied:
+            name = model.equality(int(number)).name or f"number {number}"
+            evidence = f"the equality constraint {name} is no linear one of a joint and a joint that moves on its own"
+            raise BadArgument("robot", evidence, "remove it from the model: loops of bodies are not read")
+        zero, leader = (float(model.qpos0[model.jnt_qposadr[joint]]) for joint in (one, other))
+        follow = Mimic(parts.joints[other].name, slope, zero + constant - slope * leader)
+        parts.joints[one] = replace(parts.joints[one], mimic=follow)
+
+
+def _note(model: Any) -> str:
+    """Return where the robot is from, with what has a torque in MuJoCo and none here."""
+    without = {
+        "springs of joints": np.any(model.jnt_stiffness),
+        "gravity compensation of bodies": np.any(model.body_gravcomp),
+        "tendons": model.ntendon > 0,
+        "a fluid": model.opt.density > 0 or model.opt.viscosity > 0,
+    }
+    left = [what for what, is_there in without.items() if is_there]
+    return "read from a model of MuJoCo" + (f"; without {', '.join(left)}" if left else "")
+
+
+def _rotation(quaternion: Array) -> Array:
+    """Return the rotation of a quaternion (w, x, y, z), shape (3, 3)."""
+    w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _bound(value: float, none: float = np.inf) -> float:
+    return float(value) if abs(value) < _NO_LIMIT else none
+
+
+#: Readers by package and class of what they read.
+_READERS: dict[tuple[str, str], Callable[[Any], Robot]] = {
+    ("pinocchio", "Model"): _from_pinocchio,
+    ("pinocchio", "RobotWrapper"): lambda wrapper: _from_pinocchio(wrapper.model),
+    ("mujoco", "MjModel"): _from_mujoco,
+    ("mujoco", "MjSpec"): lambda spec: _from_mujoco(spec.compile()),
+}

@@ -1,0 +1,66 @@
+"""Robots by the names of the package robot_descriptions, from its cache on this machine: nothing is fetched."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from pkgutil import iter_modules
+
+from dynident.errors import FileError, nearest
+
+#: How the names of the package end.
+ENDING = "_description"
+
+#: Imports a module of the package, which would clone its repository where the cache has none; prints the files.
+_LOOK = """
+import json, os, shutil, sys
+import git
+def refuse(*_, **__): raise FileNotFoundError("not in the cache")
+git.Repo.init = git.Repo.clone_from = os.makedirs = shutil.rmtree = refuse  # the cache stays as it is
+module = __import__("robot_descriptions." + sys.argv[1], fromlist=["REPOSITORY_PATH"])
+files = {name: getattr(module, name, "") for name in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH")}
+print("\\n" + json.dumps(files))
+"""
+
+
+def catalogued_file(name: str) -> Path:
+    """Return the URDF that the package robot_descriptions has of a robot in its cache.
+
+    The cache is the folder ``ROBOT_DESCRIPTIONS_CACHE``, else ``~/.cache/robot_descriptions``.
+
+    Args:
+        name: Name of the module, such as ``panda_description``.
+
+    Raises:
+        FileError: The package is not installed, has no such robot or no URDF of it, or its cache does not have it.
+    """
+    spec = find_spec("robot_descriptions")
+    if spec is None:
+        evidence = "there is no such file, and the package robot_descriptions, which has names like this, is missing"
+        raise FileError(name, evidence, f"give a file, or: pip install robot_descriptions; {_pull(name)}")
+    known = [entry.name for entry in iter_modules(spec.submodule_search_locations) if entry.name.endswith(ENDING)]
+    if name not in known:
+        evidence = f"neither a file nor one of the {len(known)} robots of robot_descriptions"
+        raise FileError(name, evidence, f"list them with: robot_descriptions list{nearest(name, known)}")
+    offline = {**os.environ, "GIT_ALLOW_PROTOCOL": "none"}  # a clone of another commit would be fetched anew
+    command = [sys.executable, "-c", _LOOK, name]
+    done = subprocess.run(command, capture_output=True, text=True, env=offline, check=False)
+    if done.returncode:
+        evidence = "the cache of robot_descriptions does not have this robot at its commit"
+        raise FileError(name, evidence, f"fetch it with: {_pull(name)}")
+    files: dict[str, str] = json.loads(done.stdout.rsplit("\n", 2)[-2])
+    if files["URDF_PATH"]:
+        return Path(files["URDF_PATH"])
+    if files["XACRO_PATH"]:
+        step = f"expand it with the program xacro and give the URDF: xacro {files['XACRO_PATH']} > robot.urdf"
+        raise FileError(name, "robot_descriptions has it as xacro", step)
+    step = f'in Python, with MuJoCo: di.robot_of(mujoco.MjModel.from_xml_path("{files["MJCF_PATH"]}"))'
+    raise FileError(name, "robot_descriptions has it as MJCF, not as URDF", step)
+
+
+def _pull(name: str) -> str:
+    return f"robot_descriptions pull {name}"
