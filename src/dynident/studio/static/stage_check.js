@@ -11,8 +11,9 @@ export function build() {
   const logs = several("Logs", "None: those of the case. To repair, choose one.");
   const found = el("div");
   const ask = (fix) => () => ({ case: choice.value, logs: logs.picked(), fix });
-  const check = runner("check", "Check the logs", ask(false), (run, place) => show(run, place, found));
-  const fix = runner("check", "Apply safe repairs", ask(true), (run, place) => show(run, place, found));
+  const repairs = (run) => run.arguments.includes("--fix");
+  const check = runner("check", "Check the logs", ask(false), (run, place) => show(run, place, found), (run) => !repairs(run));
+  const fix = runner("check", "Apply safe repairs", ask(true), (run, place) => show(run, place, found), repairs);
   fix.button.className = "";
   return {
     whole: [

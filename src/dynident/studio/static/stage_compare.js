@@ -15,7 +15,8 @@ export function build() {
   const limit = el("input", { type: "number", value: 60, min: 1, max: 86400, step: 1 });
   const whole = (file) => el("details", {}, el("summary", {}, "The whole comparison as a page"), page(file));
   const beside = runner("diff", "Put them side by side", () => ({ estimates: estimates.picked() }), async (run, place) => {
-    const views = await Promise.all(estimates.picked().map((one) => get("estimate", { name: one })));
+    const files = run.arguments.slice(1, run.arguments.indexOf("--html"));
+    const views = await Promise.all(files.map((one) => get("estimate", { name: one })));
     put(place, difference(JSON.parse(run.answer), views), whole(run.outputs[0]), next("results", "Export the model"));
   });
   const contest = runner("compare", "Compare the estimators", () => ({ case: choice.value, estimators: methods.picked(), time_limit: limit.value }), (run, place) => {

@@ -45,14 +45,15 @@ export function build() {
   const design = runner("excite", "Design the motion", () => ({
     case: choice.value, criterion: criterion.value, trajectory: trajectory.value, period: period.value, harmonics: harmonics.value,
     starts: starts.value, time_limit: limit.value, margin: margin.value, torque_margin: torque.value, earlier: earlier.value, friction: friction.picked(),
-  }), async (run, place) => {
+  }), async (run, place, again) => {
     put(place, plannedMotion(await (await fetch(fileAddress(run.outputs[0]))).json()), next("log", "Play it on the robot, record it, and drop the log"));
+    if (again) return;
     options(plan, ofKind("plan"), run.outputs[0]);
     await watch();
   });
   const write = runner("export", "Write it", () => ({ file: plan.value, to: target.value, speed: speed.value, posture: posture.value }), (run, place) => {
     put(place, exported(JSON.parse(run.answer)), el("p", {}, el("a", { href: fileAddress(run.outputs[0]), download: "" }, `Download ${run.outputs[0]}`)));
-  });
+  }, (run) => ofKind("plan").includes(run.arguments[1]));
   return {
     whole: [
       el("p", { class: "lead" }, "The motion that determines the model as well as the limits allow. Watch the first run on the robot at low speed."),

@@ -15,15 +15,15 @@ export function build() {
   const quick = el("input", { type: "checkbox", id: "quick" });
   const run = runner("identify", "Identify", () => ({
     case: choice.value, estimator: estimator.value, friction: friction.picked(), cutoff: cutoff.value, quick: quick.checked,
-  }), async (done, place) => {
-    choose({ estimate: done.outputs[0] });
+  }), async (done, place, again) => {
+    if (!again) choose({ estimate: done.outputs[0] });
     const found = await get("estimate", { name: done.outputs[0] });
     put(place, judged(found), answers(found), found.warnings.map((text) => el("p", { class: "remark" }, text)),
       next("results", "See the result"));
   });
   return {
     whole: [
-      el("p", { class: "lead" }, "From the logs of a case to a model that is physically consistent and says how well each parameter is known."),
+      el("p", { class: "lead" }, "From the logs of a case to a physically consistent model with the standard deviation of each parameter."),
       el("div", { class: "row" }, field("Case", choice), field("Estimator", estimator), field("Cut-off [Hz]", cutoff)),
       el("details", {}, el("summary", {}, "More choices"),
         friction,

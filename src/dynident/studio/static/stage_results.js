@@ -28,7 +28,7 @@ export function build() {
   const write = runner("export", "Export", () => ({ file: choice.value, to: target.value, description: description.value, force: force.checked }), (run, place) => {
     const made = known.files.filter((file) => file.name.startsWith(run.outputs[0].split(".")[0])).map((file) => file.name);
     put(place, el("ul", {}, made.map((file) => el("li", {}, download(file)))), exported(JSON.parse(run.answer)), next("session", "All files of the session"));
-  });
+  }, (run) => ofKind("estimate").includes(run.arguments[1]));
 
   async function open(file) {
     shown = file;
