@@ -347,6 +347,7 @@ def test_a_torque_beyond_the_described_limit_is_not_at_it() -> None:
     assert limit_share(np.clip(torque, -80.0, 80.0), 80.0) == pytest.approx(np.mean(np.abs(torque) >= 79.6))
     assert limit_share(torque, 80.0) == 0.0
     assert limit_share(torque, 120.0) == 0.0 and limit_share(torque, np.inf) == 0.0
+    assert limit_share(torque, 1.002 * float(np.abs(torque).max())) == 0.0  # a peak that just gets there
 
 
 def test_a_joint_that_turns_fast_does_not_wrap(trial: Trial, tmp_path: Path) -> None:
