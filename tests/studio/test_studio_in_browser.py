@@ -173,43 +173,109 @@ def test_axe_finds_no_fault_in_any_stage(page: Any, client: Any, logs: tuple[Pat
             assert page.js(faults) == [], (stage, width)
 
 
+class Walk:
+    """A user with a mouse: every press is a click of the browser on what lies on top there.
+
+    Attributes:
+        clicks: How many there were, a choice in a list or a file dialog counted as two.
+    """
+
+    def __init__(self, page: Any) -> None:
+        self.page, self.clicks = page, 0
+
+    def press(self, selector: str, text: str) -> None:
+        """Click on the one element of the stage that is shown with this text."""
+        found = f"[...document.querySelectorAll({selector!r})].find(one => one.textContent.startsWith({text!r})"
+        found = f"({found} && one.offsetParent && !one.disabled))"
+        self.page.until(found)
+        place = (
+            f"(() => {{ const one = {found}; one.scrollIntoView({{block: 'center', behavior: 'instant'}});"
+            "const box = one.getBoundingClientRect(), [x, y] = [box.x + box.width / 2, box.y + box.height / 2];"
+            "const top = document.elementFromPoint(x, y); return [x, y, one === top || one.contains(top)]; })()"
+        )
+        x, y, hit = self.page.js(place)
+        while (now := self._later(place)) != [x, y, hit]:  # the page is still growing
+            x, y, hit = now
+        assert hit, f"something lies over {text}"
+        for kind in ("mousePressed", "mouseReleased"):
+            self.page.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+        self.clicks += 1
+
+    def _later(self, place: str) -> Any:
+        time.sleep(0.15)
+        return self.page.js(place)
+
+    def go(self, stage: str) -> None:
+        """Wait until a stage is shown, which a button has led to."""
+        self.page.until(f"location.hash === '#/{stage}' && {_section(stage)} && !{_section(stage)}.hidden")
+
+    def choose(self, stage: str, label: str, value: str) -> None:
+        _choose(self.page, stage, label, value)
+        self.clicks += 2
+
+
 @pytest.mark.battery
-def test_the_main_path_on_the_er16(page: Any, running: Any, client: Any, tmp_path: Path) -> None:
+def test_from_an_empty_folder_to_an_exported_model_of_the_er16(
+    page: Any, running: Any, client: Any, tmp_path: Path
+) -> None:
     logs = [_er16_log(tmp_path / f"run{k}.csv", k) for k in (1, 2)]
-    _go(page, "log")
+    walk, begin = Walk(page), time.monotonic()
+    walk.press("#stages a", "Log")
+    walk.go("log")
     page.choose_files("section:not([hidden]) input[type=file]", *logs)
-    page.until(f"{_section('log')}.querySelector('svg')")
-    _go(page, "case")
-    _choose(page, "case", "Robot", "er16")
+    walk.clicks += 2
+    page.until(f"{_section('log')}.querySelector('.chart svg[role=img]')")
+    log_plot = page.js(
+        f"{_section('log')}.querySelector('.chart svg[role=img]').getBoundingClientRect().bottom + scrollY"
+    )
+    walk.press("section:not([hidden]) a.go", "Draft the case file")
+    walk.go("case")
+    walk.choose("case", "Robot", "er16")
     _choose(page, "case", "Training logs", "run1.csv")
     _choose(page, "case", "Test logs", "run2.csv")
-    _click(page, "case", "Draft the case file")
+    walk.clicks += 3  # the log that is shown is ticked already
+    walk.press("section:not([hidden]) button", "Draft the case file")
     page.until(f"{_section('case')}.querySelector('textarea')", 60)
     assert "asks for the joints" in page.js(f"{_section('case')}.querySelector('.fault').textContent")
-    _choose(page, "case", "Unit of torque", "N m")
-    _click(page, "case", "Save columns and units")
+    walk.choose("case", "Unit of torque", "N m")
+    walk.press("section:not([hidden]) button", "Save columns and units")
     page.until(f"{_section('case')}.querySelector('p.good')")
-    _go(page, "check")
-    _click(page, "check", "Check the logs")
+    walk.press("section:not([hidden]) a.go", "Check the logs")
+    walk.go("check")
+    walk.press("section:not([hidden]) button", "Check the logs")
     page.until(f"{_section('check')}.querySelector('h3')", 120)
-    _go(page, "identify")
+    walk.press("section:not([hidden]) a.go", "Identify the model")
+    walk.go("identify")
+    walk.press("section:not([hidden]) summary", "More choices")
     _choose(page, "identify", "Friction", "coulomb", "viscous")
-    page.js("document.querySelector('#quick').click()")
-    _click(page, "identify", "Identify")
+    walk.clicks += 2
+    walk.press("section:not([hidden]) label", "quick")
+    walk.press("section:not([hidden]) button", "Identify")
     page.until(f"{_section('identify')}.querySelector('a.go')", 240)
-    _go(page, "results")
-    page.until(f"{_section('results')}.querySelector('.answers') && {_section('results')}.querySelector('iframe')", 60)
-    assert page.js(f"{_section('results')}.querySelector('.answer dt').textContent").endswith("%")
-    time.sleep(0.5)
-    page.js("import('/static/api.js').then(one => { window.known = one.known; })")
-    page.until("window.known")
-    status = page.js("fetch('/file?name=estimate_1.json').then(one => one.json()).then(one => one.kind)")
-    assert status == "dynident estimate"
-    _go(page, "session")
+    assert page.js(f"{_section('identify')}.querySelector('.answer dt').textContent").endswith("%")
+    walk.press("section:not([hidden]) a.go", "See the result")
+    walk.go("results")
+    results = _section("results")
+    page.until(
+        f"{results}.querySelector('.answers') && {results}.querySelectorAll('.chart svg[role=img]').length === 6", 60
+    )
+    plot = page.js(f"{results}.querySelector('.chart svg[role=img]').getBoundingClientRect().bottom + scrollY")
+    assert max(plot, log_plot) < 900  # pixels: the first plot of a log and of a result stand on the first screen
+    page.until(f"[...{results}.querySelectorAll('option')].some(one => one.value === 'mjcf')")
+    walk.choose("results", "Target", "mjcf")
+    walk.press("section:not([hidden]) button", "Export")
+    page.until(f"{results}.querySelector('.run table[role=table]')", 120)
+    assert "MuJoCo" in page.js(f"{results}.querySelector('.run table[role=table]').textContent")
+    seconds = time.monotonic() - begin
+    sys.stdout.write(f"from an empty folder to an exported model: {walk.clicks} clicks, {seconds:.1f} s\n")
+    assert walk.clicks <= 28 and "exported_1.xml" in client.names()
+    walk.press("section:not([hidden]) a.go", "All files of the session")
+    walk.go("session")
     page.until(f"{_section('session')}.querySelector('.command code')")
     commands = page.js(f"{_section('session')}.querySelector('.command code').textContent")
     ran = [line.split()[:2] for line in commands.splitlines() if line.startswith(("dynident ", "cat "))]
-    assert [words[1] if words[0] == "dynident" else words[0] for words in ran] == ["init", "cat", "check", "identify"]
+    verbs = [words[1] if words[0] == "dynident" else words[0] for words in ran]
+    assert verbs == ["init", "cat", "check", "identify", "export"]
     _nothing_wrong(page, running)
     again = tmp_path / "again"
     again.mkdir()
@@ -219,6 +285,62 @@ def test_the_main_path_on_the_er16(page: Any, running: Any, client: Any, tmp_pat
     subprocess.run(["sh", "-e"], input=commands, text=True, cwd=again, env={**os.environ, "PATH": path}, check=True)
     first, second = (read_estimate(folder / "estimate_1.json") for folder in (client.folder, again))
     np.testing.assert_array_equal(first.beta, second.beta)
+    assert (again / "exported_1.xml").is_file()
+    _stands_after_reload_and_in_a_second_tab(page, running)
+
+
+def _stands_after_reload_and_in_a_second_tab(page: Any, running: Any) -> None:
+    """The result of each stage, and text that is not saved, are there again."""
+    _go(page, "case")
+    page.js(
+        f"(() => {{ const text = {_section('case')}.querySelector('textarea'); text.value += '# mine';"
+        "text.dispatchEvent(new Event('input')); })()"
+    )
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('#stages a[data-state=done]').length >= 5")
+    shown = {"check": ".findings, p.good", "identify": ".answers", "results": ".run table"}
+    for stage, what in shown.items():
+        _go(page, stage)
+        page.until(f"{_section(stage)}.querySelector({what!r})")
+    _go(page, "case")
+    page.until(f"{_section('case')}.querySelector('textarea')?.value.endsWith('# mine')")
+    states = page.js("[...document.querySelectorAll('#stages a')].map(one => one.dataset.state)")
+    assert states == ["done", "done", "done", "done", "ready", "done", "done", "ready", ""]
+    _nothing_wrong(page, running)
+
+
+@pytest.mark.battery
+def test_curves_and_robot_stand_at_one_time(page: Any, running: Any, client: Any, logs: tuple[Path, Path]) -> None:
+    names = [client.upload(log.name, log.read_bytes()) for log in logs]
+    text = f"case: 1\nrobot: generic-scara\ntrain: {names[0]}\nfriction: [coulomb, viscous]\n"
+    done = client.run("identify", case=client.upload("arm.yaml", text.encode()), estimator="wls", quick=True)
+    assert done["state"] == "done", done["progress"]
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('#stages a').length")
+    _go(page, "results")
+    results = _section("results")
+    page.until(f"{results}.querySelectorAll('.chart svg[role=img]').length === 8")
+    page.until(f"!{results}.querySelector('.player button').disabled")
+    page.js("import('/static/viewer.js').then(one => { window.viewer = one.viewer; })")
+    page.until("window.viewer && viewer.robot && viewer.robot.positions")
+    assert page.js("viewer.robot.layers.ellipsoids.length && viewer.robot.layers.ellipsoids.every(one => !one.visible)")
+    chart = f"{results}.querySelector('.chart svg[role=img]')"
+    page.js(f"{chart}.scrollIntoView({{block: 'center'}})")
+    x, y, wide = page.js(
+        f"(() => {{ const box = {chart}.getBoundingClientRect(); return [box.x, box.y, box.width]; }})()"
+    )
+    page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 0.6 * wide, y=y + 60)
+    lines = f"[...{results}.querySelectorAll('.chart .cursor')].map(one => +one.getAttribute('x1'))"
+    page.until(f"{lines}.every(at => Math.abs(at - {0.6 * wide}) < 2)")
+    motion = client.get("/api/estimate?name=estimate_1.json")["motion"]
+    clock = page.js(f"{results}.querySelector('.stage3d output.soft').textContent")
+    seconds = float(clock.split()[0])
+    expected = [np.interp(seconds, motion["time"], column) for column in np.transpose(motion["q"])]
+    np.testing.assert_allclose(page.js("viewer.robot.positions"), expected, atol=2e-3)
+    before = page.js(lines)
+    page.js(f"{results}.querySelector('.player button').click()")
+    page.until(f"{lines}[7] > {before[7] + 3}")  # the player moves the cursor of the last curve
+    _nothing_wrong(page, running)
 
 
 @pytest.mark.battery

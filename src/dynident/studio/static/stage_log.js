@@ -38,7 +38,7 @@ export function build() {
     if (!names.length) return fill(curves);
     await guarded(curves, async () => {
       const found = await get("log", { name: shown, columns: JSON.stringify(names) });
-      fill(curves, chart(names.map((label, k) => ({ label, ...found.curves[k] })), { title: "Columns over rows", height: 280 }));
+      fill(curves, chart(names.map((label, k) => ({ label, ...found.curves[k] })), { title: "Columns of the log", xLabel: found.across, height: 280 }));
     });
   }
 
@@ -51,7 +51,7 @@ export function build() {
         options(choice, ofKind("log"), logs[0]);
         await open(choice.value);
       }),
-      field("Log", choice), place, box,
+      field("Log", choice), box, place,
     ],
     enter() {
       options(choice, ofKind("log"), known.log || choice.value);
