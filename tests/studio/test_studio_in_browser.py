@@ -341,6 +341,16 @@ def test_curves_and_robot_stand_at_one_time(page: Any, running: Any, client: Any
     page.js(f"{results}.querySelector('.player button').click()")
     page.until(f"{lines}[7] > {before[7] + 3}")  # the player moves the cursor of the last curve
     _nothing_wrong(page, running)
+    done = client.run("identify", case="arm.yaml", estimator="ols", quick=True)
+    assert done["state"] == "done", done["progress"]
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('#stages a').length")
+    _go(page, "compare")
+    _choose(page, "compare", "Estimates", "estimate_1.json", "estimate_2.json")
+    _click(page, "compare", "Put them side by side")
+    page.until(f"{_section('compare')}.querySelectorAll('.run .chart svg[role=img]').length === 4", 60)
+    assert page.js(f"{_section('compare')}.querySelector('.run table').rows.length") == 3
+    _nothing_wrong(page, running)
 
 
 @pytest.mark.battery
