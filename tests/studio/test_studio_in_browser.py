@@ -18,6 +18,7 @@ import pytest
 from dynident import FourierSeries, read_robot
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.model.robot import joint_pose
+from dynident.studio import views
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
 
@@ -143,6 +144,65 @@ def test_a_page_that_is_loaded_again_goes_on_with_the_command(page: Any, running
     _click(page, "excite", "Cancel")
     page.until(f"{_section('excite')}.querySelector('.state').textContent.startsWith('cancelled')")
     assert client.names() == []
+    _nothing_wrong(page, running)
+
+
+@pytest.mark.battery
+def test_a_mesh_that_was_missing_is_drawn_when_it_is_dropped(page: Any, running: Any, tmp_path: Path) -> None:
+    robot, mesh = tmp_path / "arm.urdf", tmp_path / "arm.stl"
+    robot.write_text(
+        "<robot name='arm'><link name='base'/><link name='arm'><collision><geometry>"
+        "<mesh filename='package://arm_description/meshes/arm.stl'/></geometry></collision></link>"
+        "<joint name='j' type='continuous'><parent link='base'/><child link='arm'/></joint></robot>"
+    )
+    corners = 0.3 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    facets = [corners[list(three)].astype("<f4").tobytes() for three in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]
+    mesh.write_bytes(bytes(80) + (4).to_bytes(4, "little") + b"".join(bytes(12) + one + bytes(2) for one in facets))
+    page.choose_files("section:not([hidden]) input[type=file]", robot)
+    remarks = f"[...{_section('robot')}.querySelectorAll('.remark')].map(one => one.textContent).join()"
+    page.until(f"{remarks}.includes('arm_description/meshes/arm.stl')")
+    page.js("import('/static/viewer.js').then(one => { window.viewer = one.viewer; })")
+    page.until("window.viewer && viewer.robot && viewer.robot.scene.robot === 'arm'")
+    assert page.js("viewer.robot.layers.shapes.length") == 0
+    page.choose_files("section:not([hidden]) input[type=file]", mesh)
+    page.until("viewer.robot.layers.shapes.length === 1 && viewer.robot.layers.shapes[0].visible")
+    assert page.js("viewer.robot.layers.shapes[0].geometry.attributes.position.count") == 12
+    assert page.js(remarks) == "" and page.js("viewer.robot.layers.capsules.every(one => !one.visible)")
+    _nothing_wrong(page, running)
+
+
+@pytest.mark.battery
+def test_a_slow_disk_mixes_nothing_up(page: Any, running: Any, client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("slow.yaml", "fast.yaml"):
+        client.upload(name, f"case: 1\nrobot: generic-scara\nnote: {name}\n".encode())
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('#stages a').length")
+    _go(page, "case")
+    _choose(page, "case", "Case file", "fast.yaml")
+    area = f"{_section('case')}.querySelector('textarea')"
+    page.until(f"{area}?.value.includes('note: fast.yaml')")
+    answer = views.case_view
+
+    def slow(folder: Any, name: str) -> dict[str, Any]:
+        time.sleep(1.0 if name == "slow.yaml" else 0.0)
+        return answer(folder, name)
+
+    monkeypatch.setattr(views, "case_view", slow)
+    _choose(page, "case", "Case file", "slow.yaml")
+    _choose(page, "case", "Case file", "fast.yaml")
+    page.until(f"{area}?.value.includes('note: fast.yaml')")
+    time.sleep(1.3)
+    assert "note: fast.yaml" in page.js(f"{area}.value")  # the answer for the other one came later
+    _choose(page, "case", "Case file", "slow.yaml")
+    page.until(f"{area}?.value.includes('note: slow.yaml')")
+    page.js(f"{area}.value += '# more\\n'")
+    walk = Walk(page)
+    walk.press("section:not([hidden]) button", "Save the text")
+    assert page.js(f"{area}.closest('[inert]') !== null")  # a second click meets nothing
+    page.until(f"!{area}.closest('[inert]')")
+    assert client.get("/api/case?name=slow.yaml")["text"].endswith("# more\n")
+    said = page.js("document.querySelector('#said').textContent")
+    assert said.startswith("saved")
     _nothing_wrong(page, running)
 
 

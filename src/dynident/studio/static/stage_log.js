@@ -24,6 +24,7 @@ export function build() {
     await guarded(place, async () => {
       fill(place, el("p", { class: "soft" }, "reading …"));
       const found = await get("log", { name: log });
+      if (shown !== log) return; // another one was chosen meanwhile
       tell(place, found);
       columns.offer(found.header);
       columns.choose(found.header.slice(1, 4));
@@ -36,8 +37,10 @@ export function build() {
   async function draw() {
     const names = columns.picked().slice(0, 12);
     if (!names.length) return fill(curves);
+    const log = shown;
     await guarded(curves, async () => {
-      const found = await get("log", { name: shown, columns: JSON.stringify(names) });
+      const found = await get("log", { name: log, columns: JSON.stringify(names) });
+      if (shown !== log || JSON.stringify(names) !== JSON.stringify(columns.picked().slice(0, 12))) return;
       fill(curves, chart(names.map((label, k) => ({ label, ...found.curves[k] })), { title: "Columns of the log", xLabel: found.across, height: 280 }));
     });
   }

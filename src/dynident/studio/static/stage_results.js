@@ -36,7 +36,10 @@ export function build() {
     if (!file) return fill(body, el("p", { class: "soft" }, "There is no estimate yet."));
     choose({ estimate: file });
     fill(body, el("p", { class: "soft" }, "reading …"));
-    await guarded(body, async () => show(await get("estimate", { name: file }), file));
+    await guarded(body, async () => {
+      const found = await get("estimate", { name: file });
+      if (shown === file) show(found, file); // else another one was chosen meanwhile
+    });
   }
 
   function show(found, file) {
@@ -62,7 +65,7 @@ export function build() {
     view.enter();
     await guarded(null, async () => {
       await view.load(file);
-      view.follow(found.motion);
+      if (shown === file) view.follow(found.motion);
     });
   }
 
