@@ -110,6 +110,8 @@ def methods_of(case: Case, text: str, seed: int | None = None) -> list[Method]:
             stated = [setting.partition("=")[0] for setting in settings]
             if seed is not None and "seed" not in stated and _has_seed(name):
                 settings.append(f"seed={seed}")
+            if name == "consistent" and not (case.bodies or case.estimator.options):
+                settings.insert(0, "bodies=free")  # methods are compared by what they make of the data alone
             found.setdefault(label, Method(label, estimator_of(case, name, settings)))
     return list(found.values())
 
