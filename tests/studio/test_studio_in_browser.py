@@ -216,6 +216,16 @@ def test_axe_finds_no_fault_in_any_stage(page: Any, client: Any, logs: tuple[Pat
     case = client.upload("arm.yaml", text.encode())
     done = client.run("identify", case=case, estimator="wls", quick=True)
     assert done["state"] == "done", done["progress"]
+    second = client.run("identify", case=case, estimator="ols", quick=True)
+    estimates = [done["outputs"][0], second["outputs"][0]]
+    for verb, choices in (
+        ("check", {"case": case}),
+        ("validate", {"estimate": estimates[0], "logs": names[1:]}),
+        ("diff", {"estimates": estimates}),
+        ("export", {"file": estimates[0], "to": "urdf"}),
+    ):
+        ended = client.run(verb, **choices)
+        assert ended["state"] == "done", ended["progress"]
     page.call("Page.setBypassCSP", enabled=True)  # for axe alone
     page.call("Page.reload")
     page.until("document.querySelectorAll('.sliders input').length")
@@ -224,10 +234,14 @@ def test_axe_finds_no_fault_in_any_stage(page: Any, client: Any, logs: tuple[Pat
         "axe.run(document, {resultTypes: ['violations'], iframes: false}).then(found => found.violations"
         ".map(one => `${one.id}: ${one.nodes[0].html.slice(0, 200)}`))"
     )
-    for width, dark in ((1440, False), (360, True)):
+    shown = {"check": ".good, .fault", "results": ".run .answers", "compare": ".run .chart svg"}
+    for width, dark in ((1440, False), (768, False), (390, True)):
         page.size(width, 900, dark)
         for stage in STAGES:
             _go(page, stage)
+            if stage in shown:
+                page.until(f"{_section(stage)}.querySelector({shown[stage]!r})", 60)
+            assert page.js("document.documentElement.scrollWidth") <= width, (stage, width)
             if stage == "results":
                 page.until(f"{_section('results')}.querySelector('iframe')", 60)
             assert page.js(faults) == [], (stage, width)
@@ -303,7 +317,7 @@ def test_from_an_empty_folder_to_an_exported_model_of_the_er16(
     walk.press("section:not([hidden]) a.go", "Check the logs")
     walk.go("check")
     walk.press("section:not([hidden]) button", "Check the logs")
-    page.until(f"{_section('check')}.querySelector('h3')", 120)
+    page.until(f"{_section('check')}.querySelector('h2')", 120)
     walk.press("section:not([hidden]) a.go", "Identify the model")
     walk.go("identify")
     walk.press("section:not([hidden]) summary", "More choices")
@@ -459,7 +473,7 @@ def test_the_main_path_on_a_real_set(
     walk.press("section:not([hidden]) a.go", "Check the logs")
     walk.go("check")
     walk.press("section:not([hidden]) button", "Check the logs")
-    page.until(f"{_section('check')}.querySelector('h3')", 120)
+    page.until(f"{_section('check')}.querySelector('h2')", 120)
     walk.press("section:not([hidden]) a.go", "Identify the model")
     walk.go("identify")
     walk.press("section:not([hidden]) summary", "More choices")
