@@ -30,8 +30,8 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robots import er16_article as article
 from dynident.simulation.virtual_robot import Noise, Timing, simulate
+from dynident.studies import er16_article as article
 from dynident.studies.benchmark.possible_robots import told
 from dynident.studies.benchmark.records import Records
 from dynident.studies.benchmark.runner import run_tasks

@@ -13,10 +13,10 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robots import er16_article as article
 from dynident.results.figures.chart import Across, Level, Line, Mark, Plot, ShadedBand, chart
 from dynident.results.figures.files import figure_file
 from dynident.results.text import counted
+from dynident.studies import er16_article as article
 from dynident.studies.reproduction import er16_three_joints, trajectories
 
 HEAD = """\
@@ -35,7 +35,7 @@ dynident {version} and of the seeds that its tables state{seeds}.
 
 Modified DH of Table 1; the 21 parameters of Table 2 and the box of Table 3; excitation beta_1 and validation beta_2;
 25 s at 1 kHz; the colony's settings (30 bees, limit 15, 50 iterations); equations (3) to (18). The constants stand with
-their table numbers in `dynident.model.robots.er16_article`.
+their table numbers in `dynident.studies.er16_article`.
 
 ## Where the article leaves a choice
 

@@ -31,9 +31,9 @@ from dynident.identification.simulated.iteration import started
 from dynident.identification.uncertainty.exogeneity import durbin_wu_hausman
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robots.er16_article import LOCKED
 from dynident.simulation.plant import plant
 from dynident.simulation.virtual_robot import JointController, Noise, Timing, simulate
+from dynident.studies.er16_article import LOCKED
 
 NOISE, RATE, CONTROL, PERIOD, BANDWIDTH = 1e-4, 200.0, 2000.0, 5.0, 5.0
 

@@ -23,11 +23,11 @@ from dynident.identification.build_problem import build_problem
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robots.er16_article import NOISE_SHARE, PERIOD, RATE, SAMPLES
 from dynident.results.text import comparison_table
 from dynident.simulation.virtual_robot import Noise, Timing, simulate
 from dynident.studies.comparison.compare import compare, contest_of, ranked
 from dynident.studies.comparison.comparison_view import comparison_rows
+from dynident.studies.er16_article import NOISE_SHARE, PERIOD, RATE, SAMPLES
 from dynident.studies.reproduction import POSITION_NOISE, er16_three_joints, trajectories
 
 PANDA = Path(__file__).resolve().parent.parent / "examples/cases/panda.yaml"

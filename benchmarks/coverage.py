@@ -34,7 +34,7 @@ from dynident.identification.residuals.row_passes import RowPasses
 from dynident.identification.residuals.stretches import stretches
 from dynident.identification.uncertainty.bootstrap import errors_drawn
 from dynident.model.friction import Motion
-from dynident.model.robots.er16_article import LOCKED
+from dynident.studies.er16_article import LOCKED
 
 RATE, PERIOD, PAST, RENEWALS = 200.0, 10.0, 400, 4
 

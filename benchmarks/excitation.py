@@ -38,8 +38,8 @@ from dynident.excitation.design.prior import Prior, deviations_of
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
-from dynident.model.robots import er16_article as article
 from dynident.simulation.virtual_robot import Noise
+from dynident.studies import er16_article as article
 
 #: The maker's limits of the Panda: acceleration in rad/s^2 and jerk in rad/s^3.
 PANDA = ((15, 7500), (7.5, 3750), (10, 5000), (12.5, 6250), (15, 7500), (20, 10000), (20, 10000))

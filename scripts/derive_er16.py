@@ -37,7 +37,7 @@ from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import PSEUDO_BASIS, Inertia
 from dynident.model.reduction import triangle_of
 from dynident.model.robot import Joint, Link, Robot
-from dynident.model.robots import er16_article as article
+from dynident.studies import er16_article as article
 
 clarabel: Any = clarabel_module  # it ships no types
 

@@ -11,8 +11,10 @@ import scipy.signal
 from benchmarks.faults.trials import Trial
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
+from dynident.model.robot import rotation_about
 
 DEG = 180.0 / np.pi
+X, Y = np.eye(3)[:2]
 
 
 def of_joint(trial: Trial, name: str, joint: int, change: Callable[[np.ndarray], np.ndarray]) -> Trial:
@@ -209,6 +211,16 @@ def mounted(trial: Trial, kind: int) -> Trial:
     """Declare another mounting: wall, ceiling, other wall."""
     field = ((9.81, 0.0, 0.0), (0.0, 0.0, 9.81), (0.0, 9.81, 0.0))[kind]
     return replace(trial, case=replace(trial.case, robot=trial.case.robot.with_gravity(field)))
+
+
+def other_arm(trial: Trial, kind: int) -> Trial:
+    """Declare another arm: the axes of the second joint, of the third, or of every second one turned to others."""
+    robot = trial.case.robot
+    joints = list(robot.joints)
+    turn = rotation_about(X, np.pi / 2) @ rotation_about(Y, np.pi / 2)
+    for k in ([1], [2], range(1, len(joints), 2))[kind]:
+        joints[k] = replace(joints[k], rotation=joints[k].rotation @ turn)
+    return replace(trial, case=replace(trial.case, robot=replace(robot, joints=tuple(joints))))
 
 
 def declared(trial: Trial, **units: str) -> Trial:

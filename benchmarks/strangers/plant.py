@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pinocchio
 
 Array = Any
 
@@ -141,6 +140,8 @@ def run(
     truth: str, motion: Motion, seconds: float, rate: float, drives: Drives, gravity: Sequence[float] = (0, 0, -9.81)
 ) -> Run:
     """Return what a robot does under computed torque and feedback, at the rate of the log or 1 kHz."""
+    import pinocchio  # the bodies alone need none
+
     model = pinocchio.buildModelFromXML(truth)
     model.gravity.linear = np.array(gravity, float)
     data, joints = model.createData(), model.nv

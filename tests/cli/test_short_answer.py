@@ -128,7 +128,7 @@ def test_a_mass_that_the_data_contradict_is_named(folder: Path, capsys: Capture)
     (folder / "arm.json").write_text(json.dumps(robot))
     out = shown(capsys, "--test", "b.csv", "--bodies", "plausible", "--report", "r.html")
     line = next(line for line in out.splitlines() if line.startswith("mass of link2: the data contradict it"))
-    assert line.endswith("its range is relaxed") and line.split(" (")[0] in (folder / "r.html").read_text()
+    assert line.endswith("its bound is relaxed") and line.split(" (")[0] in (folder / "r.html").read_text()
 
 
 def test_bodies_are_for_the_estimator_consistent(folder: Path, capsys: Capture) -> None:

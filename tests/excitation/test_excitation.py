@@ -29,7 +29,7 @@ from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import JointLimits, Robot
-from dynident.model.robots import er16_article as article
+from dynident.studies import er16_article as article
 
 FRICTION = ("coulomb", "viscous", "offset")
 LIMITS = JointLimits(-2.0, 1.5, 2.0, 8.0, 60.0, 150.0)

@@ -12,7 +12,7 @@ from dynident.errors import BadOption
 from dynident.excitation.trajectories import TRAJECTORIES
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.excitation.trajectories.quintic import Quintic
-from dynident.model.robots.er16_article import BETA_1, BETA_2, PERIOD
+from dynident.studies.er16_article import BETA_1, BETA_2, PERIOD
 
 SMALL = st.floats(-2.0, 2.0)
 

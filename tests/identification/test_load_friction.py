@@ -147,6 +147,16 @@ def test_rows_with_new_columns_of_the_load_are_rows_made_anew(
             np.testing.assert_allclose(mine.factor, its.factor, atol=1e-9)
 
 
+def test_load_on_one_joint_alone_is_identified(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    model = DynamicModel(spatial_3r, (*PARTS[:3], Load(0.1, joints=("joint2",))))
+    assert spatial_3r.nominal is not None
+    true = np.concatenate([spatial_3r.nominal, [0.5, 0.3, 0.05], [0.5, 0.3, 0.05, 0.12], [0.5, 0.3, 0.05]])
+    log = replace(exact_log(model, true, samples=2500), dq=None, ddq=None)
+    estimate = identify(model, [log], "wls", Preprocessing(Butterworth(cutoff_hz=20.0), trim_s=0.3))
+    place = [estimate.base.parameters[k].symbol for k in estimate.base.independent].index("Fl")
+    assert estimate.beta[place] == pytest.approx(0.12, rel=0.05)
+
+
 def test_rows_are_made_anew_where_other_columns_differ(spatial_3r: Robot, exact_log: MakeLog) -> None:
     model = DynamicModel(spatial_3r, PARTS)
     base, log = base_parameters(model), preprocess(exact_log(model, truth(model), samples=300), GIVEN)

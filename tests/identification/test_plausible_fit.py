@@ -8,8 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import scipy.linalg
-import scipy.optimize
 
 from dynident.arrays import Array
 from dynident.data.log import Log
@@ -17,14 +15,15 @@ from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption, ContradictoryConstraints
 from dynident.identification.build_problem import build_problem
+from dynident.identification.consistency.conditions import conditions_of
 from dynident.identification.consistency.consistent_fit import scale_of
 from dynident.identification.consistency.plausible_fit import (
     ENOUGH,
     MOST,
+    fitting_bodies,
     largest_weight,
     nominal_bodies,
     plausible_fit,
-    pull_rows,
 )
 from dynident.identification.estimate.plausibility import TOTAL_MASS, Plausibility
 from dynident.identification.estimators.consistent import Consistent
@@ -36,7 +35,8 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.inertia import Inertia
 from dynident.model.plausible import plausible_constraints, uniform_body
-from dynident.model.robot import Link, Robot
+from dynident.model.robot import Robot
+from dynident.model.shapes import Sphere
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
 
@@ -63,40 +63,31 @@ def scaled_link(robot: Robot, index: int, factor: float) -> Robot:
 
 def without_inertia(robot: Robot, index: int, inertia: Inertia | None = None) -> Robot:
     links = list(robot.links)
-    links[index] = Link(links[index].name, inertia)
+    links[index] = replace(links[index], inertia=inertia)
     return replace(robot, links=tuple(links))
+
+
+@pytest.fixture
+def spatial_3r(spatial_3r: Robot) -> Robot:
+    """The arm with shapes about its bodies, balls of 0.5 m."""
+    links = []
+    for link in spatial_3r.links:
+        assert link.inertia is not None
+        links.append(replace(link, shapes=(Sphere(0.5, link.inertia.centre_of_mass),)))
+    return replace(spatial_3r, links=tuple(links))
 
 
 def weights_of(problem: Problem) -> Array:
     return np.asarray(WLS().solve(problem).weights)
 
 
-@pytest.mark.parametrize("bare", [(), (1,), (0, 1, 2)])
-def test_the_rows_are_the_pull_back_distance(spatial_3r: Robot, exact_log: MakeLog, bare: tuple[int, ...]) -> None:
-    """Against matrix square roots; a common density of bodies without a stated mass by a bounded search."""
-    robot = spatial_3r
-    for index in bare:
-        robot = without_inertia(robot, index)
-    problem, _ = problem_of(spatial_3r, exact_log, robot)
-    scale, bounds = scale_of(problem), plausible_constraints(robot)
-    nominal, is_stated, uniform = nominal_bodies(robot, bounds, None)
-    assert uniform == [f"link{index + 1}" for index in bare]
-    matrix, aim = pull_rows(scale, nominal, is_stated, np.ones(3, bool))
-    assert spatial_3r.nominal is not None
-    theta = spatial_3r.nominal * np.random.default_rng(2).uniform(0.7, 1.4, 30)
-    phi = np.append(theta, np.zeros(3)) / scale.parameters
-
-    def distance(density: float) -> float:
-        total = 0.0
-        for ten, own, stated in zip(theta.reshape(-1, 10), nominal, is_stated, strict=True):
-            centre = Inertia.from_vector(own).pseudo
-            root = np.linalg.inv(scipy.linalg.sqrtm(centre))
-            change = root @ Inertia.from_vector(ten).pseudo @ root - (1.0 if stated else density) * np.eye(4)
-            total += float(np.sum(change**2))
-        return total
-
-    best = scipy.optimize.minimize_scalar(distance, bounds=(1.0, 1e7), method="bounded", options={"xatol": 1e-3}).fun
-    assert np.sum((matrix @ phi - aim) ** 2) == pytest.approx(best if bare else distance(1.0), rel=1e-6)
+def distance(theta: Array, nominal: Array) -> float:
+    """Return the entropic distance of bodies (l, 10), by determinants."""
+    total = 0.0
+    for ten, own in zip(theta, nominal, strict=True):
+        inner = np.linalg.solve(Inertia.from_vector(own).pseudo, Inertia.from_vector(ten).pseudo)
+        total += float(np.trace(inner) - np.log(np.linalg.det(inner)) - 4.0)
+    return total
 
 
 def test_a_uniform_body_is_that_of_points_in_its_ellipsoid(spatial_3r: Robot) -> None:
@@ -132,11 +123,10 @@ def test_the_cost_rises_within_its_limit_and_the_answer_comes_nearer(spatial_3r:
     found = plausible_fit(problem, weights, 0.01, 1e-8)
     bounds = plausible_constraints(nominal)
     bodies, is_stated, _ = nominal_bodies(nominal, bounds, None)
-    scale, reduced = scale_of(problem), problem.reduced(weights)
-    matrix, aim = pull_rows(scale, bodies, is_stated, np.ones(3, bool))
-    free = Consistent().solve(problem)
-    assert free.theta is not None
-    near, far = (np.linalg.norm(matrix @ (t / scale.parameters) - aim) for t in (found.fit.theta, free.theta))
+    reduced = problem.reduced(weights)
+    free = Consistent(bodies="free").solve(problem)
+    assert free.theta is not None and is_stated.all()
+    near, far = (distance(t[:30].reshape(-1, 10), bodies) for t in (found.fit.theta, free.theta))
     assert near < far
     cost, least = (reduced.residual_square(b) for b in (problem.base.from_standard(found.fit.theta), free.beta))
     assert (cost - least) * reduced.rows / reduced.rest <= 1.05 * found.facts.cost_limit
@@ -152,10 +142,10 @@ def test_a_wrong_mass_of_the_robot_model_is_relaxed_and_named(
     solution = Consistent(bodies="plausible").solve(problem)
     facts = Plausibility.of(recorded_run(json.loads(json.dumps(solution.run.data()))))
     assert facts is not None
-    relaxed = {mass.name for mass in facts.contradicted if mass.is_relaxed}
-    assert "link3" in relaxed and "link2" not in relaxed
-    for mass in facts.contradicted:
-        assert mass.statistic > mass.limit and mass.gain > 0
+    relaxed = {(one.name, one.bound) for one in facts.contradicted if one.is_relaxed}
+    assert ("link3", "mass") in relaxed and "link2" not in {name for name, _ in relaxed}
+    for one in facts.contradicted:
+        assert one.statistic > one.limit and one.gain > 0
     beta = problem.base.from_standard(truth)
     assert np.abs(solution.beta - beta).max() < 0.1 * np.abs(beta).max()
 
@@ -168,6 +158,42 @@ def test_nothing_is_relaxed_where_the_robot_model_is_right(spatial_3r: Robot, ex
     assert found.facts.weight > 1.0  # the nominal bodies are the true ones
     masses = found.fit.theta[9:30:10] / truth[9:30:10]
     np.testing.assert_allclose(masses, 1.0, atol=0.1)
+
+
+def test_a_size_that_nobody_states_gives_way_to_data(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """The last link has no child, and its body is larger than the balls about its frame and its centre of mass."""
+    bare = replace(spatial_3r, links=(*spatial_3r.links[:2], replace(spatial_3r.links[2], shapes=())))
+    problem, truth = problem_of(bare, exact_log)
+    found = plausible_fit(problem, weights_of(problem), 0.01, 1e-8)
+    assert [(one.name, one.bound, one.is_relaxed) for one in found.facts.contradicted] == [("link3", "size", True)]
+    np.testing.assert_allclose(found.fit.theta[9:30:10] / truth[9:30:10], 1.0, atol=0.1)
+    assert found.facts.fitted == ()
+
+
+def test_a_body_that_does_not_fit_becomes_the_nearest_one_that_does(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """In a ball the nearest body has the principal second moments, each at least the square of the thickness."""
+    problem, _ = problem_of(spatial_3r, exact_log)
+    bounds, scale = plausible_constraints(spatial_3r), scale_of(problem)
+    names, thickness = list(bounds.links), bounds.links["link1"].thickness
+    filling = np.array([uniform_body(bounds.links[name]).vector for name in names])
+    bodies = np.array([link.inertia.vector for link in spatial_3r.links if link.inertia is not None])
+    flat, centre = np.diag([1e-6, 0.04, 0.02]), bodies[0, 6:9] / bodies[0, 9]
+    pseudo = np.eye(4)
+    pseudo[:3, :3], pseudo[:3, 3], pseudo[3, :3] = flat + np.outer(centre, centre), centre, centre
+    bodies[0] = Inertia.from_pseudo(8.0 * pseudo).vector
+    masses = {
+        name: replace(bounds.links[name], mass=ValueRange(own, own))
+        for name, own in zip(names, bodies[:, 9].tolist(), strict=True)
+    }
+    found, moved = fitting_bodies(
+        bodies, filling, conditions_of(problem.model, scale, 1e-8, Constraints(masses)), scale
+    )
+    assert moved.tolist() == [True, False, False]
+    np.testing.assert_array_equal(found[1:], bodies[1:])
+    nearest = Inertia.from_vector(found[0])
+    np.testing.assert_allclose(nearest.centre_of_mass, centre, atol=1e-4)
+    covariance = nearest.pseudo[:3, :3] / 8.0 - np.outer(centre, centre)
+    np.testing.assert_allclose(covariance, np.diag([thickness**2, 0.04, 0.02]), atol=1e-4)
 
 
 def test_a_stated_mass_is_kept_and_named(spatial_3r: Robot, exact_log: MakeLog) -> None:
@@ -200,7 +226,7 @@ def test_draws_of_the_bootstrap_keep_the_bounds(spatial_3r: Robot, exact_log: Ma
 
 
 def test_plausible_bodies_have_their_own_metric() -> None:
-    with pytest.raises(BadOption, match="pull-back"):
+    with pytest.raises(BadOption, match="entropic"):
         Consistent(bodies="plausible", metric="entropic")
     with pytest.raises(BadOption, match="free, plausible"):
         Consistent(bodies="slim")  # type: ignore[arg-type]

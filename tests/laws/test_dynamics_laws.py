@@ -10,11 +10,11 @@ from exact_arms import ExactArm, exact_arms
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dynident.applications.identifiability import structure
 from dynident.arrays import Array
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
-from dynident.model.identifiability import structure
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot, rotation_about

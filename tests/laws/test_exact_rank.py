@@ -8,9 +8,9 @@ from exact_arms import RIGHT, ExactArm, exact_arms, off
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dynident.applications.identifiability import structure
 from dynident.model.base_parameters import TOLERANCE, base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.identifiability import structure
 
 #: A calibrated arm: axes off by 2e-6 to 2e-2 rad.
 NEARLY = st.sampled_from([100, 1000, 5000, 20_000, 100_000, 300_000, 1_000_000])

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dynident.applications.identifiability import structure
 from dynident.arrays import Array
 from dynident.model.base_parameters import (
     COMBINED,
@@ -25,7 +26,6 @@ from dynident.model.descriptions import read_robot
 from dynident.model.descriptions.dh import read_dh
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
-from dynident.model.identifiability import structure
 from dynident.model.robot import Joint, Link, Robot, rotation_about
 
 # Table 1 of the article: alpha, a, d and offset of each joint, modified DH.

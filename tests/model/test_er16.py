@@ -11,6 +11,7 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.excitation.trajectories.fourier import FourierSeries
+from dynident.model import robots
 from dynident.model.base_parameters import base_parameters
 from dynident.model.descriptions import read_robot
 from dynident.model.descriptions.dh import read_dh
@@ -21,7 +22,7 @@ from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
-from dynident.model.robots import er16_article as article
+from dynident.studies import er16_article as article
 
 SCRIPT = Path(__file__).parents[2] / "scripts" / "derive_er16.py"
 
@@ -198,7 +199,7 @@ def test_the_limits_hold_both_trajectories(shipped, table):
 
 
 def test_every_value_that_is_not_the_articles_is_marked(shipped):
-    text = (Path(article.__file__).parent / "er16.yaml").read_text()
+    text = (Path(robots.__file__).parent / "er16.yaml").read_text()
     assert len(re.findall("# Limits and drive: our assumption", text)) == 6
     assert len(re.findall(r"(friction|damping): \S+  # our assumption", text)) == 6
     assert len(re.findall("inertia:  # our assumption", text)) == 3

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from dynident import read_robot
-from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
+from dynident.model.body_constraints import DIRECTIONS, NEAREST, BodyConstraints, Constraints, Ellipsoid, ValueRange
 from dynident.model.inertia import Inertia
-from dynident.model.plausible import bounding_ellipsoid, link_points, nominal_misfits, plausible_constraints
+from dynident.model.plausible import LEAST_DENSITY, bounding_ellipsoid, link_points, plausible_constraints, uniform_body
+from dynident.model.robot import rotation_about
 from dynident.model.shapes import Box
 
 
@@ -20,7 +21,48 @@ def test_the_least_ellipsoid_about_a_box() -> None:
     np.testing.assert_allclose(np.sort(found.semi_axes), np.sqrt(3) * np.array([0.1, 0.2, 0.3]), rtol=1e-9)
 
 
-def test_bounds_of_a_robot_hold_its_points_and_its_nominal_bodies() -> None:
+def test_no_body_between_the_slabs_reaches_further_at_equal_density() -> None:
+    """Random second moments, as large as the 13 directions allow, against the extent in 500 others."""
+    generator = np.random.default_rng(3)
+    space = Ellipsoid(
+        np.array([0.1, 0.2, -0.1]), np.array([0.1, 0.2, 0.5]), rotation_about(np.array([0.6, 0.0, 0.8]), 0.7)
+    )
+    others = generator.normal(size=(500, 3))
+    others /= np.linalg.norm(others, axis=1, keepdims=True)
+    largest = 0.0
+    for _ in range(200):
+        spread, centre = generator.normal(size=(3, int(generator.integers(1, 4)))), generator.normal(size=3)
+        second = spread @ spread.T + np.outer(centre, centre) * generator.uniform(0, 8)
+        held = np.einsum("ki,ij,kj->k", DIRECTIONS, second, DIRECTIONS).max() / (NEAREST * 1.5**2 / 6)
+        second, centre = second / held, 0.7 * centre / np.sqrt(held)  # what the slabs hold, and a centre that it allows
+        if np.linalg.eigvalsh(second - np.outer(centre, centre))[0] < 0:
+            continue
+        scaling = space.rotation * space.semi_axes
+        pseudo = np.eye(4)
+        pseudo[:3, 3] = pseudo[3, :3] = scaling @ centre + space.centre
+        pseudo[:3, :3] = scaling @ (second - np.outer(centre, centre)) @ scaling.T + np.outer(
+            pseudo[3, :3], pseudo[3, :3]
+        )
+        assert np.min(np.einsum("kij,ij->k", space.slabs(1.5), pseudo)) == pytest.approx(0.0, abs=1e-12)
+        spreads = np.einsum("ki,ij,kj->k", others, second, others) - (others @ centre) ** 2
+        largest = max(largest, np.max(np.abs(others @ centre) + np.sqrt(5 * np.maximum(spreads, 0.0))))
+    assert 1.2 < largest <= 1.5
+
+
+def test_the_size_of_a_link_without_shapes() -> None:
+    """A volume for its nominal mass, and the offset along its joint's own axis."""
+    robot = read_robot("generic-6r")
+    joint = replace(robot.joints[0], translation=np.array([0.0, 0.0, 0.4]))
+    inertia = Inertia.from_centre_of_mass(300.0, np.zeros(3), 5.0 * np.eye(3))
+    links = (replace(robot.links[0], inertia=inertia), *robot.links[1:])
+    points = link_points(replace(robot, joints=(joint, *robot.joints[1:]), links=links), 0)
+    assert points[:, 2].min() < -0.4
+    radius = -0.4 - points[:, 2].min()
+    length = max(0.4, np.linalg.norm(robot.joints[1].translation))
+    assert np.pi * radius**2 * (length + 4 / 3 * radius) == pytest.approx(300.0 / LEAST_DENSITY)
+
+
+def test_bounds_of_a_robot_hold_its_points_and_bodies_as_large() -> None:
     robot = read_robot("generic-6r")
     known = plausible_constraints(robot)
     for i, link in enumerate(robot.links):
@@ -29,8 +71,10 @@ def test_bounds_of_a_robot_hold_its_points_and_its_nominal_bodies() -> None:
         quadric = body.body_ellipsoid.quadric
         lifted = np.column_stack([link_points(robot, i), np.ones(len(link_points(robot, i)))])
         assert np.min(np.einsum("ki,ij,kj->k", lifted, quadric, lifted)) > -1e-9
-        assert np.sum(quadric * link.inertia.pseudo) > 0
-        thin = link.inertia.pseudo - body.thickness**2 * link.inertia.mass * np.diag([1.0, 1, 1, 0])
+        uniform = uniform_body(body)
+        assert np.sum(quadric * uniform.pseudo) > 0
+        assert np.min(np.einsum("kij,ij->k", body.body_ellipsoid.slabs(body.reach), uniform.pseudo)) > 0
+        thin = uniform.pseudo - body.thickness**2 * uniform.mass * np.diag([1.0, 1, 1, 0])
         assert body.thickness > 0 and np.linalg.eigvalsh(thin)[0] > 0
         assert body.mass == ValueRange(link.inertia.mass / 3, link.inertia.mass * 3)
 
@@ -46,22 +90,7 @@ def test_shapes_and_stated_bounds_stand_in_place_of_the_derived_ones() -> None:
     )
     assert body.body_ellipsoid is not None
     np.testing.assert_allclose(np.sort(body.body_ellipsoid.semi_axes), np.sqrt(3) / 2 * np.array([1, 2, 3]), rtol=1e-9)
-    assert body.thickness == pytest.approx(0.05 * 3 * np.sqrt(3))
-
-
-def test_a_nominal_inertia_beyond_the_size_of_its_link_is_named() -> None:
-    robot = read_robot("generic-6r")
-    before, body = nominal_misfits(robot), robot.links[1].inertia
-    assert robot.links[1].name not in before and body is not None
-    pseudo = np.array(body.pseudo)
-    centre = body.centre_of_mass
-    covariance = pseudo[:3, :3] / body.mass - np.outer(centre, centre)
-    values, axes = np.linalg.eigh(covariance)
-    plate = axes @ np.diag([1e-6 * values[0], *values[1:]]) @ axes.T
-    for wrong in (36.0 * covariance, plate):  # six times the size; no thickness
-        pseudo[:3, :3] = body.mass * (wrong + np.outer(centre, centre))
-        links = [
-            replace(link, inertia=Inertia.from_pseudo(pseudo)) if k == 1 else link for k, link in enumerate(robot.links)
-        ]
-        found = nominal_misfits(replace(robot, links=tuple(links)))
-        assert set(found) == {*before, robot.links[1].name}
+    assert body.thickness == pytest.approx(0.05 * np.sqrt(14) / np.sqrt(2))
+    flat = replace(first, shapes=(Box(np.array([0.01, 1.0, 1.0])),))
+    thin = plausible_constraints(replace(robot, links=(flat, *robot.links[1:]))).links[first.name]
+    assert 0.0 < thin.thickness < 0.01 * np.sqrt(3) / 2 / np.sqrt(5)

@@ -27,6 +27,7 @@ from dynident.model.robot import Link, Mimic
 from dynident.results.report.judgement import grade, tone
 from dynident.results.report.sections import SECTIONS, friction
 from dynident.results.report.subject import Comparison, Subject
+from dynident.results.text import format_percent
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +74,17 @@ def test_words_for_errors(error: float, word: str, colour: str) -> None:
     assert (grade(float("nan")), tone(float("nan"))) == ("not known", "bad")
 
 
+def test_a_small_figure_keeps_its_error_beside_a_long_name_and_draws_three_logs() -> None:
+    names = [f"left_arm_shoulder_{k}_lift_joint" for k in range(3)]
+    estimate, test = subject_of(arm(names), samples=300)
+    quarters = replace(test, starts=(0, 100, 150, 200), logs=test.logs * 4)
+    found = context("verdict", Subject(estimate, (quarters,)))
+    assert "the first 3 of 4 logs" in found["caption"]
+    for plot, fit in zip(found["plots"], test.joints, strict=True):
+        assert f">left_arm…{fit.name[18:]}, {format_percent(fit.relative_error)}<" in str(plot)
+    assert "logs" not in context("verdict", Subject(estimate, (test,)))["caption"]
+
+
 def test_the_verdict_on_a_good_model(case: tuple[Estimate, Validation]) -> None:
     found = context("verdict", known_to(with_errors(case, 0.03, [0.04, 0.042]), []))
     prediction, consistency, knowledge = found["answers"]
@@ -84,7 +96,7 @@ def test_the_verdict_on_a_good_model(case: tuple[Estimate, Validation]) -> None:
     assert found["sentences"] == [
         "The test error is 4.2 % of the measured torque: very good.",
         "The parameters are physically consistent: the mass matrix is positive definite in every posture.",
-        "Look into this: 'five_point' filters the torque and not the regressor: the intervals contain the random "
+        "Warning: 'five_point' filters the torque and not the regressor: the intervals contain the random "
         "error, not the bias of this and of noisy accelerations; compare with butterworth.",
         "Every base parameter is significant at 95 %.",
     ]

@@ -20,8 +20,8 @@ from dynident.model.friction.coulomb import Coulomb
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Drive, Joint, JointLimits, Link, Mimic, Robot
-from dynident.model.robots.er16_article import BETA_1, LOCKED, PERIOD
 from dynident.simulation.virtual_robot import JointController, Noise, Timing, free_motion, simulate
+from dynident.studies.er16_article import BETA_1, LOCKED, PERIOD
 from presliding import Presliding
 
 FOUR = ("coulomb", "viscous", "offset", "rotor_inertia")

@@ -13,9 +13,9 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
+from dynident.diagnosis.culprit import culprit
 from dynident.errors import BadOption, LogMismatch, SolverFailed
 from dynident.identification.build_problem import build_problem
-from dynident.identification.consistency.culprit import culprit
 from dynident.identification.estimators import ESTIMATORS
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.identify import identify

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import socket
@@ -261,7 +262,8 @@ def test_a_body_that_is_no_object_is_refused(client) -> None:
 def test_a_case_is_saved_with_every_character_and_with_no_half_of_one(client) -> None:
     name = client.upload("own.yaml", b"case: 1\n")
     text = "# \U0001f600 \u00e9"  # the first is sent as two halves
-    assert client.post("/api/case", {"name": name, "text": text})[0] == 200
+    digest = hashlib.sha256(b"case: 1\n").hexdigest()
+    assert client.post("/api/case", {"name": name, "text": text, "sha256": digest})[0] == 200
     assert client.post("/api/case", {"name": name, "text": "# \ud800"})[0] == 400
     assert (client.folder / name).read_text(encoding="utf-8") == text
 

@@ -54,10 +54,10 @@ def _choose(page: Any, stage: str, label: str, *values: str) -> None:
     """Choose in the control with a label, as a user does."""
     page.js(
         f"(() => {{ const field = [...{_section(stage)}.querySelectorAll('.field')]"
-        f".find(one => one.querySelector('label').textContent === {label!r});"
+        f".find(one => one.querySelector('legend, label').textContent === {label!r});"
+        f"if (field.choose) return field.choose({list(values)!r});"
         f"const control = field.querySelector('select, input');"
-        f"if (control.multiple) for (const one of control.options) one.selected = {list(values)!r}.includes(one.value);"
-        f"else control.value = {values[0]!r};"
+        f"control.value = {values[0]!r};"
         f"control.dispatchEvent(new Event('change')); }})()"
     )
 
@@ -181,8 +181,8 @@ def test_the_main_path_on_the_er16(page: Any, running: Any, client: Any, tmp_pat
     page.until(f"{_section('log')}.querySelector('svg')")
     _go(page, "case")
     _choose(page, "case", "Robot", "er16")
-    _choose(page, "case", "Logs to learn from", "run1.csv")
-    _choose(page, "case", "Logs to test on", "run2.csv")
+    _choose(page, "case", "Training logs", "run1.csv")
+    _choose(page, "case", "Test logs", "run2.csv")
     _click(page, "case", "Draft the case file")
     page.until(f"{_section('case')}.querySelector('textarea')", 60)
     assert "asks for the joints" in page.js(f"{_section('case')}.querySelector('.fault').textContent")
@@ -190,7 +190,7 @@ def test_the_main_path_on_the_er16(page: Any, running: Any, client: Any, tmp_pat
     _click(page, "case", "Save columns and units")
     page.until(f"{_section('case')}.querySelector('p.good')")
     _go(page, "check")
-    _click(page, "check", "Look at the logs")
+    _click(page, "check", "Check the logs")
     page.until(f"{_section('check')}.querySelector('h3')", 120)
     _go(page, "identify")
     _choose(page, "identify", "Friction", "coulomb", "viscous")
@@ -233,12 +233,12 @@ def test_the_main_path_on_a_real_set(page: Any, running: Any, client: Any) -> No
     page.until(f"{_section('log')}.querySelector('svg')", 30)
     _go(page, "case")
     _choose(page, "case", "Robot", "robot.urdf")
-    _choose(page, "case", "Logs to learn from", "exciting_traj_1.csv")
+    _choose(page, "case", "Training logs", "exciting_traj_1.csv")
     _click(page, "case", "Draft the case file")
     page.until(f"{_section('case')}.querySelector('textarea')", 60)
     assert page.js(f"{_section('case')}.querySelector('.fault')?.textContent ?? ''") == ""  # this log answers all
     _go(page, "check")
-    _click(page, "check", "Look at the logs")
+    _click(page, "check", "Check the logs")
     page.until(f"{_section('check')}.querySelector('h3')", 120)
     _go(page, "identify")
     page.js("document.querySelector('#quick').click()")

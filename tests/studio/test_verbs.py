@@ -35,12 +35,16 @@ def test_a_case_from_upload_to_report(client, logs: tuple[Path, Path]) -> None:
     assert json.loads(draft["answer"])["case"] == "case_1.yaml"
     found = client.get("/api/case?name=case_1.yaml")
     assert found["fault"].startswith("case_1.yaml: line ") and found["mapping"]["signals"]["q"] == seen["header"][1:5]
-    status, refused = client.post("/api/case", {"name": "case_1.yaml", **found["mapping"]})
+    shown = {"name": "case_1.yaml", "sha256": found["sha256"], **found["mapping"]}
+    status, refused = client.post("/api/case", shown)
     assert status == 422 and refused["error"].endswith("choose the unit: it is not guessed")
     units = {"time": "s", "position": "SI", "torque": "SI"}
-    status, saved = client.post("/api/case", {"name": "case_1.yaml", **found["mapping"], "units": units})
+    status, saved = client.post("/api/case", {**shown, "units": units})
     assert status == 200 and saved["fault"] == "" and saved["mapping"]["joints"] == list(JOINTS)
     assert "# Drafted from train.csv" in saved["text"]
+    status, refused = client.post("/api/case", {**shown, "text": "case: 1"})  # of a tab that has not seen this
+    assert status == 422 and "changed meanwhile, in another tab" in refused["error"]
+    assert client.get("/api/case?name=case_1.yaml")["text"] == saved["text"]
     init, edit = client.get("/api/history")["commands"]
     assert init == draft["command"] and edit == f"cat > case_1.yaml <<'END'\n{saved['text']}END"
     done = client.run("identify", case="case_1.yaml", estimator="wls", friction=["coulomb", "viscous"], quick=True)

@@ -32,7 +32,7 @@ from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.reduction import least_squares
-from dynident.model.robots import er16_article as article
+from dynident.studies import er16_article as article
 
 REPEATS = 2
 SETTINGS = (article.COLONY, article.LIMIT, article.ITERATIONS)

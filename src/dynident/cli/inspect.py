@@ -121,8 +121,8 @@ def _agreement(base: BaseParameters, exact: int) -> str:
 
 def _exact_count(model: DynamicModel) -> int | None:
     """Return the number of base parameters without any sampling; None where the geometry leaves it open."""
+    from dynident.applications.identifiability import structure
     from dynident.errors import SolverFailed
-    from dynident.model.identifiability import structure
 
     if model.robot.chain.has_mimic:
         return None

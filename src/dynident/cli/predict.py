@@ -17,11 +17,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dynident.applications.predicted_torque import PredictedTorque
     from dynident.arrays import Array
     from dynident.data.log import Log
     from dynident.data.preprocessing import Prepared
     from dynident.identification.estimate.estimate import Estimate
-    from dynident.identification.uncertainty.predicted_torque import PredictedTorque
 
 #: Share of the rows in the 95 % band below which the model is not that of the robot in the log.
 LEAST_INSIDE = 0.5
@@ -43,10 +43,10 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     from dynident.api.estimate_output import files_behind
+    from dynident.applications.predicted_torque import predict_torque
     from dynident.cli import console
     from dynident.files import check_outputs, check_place, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
-    from dynident.identification.uncertainty.predicted_torque import predict_torque
 
     check_place(options.output)
     estimate = read_estimate(options.estimate)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from dynident.errors import MissingDependency, NotAccepted
 from dynident.exports.models import MODEL_EXPORTERS
 from dynident.exports.models.subject.identified import identified
 from dynident.identification.estimate.estimate import Estimate
-
-if TYPE_CHECKING:
-    import mujoco
 
 
 def pinocchio_model(estimate: Estimate, *, force: bool = False) -> Any:
@@ -50,7 +47,7 @@ def pinocchio_model(estimate: Estimate, *, force: bool = False) -> Any:
     return model
 
 
-def mujoco_spec(estimate: Estimate, *, force: bool = False) -> mujoco.MjSpec:
+def mujoco_spec(estimate: Estimate, *, force: bool = False) -> Any:
     """Return an identified model as ``mujoco.MjSpec``, to be attached to a scene or compiled.
 
     Args:
@@ -66,7 +63,8 @@ def mujoco_spec(estimate: Estimate, *, force: bool = False) -> mujoco.MjSpec:
         import mujoco
     except ImportError as error:
         raise MissingDependency("a model of MuJoCo", "mujoco", "mujoco") from error
-    return mujoco.MjSpec.from_string(_files(estimate, "mjcf", force)[0].decode("utf-8"))
+    engine: Any = mujoco
+    return engine.MjSpec.from_string(_files(estimate, "mjcf", force)[0].decode("utf-8"))
 
 
 def _files(estimate: Estimate, exporter: str, force: bool) -> list[bytes]:

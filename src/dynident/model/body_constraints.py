@@ -22,6 +22,13 @@ AXES = ("x", "y", "z")
 BODIES = ("free", "plausible")
 
 
+#: Towards faces, edges and corners of a cube, one of each opposite pair, and the least square of the cosine between any
+#: direction and the nearest of them: that of the point as far from a face, an edge and a corner.
+DIRECTIONS = np.array([v for v in np.ndindex(3, 3, 3) if v > (1, 1, 1)], dtype=float) - 1.0
+DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+NEAREST = 1.0 / (1.0 + (np.sqrt(2.0) - 1.0) ** 2 + (np.sqrt(3.0) - np.sqrt(2.0)) ** 2)
+
+
 @dataclass(frozen=True)
 class ValueRange:
     """From ``low`` to ``high``; equal bounds fix a value, an infinite one is none."""
@@ -91,6 +98,19 @@ class Ellipsoid:
         matrix[3, 3] = 1.0 - self.centre @ form @ self.centre
         return matrix
 
+    def slabs(self, reach: float) -> Array:
+        """Return Q of 13 directions u with tr(P Q) = m (k - E z_u^2), z = A^-1 R' (x - centre), shape (13, 4, 4).
+
+        A body of equal density reaches |E z_u| + sqrt(5 var z_u) <= sqrt(6 E z_u^2) half widths. Between any direction
+        and the nearest of the 13 the square of the cosine is :data:`NEAREST` or more: with k = NEAREST reach^2 / 6 the
+        body reaches at most ``reach`` in any.
+        """
+        along = (DIRECTIONS / self.semi_axes) @ np.asarray(self.rotation).T
+        rows = np.column_stack([along, -along @ self.centre])
+        matrices = -rows[:, :, None] * rows[:, None, :]
+        matrices[:, 3, 3] += NEAREST * reach**2 / 6.0
+        return matrices
+
 
 @dataclass(frozen=True)
 class BodyConstraints:
@@ -104,6 +124,7 @@ class BodyConstraints:
         body_ellipsoid: Ellipsoid that holds all matter.
         symmetry: Planes of symmetry: position in m of the plane along each axis that it is normal to.
         thickness: Least root mean square distance of the matter from any plane through the centre of mass, in m.
+        reach: How far a body of equal density with these moments may reach, in half widths of the ellipsoid; 0: any.
     """
 
     mass: ValueRange = field(default_factory=ValueRange)
@@ -113,6 +134,7 @@ class BodyConstraints:
     body_ellipsoid: Ellipsoid | None = None
     symmetry: Mapping[str, float] = field(default_factory=dict)
     thickness: float = 0.0
+    reach: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.mass.high > 0:

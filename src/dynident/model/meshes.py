@@ -22,17 +22,22 @@ _BINARY_HEAD, _BINARY_FACE = 84, 50
 
 
 def mesh_points(mesh: Mesh, folders: Sequence[str | Path]) -> Array:
-    """Return the points of a mesh, scaled, in the mesh's own frame, shape (k, 3), in m.
+    """Return the points of a mesh, each once, scaled, in the mesh's own frame, shape (k, 3), in m.
 
     Raises:
         FileError: Not beneath a folder, not readable, too large, or no sound mesh.
         MissingDependency: Neither STL, nor coal (which comes with pin) installed.
     """
+    return np.unique(mesh_triangles(mesh, folders).reshape(-1, 3), axis=0)
+
+
+def mesh_triangles(mesh: Mesh, folders: Sequence[str | Path]) -> Array:
+    """Return the corners of the triangles of a mesh, shape (k, 3, 3); else as :func:`mesh_points`."""
     file = mesh_file(mesh.file, folders)
-    points = _stl(file, _bytes(file)) if file.suffix.lower() == ".stl" else _by_coal(file)
-    if not len(points) or not np.all(np.isfinite(points)):
+    corners = _stl(file, _bytes(file)) if file.suffix.lower() == ".stl" else _by_coal(file)
+    if not len(corners) or not np.all(np.isfinite(corners)):
         raise FileError(file, "it has no points, or points that are no numbers", "export the mesh again")
-    return points * mesh.scale
+    return corners[: len(corners) // 3 * 3].reshape(-1, 3, 3) * mesh.scale
 
 
 def mesh_file(name: str, folders: Sequence[str | Path]) -> Path:
@@ -83,7 +88,7 @@ def _bytes(file: Path) -> bytes:
 
 
 def _stl(file: Path, data: bytes) -> Array:
-    """Return the corners of the triangles of an STL file, binary or text, each once, shape (k, 3)."""
+    """Return the corners of the triangles of an STL file, binary or text, shape (3 k, 3)."""
     faces = int.from_bytes(data[80:_BINARY_HEAD], "little") if len(data) >= _BINARY_HEAD else -1
     if len(data) == _BINARY_HEAD + _BINARY_FACE * faces:
         table = np.frombuffer(data, dtype=np.uint8, offset=_BINARY_HEAD).reshape(faces, _BINARY_FACE)
@@ -97,7 +102,7 @@ def _stl(file: Path, data: bytes) -> Array:
     else:
         evidence = f"its {len(data)} bytes are no STL of {faces} facets" if faces >= 0 else "it is no STL"
         raise FileError(file, evidence, "export the mesh again, as binary STL")
-    return np.unique(corners, axis=0)
+    return corners
 
 
 def _by_coal(file: Path) -> Array:
@@ -107,7 +112,9 @@ def _by_coal(file: Path) -> Array:
         raise MissingDependency(f"reading the mesh '{file.name}'", "pin", "pin") from problem
     _bytes(file)  # readable, and of a sane size
     try:
-        points = coal.MeshLoader().load(str(file)).vertices()
+        found = coal.MeshLoader().load(str(file))
+        rows = [[found.tri_indices(k)[j] for j in range(3)] for k in range(found.num_tris)]
+        points = np.asarray(found.vertices())[rows]
     except Exception as problem:  # assimp's errors come as they like
         reason = str(problem).strip().splitlines() or [type(problem).__name__]
         raise FileError(file, f"it cannot be read as a mesh ({reason[0]})", "export it as STL") from problem

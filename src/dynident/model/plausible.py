@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.body_constraints import BodyConstraints, Constraints, Ellipsoid, ValueRange
+from dynident.model.body_constraints import DIRECTIONS, BodyConstraints, Constraints, Ellipsoid, ValueRange
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
@@ -15,39 +15,41 @@ from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 #: Radius of a link without shapes as a share of the length to its children, and the least radius, in m.
 RADIUS_SHARE, LEAST_RADIUS = 0.15, 0.04
 
-#: Minimum thickness as a share of the extent of the link.
-THICKNESS_SHARE = 0.05
+#: Least mean density of a link with its motors and hollow spaces, in kg/m^3: its nominal mass takes up that volume.
+LEAST_DENSITY = 1000.0
 
-#: How often the size of its link, or below its minimum thickness, a nominal inertia is named.
-MISFIT = 1.5
+#: Least radius of gyration about any axis through the centre of mass, as a share of the extent of the link.
+GYRATION_SHARE = 0.05
+
+#: The minimum thickness is at most this share of that of the uniform body that fills the ellipsoid.
+UNIFORM_SHARE = 0.8
+
+#: How far a body of equal density may reach, in half widths of the ellipsoid of its link.
+REACH = 1.5
 
 #: Bounds of a mass and of the total mass as factors about the nominal value.
 MASS_FACTOR, TOTAL_FACTOR = 3.0, 1.5
 
-_DIRECTIONS = np.array([[i, j, k] for i in (-1, 0, 1) for j in (-1, 0, 1) for k in (-1, 0, 1) if i or j or k], float)
-_DIRECTIONS /= np.linalg.norm(_DIRECTIONS, axis=1, keepdims=True)
+_DIRECTIONS = np.vstack([DIRECTIONS, -DIRECTIONS])
 
 
 def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Constraints:
     """Return bounds of plausible bodies; what ``stated`` says about a link or the total stands in their place.
 
     The ellipsoid holds the link's collision shapes; without shapes, or with meshes among them, balls about the frame of
-    the link, those of its children, the named frames on it and the nominal centre of mass. An ellipsoid that the
-    nominal inertia itself does not fit is scaled until it does, and a thickness above the nominal one is lowered to it.
+    the link, those of its children, the named frames on it and the nominal centre of mass. Matter as far as the minimum
+    thickness from every plane is further than sqrt(2) times that from every axis.
     """
     known = stated or Constraints()
     masses = [link.inertia.mass if link.inertia is not None else 0.0 for link in robot.links]
     bodies: dict[str, BodyConstraints] = {}
     for i, link in enumerate(robot.links):
-        body = known.links.get(link.name, BodyConstraints())
-        ellipsoid = bounding_ellipsoid(link_points(robot, i))
-        thickness = THICKNESS_SHARE * 2.0 * float(np.max(ellipsoid.semi_axes))
-        if link.inertia is not None and link.inertia.is_consistent():
-            size, thin = _nominal_use(link.inertia, ellipsoid)
-            thickness = min(thickness, 0.9 * thin)
-            ellipsoid = replace(ellipsoid, semi_axes=ellipsoid.semi_axes * np.sqrt(max(1.0, 1.1 * size)))
+        body, points = known.links.get(link.name, BodyConstraints()), link_points(robot, i)
+        ellipsoid = bounding_ellipsoid(points)
+        uniform = float(np.min(ellipsoid.semi_axes)) / np.sqrt(5.0)
+        thickness = min(GYRATION_SHARE * extent_of(points) / np.sqrt(2.0), UNIFORM_SHARE * uniform)
         if body.body_ellipsoid is None and body.body_box is None:
-            body = replace(body, body_ellipsoid=ellipsoid)
+            body = replace(body, body_ellipsoid=ellipsoid, reach=REACH)
         if body.mass == ValueRange() and masses[i] > 0:
             body = replace(body, mass=ValueRange(masses[i] / MASS_FACTOR, masses[i] * MASS_FACTOR))
         bodies[link.name] = replace(body, thickness=body.thickness or thickness)
@@ -57,39 +59,33 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
     return Constraints(bodies, total, known.fixed)
 
 
-def nominal_misfits(robot: Robot) -> tuple[str, ...]:
-    """Return the links whose nominal inertia is far beyond their geometry or below the minimum thickness."""
-    found = []
-    for i, link in enumerate(robot.links):
-        if link.inertia is not None and link.inertia.is_consistent():
-            ellipsoid = bounding_ellipsoid(link_points(robot, i))
-            size, thin = _nominal_use(link.inertia, ellipsoid)
-            if size > MISFIT**2 or MISFIT * thin < THICKNESS_SHARE * 2.0 * float(np.max(ellipsoid.semi_axes)):
-                found.append(link.name)
-    return tuple(found)
-
-
-def _nominal_use(body: Inertia, ellipsoid: Ellipsoid) -> tuple[float, float]:
-    """Return E |A^-1 R' (x - centre)|^2, 1 at most inside the ellipsoid, and the least radius of gyration in m."""
-    centre = body.centre_of_mass
-    covariance = body.pseudo[:3, :3] / body.mass - np.outer(centre, centre)
-    thin = float(np.sqrt(np.linalg.eigvalsh(covariance)[0]))
-    return 1.0 - float(np.sum(ellipsoid.quadric * body.pseudo)) / body.mass, thin
+def extent_of(points: Array) -> float:
+    """Return the largest distance between two of points (k, 3), in m."""
+    return float(np.max(np.linalg.norm(points[:, None] - points, axis=2)))
 
 
 def link_points(robot: Robot, index: int) -> Array:
-    """Return points whose convex hull is about the space of a link, shape (k, 3), in m, in the link frame."""
-    link = robot.links[index]
+    """Return points whose convex hull is about the space of a link, shape (k, 3), in m, in the link frame.
+
+    The offset along a joint's own axis may be matter of the link on either side of it: it counts for both.
+    """
+    link, own = robot.links[index], robot.joints[index]
     parts = [_shape_points(shape) for shape in link.shapes]
     if parts and all(len(part) for part in parts):
         return np.concatenate(parts)
     children = [joint.translation for joint in robot.joints if joint.parent == index]
     children += [frame.translation for frame in robot.frames.values() if frame.link == index]
-    length = max((float(np.linalg.norm(child)) for child in children), default=0.0)
-    places = [np.zeros(3), *children]
-    if link.inertia is not None and link.inertia.mass > 0:
-        places.append(link.inertia.first_moment / link.inertia.mass)
-    return _balls(np.array(places), max(RADIUS_SHARE * length, LEAST_RADIUS))
+    places = [np.zeros(3), *children, -own.axis * (own.axis @ own.rotation.T @ own.translation)]
+    mass = 0.0 if link.inertia is None else link.inertia.mass
+    if link.inertia is not None and mass > 0:
+        places.append(link.inertia.first_moment / mass)
+    length = max(float(np.linalg.norm(place)) for place in places)
+    radius = max(RADIUS_SHARE * length, LEAST_RADIUS)
+    if mass > 0:
+        ball = 4.0 / 3.0 * np.pi  # of a capsule as long: ball r^3 + pi r^2 length
+        roots = np.roots([ball, np.pi * length, 0.0, -mass / LEAST_DENSITY])
+        radius = max(radius, float(np.max(roots[np.isreal(roots)].real)))
+    return _balls(np.array(places), radius)
 
 
 def _balls(centres: Array, radius: float) -> Array:

@@ -51,7 +51,7 @@ def cutoff_table(choices: Choices) -> Table | None:
         return None
     columns = (
         Column("cut-off", "Hz", numeric=True),
-        Column("held-out error", "%", numeric=True),
+        Column("cross-validation error", "%", numeric=True),
         Column("moves most"),
         Column("by", "std", numeric=True),
     )
@@ -97,7 +97,7 @@ def _friction(choice: FrictionRecord) -> Table:
     columns = (
         Column("joint"),
         Column("change"),
-        Column("held-out error", numeric=True),
+        Column("cross-validation error", numeric=True),
         Column("std of the gap", numeric=True),
         Column("chosen"),
     )
@@ -120,7 +120,7 @@ def _friction(choice: FrictionRecord) -> Table:
 def _alike(compared: Sequence[FrictionScore]) -> Table:
     columns = (
         Column("parts"),
-        Column("held-out error", numeric=True),
+        Column("cross-validation error", numeric=True),
         Column("std of the gap", numeric=True),
         Column("chosen"),
     )

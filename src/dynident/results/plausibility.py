@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from dynident.identification.estimate.estimate import Estimate
-from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedMass, Plausibility
+from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedBound, Plausibility
 from dynident.identification.estimate.validation import Validation
-from dynident.model.plausible import LEAST_RADIUS, nominal_misfits
+from dynident.model.plausible import LEAST_RADIUS
 from dynident.model.robot import Robot
 from dynident.results.text import format_number, format_percent, label
 
 
 def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]:
-    """Return what the bounds cost, which masses the data contradict, and what is wrong with nominal inertias."""
+    """Return what the bounds cost, which bounds the data contradict, and what is wrong with nominal inertias."""
     facts = Plausibility.of(estimate.run)
     if facts is None:
         return []
@@ -24,10 +24,9 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     if names := ", ".join(map(label, links_without_size(estimate.model.robot))):
         step = "give shapes in the robot model, or body: in the constraints"
         lines.append(f"size not known: {names}: {1e3 * LEAST_RADIUS:.0f} mm about frame and nominal centre; {step}")
-    if misfits := nominal_misfits(estimate.model.robot):
-        names = ", ".join(map(label, misfits))
-        step = "state body: and thickness: in the constraints, or correct the robot model"
-        lines.append(f"nominal inertia beyond the size of the link: {names}: bounds widened to it; {step}")
+    if names := ", ".join(map(label, facts.fitted)):
+        step = "correct the robot model, or state body: and thickness: in the constraints"
+        lines.append(f"nominal inertia does not fit the link: {names}: the nearest one that fits in its place; {step}")
     return [line for line in lines if line]
 
 
@@ -51,10 +50,10 @@ def cost_line(facts: Plausibility, test: Validation | None) -> str:
     return f"plausible links change the test error by {100 * change:+.1f} % of itself ({error} with --bodies free)"
 
 
-def contradiction(mass: ContradictedMass) -> str:
-    """Return how the data contradict a mass range, and what became of it."""
-    name = TOTAL_MASS if mass.name == TOTAL_MASS else f"mass of {label(mass.name)}"
-    fate = "its range is relaxed" if mass.is_relaxed else "the stated range is kept: check it"
-    numbers = f"chi-square {format_number(mass.statistic, 3)} > {format_number(mass.limit, 3)}"
-    gain = f"training error {format_number(100 * mass.gain, 2)} % lower without the range"
+def contradiction(found: ContradictedBound) -> str:
+    """Return how the data contradict a bound, and what became of it."""
+    name = TOTAL_MASS if found.name == TOTAL_MASS else f"{found.bound} of {label(found.name)}"
+    fate = "its bound is relaxed" if found.is_relaxed else "the stated range is kept: check it"
+    numbers = f"chi-square {format_number(found.statistic, 3)} > {format_number(found.limit, 3)}"
+    gain = f"training error {format_number(100 * found.gain, 2)} % lower without the bound"
     return f"{name}: the data contradict it ({numbers}; {gain}); {fate}"

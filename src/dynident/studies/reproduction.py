@@ -36,7 +36,8 @@ from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
-from dynident.model.robots.er16_article import (
+from dynident.simulation.virtual_robot import Noise, Timing, simulate
+from dynident.studies.er16_article import (
     BETA_1,
     BETA_2,
     ITERATIONS,
@@ -49,7 +50,6 @@ from dynident.model.robots.er16_article import (
     TABLE_2,
     TABLE_3,
 )
-from dynident.simulation.virtual_robot import Noise, Timing, simulate
 
 #: Noise of the encoders in rad.
 POSITION_NOISE = 2e-5

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from dynident.errors import FileError
-from dynident.files import move_to_new_name, write_atomically
+from dynident.files import move_to_new_name, sha256_of, write_atomically
 from dynident.studio.kinds import kind_of
 
 #: Files that a session holds at most.
@@ -150,13 +150,23 @@ class Folder:
             partial.unlink(missing_ok=True)
             self._coming.pop(partial.name, None)
 
-    def write(self, name: str, text: str) -> None:
-        """Write over a text file of the session.
+    def write(self, name: str, text: str, before: str) -> None:
+        """Write over a text file of the session, where nobody else has written over it meanwhile.
+
+        Args:
+            name: The file.
+            text: What it says from now on.
+            before: SHA-256 of the file that was changed, as hexadecimal digits.
 
         Raises:
-            FileError: No such file, or it cannot be written.
+            FileError: No such file, another one by now, or it cannot be written.
         """
-        write_atomically(self.find(name), text)
+        path = self.find(name)
+        with self._lock:
+            if sha256_of(path) != before:
+                evidence = "it was changed meanwhile, in another tab or by another program"
+                raise FileError(name, evidence, "copy your changes, load the page again and make them there")
+            write_atomically(path, text)
 
     def remove(self, name: str) -> None:
         """Remove a file that the session has made or received; those that were there before stay.

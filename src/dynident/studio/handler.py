@@ -40,7 +40,7 @@ class Session:
     gate: Gate
     folder: Folder
     runs: Runs
-    history: History = field(default_factory=History)
+    history: History
 
 
 @dataclass(frozen=True)

@@ -201,7 +201,7 @@ def _identify(asked: Asked) -> Order:
 
 def _validate(asked: Asked) -> Order:
     report = asked.output("validation", ".html")
-    arguments = ["validate", asked.file("estimate"), *asked.files("logs"), "--report", report]
+    arguments = ["validate", asked.file("estimate"), *asked.files("logs"), "--report", report, "--json"]
     return Order("validate", tuple(arguments), (report,), good=_JUDGED)
 
 
@@ -238,7 +238,7 @@ def _diff(asked: Asked) -> Order:
     if len(estimates) < 2:
         raise BadOption("estimates", estimates, "choose two or more")
     out = asked.output("difference", ".html")
-    return Order("diff", ("diff", *estimates, "--html", out), (out,))
+    return Order("diff", ("diff", *estimates, "--html", out, "--json"), (out,))
 
 
 def _compare(asked: Asked) -> Order:
@@ -250,7 +250,7 @@ def _compare(asked: Asked) -> Order:
     out = asked.output("comparison", ".html")
     arguments = ["compare", asked.file("case"), "--estimators", ",".join(names)]
     arguments += _option("--time-limit", asked.number("time_limit", 1, 86_400))
-    return Order("compare", (*arguments, "--report", out), (out,), good=_JUDGED)
+    return Order("compare", (*arguments, "--report", out, "--json"), (out,), good=_JUDGED)
 
 
 def _export(asked: Asked) -> Order:
@@ -262,7 +262,7 @@ def _export(asked: Asked) -> Order:
     if not target:
         raise BadOption("to", "", "choose a target")
     out = asked.output("exported", known[target].suffix)
-    arguments = ["export", file, "--to", target, "-o", out]
+    arguments = ["export", file, "--to", target, "-o", out, "--json"]
     arguments += _option("--speed", asked.number("speed", 10, 100))
     posture = asked.posture("posture")
     arguments += [f"--from-posture={posture}"] if posture else []

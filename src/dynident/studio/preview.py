@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -85,6 +86,41 @@ def decimated(values: Array, buckets: int = BUCKETS) -> dict[str, list[float | N
             continue
         rows += sorted({start + int(np.nanargmin(part)), start + int(np.nanargmax(part))})
     return {"x": [float(k) for k in rows], "y": [finite(float(values[k])) for k in rows]}
+
+
+def run_times(time: Array, starts: Sequence[int]) -> Array:
+    """Return the times (N,) of logs that stand one after another as one time from zero, in s.
+
+    Args:
+        time: Shape (N,), in s; starts anew with each log.
+        starts: First row of each log.
+    """
+    shown, end = np.array(time, dtype=float), 0.0
+    for start, stop in pairwise((*starts, len(shown))):
+        if stop > start:
+            shown[start:stop] += end - shown[start]
+            end = float(shown[stop - 1])
+    return shown
+
+
+def curve(time: Array, starts: Sequence[int], values: Array) -> dict[str, list[float | None]]:
+    """Return a curve over the time of :func:`run_times`, no peak lost, with a gap between two logs.
+
+    Args:
+        time: Shape (N,), in s.
+        starts: First row of each log.
+        values: Shape (N,).
+    """
+    x: list[float | None] = []
+    y: list[float | None] = []
+    for start, stop in pairwise((*starts, len(values))):
+        found = decimated(values[start:stop], max(1, BUCKETS // len(starts)))
+        if x:
+            x.append(x[-1])
+            y.append(None)
+        x += [float(time[start + int(row or 0)]) for row in found["x"]]
+        y += found["y"]
+    return {"x": x, "y": y}
 
 
 def motion_of_log(case: Case, path: Path) -> dict[str, Any]:

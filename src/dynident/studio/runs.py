@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Sequence
 from typing import IO, Any
 
 from dynident.errors import BadOption
@@ -34,7 +35,7 @@ class Run:
     Attributes:
         number: Its number, from 1.
         order: What was asked.
-        process: What runs.
+        process: What runs; None for a command of an earlier session.
         state: running, done, failed or cancelled.
         code: Exit code; None while it runs.
         progress: Lines of its standard error.
@@ -44,7 +45,7 @@ class Run:
         took: How long it took, in s; 0 while it runs.
     """
 
-    def __init__(self, number: int, order: Order, process: subprocess.Popen[str]) -> None:
+    def __init__(self, number: int, order: Order, process: subprocess.Popen[str] | None) -> None:
         self.number, self.order, self.process = number, order, process
         self.state, self.answer, self.outputs = "running", "", list(order.outputs)
         self.code: int | None = None
@@ -63,6 +64,7 @@ class Run:
             "number": self.number,
             "verb": self.order.verb,
             "command": self.order.command,
+            "arguments": list(self.order.arguments),
             "outputs": self.outputs,
             "limit_s": self.order.limit,
             "state": self.state,
@@ -75,13 +77,21 @@ class Run:
 
 
 class Runs:
-    """The commands of a session."""
+    """The commands of a session.
 
-    def __init__(self, folder: Folder) -> None:
-        self._folder = folder
-        self._runs: dict[int, Run] = {}
+    Args:
+        folder: Where they run.
+        earlier: Those of earlier sessions in this folder, with their numbers.
+        ended: Called with each command that came to its end.
+    """
+
+    def __init__(
+        self, folder: Folder, earlier: Sequence[Run] = (), ended: Callable[[Run], None] = lambda run: None
+    ) -> None:
+        self._folder, self._ended = folder, ended
+        self._runs = {run.number: run for run in earlier}
         self._lock = threading.Lock()
-        self._count = 0
+        self._count = max(self._runs, default=0)
         self._followers: dict[int, threading.Thread] = {}
         self._closed = False
 
@@ -104,12 +114,15 @@ class Runs:
             if sum(run.state == "running" for run in self._runs.values()) >= AT_ONCE:
                 raise BadOption("command", order.verb, f"{AT_ONCE} commands run already; wait for one, or cancel it")
             self._count += 1
-            run = Run(self._count, order, self._process(order))
+            process = self._process(order)
+            run = Run(self._count, order, process)
             self._runs[run.number] = run
             finished = [number for number, known in self._runs.items() if known.state != "running"]
             for number in finished[: max(0, len(self._runs) - REMEMBERED)]:
                 del self._runs[number]
-            follower = self._followers[run.number] = threading.Thread(target=self._follow, args=(run,), daemon=True)
+            follower = self._followers[run.number] = threading.Thread(
+                target=self._follow, args=(run, process), daemon=True
+            )
             follower.start()
         return run
 
@@ -146,7 +159,8 @@ class Runs:
             if run.state != "running":
                 return
             run.state = "cancelled"
-        _stop(run.process)
+        if run.process is not None:
+            _stop(run.process)
 
     def close(self) -> None:
         """Break off all that run, and wait until what they have written is removed; nothing starts any more."""
@@ -160,9 +174,9 @@ class Runs:
             follower.join(2 * GRACE)
 
     def _process(self, order: Order) -> subprocess.Popen[str]:
-        store = store_of(order.outputs[0]) if order.outputs else ""
+        stores = ",".join(dict.fromkeys(map(store_of, order.outputs)))
         return subprocess.Popen(
-            [sys.executable, "-m", "dynident.studio.child", store, *order.arguments],
+            [sys.executable, "-m", "dynident.studio.child", stores, *order.arguments],
             cwd=self._folder.path,
             stdin=subprocess.PIPE,  # closed when this process ends, by which the command knows
             stdout=subprocess.PIPE,
@@ -174,8 +188,7 @@ class Runs:
             start_new_session=True,
         )
 
-    def _follow(self, run: Run) -> None:
-        process = run.process
+    def _follow(self, run: Run, process: subprocess.Popen[str]) -> None:
         assert process.stdin is not None and process.stdout is not None and process.stderr is not None
         listener = threading.Thread(target=_listen, args=(process.stderr, run.progress), daemon=True)
         listener.start()
@@ -193,6 +206,9 @@ class Runs:
             self._folder.release(run.order.outputs)
             if not cancelled:
                 run.state = "done" if done else "failed"
+        if done:
+            self._ended(run)
+        with self._lock:
             del self._followers[run.number]
 
     def _kept(self, run: Run) -> bool:

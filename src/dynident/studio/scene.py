@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,10 +16,13 @@ from dynident.excitation.collision.robot_capsules import robot_capsules
 from dynident.excitation.collision.workspace import Workspace
 from dynident.model.covering import covering_capsules
 from dynident.model.inertia import Inertia
-from dynident.model.meshes import mesh_points
+from dynident.model.meshes import mesh_triangles
 from dynident.model.robot import Joint, Robot
 from dynident.model.shapes import Capsule, Mesh, Shape
 from dynident.studio.folder import safe_name
+
+#: Largest mesh that is drawn.
+MAX_TRIANGLES = 60_000
 
 
 def scene_of(
@@ -55,6 +59,7 @@ def scene_of(
                 "multiplier": 1.0 if joint.mimic is None else joint.mimic.multiplier,
                 "offset": 0.0 if joint.mimic is None else joint.mimic.offset,
                 "capsules": capsules[i],
+                "meshes": _meshes(link.shapes, folder, link.name, notes),
                 "body": _body(inertia),
             }
         )
@@ -72,6 +77,7 @@ def scene_of(
         "links": links,
         "frames": frames,
         "base_capsules": base,
+        "base_meshes": _meshes(robot.base_shapes, folder, robot.base, notes),
         "notes": notes,
     }
 
@@ -135,15 +141,38 @@ def _all_capsules(
     return [_capsules(shapes, folder, name, notes) for shapes, name in owners]
 
 
-def _points(mesh: Mesh, folder: Path) -> Array:
-    """Return the points of a mesh where the robot model says, or of the upload with its name."""
+def _triangles(mesh: Mesh, folder: Path) -> Array:
+    """Return the triangles (k, 3, 3) of a mesh where the robot model says, or of the upload with its name."""
     try:
-        return mesh_points(mesh, [folder])
+        return mesh_triangles(mesh, [folder])
     except FileError:
         own = safe_name(mesh.file)
         if not (folder / own).is_file():
             raise
-        return mesh_points(replace(mesh, file=own), [folder])
+        return mesh_triangles(replace(mesh, file=own), [folder])
+
+
+def _points(mesh: Mesh, folder: Path) -> Array:
+    return np.unique(_triangles(mesh, folder).reshape(-1, 3), axis=0)
+
+
+def _meshes(shapes: Sequence[Shape], folder: Path, owner: str, notes: list[str]) -> list[str]:
+    """Return the triangles of each mesh of a link in its frame, 32 bit numbers in base 64; the missing are noted."""
+    found = []
+    for mesh in shapes:
+        if not isinstance(mesh, Mesh):
+            continue
+        try:
+            triangles = _triangles(mesh, folder) @ mesh.rotation.T + mesh.translation
+        except DynidentError as error:
+            note = f"{owner}: {str(error).replace(str(folder), 'the session')}"
+            notes += [] if note in notes else [note]
+            continue
+        if len(triangles) > MAX_TRIANGLES:
+            notes.append(f"{owner}: {mesh.file} has {len(triangles):,} facets; up to {MAX_TRIANGLES:,} are drawn")
+            continue
+        found.append(base64.b64encode(triangles.astype("<f4").tobytes()).decode())
+    return found
 
 
 def _capsules(shapes: Sequence[Shape], folder: Path, owner: str, notes: list[str]) -> list[dict[str, Any]]:

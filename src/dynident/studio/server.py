@@ -14,6 +14,7 @@ from dynident.errors import BadOption, FileError
 from dynident.studio.folder import Folder
 from dynident.studio.gate import Gate
 from dynident.studio.handler import Session, handler_for
+from dynident.studio.history import History
 from dynident.studio.runs import Runs
 
 #: Largest upload where nothing else is said, in MB.
@@ -58,7 +59,9 @@ def studio(port: int = 0, work: str | Path | None = None, max_upload_mb: float =
     with tempfile.TemporaryDirectory(prefix="dynident-studio-", ignore_cleanup_errors=True) as own:
         folder = Folder(Path(own if work is None else work).resolve(), int(max_upload_mb * 1e6))
         server = _server(port)
-        session = Session(Gate(server.server_address[1]), folder, Runs(folder))
+        history = History(folder.path)
+        runs = Runs(folder, history.runs, history.ran)
+        session = Session(Gate(server.server_address[1]), folder, runs, history)
         server.RequestHandlerClass = handler_for(session)
         threading.Thread(target=_warm_up).start()  # no daemon: one that still imports can hang the end of Python
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -134,6 +135,7 @@ def case_view(folder: Folder, name: str) -> dict[str, Any]:
     text = data.decode("utf-8", errors="replace")
     shown: dict[str, Any] = {
         "text": text,
+        "sha256": hashlib.sha256(data).hexdigest(),
         "questions": [{"line": q.line, "asks_for": q.text, "needed": q.needed} for q in questions_in(text)],
         "mapping": None,
         "fault": "",
@@ -162,17 +164,19 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
     from dynident.results.nominal import bodies_table, errors_table, link_changes, links_table, missing_reason
     from dynident.results.text import parameters_table
     from dynident.results.verdict import NOT_CHECKED, cause_lines, headline
-    from dynident.studio.preview import decimated
+    from dynident.studio.preview import curve, run_times
 
     path = folder.find(name)
     estimate = read_estimate(path)
     train = estimate.train
+    time = run_times(train.time, train.starts)
     joints = [
         {
             "name": fit.name,
             "unit": fit.unit,
-            "measured": decimated(train.measured[:, k]),
-            "predicted": decimated(train.predicted[:, k]),
+            "measured": curve(time, train.starts, train.measured[:, k]),
+            "predicted": curve(time, train.starts, train.predicted[:, k]),
+            "residual": curve(time, train.starts, train.residual[:, k]),
         }
         for k, fit in enumerate(train.joints)
     ]
@@ -186,6 +190,12 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
         "bodies": _cells(bodies_table(link_changes(estimate))),
         "no_links": missing_reason(estimate),
         "torques": joints,
+        "motion": {
+            "joints": list(estimate.model.robot.joint_names),
+            "time": time.tolist(),
+            "q": train.q.tolist(),
+            "still": {},
+        },
         "test": json.loads(path.read_bytes()).get("summary", {}).get("test"),
         "table": parameters_table(estimate).rows,  # with the digits that the deviations allow
     }
@@ -201,8 +211,10 @@ def _cells(table: Table) -> dict[str, Any]:
 def saved_case(folder: Folder, data: Mapping[str, Any]) -> dict[str, Any]:
     """Write a case file: with the text of the editor, or with other columns; return it as :func:`case_view` does.
 
+    ``sha256`` of the data is that of the file which :func:`case_view` has shown.
+
     Raises:
-        DynidentError: No such file, too long, or a mapping that cannot be.
+        DynidentError: No such file, too long, a mapping that cannot be, or changed since it was shown.
     """
     from dynident.studio.case_text import Mapped, with_columns
 
@@ -219,7 +231,7 @@ def saved_case(folder: Folder, data: Mapping[str, Any]) -> dict[str, Any]:
             raise FileError(name, f"byte {error.start} is not UTF-8 text", "save the file as UTF-8") from error
     if not isinstance(text, str) or len(text.encode()) > MAX_TEXT:
         raise BadOption("case", name, f"give a text of up to {MAX_TEXT:,} bytes")
-    folder.write(name, text)
+    folder.write(name, text, str(data.get("sha256", "")))
     return case_view(folder, name)
 
 

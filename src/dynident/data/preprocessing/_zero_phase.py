@@ -51,7 +51,7 @@ def zero_phase(signals: Array, low_pass: LowPass, pad: int) -> Array:
     blocks = _blocks_of(low_pass.poles.tobytes(), low_pass.zeros)
     count, samples = signals.shape
     out = np.empty((count, samples))
-    lanes = min(count, _LANES, max(1, _NUMBERS // (samples + 2 * pad)))
+    lanes = max(1, min(count, _LANES, _NUMBERS // (samples + 2 * pad)))  # there may be no signal at all
     extended = np.empty((lanes, samples + 2 * pad))
     with one_blas_thread():
         for first in range(0, count, lanes):

@@ -1,9 +1,6 @@
-"""Orders, signs and scales of columns: the log with its columns read in another way, where that predicts it far better.
+"""Orders, signs and units of columns: the log with its columns read in another way, where that explains it far better.
 
-What is found among many readings of the same samples says too much good of itself (Stone 1974). So the search as such
-is held out: half of the blocks of a log find a reading and are fitted to, those between are predicted, and the reverse.
-A cause that is none of the columns' can still be taken in by the columns of another joint, where it lowers the sum by
-one joint alone. So each torque that is read at another joint must be predicted better there.
+These are proposals; :mod:`.held_out` ranks them by samples that they were not fitted to.
 """
 
 from __future__ import annotations
@@ -16,7 +13,8 @@ from itertools import combinations
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, Solved, Triangles, halves
+from dynident.diagnosis.causes.held_out import ReadRows
+from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, Solved, Triangles
 from dynident.diagnosis.finding import listed
 
 #: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An
@@ -31,21 +29,6 @@ FEEDS, FEEDS_SHARE = -6.0, -0.05
 
 
 @dataclass(frozen=True)
-class Columns:
-    """The rows of a log with its columns read in another way, and their fit.
-
-    Attributes:
-        rows: The rows.
-        mixing: Which measured torque each joint has, shape (n, n).
-        beta: Fitted base parameters.
-    """
-
-    rows: FitRows
-    mixing: Array
-    beta: Array
-
-
-@dataclass(frozen=True)
 class Interpretation:
     """A way to read the log.
 
@@ -53,10 +36,11 @@ class Interpretation:
         name: Of the finding.
         joints: Those it concerns.
         gain: By how much the score falls.
-        evidence: In words.
+        evidence: In words, before what is said of the gain.
         remedy: In words.
+        reading: The rows of the log read in this way.
         numbers: Further figures.
-        columns: What is read in other columns; None for another cause.
+        freedom: Continuous unknowns that were found beside the parameters.
     """
 
     name: str
@@ -64,30 +48,14 @@ class Interpretation:
     gain: float
     evidence: str
     remedy: str
+    reading: ReadRows
     numbers: Mapping[str, float] = field(default_factory=dict)
-    columns: Columns | None = None
+    freedom: int = 0
 
 
 def variance_falls(gain: float) -> str:
     """Return a gain of the score in words, as the factor on the product of the joints' residual variances."""
     return f"the residual variance falls by a factor of {Decimal(float(gain)).exp():.3g} (product over the joints)"
-
-
-def predicts_unseen(fit: QuickFit) -> bool:
-    """Return whether other columns that are found on half of a log predict the other half better, both ways."""
-    before, after, moved = np.zeros(len(fit.counts)), np.zeros(len(fit.counts)), np.zeros(len(fit.counts), bool)
-    for half in halves(len(fit.rows.torque)):
-        learned, unseen = fit.part(half), fit.part(~half)
-        found = [*torque_orders(learned), *position_readings(learned)]
-        columns = max(found, key=lambda reading: reading.gain).columns if found else None
-        if columns is None:
-            return False
-        torque = columns.rows.torque @ columns.mixing.T
-        before += unseen.mean_squares(unseen.rows, learned.plain.beta)
-        after += unseen.mean_squares(replace(columns.rows, torque=torque), columns.beta) @ columns.mixing
-        moved |= np.diag(columns.mixing) == 0
-    gains = np.log(np.maximum(before, 1e-300) / np.maximum(after, 1e-300))
-    return bool(gains.sum() > 0 and (gains[moved] > 0).all())
 
 
 def torque_orders(fit: QuickFit) -> Iterator[Interpretation]:
@@ -101,10 +69,9 @@ def torque_orders(fit: QuickFit) -> Iterator[Interpretation]:
         if gain > GAIN and _explained(fit, solved, mixing, moved):
             how = _in_words(names, order)
             joints = tuple(names[i] for i in moved)
-            evidence = f"with their torques {how}, {variance_falls(gain)}"
+            evidence = f"with their torques {how},"
             remedy = "name the torque columns in the order of the joints (log: columns: torque)"
-            columns = Columns(fit.rows, mixing, solved.beta)
-            yield Interpretation("torque order", joints, gain, evidence, remedy, columns=columns)
+            yield Interpretation("torque order", joints, gain, evidence, remedy, ReadRows(fit.rows, mixing))
 
 
 def _orders(joints: int) -> Iterator[tuple[int, ...]]:
@@ -163,7 +130,7 @@ def position_readings(fit: QuickFit) -> Iterator[Interpretation]:
         if len(moved) == 2:
             yield from _read(fit, swapped, "joint order", moved, remedy)
         remedy = "name the columns of positions and torques in the order of the joints (log: columns)"
-        how = f"with their positions and torques {_in_words(names, order)}"
+        how = f"with their positions and torques {_in_words(names, order)},"
         yield from _read(fit, swapped, "joint order", moved, remedy, how, np.eye(len(names))[list(order)])
     if turning.all():
         remedy = "state the unit in the case file (log: units: {position: deg})"
@@ -190,6 +157,6 @@ def _read(
     gain = fit.plain.score - solved.score
     share, z = fit.friction_power(solved)
     if gain > GAIN + 1 and not ((z < FEEDS) & (share < FEEDS_SHARE)).any():
-        evidence = f"{how} {variance_falls(gain)}"
-        columns = Columns(rows, np.eye(len(share)) if mixing is None else mixing, solved.beta)
-        yield Interpretation(name, joints, gain, evidence, remedy, columns=columns)
+        yield Interpretation(
+            name, joints, gain, how, remedy, ReadRows(rows, np.eye(len(share)) if mixing is None else mixing)
+        )

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import EXACT, QuickFit, Solved, weighted_products
 from dynident.identification.problem.regressor_stream import motion_of
 
@@ -49,6 +50,7 @@ class Coupled:
         at_motors: Whether the torques of the log are those of the motors; else those of the joints.
         before: Relative residual of each joint as the case reads the log, shape (n,).
         after: The same under the coupling, shape (n,).
+        reading: The rows of the log under the coupling.
     """
 
     matrix: Array
@@ -57,6 +59,7 @@ class Coupled:
     at_motors: bool
     before: Array
     after: Array
+    reading: ReadRows
 
 
 def best_coupling(fit: QuickFit) -> Coupled | None:
@@ -79,8 +82,11 @@ def _found(scan: _Scan) -> Coupled | None:
         single = len(places) == 1
         entries += [(*place, float(tried[place]), scan.deviation(tried, place) if single else 0.0) for place in places]
         matrix, best = tried, gain
-    after = scan.relative(matrix)
-    return Coupled(matrix, tuple(entries), best, scan.at_motors, scan.rows.fit.relative, after) if entries else None
+    if not entries:
+        return None
+    before, after = scan.rows.fit.relative, scan.relative(matrix)
+    reading = scan.rows.reading(matrix, scan.at_motors)
+    return Coupled(matrix, tuple(entries), best, scan.at_motors, before, after, reading)
 
 
 class _Scan:
@@ -188,14 +194,26 @@ class _CoupledRows:
         key = (i, matrix[drives].tobytes())
         if key not in self._made:
             mask = self.fit.rows.masks[:, i]
-            columns = np.zeros((len(mask), len(matrix), self.fit.model.coefficients_per_joint))
-            for drive, own in zip(drives.tolist(), self._friction_of(matrix, drives.tolist()), strict=True):
-                columns[:, drive] = own * matrix[drive, i]
-            block = np.column_stack([self._inertial[i], columns.reshape(len(columns), -1)])[mask]
+            block = self._block(matrix, i)[mask]
             known = self.fit.rows.known[mask, i]
             own = np.stack([torque[mask, i] - known for torque in self.torques(matrix)], axis=1)
             self._made[key] = block.T @ block, block.T @ own, np.sum(own**2, axis=0)
         return self._made[key]
+
+    def reading(self, matrix: Array, at_motors: bool) -> ReadRows:
+        """Return the rows under a coupling."""
+        blocks = tuple(self._block(matrix, i) for i in range(len(matrix)))
+        every = tuple(np.arange(block.shape[1]) for block in blocks)
+        mixing = np.linalg.solve(self.stated, matrix).T if at_motors else np.eye(len(matrix))
+        return ReadRows(replace(self.fit.rows, blocks=blocks, columns=every), mixing)
+
+    def _block(self, matrix: Array, i: int) -> Array:
+        """Return the observation matrix of a joint under a coupling, shape (N, k)."""
+        drives = np.flatnonzero(matrix[:, i]).tolist()
+        columns = np.zeros((len(self._inertial[i]), len(matrix), self.fit.model.coefficients_per_joint))
+        for drive, own in zip(drives, self._friction_of(matrix, drives), strict=True):
+            columns[:, drive] = own * matrix[drive, i]
+        return np.column_stack([self._inertial[i], columns.reshape(len(columns), -1)])
 
     def _friction_of(self, matrix: Array, drives: Sequence[int]) -> list[Array]:
         """Return the friction columns of motors at their own speeds, filtered, shape (N, k) each.

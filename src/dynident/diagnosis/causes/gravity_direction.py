@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import Products, QuickFit
+from dynident.identification.problem.regressor_stream import RegressorStream
 
 #: First step of the search over the two angles, and the angle to which gravity is told, in rad.
 STEP, ANGLE = 0.5, 0.003
@@ -22,12 +26,17 @@ PAIRS = tuple((a, b) for a in range(4) for b in range(a, 4))
 
 
 class GravityDirection:
-    """The fit with gravity in any direction."""
+    """The fit with gravity in any direction.
+
+    A first axis along the stated gravity carries no weight, so that the base parameters lack its first moments: two
+    columns of the first joint stand for them.
+    """
 
     def __init__(self, fit: QuickFit) -> None:
         self._fit = fit
         still, *along = (fit.rows_under(regressor) for regressor in fit.gravity_observers)
-        joints, size = fit.model.robot.dof, fit.base.count
+        self._first = _weight_of_first(fit)
+        joints, size = fit.model.robot.dof, fit.base.count + 2
         self._grams = np.zeros((joints, len(PAIRS), size, size))
         self._sides = np.zeros((joints, 4, size, joints + 1))
         self._squares = np.zeros((joints, joints + 1, joints + 1))
@@ -37,18 +46,33 @@ class GravityDirection:
             for part, rows in zip(parts, (still, *along), strict=True):
                 part[:, rows.columns[i]] = rows.blocks[i][kept]
             parts[1:] -= parts[0]
+            if i == 0:
+                parts[0, :, -2:] = self._first[kept]
             torques = np.column_stack([still.torque, still.known[:, i]])[kept]
             for place, (a, b) in enumerate(PAIRS):
                 gram = parts[a].T @ parts[b]
                 self._grams[i, place] = gram if a == b else gram + gram.T
             self._sides[i], self._squares[i] = parts.swapaxes(1, 2) @ torques, torques.T @ torques
+        self._stated = self._score(np.asarray(fit.model.robot.gravity))
 
     def gain(self, gravity: Array) -> float:
         """Return by how much the fit is better with this gravity (3,) in m/s^2, in log variance."""
+        return self._stated - self._score(gravity)
+
+    def _score(self, gravity: Array) -> float:
         pull = np.concatenate([[1.0], gravity])
         grams = np.tensordot(np.array([pull[a] * pull[b] for a, b in PAIRS]), self._grams, (0, 1))
-        products = Products(grams, np.tensordot(pull, self._sides, (0, 1)), self._squares)
-        return self._fit.plain.score - self._fit.solve(products).score
+        return self._fit.solve(Products(grams, np.tensordot(pull, self._sides, (0, 1)), self._squares)).score
+
+    def reading(self, gravity: Array) -> ReadRows:
+        """Return the rows of the log with this gravity (3,) in m/s^2."""
+        model, size = self._fit.model, self._fit.base.count
+        robot = model.robot.with_gravity(gravity)
+        stream = RegressorStream(replace(model, robot=robot), self._fit.base, any_gravity=True)
+        rows = self._fit.rows_under(stream)
+        blocks = (np.column_stack([rows.blocks[0], self._first]), *rows.blocks[1:])
+        columns = (np.append(rows.columns[0], [size, size + 1]), *rows.columns[1:])
+        return ReadRows(replace(rows, blocks=blocks, columns=columns), np.eye(robot.dof))
 
     def best(self) -> tuple[Array, float]:
         """Return the direction of the stated size that explains the torques best, and its gain.
@@ -79,3 +103,12 @@ class GravityDirection:
             else:
                 step /= 2
         return best, found
+
+
+def _weight_of_first(fit: QuickFit) -> Array:
+    """Return sine and cosine of the first joint, filtered as torques are, shape (N, 2); nothing where it slides."""
+    prepared = fit.rows.prepared
+    if fit.model.robot.active[0].kind != "revolute":
+        return np.zeros((len(fit.rows.torque), 2))
+    q = np.asarray(prepared.log.q)[:, 0]
+    return prepared.smooth(np.stack([np.sin(q), np.cos(q)]))[:, prepared.keep].T

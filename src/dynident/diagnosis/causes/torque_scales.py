@@ -9,12 +9,13 @@ figure is told.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.quick_fit import RIDGE, QuickFit, halves
+from dynident.diagnosis.causes.held_out import ReadRows, predicts_unseen
+from dynident.diagnosis.causes.quick_fit import RIDGE, QuickFit
 from dynident.identification.residuals.covariance import correlation_factors
 
 #: Logarithms of the factors between which a scale is looked for, their distance, and how near a linear estimate is.
@@ -32,6 +33,9 @@ SHARP, BLUNT = 0.1, 0.25
 #: Gain of the score from which one torque has another scale: where its figure stands, and where it does not. Errors of
 #: the model bring gains of 0.9 without any.
 SHARP_GAIN, GAIN = 0.5, 1.5
+
+#: Gain of the score from which the scale of a joint is an error, where it predicts samples that it was not found on.
+SURE_GAIN = 3.0
 
 #: Least factor that is told, and the share of the largest gain from which another joint explains it as well.
 FACTOR, RIVAL = 1.2, 0.8
@@ -85,18 +89,20 @@ def other_scales(scales: Sequence[JointScale]) -> tuple[JointScale, ...]:
     return tuple(scale for scale in ranked if scale.is_other and scale.gain >= RIVAL * ranked[0].gain)
 
 
-def predicts_unseen(fit: QuickFit, scale: JointScale) -> bool:
-    """Return whether the scale found on half of a log predicts the other half better, both ways (Stone 1974)."""
+def reading_of(fit: QuickFit, scale: JointScale) -> ReadRows:
+    """Return the rows of a log with the torque of a joint multiplied by its factor."""
     joint = fit.model.robot.joint_names.index(scale.joint)
-    for half in halves(len(fit.rows.torque)):
-        learned, unseen = fit.part(half), fit.part(~half)
-        mixing = _mixing(learned, joint, float(np.log(_scale(learned, joint, scale.joint).factor)))
-        before = unseen.mean_squares(unseen.rows, learned.plain.beta)
-        rows = replace(unseen.rows, torque=unseen.rows.torque @ mixing.T)
-        after = unseen.mean_squares(rows, learned.solve(learned.triangles.products, mixing).beta) / np.diag(mixing) ** 2
-        if not np.log(np.maximum(after, 1e-300)).sum() < np.log(np.maximum(before, 1e-300)).sum():
-            return False
-    return True
+    return ReadRows(fit.rows, _mixing(fit, joint, float(np.log(scale.factor))))
+
+
+def is_sure(fit: QuickFit, scale: JointScale) -> bool:
+    """Return whether the scale of a joint is far off and predicts samples that it was not found on."""
+    joint = fit.model.robot.joint_names.index(scale.joint)
+
+    def found_on(learned: QuickFit) -> ReadRows:
+        return reading_of(learned, _scale(learned, joint, scale.joint))
+
+    return scale.gain > SURE_GAIN and predicts_unseen(fit, found_on)
 
 
 def _scale(fit: QuickFit, joint: int, name: str) -> JointScale:

@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from dynident.case.case import Case
-from dynident.diagnosis.causes.against_estimate import KnownBodies, known_bodies
+from dynident.diagnosis.causes.known_bodies import KnownBodies, known_bodies
 from dynident.diagnosis.causes.quick_fit import QuickFit, beyond_quick_fit, quick_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, joint_scales
 from dynident.diagnosis.causes.trends import Trends

@@ -91,7 +91,8 @@ def _spikes(subject: CheckedLog) -> list[Finding]:
         if spikes.any():
             joints = [name for name, any_ in zip(log.joints, spikes.any(axis=0), strict=True) if any_]
             row = subject.sound.place(int(np.argmax(spikes.any(axis=1))) + 2)
-            evidence = f"{spikes.sum()} values of {signal} are isolated outliers, the first in {row}"
+            many = f"{spikes.sum()} values of {signal} are isolated outliers, the first in {row}"
+            evidence = many if spikes.sum() > 1 else f"1 value of {signal} is an isolated outlier, in {row}"
             remedy = "leave these rows out, or use a robust estimator (estimator: huber)"
             numbers = {"values": int(spikes.sum())}
             found.append(Finding("warning", "spikes", listed(joints), evidence, remedy, numbers))

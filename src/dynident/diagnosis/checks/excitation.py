@@ -44,8 +44,9 @@ class Excitation(Check):
             return []
         weak = values < values[0] / POOR
         share = np.abs(directions[weak]).max(axis=0)
-        names = "; ".join(fit.base.names[k] for k in np.argsort(-share)[:TOLD])
-        evidence = f"condition number {condition:.3g} ({int(weak.sum())} poorly excited directions), above all {names}"
+        names = ", ".join(fit.base.parameters[fit.base.independent[k]].name for k in np.argsort(-share)[:TOLD])
+        told = f"{int(weak.sum())} poorly excited direction" + "s" * (int(weak.sum()) != 1)
+        evidence = f"condition number {condition:.3g} ({told}), above all the base parameters of {names}"
         remedy = "record a motion that moves all joints fast and far at once (dynident excite)"
         name, grave = ("poor excitation", condition > NONE)
         return [Finding("error" if grave else "warning", name, "", evidence, remedy, {"condition": condition})]

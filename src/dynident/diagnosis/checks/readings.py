@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -17,19 +17,23 @@ from dynident.diagnosis.causes.column_readings import (
     GOOD,
     Interpretation,
     position_readings,
-    predicts_unseen,
     torque_orders,
     variance_falls,
 )
 from dynident.diagnosis.causes.couplings import best_coupling
 from dynident.diagnosis.causes.gravity_direction import GravityDirection
+from dynident.diagnosis.causes.held_out import CrossValidation, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit, Solved
-from dynident.diagnosis.causes.torque_scales import other_scales
+from dynident.diagnosis.causes.robot_misfit import RobotMisfit, robot_misfit
+from dynident.diagnosis.causes.torque_scales import is_sure, other_scales, reading_of
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import CONSEQUENCES, Finding, listed
+from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 
 #: Relative residual above which a joint is not explained.
 POOR = 0.25
+
+#: Readings that are told beside the best one at most, where the log does not tell them apart.
+RIVALS = 2
 
 
 @dataclass(frozen=True)
@@ -46,16 +50,82 @@ class Readings(Check):
         feeds = (z < FEEDS) & (share < FEEDS_SHARE)
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
             return [_all_signs(subject, share, z, fit)]
-        found = sorted(_candidates(fit, feeds), key=lambda reading: -reading.gain)
-        if found and found[0].columns is not None and not predicts_unseen(fit):
-            found = [reading for reading in found if reading.columns is None]
-        if not found:
-            return []
-        best = found[0]
-        if any(scale.gain > best.gain for scale in other_scales(subject.scales)):
-            return []  # one torque of another unit upsets the others: that check tells it
-        numbers = {"gain": best.gain, **best.numbers}
-        return [Finding("error", best.name, listed(best.joints), best.evidence, best.remedy, numbers, CONSEQUENCES)]
+        found = _ranked(fit, _candidates(fit, feeds))
+        if found and not predicts_unseen(fit, _best_reading):
+            found = []
+        scales = [scale for scale in other_scales(subject.scales) if is_sure(fit, scale)][:1]
+        if found and scales and scales[0].gain > found[0][1].gain:
+            found = []  # one torque of another unit upsets the others: that check tells it
+        if found:
+            misfit = robot_misfit(fit, found[0][1].reading)
+        elif scales:
+            misfit = robot_misfit(fit, reading_of(fit, scales[0]))
+        else:
+            trends = subject.trends
+            misfit = robot_misfit(fit) if trends is None else robot_misfit(trends.fit, known=trends.blames)
+        if misfit.is_sure or ((found or scales) and misfit.is_suspected):
+            return [_another_robot(misfit, fit, "error")]
+        if found:
+            return [_reading_finding(found)]
+        return [_another_robot(misfit, fit, "warning")] if misfit.is_suspected else []
+
+
+def _reading_finding(found: Sequence[tuple[float, Interpretation]]) -> Finding:
+    """Return what is said of the best reading and of those that the log does not tell from it."""
+    (gain, best), *rivals = found
+    evidence = f"{best.evidence} {variance_falls(gain)}"
+    for _, rival in rivals:
+        of = f" ({listed(rival.joints)})" * bool(rival.joints)
+        evidence += f"; not distinguishable from {rival.name}{of}: {rival.remedy}"
+    numbers = {"gain": gain, **best.numbers}
+    return Finding("error", best.name, listed(best.joints), evidence, best.remedy, numbers, CONSEQUENCES)
+
+
+def _another_robot(misfit: RobotMisfit, fit: QuickFit, severity: Severity) -> Finding:
+    names, worst = fit.model.robot.joint_names, int(np.argmax(misfit.joints))
+    evidence = (
+        f"{misfit.left:.0%} of the torque is left on samples that were not fitted, {misfit.joints[worst]:.0%} at "
+        f"{names[worst]}"
+    )
+    if misfit.is_sure:
+        evidence += f"; with bodies of each joint's own, {variance_falls(misfit.gain)}: lengths or axes are wrong"
+    remedy = (
+        "use the robot model of the robot that was logged; check order, signs and units of the columns (log: columns)"
+    )
+    explains = CONSEQUENCES if severity == "error" else ()
+    return Finding(
+        severity, "another robot", "", evidence, remedy, {"left": misfit.left, "gain": misfit.gain}, explains
+    )
+
+
+def _ranked(fit: QuickFit, candidates: Iterable[Interpretation]) -> list[tuple[float, Interpretation]]:
+    """Return the candidate that cross-validation favours, with its gain, and those that the log does not tell from it.
+
+    The logarithm of the independent rows is taken off for each unknown that was found beside the parameters (Schwarz
+    1978).
+    """
+    proposed = list(candidates)
+    if not proposed:
+        return []
+    errors = CrossValidation(fit)
+    worth = max(float(np.median(fit.independent_rows)), 2.0)
+    measured = [errors.errors(each.reading) for each in proposed]
+    penalties = [each.freedom * float(np.log(worth)) / worth for each in proposed]
+    gains = [errors.gain(own) - penalty for own, penalty in zip(measured, penalties, strict=True)]
+    best = int(np.argmax(gains))
+    rivals = []
+    for k in np.argsort(gains)[::-1]:
+        gain, spread = errors.difference(measured[best], measured[k])
+        if k != best and gain - penalties[best] + penalties[k] < spread:
+            rivals.append(k)
+    return [(gains[k], proposed[k]) for k in [best, *rivals[:RIVALS]]] if gains[best] > 0 else []
+
+
+def _best_reading(learned: QuickFit) -> ReadRows | None:
+    """Return what is best on the samples of a fit alone."""
+    share, z = learned.friction_power(learned.plain)
+    found = list(_candidates(learned, (z < FEEDS) & (share < FEEDS_SHARE)))
+    return max(found, key=lambda each: each.gain).reading if found else None
 
 
 def _all_signs(subject: CheckedLog, share: Array, z: Array, fit: QuickFit) -> Finding:
@@ -72,11 +142,12 @@ def _candidates(fit: QuickFit, feeds: BoolArray) -> Iterator[Interpretation]:
         mixing = np.diag(np.where(signs, -1.0, 1.0))
         solved = fit.solve(fit.triangles.products, mixing)
         joints = tuple(name for name, flip in zip(names, signs, strict=True) if flip)
-        evidence = f"with the sign reversed, {variance_falls(fit.plain.score - solved.score)}"
+        evidence = "with the sign reversed,"
         if feeds.any():
             evidence = f"friction drives {'it' if feeds.sum() == 1 else 'them'} instead of braking; " + evidence
         remedy = "negate the column of the torque, or the gain (drives: {JOINT: {gain: ...}})"
-        yield Interpretation("torque sign", joints, fit.plain.score - solved.score, evidence, remedy)
+        gain = fit.plain.score - solved.score
+        yield Interpretation("torque sign", joints, gain, evidence, remedy, ReadRows(fit.rows, mixing))
     yield from torque_orders(fit)
     yield from _mountings(fit)
     if not signs.any():
@@ -125,12 +196,13 @@ def _couplings(fit: QuickFit) -> Iterator[Interpretation]:
         for motor, joint, value, spread in found.entries
     ]
     left = ", ".join(f"{names[i]} {found.before[i]:.1%} to {found.after[i]:.1%}" for i in touched)
-    evidence = f"{', '.join(told)} as well: {variance_falls(found.gain)}; relative residual {left}"
+    evidence = f"{', '.join(told)} as well: relative residual {left};"
     rows = ", ".join(f"[{', '.join(f'{value + 0.0:.4g}' for value in row)}]" for row in found.matrix)
     side = "; log: side: {torque: motor}, as these are torques of the motors" if found.at_motors else ""
     remedy = f"state the kinematic coupling of the drives, motor speed = C joint speed (coupling: [{rows}]{side})"
     numbers = {f"entry {motor + 1}, {joint + 1}": value for motor, joint, value, _ in found.entries}
-    yield Interpretation("coupling", tuple(names[i] for i in touched), found.gain, evidence, remedy, numbers)
+    joints, freedom = tuple(names[i] for i in touched), len(found.entries)
+    yield Interpretation("coupling", joints, found.gain, evidence, remedy, found.reading, numbers, freedom)
 
 
 def _mountings(fit: QuickFit) -> Iterator[Interpretation]:
@@ -142,12 +214,12 @@ def _mountings(fit: QuickFit) -> Iterator[Interpretation]:
     without = free.gain(np.zeros(3))
     best, gain = free.best()
     if without > GAIN:
-        evidence = f"the torques contain no gravity: without it, {variance_falls(without)}"
+        evidence = "the torques contain no gravity: without it,"
         remedy = "log the measured torque with gravity, not the controller's part without it"
-        yield Interpretation("torque without gravity", (), without, evidence, remedy)
+        yield Interpretation("torque without gravity", (), without, evidence, remedy, free.reading(np.zeros(3)))
     angle = float(np.degrees(np.arccos(np.clip(best @ gravity / size**2, -1.0, 1.0))))
     if gain > GAIN and angle > LEAN:  # a smaller one is a tilt, told with its deviation
         text = ", ".join(f"{value + 0.0:.3g}" for value in best)
-        evidence = f"with gravity [{text}], {angle:.1f} degrees off the stated one, {variance_falls(gain)}"
+        evidence = f"with gravity [{text}], {angle:.1f} degrees off the stated one,"
         remedy = f"state how the arm is mounted (gravity: [{text}] in the frame of the base)"
-        yield Interpretation("mounting", (), gain, evidence, remedy, {"angle_deg": angle})
+        yield Interpretation("mounting", (), gain, evidence, remedy, free.reading(best), {"angle_deg": angle}, 2)

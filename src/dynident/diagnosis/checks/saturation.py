@@ -16,8 +16,11 @@ from dynident.diagnosis.finding import Finding, listed
 LONGER, SHORTEST = 6.0, 5
 
 #: A torque counts as at its limit of effort within this share of it, from this share of the rows on. Where as many are
-#: beyond the limit by more than the last share, the drive has another one than the description states.
+#: beyond the limit by more than the last share, the drive has another one than the robot model states.
 NEAR, AT_LIMIT, BEYOND = 0.005, 0.002, 0.02
+
+#: Times as many rows at the limit as in a band as wide just below it: a smooth peak that just gets there has 2.4 times.
+HEAPED = 5.0
 
 
 @dataclass(frozen=True)
@@ -30,24 +33,28 @@ class Saturation(Check):
         log = subject.sound.log
         if log.torque is None:
             return []
-        joints, most = [], 0.0
+        joints = list[str]()
+        flat = limited = 0.0
         for joint, column in zip(subject.case.robot.active, log.torque.T, strict=True):
-            share = max(flat_share(column), flat_share(-column))
-            share = max(share, limit_share(column, joint.limits.effort))
-            if share:
+            own = max(flat_share(column), flat_share(-column)), limit_share(column, joint.limits.effort)
+            if max(own):
                 joints.append(joint.name)
-                most = max(most, share)
+                flat, limited = max(flat, own[0]), max(limited, own[1])
         if not joints:
             return []
-        evidence = f"the torque is constant at its extreme in up to {100 * most:.2g} % of the rows"
+        where = "at its extreme" if flat >= limited else "within 0.5 % of its limit of effort"
+        evidence = f"the torque is constant {where} in up to {100 * max(flat, limited):.2g} % of the rows"
         remedy = "leave these rows out, or record a slower motion: the drive was saturated"
-        return [Finding("warning", "torque saturation", listed(joints), evidence, remedy, {"share": most})]
+        numbers = {"share": max(flat, limited)}
+        return [Finding("warning", "torque saturation", listed(joints), evidence, remedy, numbers)]
 
 
 def limit_share(column: Array, limit: float) -> float:
-    """Return the share of the samples (N,) at a limit of effort; 0 for few, and where the torque goes beyond it."""
-    near, beyond = (float(np.mean(np.abs(column) >= part * limit)) for part in (1 - NEAR, 1 + BEYOND))
-    return near if near > AT_LIMIT and beyond <= AT_LIMIT else 0.0
+    """Return the share of the samples (N,) heaped at a limit of effort; 0 where they go beyond it or just reach it."""
+    bounds = limit * np.array([1 - 2 * NEAR, 1 - NEAR, 1 + BEYOND])
+    below, near, beyond = (float(np.mean(np.abs(column) >= bound)) for bound in bounds)
+    heaped = near > HEAPED * (below - near)
+    return near if near > AT_LIMIT and heaped and beyond <= AT_LIMIT else 0.0
 
 
 def flat_share(column: Array) -> float:

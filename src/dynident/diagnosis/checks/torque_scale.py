@@ -12,13 +12,10 @@ from dynident.arrays import Array
 from dynident.data.evidence.torques import EXPLAINED, agrees, scale_against
 from dynident.diagnosis.causes.column_readings import variance_falls
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.torque_scales import JointScale, other_scales, predicts_unseen
+from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, other_scales
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 from dynident.identification.problem.regressor_stream import motion_of
-
-#: Gain of the score from which the scale of a joint is an error, where it predicts samples that it was not found on.
-SURE_GAIN = 3.0
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,7 @@ def _one_joint(fit: QuickFit, scales: Sequence[JointScale]) -> list[Finding]:
         "kinematic coupling of the drives (coupling)"
     )
     numbers = {"factor": best.factor, "low": best.low, "high": best.high, "gain": best.gain}
-    sure = best.gain > SURE_GAIN and predicts_unseen(fit, best)
+    sure = is_sure(fit, best)
     severity: Severity = "error" if sure else "warning"
     explains = tuple(name for name in CONSEQUENCES if name != "torque scale") if sure else ()
     joints = listed([each.joint for each in found])

@@ -211,6 +211,9 @@ def _link_rows(known: BodyConstraints) -> Iterator[tuple[Array, float, str, bool
             yield normal @ moment - value * mass, 0.0, words, True, ""
     if known.body_ellipsoid is not None:
         yield _trace_row(known.body_ellipsoid.quadric), 0.0, "all matter in the ellipsoid", False, ""
+        for quadric in known.body_ellipsoid.slabs(known.reach) if known.reach else ():
+            words = f"at equal density within {known.reach:g} times the ellipsoid"
+            yield _trace_row(quadric), 0.0, words, False, ""
     if known.body_box is not None:
         for axis, quadric in zip(AXES, box_quadrics(known.body_box), strict=True):
             yield _trace_row(quadric), 0.0, f"all matter in the box along {axis}", False, ""

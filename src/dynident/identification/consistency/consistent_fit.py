@@ -176,7 +176,7 @@ def lifted(bodies: Array) -> Array:
 def paths_of(program: Program) -> dict[str, Path]:
     """Return the ways to solve a program, the first choice first."""
     if program.weight:
-        return {"log-det barrier": _solve_barrier, "Clarabel with exponential cones": solve_conic}
+        return {"Clarabel with exponential cones": solve_conic, "log-det barrier": _solve_barrier}
     return {"Clarabel": solve_conic, "Clarabel, whitened": solve_whitened, "log-det barrier": _solve_barrier}
 
 

@@ -1,14 +1,14 @@
 """The consistent fit within bounds of plausible bodies, and among those within the noise the one nearest to nominal.
 
-minimise    |A phi - y|^2 / 2 + v s^2 / (2 r) d(phi)^2      subject to the conditions and the bounds
+minimise    |A phi - y|^2 / 2 + v s^2 / r d(phi)      subject to the conditions and the bounds
 
-A, y, s^2 and r rows as in :func:`~dynident.identification.consistency.consistent_fit.consistent_fit`; the distance is
-that of the constant pull-back metric at the nominal pseudo-inertias (Lee and Park 2018, (16)),
+A, y, s^2 and r rows as in :func:`~dynident.identification.consistency.consistent_fit.consistent_fit`; the distance to
+the nominal pseudo-inertias P_i0 is the entropic one (Lee, Wensing and Park 2020, (17)),
 
-    d^2 = sum_i |P_i0^-1/2 (P_i - P_i0) P_i0^-1/2|^2,
+    d = sum_i (tr Q_i - log det Q_i - 4),   Q_i = P_i0^-1 P_i.
 
-a quadratic. Where no bodies are stated P_i0 = rho U_i, U_i the uniform body of density 1 that fills the geometry, and
-the density rho is the best one: d^2 = |X|^2 - <X, I>^2 / |I|^2 over all links with X_i = U_i^-1/2 P_i U_i^-1/2.
+Where no bodies are stated P_i0 is the uniform body that fills the geometry; the density of all of them is that of the
+fit within the bounds alone. A link whose mass range is relaxed has the mass of that fit in P_i0.
 
 The weight v is the largest for which the cost rises by no more than the data's own noise,
 
@@ -17,20 +17,24 @@ The weight v is the largest for which the cost rises by no more than the data's 
 the joint 95 % region of the b base parameters with rows taken as independent (Seber and Wild 2003, (5.3)). Correlated
 residuals would widen the region by their correlation factor: counted so, the rule stays on the side of the data.
 
-A mass range is contradicted where the cost without it is lower by more than the quantile of chi-square with one degree
-of freedom at 5 % over all ranges (Bonferroni), the cost of each joint over its correlation factor.
+A nominal body that does not meet the bounds of its link is replaced by the nearest one of its mass that does.
+
+A bound that nobody stated, a mass range or the size of a link without shapes, is contradicted where the cost without it
+is lower by more than a quantile of chi-square at 5 % over all such bounds (Bonferroni), the cost of each joint over its
+correlation factor; with one degree of freedom for a mass and ten, the parameters of a link, for a size.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.identification.consistency.conditions import conditions_of
+from dynident.identification.consistency.conditions import Conditions, conditions_of
 from dynident.identification.consistency.consistent_fit import (
+    MISSED,
     Answer,
     ConsistentFit,
     judged,
@@ -40,12 +44,12 @@ from dynident.identification.consistency.consistent_fit import (
     solve_program,
 )
 from dynident.identification.consistency.program import Program, whitened_rows
-from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedMass, Plausibility
+from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedBound, Plausibility
 from dynident.identification.problem.prior import BodyPrior, Scale
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.covariance import correlation_of
 from dynident.identification.residuals.quantiles import chi_square_quantile
-from dynident.model.body_constraints import Constraints, ValueRange
+from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
 from dynident.model.inertia import PSEUDO_BASIS
 from dynident.model.plausible import plausible_constraints, uniform_body
 from dynident.model.robot import Robot
@@ -54,7 +58,7 @@ from dynident.model.threads import one_blas_thread
 #: Level of both rules; least and largest weight; share of the cost limit that is enough.
 LEVEL, LEAST, MOST, ENOUGH = 0.95, 1e-6, 1e6, 0.5
 
-#: A mass within this share of its bound is at it.
+#: A mass or a size within this share of its bound is at it.
 _AT_BOUND = 1e-3
 
 
@@ -77,9 +81,9 @@ def plausible_fit(problem: Problem, weights: Array, pull: float, margin: float) 
     """Return the plausible standard parameters that are nearest to the nominal ones within the noise of the data.
 
     Args:
-        problem: The problem. Its rows are read again only where a mass range costs much, for correlation factors.
+        problem: The problem. Its rows are read again only where a bound costs much, for correlation factors.
         weights: Of each joint, shape (n,), 1 / N m.
-        pull: Of the prior in natural sizes, which stays beside the pull to the nominal bodies.
+        pull: Of the prior in natural sizes; that of inertial parameters gives way to the pull to the nominal bodies.
         margin: Smallest eigenvalue of the scaled pseudo-inertia of each link.
 
     Raises:
@@ -100,23 +104,26 @@ def plausible_fit(problem: Problem, weights: Array, pull: float, margin: float) 
     with one_blas_thread():  # matrices this small are slower on several threads
         inner = solve_program(program, stated=True)
         setting = _Setting(problem, weights * np.sqrt(rows / max(reduced.rest, 1e-300)), scale, within)
-        contradicted, bounds, inner = _contradicted(setting, bounds, inner)
-        dropped = {mass.name for mass in contradicted if mass.is_relaxed}
         bodies, is_stated, uniform = nominal_bodies(model.robot, bounds, problem.prior)
-        held = np.array([link.name not in dropped for link in model.robot.links])
-        matrix, aim = pull_rows(scale, bodies, is_stated, held)
+        filling = np.array([uniform_body(bounds.links[link.name]).vector for link in model.robot.links])
+        contradicted, bounds, inner = _contradicted(setting, bounds, inner)
+        rules = conditions_of(model, scale, margin, _with_masses(bounds, model.robot, bodies))
+        bodies, fitted = fitting_bodies(bodies, filling, rules, scale)
+        relaxed = {one.name for one in contradicted if one.is_relaxed and one.bound == "mass"}
+        is_relaxed = np.array([link.name in relaxed for link in model.robot.links])
+        bodies = bodies * mass_factors(bodies[:, 9], inner.candidate.phi * scale.parameters, is_stated, is_relaxed)
+        pulled = replace(program, conditions=inner.program.conditions)
+        pulled = pull_program(pulled, bodies, filling, inner.candidate.phi, scale)
         limit, least, answers = chi_square_quantile(LEVEL, base.count), cost(inner), {0.0: inner}
 
         def rise(weight: float) -> float:
-            share = np.sqrt(weight / rows)
-            pulled, target = np.vstack([program.pull, share * matrix]), np.append(program.pull_target, share * aim)
-            rules = inner.program.conditions
-            answers[weight] = solve_program(replace(program, pull=pulled, pull_target=target, conditions=rules))
+            answers[weight] = solve_program(replace(pulled, weight=weight / rows))
             return cost(answers[weight]) - least
 
         weight, cost_rise = largest_weight(rise, limit)
         fit = judged(answers[weight], scale)
-    facts = Plausibility(weight, cost_rise, limit, contradicted, tuple(uniform))
+    names = tuple(link.name for link, moved in zip(model.robot.links, fitted, strict=True) if moved)
+    facts = Plausibility(weight, cost_rise, limit, contradicted, tuple(uniform), names)
     return PlausibleFit(fit, answers[weight].program, facts)
 
 
@@ -126,7 +133,7 @@ def largest_weight(rise: Callable[[float], float], limit: float) -> tuple[float,
     The rise grows with the weight: interpolated in logarithms until it is between :data:`ENOUGH` and 1 of the limit.
     """
     low, high, aim = (0.0, 0.0), (np.inf, np.inf), np.sqrt(ENOUGH) * limit
-    weight = 0.1  # a usual one: fewer solutions
+    weight = 1.0  # a usual one: fewer solutions
     while high[0] > 1.05 * low[0]:
         value = rise(weight)
         if value <= limit:
@@ -147,24 +154,39 @@ def largest_weight(rise: Callable[[float], float], limit: float) -> tuple[float,
     return low
 
 
-def pull_rows(scale: Scale, nominal: Array, is_stated: BoolArray, held: BoolArray) -> tuple[Array, Array]:
-    """Return B and c with |B phi - c| the distance to the nominal bodies; see the module.
+def pull_program(program: Program, bodies: Array, filling: Array, phi: Array, scale: Scale) -> Program:
+    """Return a program with the entropic distance to bodies (l, 10) in place of the prior of inertial parameters.
 
     Args:
+        program: The program within bounds.
+        bodies: Meet the bounds.
+        filling: Uniform bodies that fill the geometry, shape (l, 10); the search starts half way to them.
+        phi: Its answer, shape (p,).
         scale: Natural sizes.
-        nominal: Inertial parameters of the nominal bodies, shape (l, 10).
-        is_stated: Whether the mass of each is stated; else their common density is free, shape (l,).
-        held: Which links have a part in the distance, shape (l,).
     """
-    size = len(scale.parameters)
-    bodies = np.append(nominal.ravel() / scale.parameters[: nominal.size], np.zeros(size - nominal.size))
-    roots = np.linalg.cholesky(lifted(np.einsum("lk,kij->lij", bodies[: nominal.size].reshape(-1, 10), PSEUDO_BASIS)))
-    matrix = whitened_rows(roots, size)
-    aim = matrix @ bodies
-    free = np.repeat(held & ~is_stated, 10)
-    unit = np.where(free, aim, 0.0) / max(np.sqrt(np.sum(aim[free] ** 2)), 1e-300)
-    matrix, aim = matrix - np.outer(unit, unit @ matrix), np.where(free, 0.0, aim)
-    return matrix[np.repeat(held, 10)], aim[np.repeat(held, 10)]
+    inertial = bodies.size
+    scaled, uniform = (found.ravel() / scale.parameters[:inertial] for found in (bodies, _as_heavy(filling, bodies)))
+    roots = np.linalg.cholesky(lifted(np.einsum("lk,kij->lij", scaled.reshape(-1, 10), PSEUDO_BASIS)))
+    other = ~np.any(program.pull[:, :inertial], axis=1)
+    return replace(
+        program,
+        pull=program.pull[other],
+        pull_target=program.pull_target[other],
+        whitening=np.linalg.inv(roots),
+        start=np.append((scaled + uniform) / 2.0, np.maximum(phi[inertial:], 1e-3)),
+    )
+
+
+def mass_factors(masses: Array, theta: Array, is_stated: BoolArray, is_relaxed: BoolArray) -> Array:
+    """Return what nominal masses (l,) are multiplied by, shape (l, 1): to the fit's mass or density; see the module."""
+    found = theta[: 10 * len(masses)].reshape(-1, 10)[:, 9]
+    density = found[~is_stated].sum() / max(masses[~is_stated].sum(), 1e-300)
+    return np.where(is_relaxed, found / masses, np.where(is_stated, 1.0, density))[:, None]
+
+
+def _as_heavy(bodies: Array, others: Array) -> Array:
+    """Return bodies (l, 10) with the masses of others."""
+    return bodies * (others[:, 9:] / bodies[:, 9:])
 
 
 def nominal_bodies(robot: Robot, bounds: Constraints, prior: BodyPrior | None) -> tuple[Array, BoolArray, list[str]]:
@@ -188,6 +210,36 @@ def nominal_bodies(robot: Robot, bounds: Constraints, prior: BodyPrior | None) -
     return np.array(bodies), masses > 0, uniform
 
 
+def fitting_bodies(bodies: Array, filling: Array, rules: Conditions, scale: Scale) -> tuple[Array, BoolArray]:
+    """Return the bodies nearest to others (l, 10) that meet the conditions, and which of them are not the same, (l,).
+
+    Nearest in the constant pull-back metric at the uniform bodies ``filling`` (l, 10) of the same masses.
+    """
+    size, inertial = rules.size, bodies.size
+    start = scale.prior / scale.parameters
+    phi = np.append(bodies.ravel() / scale.parameters[:inertial], np.maximum(start[inertial:], 1e-3))
+    if rules.shortfall(phi) <= MISSED:
+        return bodies, np.zeros(len(bodies), bool)
+    uniform = _as_heavy(filling, bodies).ravel() / scale.parameters[:inertial]
+    roots = np.linalg.cholesky(lifted(np.einsum("lk,kij->lij", uniform.reshape(-1, 10), PSEUDO_BASIS)))
+    pull = np.vstack([whitened_rows(roots, size), np.eye(size)[inertial:]])
+    none, start = np.zeros((0, size)), np.append(uniform, phi[inertial:])
+    found = solve_program(Program(none, np.zeros(0), pull, pull @ phi, 0.0, np.zeros((0, 4, 4)), rules, start))
+    nearest = found.candidate.phi
+    moved = np.linalg.norm((pull @ (nearest - phi))[:inertial].reshape(-1, 10), axis=1) > _AT_BOUND
+    return np.where(moved[:, None], (nearest * scale.parameters)[:inertial].reshape(-1, 10), bodies), moved
+
+
+def _with_masses(bounds: Constraints, robot: Robot, bodies: Array) -> Constraints:
+    """Return the bounds of the links with the masses of bodies (l, 10) or the nearest in their ranges."""
+    links = {}
+    for link, mass in zip(robot.links, bodies[:, 9].tolist(), strict=True):
+        body = bounds.links[link.name]
+        value = min(max(mass, body.mass.low), body.mass.high)
+        links[link.name] = replace(body, mass=ValueRange(value, value))
+    return Constraints(links)
+
+
 @dataclass(frozen=True)
 class _Setting:
     """A problem with weights over residual deviations (n,), natural sizes, and the answer of its program in bounds."""
@@ -205,37 +257,48 @@ class _Setting:
 
 def _contradicted(
     setting: _Setting, bounds: Constraints, inner: Answer
-) -> tuple[tuple[ContradictedMass, ...], Constraints, Answer]:
-    """Return the contradicted mass ranges, the bounds without those to relax, and the answer within them.
+) -> tuple[tuple[ContradictedBound, ...], Constraints, Answer]:
+    """Return the contradicted bounds, the bounds without those to relax, and the answer within them.
 
-    Forward selection: the range without which the statistic is lowest goes first, while that is significant.
+    Forward selection: the bound whose statistic is furthest above its limit goes first, while that is significant. One
+    that no longer matters once others are gone comes back.
     """
-    problem, ranges = setting.problem, _ranges(bounds)
+    problem, tested, start = setting.problem, _tested(bounds, setting.problem), bounds
     stated = _ranges(problem.constraints)
-    active = _at_bound(setting, ranges, inner)
+    active = _at_bound(setting, bounds, tested, inner)
     if not active:
         return (), bounds, inner
-    limit = chi_square_quantile(1.0 - (1.0 - LEVEL) / len(ranges), 1)
-    falls = setting.costs(inner) - setting.costs(setting.within(_without(bounds, ranges)))
-    if np.sum(falls) <= limit:  # correlation factors, 1 at least, make it less
+    level = 1.0 - (1.0 - LEVEL) / len(tested)
+    limits = {"mass": chi_square_quantile(level, 1), "size": chi_square_quantile(level, 10)}
+    least = min(limits[bound] for _, bound in active)
+    falls = setting.costs(inner) - setting.costs(setting.within(_without(bounds, tested)))
+    if np.sum(falls) <= least:  # correlation factors, 1 at least, make it less
         return (), bounds, inner
     factors = correlation_of(problem, problem.base.from_standard(inner.candidate.phi * setting.scale.parameters))
-    if np.sum(falls / factors) <= limit:
+    if np.sum(falls / factors) <= least:
         return (), bounds, inner
-    found: list[ContradictedMass] = []
+    found: list[ContradictedBound] = []
     while active:
-        answers = {name: setting.within(_without(bounds, [name])) for name in active}
-        each = {name: setting.costs(inner) - setting.costs(answer) for name, answer in answers.items()}
-        name = max(active, key=lambda name: float(np.sum(each[name] / factors)))
-        statistic, fall = float(np.sum(each[name] / factors)), float(np.sum(each[name]))
-        if statistic <= limit:
+        answers = {key: setting.within(_without(bounds, [key])) for key in active}
+        each = {key: setting.costs(inner) - setting.costs(answer) for key, answer in answers.items()}
+        key = max(active, key=lambda key: float(np.sum(each[key] / factors)) - limits[key[1]])
+        statistic, fall = float(np.sum(each[key] / factors)), float(np.sum(each[key]))
+        name, bound = key
+        if statistic <= limits[bound]:
             break
         gain = 1.0 - float(np.sqrt(1.0 - fall / np.sum(setting.costs(inner))))
-        found.append(ContradictedMass(name, statistic, limit, gain, name not in stated))
-        if name not in stated:
-            bounds, inner = _without(bounds, [name]), answers[name]
-        done = {mass.name for mass in found}
-        active = [name for name in _at_bound(setting, _ranges(bounds), inner) if name not in done]
+        is_relaxed = bound == "size" or name not in stated
+        found.append(ContradictedBound(name, bound, statistic, limits[bound], gain, is_relaxed))
+        if is_relaxed:
+            bounds, inner = _without(bounds, [key]), answers[key]
+        done = {(one.name, one.bound) for one in found}
+        active = [key for key in _at_bound(setting, bounds, tested, inner) if key not in done]
+    for one in [one for one in found[:-1] if one.is_relaxed]:
+        kept = [(other.name, other.bound) for other in found if other.is_relaxed and other is not one]
+        restored = _without(start, kept)
+        answer = setting.within(restored)
+        if np.sum((setting.costs(answer) - setting.costs(inner)) / factors) <= one.limit:
+            found, bounds, inner = [other for other in found if other is not one], restored, answer
     return tuple(found), bounds, inner
 
 
@@ -245,18 +308,52 @@ def _ranges(bounds: Constraints) -> dict[str, ValueRange]:
     return {name: range for name, range in found.items() if range != ValueRange()}
 
 
-def _without(bounds: Constraints, names: Iterable[str]) -> Constraints:
-    """Return the bounds without the mass ranges of these names."""
-    links = {k: replace(body, mass=ValueRange()) if k in names else body for k, body in bounds.links.items()}
-    return replace(bounds, links=links, total_mass=ValueRange() if TOTAL_MASS in names else bounds.total_mass)
+def _tested(bounds: Constraints, problem: Problem) -> list[tuple[str, str]]:
+    """Return the bounds that data may contradict: masses, and sizes that neither shapes nor the user state."""
+    stated = problem.constraints.links
+    own = {name for name, body in stated.items() if body.body_ellipsoid is not None or body.body_box is not None}
+    sizes = [link.name for link in problem.model.robot.links if not link.shapes and link.name not in own]
+    return [(name, "mass") for name in _ranges(bounds)] + [(name, "size") for name in sizes]
 
 
-def _at_bound(setting: _Setting, ranges: Mapping[str, ValueRange], answer: Answer) -> list[str]:
-    """Return the names of the ranges at whose ends an answer lies."""
-    theta = answer.candidate.phi * setting.scale.parameters
+def _without(bounds: Constraints, keys: Iterable[tuple[str, str]]) -> Constraints:
+    """Return the bounds without these."""
+    links, total = dict(bounds.links), bounds.total_mass
+    for name, bound in keys:
+        if name == TOTAL_MASS:
+            total = ValueRange()
+        elif bound == "mass":
+            links[name] = replace(links[name], mass=ValueRange())
+        else:
+            links[name] = replace(links[name], body_ellipsoid=None, reach=0.0)
+    return replace(bounds, links=links, total_mass=total)
+
+
+def _at_bound(
+    setting: _Setting, bounds: Constraints, tested: Iterable[tuple[str, str]], answer: Answer
+) -> list[tuple[str, str]]:
+    """Return the bounds among those tested at which an answer lies."""
     model = setting.problem.model
-    masses = dict(zip((link.name for link in model.robot.links), theta[9 : model.inertial_count : 10], strict=True))
+    theta = (answer.candidate.phi * setting.scale.parameters)[: model.inertial_count].reshape(-1, 10)
+    bodies = {link.name: body for link, body in zip(model.robot.links, theta, strict=True)}
+    masses = {name: float(body[9]) for name, body in bodies.items()}
     masses[TOTAL_MASS] = sum(masses.values())
-    low = {name: range.low * (1.0 + _AT_BOUND) for name, range in ranges.items()}
-    high = {name: range.high * (1.0 - _AT_BOUND) for name, range in ranges.items()}
-    return [name for name in ranges if not low[name] < masses[name] < high[name]]
+    ranges, found = _ranges(bounds), []
+    for name, bound in tested:
+        if bound == "mass" and name in ranges:
+            low, high = ranges[name].low * (1.0 + _AT_BOUND), ranges[name].high * (1.0 - _AT_BOUND)
+            is_at = not low < masses[name] < high
+        else:
+            space = bounds.links[name].body_ellipsoid if bound == "size" else None
+            is_at = space is not None and _room(bounds.links[name], bodies[name]) < _AT_BOUND * masses[name]
+        if is_at:
+            found.append((name, bound))
+    return found
+
+
+def _room(known: BodyConstraints, body: Array) -> float:
+    """Return the least of tr(P Q) over the conditions of a link's size."""
+    space = known.body_ellipsoid
+    assert space is not None  # asked for links with one
+    quadrics = [space.quadric[None], *([space.slabs(known.reach)] if known.reach else [])]
+    return float(np.min(np.einsum("kij,lij,k->l", PSEUDO_BASIS, np.concatenate(quadrics), body)))

@@ -12,18 +12,20 @@ TOTAL_MASS = "total mass"
 
 
 @dataclass(frozen=True)
-class ContradictedMass:
-    """A mass range that the data contradict beyond their noise.
+class ContradictedBound:
+    """A bound that the data contradict beyond their noise.
 
     Attributes:
         name: The link, or :data:`TOTAL_MASS`.
-        statistic: Fall of the weighted residual square without the range, each joint's over its correlation factor.
-        limit: Quantile of chi-square with one degree of freedom that it exceeds.
-        gain: Relative fall of the weighted residual of the training samples without the range.
-        is_relaxed: Whether the range, and with it the pull of the link, was dropped; one that a person states is kept.
+        bound: `mass`, or `size`: the ellipsoid of a link without shapes.
+        statistic: Fall of the weighted residual square without the bound, each joint's over its correlation factor.
+        limit: Quantile of chi-square that it exceeds, with one degree of freedom, ten for a size.
+        gain: Relative fall of the weighted residual of the training samples without the bound.
+        is_relaxed: Whether the bound was dropped, with a mass also the pull of the link; a stated one is kept.
     """
 
     name: str
+    bound: str
     statistic: float
     limit: float
     gain: float
@@ -38,16 +40,18 @@ class Plausibility:
         weight: v of the pull to the nominal bodies, in residual variances; see ``plausible_fit``.
         cost_rise: What the pull raises the weighted residual square by, in residual variances.
         cost_limit: What it may at most: the 95 % quantile of chi-square with one degree of freedom a base parameter.
-        contradicted: Mass ranges that the data contradict.
+        contradicted: Bounds that the data contradict.
         uniform: Links without a possible nominal inertia: the pull is to the uniform body that fills the geometry.
+        fitted: Links whose nominal inertia breaks their bounds: the pull is to the nearest body that meets them.
         free_beta: Base parameters of the fit without bounds and pull, b of them.
     """
 
     weight: float
     cost_rise: float
     cost_limit: float
-    contradicted: tuple[ContradictedMass, ...]
+    contradicted: tuple[ContradictedBound, ...]
     uniform: tuple[str, ...]
+    fitted: tuple[str, ...] = ()
     free_beta: tuple[float, ...] = ()
 
     @classmethod
@@ -56,8 +60,8 @@ class Plausibility:
         stated = run.data().get("plausibility")
         if stated is None:
             return None
-        contradicted = tuple(ContradictedMass(**item) for item in stated["contradicted"])
-        tuples = {key: tuple(stated[key]) for key in ("uniform", "free_beta")}
+        contradicted = tuple(ContradictedBound(**{"bound": "mass", **item}) for item in stated["contradicted"])
+        tuples = {key: tuple(stated.get(key, ())) for key in ("uniform", "fitted", "free_beta")}
         return cls(**{**stated, **tuples, "contradicted": contradicted})
 
 

@@ -65,7 +65,7 @@ class Consistent(Estimator):
         if self.bodies not in BODIES:
             raise BadOption("bodies", self.bodies, f"choose one of: {', '.join(BODIES)}")
         if self.bodies == "plausible" and self.metric != "natural":
-            raise BadOption("metric", self.metric, "plausible bodies have the pull-back metric; leave it out")
+            raise BadOption("metric", self.metric, "plausible bodies have the entropic metric; leave it out")
 
     @property
     def prior_pull(self) -> float:
@@ -98,7 +98,7 @@ class Consistent(Estimator):
         if self.bodies == "plausible":
             found = plausible_fit(problem, weights, self.pull, self.margin)
             free_beta = tuple(problem.base.from_standard(free.theta).tolist())
-            fit, metric, facts = found.fit, "pull_back", replace(found.facts, free_beta=free_beta)
+            fit, metric, facts = found.fit, "entropic", replace(found.facts, free_beta=free_beta)
         beta = problem.base.from_standard(fit.theta)
         run = replace(run_of(fit, scale, reduced, beta, metric), plausibility=facts)
         return Solution(beta, weights, theta=fit.theta, run=run)

@@ -12,8 +12,8 @@ from scipy import stats
 
 from dynident.arrays import Array, finite
 from dynident.data.preprocessing import Prepared
+from dynident.diagnosis.culprit import culprit
 from dynident.errors import DynidentError
-from dynident.identification.consistency.culprit import culprit
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.estimators import Estimator

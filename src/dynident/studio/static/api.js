@@ -10,8 +10,29 @@ export function listen(act) {
   listeners.add(act);
 }
 
+// What was chosen, and text that is not saved yet, survives a page that is loaded again; each tab has its own.
+export const kept = {
+  get: (key) => {
+    try {
+      return sessionStorage.getItem(key) ?? "";
+    } catch {
+      return ""; // a browser that keeps nothing
+    }
+  },
+  set: (key, text) => {
+    try {
+      if (text) sessionStorage.setItem(key, text);
+      else sessionStorage.removeItem(key);
+    } catch { /* the page works without it */ }
+  },
+};
+
+const CHOSEN = ["robot", "case", "log", "estimate", "plan"];
+for (const key of CHOSEN) known[key] = kept.get(key);
+
 export function choose(changes) {
   Object.assign(known, changes);
+  for (const key of CHOSEN) if (key in changes) kept.set(key, changes[key]);
   for (const act of listeners) act();
 }
 

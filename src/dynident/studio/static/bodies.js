@@ -4,7 +4,8 @@ const FRAME = [0xd55e00, 0x009e73, 0x0072b2];
 
 export const LAYERS = {
   skeleton: "links and joints",
-  capsules: "capsules",
+  shapes: "meshes, else capsules",
+  capsules: "capsules beside meshes",
   ellipsoids: "inertia ellipsoids",
   centres: "centres of mass",
   frames: "frames",
@@ -24,7 +25,12 @@ export function robotOf(THREE, scene) {
   const paint = (color, opacity = 1) => new THREE.MeshStandardMaterial({
     color, roughness: 0.75, metalness: 0.05, transparent: opacity < 1, opacity, depthWrite: opacity === 1,
   });
-  const materials = { link: paint(0x7d8790), joint: paint(0x3d454d), capsule: paint(0x56b4e9, 0.3), body: paint(0xc98500, 0.4), vast: new THREE.MeshBasicMaterial({ color: 0xc98500, wireframe: true, transparent: true, opacity: 0.05 }), centre: paint(0xd55e00) };
+  const materials = { link: paint(0x7d8790), joint: paint(0x3d454d), capsule: paint(0x56b4e9, 0.3), mesh: paint(0xb9c2ca), body: paint(0xc98500, 0.4), vast: new THREE.MeshBasicMaterial({ color: 0xc98500, wireframe: true, transparent: true, opacity: 0.05 }), centre: paint(0xd55e00) };
+
+  const drawShapes = (place, meshes, capsules) => {
+    for (const mesh of meshes) add("shapes", place, meshOf(THREE, mesh, materials.mesh));
+    for (const capsule of capsules) add(meshes.length ? "capsules" : "shapes", place, capsuleOf(THREE, capsule, materials.capsule));
+  };
 
   for (const link of scene.links) {
     const mount = new THREE.Group();
@@ -39,7 +45,7 @@ export function robotOf(THREE, scene) {
     add("frames", mover, axes(THREE, 0.11 * size));
   }
   scene.links.forEach((link, i) => {
-    for (const capsule of link.capsules) add("capsules", movers[i], capsuleOf(THREE, capsule, materials.capsule));
+    drawShapes(movers[i], link.meshes, link.capsules);
     if (!link.body) return;
     if (link.body.centre) add("centres", movers[i], ball(THREE, link.body.centre, 0.018 * size, materials.centre));
     if (link.body.axes && link.body.centre) {
@@ -50,7 +56,7 @@ export function robotOf(THREE, scene) {
       add("ellipsoids", movers[i], shown);
     }
   });
-  for (const capsule of scene.base_capsules) add("capsules", root, capsuleOf(THREE, capsule, materials.capsule));
+  drawShapes(root, scene.base_meshes, scene.base_capsules);
   add("frames", root, axes(THREE, 0.18 * size));
   const tool = toolOf(scene);
   if (tool.offset.some((x) => Math.abs(x) > 1e-9)) {
@@ -84,7 +90,7 @@ export function extent(THREE, robot) {
   box.expandByPoint(new THREE.Vector3(0, 0, 0));
   for (const mover of robot.movers) box.expandByPoint(mover.getWorldPosition(new THREE.Vector3()));
   const bodies = robot.layers.ellipsoids.filter((one) => !one.userData.vast);
-  for (const object of [...robot.layers.capsules, ...bodies]) box.expandByObject(object);
+  for (const object of [...robot.layers.shapes, ...bodies]) box.expandByObject(object);
   box.expandByPoint(toolPoint(THREE, robot));
   return box.getBoundingSphere(new THREE.Sphere());
 }
@@ -121,6 +127,15 @@ function hinge(THREE, link, radius, material) {
     ? new THREE.BoxGeometry(1.6 * radius, 3 * radius, 1.6 * radius)
     : new THREE.CylinderGeometry(radius, radius, 2.6 * radius, 28);
   return along(THREE, new THREE.Mesh(shape, material), link.axis.map((x) => -x), link.axis);
+}
+
+// Triangles as 32 bit numbers in base 64, in the frame of the link.
+function meshOf(THREE, text, material) {
+  const data = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(data.buffer), 3));
+  geometry.computeVertexNormals();
+  return new THREE.Mesh(geometry, material);
 }
 
 function axes(THREE, length) {

@@ -26,12 +26,34 @@ const widths = new ResizeObserver((seen) => seen.forEach(({ target, contentRect 
   if (width) target.replaceChildren(target.drawn(width)); // a stage that is not shown has no width
 }));
 
-// lines: [{label, x, y}]; gaps where a value is null.
-export function chart(lines, { title, xLabel = "row", unit = "", height = 220 } = {}) {
+// A time that several charts and the robot share.
+export class Cursor {
+  constructor() {
+    this.at = null;
+    this.listeners = [];
+  }
+
+  listen(act) {
+    this.listeners.push(act);
+  }
+
+  set(at, from = null) {
+    this.at = at;
+    for (const act of this.listeners) act(at, from);
+  }
+}
+
+// lines: [{label, x, y}]; gaps where a value is null. Charts with one cursor show the same time.
+export function chart(lines, { title, xLabel = "row", unit = "", height = 220, cursor = null } = {}) {
   if (lines.every((line) => line.y.every((y) => y === null))) return el("p", { class: "soft" }, "There is nothing to draw.");
-  const place = el("div", { drawn: (width) => curves(lines, width, height, title, xLabel) });
+  const place = el("div", { drawn: (width) => {
+    const drawn = curves(lines, width, height, title, xLabel);
+    if (cursor) follow(drawn, cursor);
+    return drawn;
+  } });
   place.style.minHeight = `${height}px`;
   widths.observe(place);
+  if (cursor) cursor.listen((at) => place.firstChild && mark(place.firstChild, at));
   const legend = el("p", { class: "legend" }, lines.map((line, k) => el("span", {}, swatch(line.colour ?? (k % COLOURS) + 1), el("bdi", {}, line.label))));
   return el("figure", { class: "chart" }, el("figcaption", {}, unit ? `${title} [${unit}]` : title), place, lines.length > 1 ? legend : null);
 }
@@ -48,7 +70,8 @@ function curves(lines, width, height, title, xLabel) {
   const px = (x) => edge.left + ((x - x0) / (x1 - x0 || 1)) * (width - edge.left - edge.right);
   const py = (y) => height - edge.bottom - ((y - y0) / (y1 - y0)) * (height - edge.top - edge.bottom);
   const drawn = svg("svg", { viewBox: `0 0 ${width} ${height}`, class: "fig", role: "img", "aria-label": `${title}: ${lines.map((l) => l.label).join(", ")}` });
-  for (const at of ticks(y0, y1, 6)) {
+  drawn.scale = { left: edge.left, right: edge.right, x0, x1, width, top: edge.top, bottom: height - edge.bottom };
+  for (const at of ticks(y0, y1, height > 160 ? 6 : 4)) {
     drawn.append(svg("line", { x1: edge.left, x2: width - edge.right, y1: py(at), y2: py(at), class: "rule" }));
     drawn.append(svg("text", { x: edge.left - 8, y: py(at) + 4, "text-anchor": "end", class: "soft" }, number(at)));
   }
@@ -60,6 +83,29 @@ function curves(lines, width, height, title, xLabel) {
     drawn.append(svg("path", { d: pathOf(line, px, py), fill: "none", "stroke-width": 1.3, class: `c${line.colour ?? (k % COLOURS) + 1}` }));
   });
   return drawn;
+}
+
+// The pointer over a chart sets the cursor, which is drawn as a line in all of them.
+function follow(drawn, cursor) {
+  const line = svg("line", { class: "cursor", "stroke-width": 1 });
+  drawn.append(line);
+  drawn.line = line;
+  for (const event of ["pointerdown", "pointermove"]) drawn.addEventListener(event, (one) => {
+    const { left, right, x0, x1, width } = drawn.scale;
+    const box = drawn.getBoundingClientRect();
+    const share = (((one.clientX - box.left) / box.width) * width - left) / (width - left - right);
+    cursor.set(x0 + Math.min(1, Math.max(0, share)) * (x1 - x0));
+  });
+  mark(drawn, cursor.at);
+}
+
+function mark(drawn, at) {
+  const { left, right, x0, x1, width, top, bottom } = drawn.scale;
+  const shown = at !== null && at >= x0 && at <= x1;
+  drawn.line.style.display = shown ? "" : "none";
+  if (!shown) return;
+  const x = left + ((at - x0) / (x1 - x0 || 1)) * (width - left - right);
+  for (const [key, value] of [["x1", x], ["x2", x], ["y1", top], ["y2", bottom]]) drawn.line.setAttribute(key, value);
 }
 
 function swatch(colour) {

@@ -65,8 +65,29 @@ export function options(select, items, chosen) {
   return select;
 }
 
-export function picked(select) {
-  return [...select.selectedOptions].map((option) => option.value);
+// Several of some names, a checkbox each; what is ticked stays ticked while it is there. `act` is called on a change.
+export function several(label, hint = "", act = () => {}) {
+  const list = el("div", { class: "ticks" });
+  const whole = el("fieldset", { class: "field several" }, el("legend", {}, label), list, hint ? el("p", { class: "hint" }, hint) : null);
+  let offered = null;
+  whole.picked = () => [...list.querySelectorAll("input")].filter((box) => box.checked).map((box) => box.value);
+  whole.choose = (names) => list.querySelectorAll("input").forEach((box) => { box.checked = names.includes(box.value); });
+  whole.offer = (items, first = []) => {
+    if (offered !== null && JSON.stringify(offered) === JSON.stringify(items)) return; // the focus stays where it is
+    const ticked = offered === null ? first : whole.picked();
+    offered = [...items];
+    fill(list, items.length ? items.map((item) => {
+      const one = tick(name(item), ticked.includes(item), act);
+      one.box.value = item;
+      return one;
+    }) : el("p", { class: "soft" }, "none yet"));
+  };
+  return whole;
+}
+
+// Where the work goes on after a stage.
+export function next(stage, text) {
+  return el("p", { class: "actions" }, el("a", { class: "go", href: `#/${stage}` }, text));
 }
 
 export function table(headings, rows, { note = "", label = "" } = {}) {
@@ -98,7 +119,7 @@ export function pretty(unit) {
 }
 
 export function percent(value) {
-  return value === null || value === undefined ? "–" : `${number(100 * value, 3)} %`;
+  return value === null || value === undefined ? "–" : `${number(100 * value, 3)}\u00a0%`;
 }
 
 export function bytes(size) {

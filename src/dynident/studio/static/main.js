@@ -20,8 +20,8 @@ let current = "";
 const has = (kind) => known.files.some((file) => file.kind === kind);
 const ran = (verb) => known.runs.some((run) => run.verb === verb && run.state === "done");
 const DONE = {
-  robot: () => has("robot"), log: () => has("log"), case: () => has("case"), check: () => ran("check"), excite: () => has("plan"),
-  identify: () => has("estimate"), results: () => ran("validate") || ran("export"), compare: () => ran("compare"),
+  robot: () => has("robot") || has("case"), log: () => has("log"), case: () => has("case"), check: () => ran("check"), excite: () => has("plan"),
+  identify: () => has("estimate"), results: () => ran("validate") || ran("export"), compare: () => ran("compare") || ran("diff"),
 };
 const NEEDS = { case: "log", check: "case", identify: "case", results: "estimate", compare: "case" };
 

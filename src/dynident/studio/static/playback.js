@@ -8,7 +8,14 @@ import { viewer } from "./viewer.js";
 const SPEEDS = ["0.25", "0.5", "1", "2", "4"];
 
 export class Stage3D {
-  constructor({ motions, caseOf, label = "Motion to play" }) {
+  // With a cursor, the view plays what `follow` gives it, and nothing is chosen.
+  constructor({ motions = () => [], caseOf = () => "", label = "Motion to play", cursor = null }) {
+    this.cursor = cursor;
+    cursor?.listen((at, from) => {
+      if (from === this || !this.motion) return;
+      this.stop();
+      this.seek(at / this.last);
+    });
     this.motions = motions;
     this.caseOf = caseOf;
     this.scene = null;
@@ -22,8 +29,8 @@ export class Stage3D {
     this.at = el("input", { type: "range", min: 0, max: 1000, step: 1, value: 0, disabled: true, on: { input: () => this.seek(this.at.value / 1000) } });
     this.clock = el("output", { class: "soft" });
     this.fault = el("div");
-    this.side = el("div", { class: "side" }, this.layers, this.sliders,
-      field(label, this.choice), el("div", { class: "player" }, this.play, field("Speed", this.speed)), field("Time", this.at), this.clock, this.fault);
+    this.side = el("div", { class: "side" }, cursor ? el("details", {}, el("summary", {}, "Layers"), this.layers) : [this.layers, this.sliders],
+      cursor ? null : field(label, this.choice), el("div", { class: "player" }, this.play, field("Speed", this.speed)), field("Time", this.at), this.clock, this.fault);
     this.whole = el("div", { class: "stage3d" }, this.place, this.side);
   }
 
@@ -94,17 +101,26 @@ export class Stage3D {
     for (const control of [this.play, this.at]) control.disabled = !chosen;
     if (!chosen || !this.scene) return viewer.trace([]);
     await guarded(this.fault, async () => {
-      this.motion = await get("motion", { name: chosen, case: this.caseOf() });
-      this.map = this.scene.joints.map((joint) => this.motion.joints.indexOf(joint.name));
-      viewer.trace(this.postures(800));
-      this.seek(0);
+      this.follow(await get("motion", { name: chosen, case: this.caseOf() }));
     });
   }
 
+  // Plays a motion that is at hand: names of joints, time in s, positions.
+  follow(motion) {
+    this.stop();
+    this.motion = motion;
+    this.map = this.scene.joints.map((joint) => motion.joints.indexOf(joint.name));
+    for (const control of [this.play, this.at]) control.disabled = false;
+    viewer.trace(this.postures(800));
+    this.seek(0);
+  }
+
+  get last() {
+    return this.motion.time[this.motion.time.length - 1] || 1;
+  }
+
   postures(count) {
-    const { time } = this.motion;
-    const last = time[time.length - 1];
-    return Array.from({ length: count }, (_, k) => this.posture((last * k) / (count - 1)));
+    return Array.from({ length: count }, (_, k) => this.posture((this.last * k) / (count - 1)));
   }
 
   posture(seconds) {
@@ -125,8 +141,9 @@ export class Stage3D {
 
   seek(share) {
     if (!this.motion) return;
-    const last = this.motion.time[this.motion.time.length - 1];
+    const { last } = this;
     this.seconds = share * last;
+    this.at.value = 1000 * share;
     this.positions = this.posture(this.seconds);
     this.inputs.forEach(({ input }, k) => {
       input.value = this.positions[k];
@@ -134,19 +151,19 @@ export class Stage3D {
     });
     fill(this.clock, `${number(this.seconds, 4)} of ${number(last, 4)} s`);
     viewer.set(this.positions);
+    this.cursor?.set(this.seconds, this);
   }
 
   toggle() {
     if (this.running) return this.stop();
     if (!this.motion) return;
-    const last = this.motion.time[this.motion.time.length - 1];
+    const { last } = this;
     if (this.seconds >= last) this.seconds = 0;
     fill(this.play, "Pause");
     let before = performance.now();
     const step = (now) => {
       this.seconds = Math.min(last, this.seconds + ((now - before) / 1000) * Number(this.speed.value));
       before = now;
-      this.at.value = (1000 * this.seconds) / last;
       this.seek(this.seconds / last);
       if (this.seconds >= last) return this.stop();
       this.running = requestAnimationFrame(step);

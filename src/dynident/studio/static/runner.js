@@ -22,31 +22,38 @@ function clock(seconds) {
   return whole < 60 ? `${seconds.toFixed(1)} s` : `${Math.floor(whole / 60)} min ${String(whole % 60).padStart(2, "0")} s`;
 }
 
-const taken = new Set(); // commands that a button goes on with
+const taken = new Set(); // commands that a button shows
 
-// A button with the place below it where the command tells of itself. `ask` returns the choices; `done` gets the run.
-export function runner(verb, label, ask, done = () => {}) {
+// A button with the place below it where the command tells of itself. `ask` returns the choices; `done` gets the run,
+// and whether it is shown again. Of several buttons with one command, `mine` says whose a run is.
+export function runner(verb, label, ask, done = () => {}, mine = () => true) {
   const place = el("div", { class: "run" });
   const button = el("button", { type: "button", class: "go" }, label);
-  async function watch(begin) {
-    button.disabled = true;
+  async function watch(begin, again = false) {
+    button.disabled = !again;
     await guarded(place, async () => {
       await follow(place, await begin());
       const last = place.run;
-      await refresh();
-      if (last.state === "done") await done(last, place);
-      dispatchEvent(new Event("made")); // the stage that is shown by now offers the new files
+      if (!again) await refresh();
+      if (last.state === "done") await done(last, place, again);
+      if (!again) dispatchEvent(new Event("made")); // the stage that is shown by now offers the new files
     });
     button.disabled = false;
   }
   button.addEventListener("click", () => watch(() => post("run", { verb, choices: ask() })));
-  // A page that was loaded again goes on with the command that runs; two buttons export, and that takes seconds.
-  const left = verb !== "export" && known.runs.findLast((run) => run.verb === verb && run.state === "running" && !taken.has(run.number));
+  // A page that was loaded again, or opened on another day, goes on with the command that runs, and shows the last result.
+  const left = known.runs.findLast((run) => run.verb === verb && !taken.has(run.number) && mine(run) && shown(run));
   if (left) {
     taken.add(left.number);
-    setTimeout(() => watch(() => get("run", { number: left.number })));
+    setTimeout(() => watch(() => get("run", { number: left.number }), left.state !== "running"));
   }
   return { whole: el("div", {}, el("p", { class: "actions" }, button), place), button, place };
+}
+
+// A result whose files are gone is not shown.
+function shown(run) {
+  const files = new Set(known.files.map((file) => file.name));
+  return run.state === "running" || (run.state === "done" && (run.outputs.every((name) => files.has(name)) || run.verb === "export"));
 }
 
 async function follow(place, first) {
@@ -89,8 +96,4 @@ async function follow(place, first) {
 function words(run) {
   const judged = { 3: ", criteria not met", 4: ", not accepted" };
   return { done: `done${judged[run.code] ?? ""}`, failed: "failed", cancelled: "cancelled, nothing was left behind" }[run.state];
-}
-
-export function answerText(text) {
-  return el("pre", { class: "answer-text", tabIndex: 0, "aria-label": "answer of the command" }, text);
 }

@@ -1,7 +1,7 @@
 // Stage 3: the case file: drafted from robot and logs, its columns and units mapped, its questions answered.
 
-import { choose, get, guarded, known, ofKind, post, refresh } from "./api.js";
-import { el, field, fill, name, options, picked, say, table } from "./dom.js";
+import { choose, get, guarded, kept, known, ofKind, post, refresh } from "./api.js";
+import { el, field, fill, name, next, options, say, several, table } from "./dom.js";
 import { runner } from "./runner.js";
 import { robots } from "./stage_robot.js";
 
@@ -11,19 +11,20 @@ const WORDS = { q: "positions", dq: "velocities", torque: "joint torques", curre
 
 export function build() {
   const robot = el("select");
-  const logs = el("select", { multiple: true, size: 4 });
-  const tests = el("select", { multiple: true, size: 4 });
+  const logs = several("Training logs");
+  const tests = several("Test logs", "None: the last third of the log is kept for that.");
   const profile = el("select");
   const choice = el("select", { id: "case-choice", on: { change: () => open(choice.value) } });
   const body = el("div");
   let drafted = null;
+  let shownFile = "";
 
   const draft = runner("init", "Draft the case file", () => ({
-    robot: robot.value, logs: picked(logs), test: picked(tests), profile: profile.value,
-  }), async (run) => {
+    robot: robot.value, logs: logs.picked(), test: tests.picked(), profile: profile.value,
+  }), async (run, place, again) => {
     drafted = JSON.parse(run.answer);
-    options(choice, ofKind("case"), drafted.case);
-    await open(drafted.case);
+    options(choice, ofKind("case"), again ? choice.value : drafted.case);
+    if (choice.value === drafted.case) await open(drafted.case);
   });
 
   async function open(file) {
@@ -39,9 +40,16 @@ export function build() {
     const mapping = completed(found.mapping, mine);
     const state = found.fault
       ? el("p", { class: "fault", role: "alert" }, found.fault)
-      : el("p", { class: "good" }, "This case can be used: robot, columns and units are stated.");
-    const editor = el("textarea", { value: found.text, spellcheck: false, rows: 24, wrap: "off" });
+      : [el("p", { class: "good" }, "This case can be used: robot, columns and units are stated."), next("check", "Check the logs")];
+    const unsaved = kept.get(`text of ${file}`);
+    const editor = el("textarea", { value: unsaved || found.text, spellcheck: false, rows: 24, wrap: "off" });
+    editor.addEventListener("input", () => kept.set(`text of ${file}`, editor.value === found.text ? "" : editor.value));
+    shownFile = found.sha256;
     const save = el("button", { type: "button", on: { click: () => saved({ text: editor.value }) } }, "Save the text");
+    const drop = el("button", { type: "button", class: "quiet", on: { click: () => {
+      kept.set(`text of ${file}`, "");
+      open(file);
+    } } }, "Take the file as it is");
     const asks = found.questions.map((question) => el("li", { class: question.needed ? "needed" : "" },
       el("button", { type: "button", class: "line", on: { click: () => jump(editor, question.line) } }, `line ${question.line}`),
       el("span", {}, question.asks_for)));
@@ -49,7 +57,8 @@ export function build() {
       mine ? remarks(mine) : null,
       asks.length ? [el("h3", {}, "What it asks"), el("ul", { class: "asks" }, asks)] : null,
       mapping ? mapper(mapping) : null,
-      el("h3", {}, "The file"), field("Text of the case file", editor, "docs/case-file.md describes every key."), el("p", { class: "actions" }, save));
+      el("h3", {}, "The file"), field("Text of the case file", editor, "docs/case-file.md describes every key."),
+      unsaved && unsaved !== found.text ? el("p", { class: "remark" }, "This text has changes that are not saved. ", drop) : null, el("p", { class: "actions" }, save));
   }
 
   function mapper(mapping) {
@@ -83,8 +92,9 @@ export function build() {
 
   async function saved(changes) {
     await guarded(null, async () => {
-      const found = await post("case", { name: choice.value, ...changes });
+      const found = await post("case", { name: choice.value, sha256: shownFile, ...changes });
       drafted = null;
+      if (changes.text !== undefined) kept.set(`text of ${choice.value}`, "");
       await refresh();
       show(found);
       say(found.fault ? "saved; it cannot be used yet" : "saved");
@@ -93,20 +103,15 @@ export function build() {
 
   return {
     whole: [
-      el("p", { class: "lead" }, "A case file says which columns are which signals, in which units, and what is to be identified. It is drafted from what can be told, and asks for the rest."),
+      el("p", { class: "lead" }, "A case file says which columns are which signals, in which units, and what is to be identified. It is drafted from robot and logs; what they do not determine, it asks for."),
       el("div", { class: "row" }, field("Robot", robot), field("Profile of the log", profile, "Found from the columns where none is chosen.")),
-      el("div", { class: "row" }, field("Logs to learn from", logs, "Ctrl or Shift chooses several."), field("Logs to test on", tests, "None: the last third of the log is kept for that.")),
+      el("div", { class: "row" }, logs, tests),
       draft.whole, el("h2", {}, "Case file"), field("Case file", choice), body,
     ],
     enter() {
       options(robot, robots().filter((one) => !ofKind("case", "estimate").includes(one)), known.robot || robot.value);
-      const chosen = picked(logs);
-      const tested = picked(tests);
-      for (const [select, keep] of [[logs, chosen], [tests, tested]]) {
-        options(select, ofKind("log"));
-        for (const option of select.options) option.selected = keep.includes(option.value);
-      }
-      if (!picked(logs).length && known.log) for (const option of logs.options) option.selected = option.value === known.log;
+      for (const list of [logs, tests]) list.offer(ofKind("log"));
+      if (!logs.picked().length && known.log) logs.choose([known.log]);
       options(profile, [{ value: "", text: "as found" }, ...known.choices.profiles]);
       const before = choice.value;
       options(choice, ofKind("case"), known.case || choice.value);

@@ -1,30 +1,29 @@
 // Stage 4: what the doctor finds in the logs, with evidence and remedy.
 
 import { choose, known, ofKind } from "./api.js";
-import { el, field, fill, name, options, picked } from "./dom.js";
+import { el, field, fill, name, next, options, several } from "./dom.js";
 import { runner } from "./runner.js";
 
 export const title = "Check";
 
 export function build() {
   const choice = el("select", { on: { change: () => choose({ case: choice.value }) } });
-  const logs = el("select", { multiple: true, size: 4 });
+  const logs = several("Logs", "None: those of the case. To repair, choose one.");
   const found = el("div");
-  const ask = (fix) => () => ({ case: choice.value, logs: picked(logs), fix });
-  const check = runner("check", "Look at the logs", ask(false), (run, place) => show(run, place, found));
-  const fix = runner("check", "Apply safe repairs", ask(true), (run, place) => show(run, place, found));
+  const ask = (fix) => () => ({ case: choice.value, logs: logs.picked(), fix });
+  const repairs = (run) => run.arguments.includes("--fix");
+  const check = runner("check", "Check the logs", ask(false), (run, place) => show(run, place, found), (run) => !repairs(run));
+  const fix = runner("check", "Apply safe repairs", ask(true), (run, place) => show(run, place, found), repairs);
   fix.button.className = "";
   return {
     whole: [
       el("p", { class: "lead" }, "Log checks before a fit: time, units, signs, order of joints, delays, saturation, excitation."),
-      el("div", { class: "row" }, field("Case", choice), field("Logs", logs, "None: those of the case. To repair, choose one.")),
+      el("div", { class: "row" }, field("Case", choice), logs),
       check.whole, fix.whole, found,
     ],
     enter() {
       options(choice, ofKind("case"), known.case || choice.value);
-      const chosen = picked(logs);
-      options(logs, ofKind("log"));
-      for (const option of logs.options) option.selected = chosen.includes(option.value);
+      logs.offer(ofKind("log"));
     },
     leave() {},
   };
@@ -42,7 +41,8 @@ function show(run, place, found) {
   fill(found,
     el("p", { class: data.sound ? "good" : "fault" }, data.sound ? "No finding stands against a fit." : "A finding stands against a fit: see the errors below."),
     data.logs.map((log) => [el("h3", {}, name(log.log ?? log.path ?? "log")), findings(log.findings)]),
-    data.fixes ? el("ul", {}, data.fixes.map((fix) => el("li", {}, fix))) : null);
+    data.fixes ? el("ul", {}, data.fixes.map((fix) => el("li", {}, fix))) : null,
+    next("identify", "Identify the model"));
 }
 
 function findings(list) {

@@ -2,17 +2,17 @@
 
 import { choose, get, guarded, known, ofKind } from "./api.js";
 import { chart } from "./chart.js";
-import { el, field, fill, name, number, options, picked, say, table } from "./dom.js";
+import { el, field, fill, name, next, number, options, put, say, several, table } from "./dom.js";
 import { dropzone } from "./upload.js";
 
 export const title = "Log";
 
 export function build() {
   const choice = el("select", { on: { change: () => open(choice.value) } });
-  const columns = el("select", { multiple: true, size: 8, on: { change: () => draw() } });
+  const columns = several("Columns to draw", "At most 12 are drawn.", () => draw());
   const place = el("div");
   const curves = el("div", { class: "curves" });
-  const box = el("div", { class: "pair", hidden: true }, field("Columns to draw", columns, "Ctrl or Shift chooses several."), curves);
+  const box = el("div", { class: "pair", hidden: true }, columns, curves);
   let shown = "";
 
   async function open(log) {
@@ -25,16 +25,16 @@ export function build() {
       fill(place, el("p", { class: "soft" }, "reading …"));
       const found = await get("log", { name: log });
       tell(place, found);
-      options(columns, found.header);
-      const first = found.header.slice(1, 4);
-      for (const option of columns.options) option.selected = first.includes(option.value);
+      columns.offer(found.header);
+      columns.choose(found.header.slice(1, 4));
       box.hidden = found.rows === null;
       if (found.rows !== null) await draw();
+      put(place, next("case", "Draft the case file"));
     });
   }
 
   async function draw() {
-    const names = picked(columns).slice(0, 12);
+    const names = columns.picked().slice(0, 12);
     if (!names.length) return fill(curves);
     await guarded(curves, async () => {
       const found = await get("log", { name: shown, columns: JSON.stringify(names) });

@@ -1,29 +1,34 @@
 // Stage 7: what an estimate says: its figures, its parameters, its torques; its report, files and exports.
 
 import { choose, fileAddress, get, guarded, known, offerTargets, ofKind, reportAddress } from "./api.js";
-import { chart } from "./chart.js";
-import { el, field, fill, name, options, percent, picked, pretty, table } from "./dom.js";
-import { answerText, commandLine, runner } from "./runner.js";
+import { exported, grade, tiles, validated } from "./answers.js";
+import { Cursor, chart } from "./chart.js";
+import { el, field, fill, name, next, options, percent, pretty, put, several, table } from "./dom.js";
+import { Stage3D } from "./playback.js";
+import { commandLine, runner } from "./runner.js";
 
 export const title = "Results";
 
 export function build() {
   const choice = el("select", { id: "estimate-choice", on: { change: () => open(choice.value) } });
   const body = el("div");
-  const logs = el("select", { multiple: true, size: 4 });
+  const logs = several("Logs");
+  const cursor = new Cursor();
+  const view = new Stage3D({ cursor });
+  const charts = el("div");
   const target = el("select");
   const description = el("select");
   const force = el("input", { type: "checkbox", id: "force" });
   let shown = "";
 
-  const again = runner("validate", "Compare with these logs", () => ({ estimate: choice.value, logs: picked(logs) }), (run, place) => {
-    place.append(answerText(run.answer), page(run.outputs[0]));
+  const again = runner("validate", "Compare with these logs", () => ({ estimate: choice.value, logs: logs.picked() }), (run, place) => {
+    put(place, validated(JSON.parse(run.answer)), page(run.outputs[0]), next("compare", "Compare with another estimate"));
   });
-  const report = runner("report", "Write a report", () => ({ estimate: choice.value, test: picked(logs), plan: "" }), (run, place) => place.append(page(run.outputs[0])));
+  const report = runner("report", "Write a report", () => ({ estimate: choice.value, test: logs.picked(), plan: "" }), (run, place) => place.append(page(run.outputs[0])));
   const write = runner("export", "Export", () => ({ file: choice.value, to: target.value, description: description.value, force: force.checked }), (run, place) => {
     const made = known.files.filter((file) => file.name.startsWith(run.outputs[0].split(".")[0])).map((file) => file.name);
-    place.append(answerText(run.answer), el("ul", {}, made.map((file) => el("li", {}, download(file)))));
-  });
+    put(place, el("ul", {}, made.map((file) => el("li", {}, download(file)))), exported(JSON.parse(run.answer)), next("session", "All files of the session"));
+  }, (run) => ofKind("estimate").includes(run.arguments[1]));
 
   async function open(file) {
     shown = file;
@@ -38,34 +43,46 @@ export function build() {
     const written = file.replace("estimate", "report").replace(".json", ".html");
     fill(body, judged(found), answers(found), found.warnings.map((text) => el("p", { class: "remark" }, text)),
       el("p", { class: "actions" }, download(file), ofKind("report").includes(written) ? [download(written), opened(written)] : null),
-      el("h2", {}, "Measured and predicted"),
-      el("div", { class: "charts" }, found.torques.map((joint) => chart([
-        { label: "measured", ...joint.measured, colour: 0 }, { label: "predicted", ...joint.predicted, colour: 2 },
-      ], { title: joint.name, unit: pretty(joint.unit), xLabel: "kept samples of the fit" }))),
+      found.torques.length ? el("h2", {}, "Torques over time, training data") : null, charts,
       el("h2", {}, "Parameters"), parameters(found),
       el("h2", {}, "Nominal and identified"), beside(found),
       found.command ? [el("h3", {}, "The command of this estimate"), commandLine(found.command)] : null,
       ofKind("report").includes(written) ? [el("h2", {}, "Report"), page(written)] : null);
+    draw(found, file);
+  }
+
+  // The curves of all joints and the robot share a cursor: the pointer over a curve, or the time of the player.
+  async function draw(found, file) {
+    fill(charts);
+    if (!found.torques.length) return;
+    cursor.listeners.length = 1; // that of the robot; the curves before are gone
+    fill(charts, el("p", { class: "soft" }, "Point at a curve, or play the log: the robot stands as it did at that time."), el("div", { class: "linked" }, view.whole, el("div", { class: "charts" }, found.torques.map((joint) => el("div", {},
+      chart([{ label: "measured", ...joint.measured, colour: 0 }, { label: "predicted", ...joint.predicted, colour: 2 }], { title: joint.name, unit: pretty(joint.unit), xLabel: "", cursor }),
+      chart([{ label: "residual", ...joint.residual, colour: 3 }], { title: `${joint.name}, measured - predicted`, unit: pretty(joint.unit), xLabel: "time [s]", height: 120, cursor }))))));
+    view.enter();
+    await guarded(null, async () => {
+      await view.load(file);
+      view.follow(found.motion);
+    });
   }
 
   return {
     whole: [
       field("Estimate", choice), body,
-      el("h2", {}, "Validation on test logs"), field("Logs", logs, "Ctrl or Shift chooses several."), again.whole, report.whole,
+      el("h2", {}, "Validation on test logs"), logs, again.whole, report.whole,
       el("h2", {}, "Export the model"),
       el("div", { class: "row" }, field("Target", target), field("Robot model file to write into", description, "For targets that take one; none: that of the identification.")),
       el("p", { class: "tick" }, force, el("label", { for: "force" }, "export an estimate that is not accepted")), write.whole,
     ],
     enter() {
       options(choice, ofKind("estimate"), known.estimate || choice.value);
-      const chosen = picked(logs);
-      options(logs, ofKind("log"));
-      for (const option of logs.options) option.selected = chosen.includes(option.value);
+      logs.offer(ofKind("log"));
       guarded(null, () => offerTargets(target, "estimate"));
       options(description, [{ value: "", text: "none" }, ...ofKind("robot")]);
       if (choice.value !== shown || !shown) open(choice.value);
+      else if (charts.firstChild) view.enter();
     },
-    leave() {},
+    leave: () => view.leave(),
   };
 }
 
@@ -89,11 +106,10 @@ export function answers(found) {
   const [error, fit] = [(found.test ?? found.train).total_relative_error, percent(found.train.total_relative_error)];
   const said = found.test ? `test error of the torque; training error ${fit}` : "training error of the torque; no test log yet";
   const known_ = found.parameters.filter((one) => one.relative_std !== null && one.relative_std < 0.1).length;
-  const tile = (value, text, grade) => el("div", { class: `answer ${grade === "good" && !praised ? "fair" : grade}` }, el("dt", {}, value), el("dd", {}, text));
-  return el("dl", { class: "answers" },
-    tile(percent(error), said, error < 0.05 ? "good" : error < 0.15 ? "fair" : "bad"),
-    tile(`${known_} of ${found.parameters.length}`, "base parameters known to better than 10 %", known_ * 2 > found.parameters.length ? "good" : "fair"),
-    tile(found.physically_consistent ? "consistent" : "inconsistent", "physical consistency", found.physically_consistent ? "good" : "bad"));
+  const toned = (tone) => (tone === "good" && !praised ? "fair" : tone);
+  return tiles([percent(error), said, toned(grade(error))],
+    [`${known_} of ${found.parameters.length}`, "base parameters with relative std below 10\u00a0%", toned(known_ * 2 > found.parameters.length ? "good" : "fair")],
+    [found.physically_consistent ? "consistent" : "inconsistent", "physical consistency", toned(found.physically_consistent ? "good" : "bad")]);
 }
 
 function parameters(found) {

@@ -1,7 +1,7 @@
 // Stage 1: the robot, as its robot model states it.
 
 import { choose, guarded, known, ofKind } from "./api.js";
-import { el, field, fill, name, number, options, table } from "./dom.js";
+import { el, field, fill, name, next, number, options, table } from "./dom.js";
 import { Stage3D } from "./playback.js";
 import { commandLine } from "./runner.js";
 import { dropzone } from "./upload.js";
@@ -72,7 +72,7 @@ function tell(place, scene, robot) {
     table(["joint", "kind", num("from"), num("to"), "unit", num("speed"), num("effort"), "unit"], joints, { label: "joints", note: "– stands for a limit that is not stated." }),
     el("h3", {}, "Links"),
     table(["link", num("mass [kg]"), num("centre x [m]"), num("y"), num("z"), "physically consistent"], links, { label: "links" }),
-    el("h3", {}, "The same as a command"), commandLine(`dynident inspect ${robot}`));
+    el("h3", {}, "The same as a command"), commandLine(`dynident inspect ${robot}`), next("log", "Add logs"));
 }
 
 function num(text) {

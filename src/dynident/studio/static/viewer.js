@@ -21,7 +21,7 @@ function threeJs() {
 
 class Viewer {
   constructor() {
-    this.shown = Object.fromEntries(Object.keys(LAYERS).map((key) => [key, key !== "frames"]));
+    this.shown = Object.fromEntries(Object.keys(LAYERS).map((key) => [key, !["frames", "ellipsoids", "capsules"].includes(key)]));
     this.place = el("div", { class: "viewer" });
     this.failed = "";
     this.robot = null;

@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.diagnosis.culprit import culprit
 from dynident.errors import NotConsistent
 from dynident.exports.models.subject.source import OwnDescription
-from dynident.identification.consistency.culprit import culprit
 from dynident.identification.consistency.verdicts import broken_conditions, deepest_consistent, describe_reasons
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel

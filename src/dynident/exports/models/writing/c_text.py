@@ -24,12 +24,12 @@ from dynident.exports.models.writing.c_friction import (
     motor_lines,
 )
 from dynident.exports.models.writing.c_programs import programs_of, rotor_matrix
+from dynident.exports.models.writing.c_source import Spelling, c99_function
 from dynident.exports.models.writing.c_template import FUNCTIONS, HEAD, REGRESSOR, TAIL
 from dynident.exports.models.writing.document import document
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.exports.names_in_files import comment_text, shown_names
 from dynident.model.kernels import batched
-from dynident.model.kernels.c_source import Spelling, c99_function
 
 #: Random states of the self-test.
 REFERENCES = 5

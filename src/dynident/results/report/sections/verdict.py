@@ -26,6 +26,10 @@ _WITHOUT_PRAISE = {"good": "fair"}
 
 _NO_TEST = "no test on other data"
 
+_LOGS = 3  # in a small figure
+
+_NAME = (8, 12)  # first and last letters of the name of a joint above a small figure
+
 _REASONS = 3  # of what breaks consistency, in full
 
 
@@ -64,6 +68,7 @@ class VerdictSection(ReportSection):
             "word": _WORDS.get(judged.word, judged.word.capitalize()),
             "reason": reason_of(judged),
             "data": shown,
+            "caption": "" if shown is None else _caption(shown),
             "errors": None if shown is None else _errors(shown),
             "plots": [] if shown is None else _small_torques(shown),
             "causes": cause_lines(judged),
@@ -91,18 +96,35 @@ def _errors(data: Dataset) -> Drawing:
     return drawn(error_chart(title, [*(fit.name for fit in found.joints), "total"], sets), "errors")
 
 
+def _caption(data: Dataset) -> str:
+    """Return what the small figures show, with the unit where all joints have the same."""
+    logs, units = data.validation.logs, {fit.unit for fit in data.validation.joints}
+    part = f" (drawn: the first {_LOGS} of {len(logs)} logs)" if len(logs) > _LOGS else ""
+    unit = f", in {pretty_unit(units.pop())}" if len(units) == 1 else ""
+    return f"{data.logs}{part}{unit} over time in s."
+
+
 def _small_torques(data: Dataset) -> list[Drawing]:
     v = data.validation
+    starts, rows = v.starts[:_LOGS], slice(0, v.starts[_LOGS] if len(v.starts) > _LOGS else None)
+    mixed = len({fit.unit for fit in v.joints}) > 1
     return [
         drawn(
             small_torque_chart(
-                f"{label(fit.name)} [{pretty_unit(fit.unit)}], {format_percent(fit.relative_error)}",
-                *(fit.unit, v.time, v.measured[:, i], v.predicted[:, i], v.starts),
+                f"{_both_ends(label(fit.name))}{f' [{pretty_unit(fit.unit)}]' if mixed else ''}, "
+                f"{format_percent(fit.relative_error)}",
+                *(fit.unit, v.time[rows], v.measured[rows, i], v.predicted[rows, i], starts),
             ),
             *("overview", fit.name),
         )
         for i, fit in enumerate(v.joints)
     ]
+
+
+def _both_ends(name: str) -> str:
+    """Return a long name without its middle: names of joints differ at their ends."""
+    first, last = _NAME
+    return name if len(name) <= first + last else f"{name[:first]}…{name[-last:]}"
 
 
 def _worst(subject: Subject) -> float:
@@ -173,7 +195,7 @@ def _about_robot(subject: Subject) -> list[str]:
     if found.consistent:
         said = ["The parameters are physically consistent: the mass matrix is positive definite in every posture."]
         seen = [warnings_of(estimate, test) for test in (None, *subject.tests)]
-        return said + [f"Look into this: {label(text)}." for text in dict.fromkeys(t for texts in seen for t in texts)]
+        return said + [f"Warning: {label(text)}." for text in dict.fromkeys(t for texts in seen for t in texts)]
     reasons = "; ".join(label(reason) for reason in found.reasons[:_REASONS])
     more = len(found.reasons) - _REASONS
     return [

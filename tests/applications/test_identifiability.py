@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dynident.applications.identifiability import structure
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.model.base_parameters import COMBINED, IDENTIFIABLE, base_parameters
 from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.identifiability import structure
 from dynident.model.robot import Joint, Robot, rotation_about
 
 FRICTIONS = ((), ("rotor_inertia",), ("coulomb", "viscous", "offset", "rotor_inertia"))

@@ -1,7 +1,11 @@
-"""What has changed since an earlier estimate: its bodies, with their covariance, as a prior of the fit.
+"""What differs from bodies that are known: those of an earlier estimate, or of the robot model, as a prior of the fit.
 
 Friction is another one on another day and stays free. Base parameters of the earlier estimate and of the quick fit are
 told apart by their maps, so that gravity, rotors and friction may differ: what both know counts, the rest is free.
+
+An estimate has a covariance. The errors of a robot model are not stated: they are normal with one relative standard
+deviation, which follows from the log by the marginal likelihood (MacKay 1992, section 2.4), so that a load or a scale
+is told with an interval that includes them.
 """
 
 from __future__ import annotations
@@ -14,7 +18,6 @@ import numpy as np
 import scipy.special
 
 from dynident.arrays import Array, IntArray
-from dynident.diagnosis.causes.against_robot_model import TEN
 from dynident.diagnosis.causes.cause_search import Cause, CauseRows, CauseSearch
 from dynident.diagnosis.causes.quick_fit import PASSES, RIDGE, Solved
 from dynident.diagnosis.causes.trends import OVERSAMPLING, Trends
@@ -33,6 +36,15 @@ SMALLEST = 1e-6
 
 #: Chance of so large a difference below which an earlier estimate contradicts the robot model.
 CONTRADICTS = 1e-3
+
+#: Columns of a body.
+TEN = 10
+
+#: Relative standard deviations of a robot model at first, at least, and passes that look for them.
+FIRST, LEAST, SEARCHED = 0.1, 1e-5, 15
+
+#: Share of the heaviest mass, and size in m, of which the errors of a body are shares at least.
+LIGHT, SMALL = 1e-3, 0.02
 
 #: Causes that have no meaning against bodies: friction may be another one.
 LEFT_OUT = ("friction curve",)
@@ -56,6 +68,60 @@ class KnownBodies:
         """Return whether it does not contradict other values of beta."""
         squares = float(np.sum((self.factor @ (beta[self.places] - self.values)) ** 2))
         return bool(scipy.special.chdtrc(len(self.places), squares) > CONTRADICTS)
+
+    def information(self, shares: Array) -> Array:
+        """Return the inverse of the covariance, shape (s, s); ``shares`` are those of :class:`NominalBodies`."""
+        return self.factor.T @ self.factor
+
+    def likelier(self, shares: Array, off: Array, left: Array) -> Array:
+        """Return standard deviations that explain a fit better; those of an estimate are stated."""
+        return shares
+
+    def surprise(self, shares: Array, off: Array, fitted: Array) -> float:
+        """Return twice the fall of the log-likelihood by ``off`` (s,), the bodies less what is known of them."""
+        return float(np.sum((self.factor @ off) ** 2))
+
+
+@dataclass(frozen=True)
+class NominalBodies(KnownBodies):
+    """Bodies of a robot model, whose errors the log tells.
+
+    Attributes:
+        places: Positions in beta, shape (s,).
+        factor: Root of the diagonal of the information for relative errors of one, shape (s, s).
+        values: The mean, shape (s,).
+        whole: What all ten parameters of a link are, by link, shape (s, l).
+        single: Covariance for relative errors of one of the single parameters, shape (s, s).
+    """
+
+    whole: Array
+    single: Array
+
+    def information(self, shares: Array) -> Array:
+        scale = np.diag(self.factor)
+        covariance = shares[0] ** 2 * self.whole @ self.whole.T + shares[1] ** 2 * self.single
+        covariance = covariance * np.outer(scale, scale)
+        return np.linalg.inv(covariance + SMALLEST**2 * np.diag(np.diag(covariance))) * np.outer(scale, scale)
+
+    def likelier(self, shares: Array, off: Array, left: Array) -> Array:
+        """Return a step to the largest marginal likelihood (MacKay 1992, by components of the variance).
+
+        Args:
+            shares: Standard deviations of the common and of the single errors.
+            off: The fitted bodies less the nominal ones, shape (s,).
+            left: Their covariance after the fit, shape (s, s).
+        """
+        information = self.information(shares)
+        pull, told = information @ off, information - information @ left @ information
+        squares = np.array([np.sum((self.whole.T @ pull) ** 2), pull @ self.single @ pull])
+        counts = np.array([np.sum((told @ self.whole) * self.whole), np.sum(told * self.single)])
+        return np.maximum(shares * np.sqrt(squares / np.maximum(counts, 1e-300)), LEAST)
+
+    def surprise(self, shares: Array, off: Array, fitted: Array) -> float:
+        """Return the same for the marginal likelihood; ``fitted`` is the information of all that was fitted."""
+        information = self.information(shares)
+        logs = np.linalg.slogdet(fitted)[1] - np.linalg.slogdet(information)[1]
+        return float(off @ information @ off + logs)
 
 
 def known_bodies(estimate: Estimate, model: DynamicModel, base: BaseParameters) -> KnownBodies | None:
@@ -85,11 +151,53 @@ def known_bodies(estimate: Estimate, model: DynamicModel, base: BaseParameters) 
     if not places:
         return None
     mixing = np.array(maps)
-    covariance = mixing @ estimate.covariance[np.ix_(bodies, bodies)] @ mixing.T
+    factor = _root_of_inverse(mixing @ estimate.covariance[np.ix_(bodies, bodies)] @ mixing.T)
+    return KnownBodies(np.array(places, dtype=np.int64), factor, mixing @ estimate.beta[bodies] + np.array(added))
+
+
+def nominal_bodies(model: DynamicModel, base: BaseParameters, robot: Robot, rotors_known: bool) -> NominalBodies | None:
+    """Return the bodies of a robot model as known up to relative errors; None where it states none that count.
+
+    All ten parameters of a link are off by a common share, and each by one of its own: the mass by a share of it, the
+    first moments of mass times size, the moments of inertia of mass times size squared; the size is the radius of
+    gyration about the origin of the link's frame. All shares are independent, with one standard deviation for the
+    common and one for the single ones. Rotor inertias that are not known leave the base parameters that hold them free.
+
+    Args:
+        model: The model of the quick fit.
+        base: Its base parameters.
+        robot: The robot with its stated rotor inertias.
+        rotors_known: Whether these count; else they are to be identified.
+    """
+    theta = model.nominal()
+    if theta is None:
+        return None
+    count = model.inertial_count
+    bodies = theta[:count].reshape(-1, TEN)
+    mass = np.maximum(bodies[:, -1], LIGHT * bodies[:, -1].max(initial=0.0))
+    if not np.any(mass > 0):
+        return None
+    size = np.maximum(np.sqrt(0.5 * np.maximum(bodies[:, [0, 3, 5]].sum(axis=1), 0.0) / mass), SMALL)
+    errors = np.repeat(np.stack([mass * size**2, mass * size, mass], axis=1), [6, 3, 1], axis=1).ravel()
+    rotor = np.array([parameter.kind == "rotor" for parameter in model.parameters])
+    held = base.independent < count
+    if not rotors_known:
+        held &= ~np.any(base.matters[:, rotor], axis=1)
+    places = np.flatnonzero(held)
+    if not len(places):
+        return None
+    mixing = base.matrix[places]
+    whole = np.stack([mixing[:, TEN * i : TEN * (i + 1)] @ body for i, body in enumerate(bodies)], axis=1)
+    single = (mixing[:, :count] * errors**2) @ mixing[:, :count].T
+    factor = np.diag(1.0 / np.sqrt(np.diag(single) + np.sum(whole**2, axis=1)))
+    return NominalBodies(places, factor, mixing @ with_rotors(theta, model, robot), whole, single)
+
+
+def _root_of_inverse(covariance: Array) -> Array:
+    """Return F with F' F the inverse of a covariance, its smallest deviations bounded."""
     sizes = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     squares, directions = np.linalg.eigh(covariance / np.outer(sizes, sizes))
-    factor = (directions / np.sqrt(np.maximum(squares, SMALLEST**2 * squares[-1]))).T / sizes
-    return KnownBodies(np.array(places, dtype=np.int64), factor, mixing @ estimate.beta[bodies] + np.array(added))
+    return (directions / np.sqrt(np.maximum(squares, SMALLEST**2 * squares[-1]))).T / sizes
 
 
 def with_rotors(theta: Array, model: DynamicModel, robot: Robot) -> Array:
@@ -115,23 +223,26 @@ class Anchored(CauseSearch):
 
     def fit(self, chosen: Sequence[int]) -> Solved:
         grams, sides = self.products(chosen)
-        pull = np.zeros((len(self._known.values), grams.shape[-1]))
-        pull[:, self._known.places] = self._known.factor
-        target = self._known.factor @ self._known.values
+        known, held = self._known, np.ix_(self._known.places, self._known.places)
         counts, squares, floors = self.rows.counts, self.squares, self.floors
         variances = squares / counts + floors
         beta, information = np.zeros(0), np.zeros((0, 0))
-        for _ in range(PASSES):
+        shares, surprise = np.full(2, FIRST), 0.0
+        for _ in range(SEARCHED if isinstance(known, NominalBodies) else PASSES):
             weights = 1.0 / (variances * self._factors)
-            gram = np.tensordot(weights, grams, 1) + pull.T @ pull
+            gram, side, prior = np.tensordot(weights, grams, 1), weights @ sides, known.information(shares)
+            gram[held] += prior
+            side[known.places] += prior @ known.values
             sizes = np.sqrt(np.diag(gram))
             sizes = np.where(sizes > 0, sizes, 1.0)
             information = gram + RIDGE * np.diag(sizes**2)
-            side = (weights @ sides + pull.T @ target) / sizes
-            beta = np.linalg.solve(information / np.outer(sizes, sizes), side) / sizes
+            inverse = np.linalg.inv(information / np.outer(sizes, sizes)) / np.outer(sizes, sizes)
+            beta = inverse @ side
             left = squares - 2 * sides @ beta + np.einsum("k,ikl,l->i", beta, grams, beta)
             variances = np.maximum(left, 0.0) / counts + floors
-        surprise = float(np.sum((pull @ beta - target) ** 2))
+            off = beta[known.places] - known.values
+            surprise = known.surprise(shares, off, information[: self.rows.size, : self.rows.size])
+            shares = known.likelier(shares, off, inverse[held])
         return Solved(beta, variances, float(np.sum(np.log(variances))), information, surprise)
 
     def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
@@ -144,8 +255,8 @@ class Anchored(CauseSearch):
         return [k for k in range(len(self.causes)) if k not in chosen]
 
 
-class Since:
-    """What the torques leave where the bodies are those of an earlier estimate, as far as it knows them.
+class AgainstBodies:
+    """What the torques leave where the bodies are the known ones, as far as they are known.
 
     Attributes:
         fit: The quick fit, whose bodies are free.
@@ -181,10 +292,8 @@ class Since:
 
     @cached_property
     def bodies(self) -> Array:
-        """Torque of the bodies as this log has them, shape (N, n)."""
+        """Torque of the known bodies, shape (N, n)."""
         fit, rows = self.fit, self.fit.rows
-        found = []
-        for block, own in zip(rows.blocks, rows.columns, strict=True):
-            bodies = fit.base.independent[own] < fit.model.inertial_count
-            found.append(block[:, bodies] @ fit.plain.beta[own[bodies]])
-        return np.stack(found, axis=1)
+        beta = np.zeros(fit.base.count)
+        beta[self._known.places] = self._known.values
+        return np.stack([block @ beta[own] for block, own in zip(rows.blocks, rows.columns, strict=True)], axis=1)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from dynident import DynamicModel, FourierSeries, Log, Robot, identify, read_robot
+from dynident.applications.predicted_torque import predict_torque
 from dynident.arrays import Array
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.errors import LogMismatch
-from dynident.identification.uncertainty.predicted_torque import predict_torque
 from dynident.model.friction import FRICTION, Motion
 
 RATE, NOISE, TORQUE_NOISE = 250.0, 1e-4, 0.03

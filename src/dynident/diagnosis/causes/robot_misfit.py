@@ -1,0 +1,85 @@
+"""Whether the torques follow the equations of the robot model at all, or those of another robot.
+
+The bodies are shared by all joints. Where lengths or axes are those of the robot, parameters of each joint's own
+predict unseen samples no better than the shared ones; where they are another's, far better, and much torque is left.
+Held out as in :mod:`.held_out`. The parameters of a joint alone are drawn to the shared ones by a ridge (Hoerl and
+Kennard 1970), as few rows tell them apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.diagnosis.causes.cause_search import Blame
+from dynident.diagnosis.causes.held_out import CrossValidation, ReadRows, as_stated
+from dynident.diagnosis.causes.quick_fit import QuickFit
+
+#: Ridge, as a share of the squares of a joint's column.
+RIDGE = 1e-2
+
+#: Share of the torque that is left, gain of parameters of each joint's own in log variance, and standard errors of it,
+#: from which the torques are surely another robot's; share left from which they are suspected to be.
+LEFT, GAIN, SURE, SUSPECTED = 0.1, 1.0, 3.0, 0.25
+
+
+@dataclass(frozen=True)
+class RobotMisfit:
+    """What a robot model leaves of the torques on samples that were not fitted.
+
+    Attributes:
+        left: Root mean square of the residual over that of the torque less its mean, all joints together.
+        joints: The same of each joint, shape (n,).
+        gain: By how much parameters of each joint's own are better, in log variance.
+        spread: Standard error of the gain.
+    """
+
+    left: float
+    joints: Array
+    gain: float
+    spread: float
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether the equations are those of another robot."""
+        return self.left > LEFT and self.gain > max(GAIN, SURE * self.spread)
+
+    @property
+    def is_suspected(self) -> bool:
+        """Whether so much is left that they may be."""
+        return self.left > SUSPECTED
+
+
+def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence[Blame] = ()) -> RobotMisfit:
+    """Return what is left of the torques of a log.
+
+    Args:
+        fit: The log.
+        reading: How its rows are read; None for as the case states.
+        known: Causes of a residual that are taken in.
+    """
+    validation = CrossValidation(fit)
+    reading = reading or as_stated(fit)
+    shared = _with_causes(reading, known)
+    errors = validation.errors(shared)
+    gain, spread = validation.difference(validation.errors(shared, ridge=RIDGE), errors)
+    torque = reading.rows.torque
+    counts = np.maximum(reading.rows.masks.sum(axis=0), 1)
+    sizes = np.array([np.var(column[mask]) for column, mask in zip(torque.T, reading.rows.masks.T, strict=True)])
+    left = errors.sum(axis=0) / counts
+    joints = np.sqrt(left / np.maximum(sizes, 1e-300))
+    return RobotMisfit(float(np.sqrt(left.sum() / max(float(sizes.sum()), 1e-300))), joints, gain, spread)
+
+
+def _with_causes(reading: ReadRows, known: Sequence[Blame]) -> ReadRows:
+    if not known:
+        return reading
+    extra = np.concatenate([blame.cause.columns for blame in known])
+    size = 1 + max(int(own.max()) for own in reading.rows.columns)
+    every = np.arange(size, size + len(extra))
+    blocks = tuple(np.column_stack([block, extra[:, :, i].T]) for i, block in enumerate(reading.rows.blocks))
+    columns = tuple(np.concatenate([own, every]) for own in reading.rows.columns)
+    return replace(reading, rows=replace(reading.rows, blocks=blocks, columns=columns))

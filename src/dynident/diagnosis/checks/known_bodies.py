@@ -1,0 +1,88 @@
+"""The torques against known bodies, of the robot model and of an earlier estimate: a payload, a tilt, a scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.diagnosis.causes.cause_search import Blame
+from dynident.diagnosis.causes.known_bodies import AgainstBodies, nominal_bodies, with_rotors
+from dynident.diagnosis.causes.quick_fit import asks_inertia
+from dynident.diagnosis.causes.trend_findings import believed, trend_finding
+from dynident.diagnosis.checks.base import Check, CheckedLog
+from dynident.diagnosis.finding import Finding, Severity
+
+#: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
+#: figure, in which the errors of the known bodies count, from which it is one and from which it is told.
+MATTERS, SURE, TOLD = 0.1, 4.0, 2.0
+
+
+@dataclass(frozen=True)
+class KnownBodiesCheck(Check):
+    """Load at the flange, counterbalance, spring, scale or tilt, against the robot model and an earlier estimate."""
+
+    stage: ClassVar[int] = 2
+
+    def findings(self, subject: CheckedLog) -> Sequence[Finding]:
+        trends, earlier = subject.trends, subject.known
+        if trends is None:
+            return []
+        found = [] if earlier is None else _findings(AgainstBodies(trends, earlier), "against the earlier estimate: ")
+        model, base, robot = trends.fit.model, trends.fit.base, subject.case.robot
+        nominal = nominal_bodies(model, base, robot, not asks_inertia(subject.case))
+        theta = model.nominal()
+        if nominal is None or theta is None:
+            return found
+        if earlier is not None and not earlier.agrees(base.from_standard(with_rotors(theta, model, robot))):
+            return found  # what the earlier estimate says of the bodies is what the torques are held against
+        return [*found, *_findings(AgainstBodies(trends, nominal), "against the robot model: ")]
+
+
+def _findings(against: AgainstBodies, words: str) -> list[Finding]:
+    return [
+        _finding(each, None if each is blame else blame, against, words)
+        for blame in against.search.blames()
+        for each in (blame, *blame.rivals)
+        if believed(each) is not None and _sureness(each) > TOLD
+    ]
+
+
+def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: str) -> Finding:
+    """Return what is said of a cause; ``better`` is the likelier one that the log does not tell it from."""
+    found = _load(blame, against) if blame.cause.name == "load at the flange" else trend_finding(blame, against.fit)
+    if (
+        blame.cause.name == "torque scale"
+        and not blame.cause.joint
+        and blame.size > MATTERS
+        and _sureness(blame) > SURE
+    ):
+        found = replace(found, severity="warning")  # known bodies take a part of a scale in: no residual tells it
+    told = words
+    if better is not None:
+        of = f" ({better.cause.joint})" * bool(better.cause.joint)
+        told += f"not distinguishable from {better.cause.name}{of}: "
+    return replace(found, severity=found.severity if better is None else "note", evidence=told + found.evidence)
+
+
+def _load(blame: Blame, against: AgainstBodies) -> Finding:
+    mass, deviation = float(blame.values[-1]), float(blame.deviations[-1])
+    told = f"of {mass:+.3g} kg (+- {2 * deviation:.2g} kg)"
+    if abs(mass) < 2 * deviation:  # moments are sure, the mass is not
+        strongest = int(np.argmax(blame.torque))
+        joint = against.fit.model.robot.joint_names[strongest]
+        told = f"of {blame.torque[strongest]:.3g} N m (or N) rms at {joint}, its mass is not determined"
+    evidence = f"a load at the flange {told} (t = {blame.certainty:.0f})"
+    remedy = "remove the payload or tool, or add it to the robot model; check the last link"
+    bodies = np.sqrt(np.mean(against.bodies**2, axis=0))
+    heavy = float(blame.torque.max()) > MATTERS * float(bodies.max()) and abs(mass) > SURE * deviation
+    severity: Severity = "warning" if heavy else "note"
+    numbers = {"mass_kg": mass, "std_kg": deviation, "t": blame.certainty}
+    return Finding(severity, "load at the flange", "", evidence, remedy, numbers)
+
+
+def _sureness(blame: Blame) -> float:
+    """Return how many deviations the coefficients of a cause are away from zero, all together."""
+    return float(np.sqrt(max(blame.values @ np.linalg.solve(blame.covariance, blame.values), 0.0) / len(blame.values)))
