@@ -12,14 +12,17 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+
+#: Pictures that another script, or the benchmark of speed, draws.
+ELSEWHERE = {"front", "quickstart", "into-mujoco", "article-convergence"}
 
 
-def _script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("doc_pictures", ROOT / "scripts" / "doc_pictures.py")
+def _script(name: str = "doc_pictures") -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules["doc_pictures"] = module
+    sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
 
@@ -34,6 +37,26 @@ def test_every_symptom_has_its_picture_and_its_row() -> None:
     for symptom in _script().SYMPTOMS:
         assert f"](figures/symptom-{symptom.name}.png)\n" in page
         assert f"| [{symptom.name}](figures/symptom-{symptom.name}.png) |" in page
+
+
+def test_every_picture_is_drawn_by_a_command_and_shown() -> None:
+    script = _script("page_pictures")
+    drawn = {*script.PICTURES, *script.SCREENS, *(f"symptom-{one.name}" for one in _script().SYMPTOMS), *ELSEWHERE}
+    there = {file.stem for file in (ROOT / "docs" / "figures").iterdir() if not file.stem.startswith("scaling-")}
+    shown = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert there == drawn
+    assert not [name for name in there if f"figures/{name}." not in shown]
+
+
+@pytest.mark.battery
+def test_pictures_of_pages_come_from_their_command(tmp_path: Path) -> None:
+    from matplotlib.image import imread
+
+    names = ["motion-limits", "filter", "points-krl", "virtual-cell", "payload", "track"]
+    _script("page_pictures").draw(names, tmp_path)
+    for name in names:
+        ours, theirs = imread(tmp_path / f"{name}.png"), imread(ROOT / "docs" / "figures" / f"{name}.png")
+        assert ours.shape == theirs.shape and float(abs(ours - theirs).mean()) < 0.02, name
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

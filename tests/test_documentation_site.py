@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
+import json
 import os
 import re
 import shutil
@@ -10,6 +12,7 @@ import subprocess
 import sys
 import unicodedata
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -55,6 +58,59 @@ def test_every_page_is_in_the_navigation() -> None:
     assert sorted(listed) == sorted(page.relative_to(ROOT / "docs").as_posix() for page in PAGES[1:])
 
 
+def _script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+#: Pages that are longer than asked still; the list may only shrink.
+LONG = {"excitation.md", "how-to-choose.md", "derivations.md", "performance.md"}
+
+
+def test_pages_are_short_and_have_pictures() -> None:
+    """No page above 1,500 words of prose outside the reference; a picture on each tutorial and how-to page."""
+    assert {page.path for page in _script("pages").pages() if page.fault} == LONG
+
+
+def test_words_of_prose_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables, code, comments and pictures are no prose."""
+    script = _script("pages")
+    text = "# A title\n\nTwo [more words](x.md).\n\n![no word](a.png)\n\n| a | b |\n\n```text\nno\n```\n<!-- no -->\n"
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "page.md").write_text(text)
+    monkeypatch.setattr(script, "ROOT", tmp_path)
+    page = script.page_of("page.md", "How to")
+    assert (page.prose, page.tables, page.pictures, page.fault) == (5, 2, 1, "")
+
+
+#: What a fresh reader types, the page that answers, and the questions of a first minute with theirs.
+SEARCHED = {
+    "simulink": "into-simulators.html",
+    "rosbag2": "your-robot/ros2.html",
+    "condition number": "how-good-is-good.html",
+    "which friction model": "which-friction-model.html",
+    "how good is good": "how-good-is-good.html",
+}
+
+
+@pytest.mark.parametrize("phrase", SEARCHED)
+def test_a_question_is_two_clicks_away(phrase: str) -> None:
+    """The page is linked from the README or the first page of the documentation, or from a page linked there."""
+    wanted = (ROOT / "docs" / SEARCHED[phrase]).with_suffix(".md")
+    first = {file for start in (ROOT / "README.md", ROOT / "docs" / "index.md") for file in _linked(start)}
+    assert wanted in first | {file for page in first for file in _linked(page)}
+    assert re.search(rf"^#+ .*{phrase}", wanted.read_text(encoding="utf-8"), re.MULTILINE | re.IGNORECASE)
+
+
+def _linked(page: Path) -> set[Path]:
+    targets = re.findall(r"\]\(([^)\s#]+\.md)", page.read_text(encoding="utf-8"))
+    return {(page.parent / target).resolve() for target in targets if ":" not in target}
+
+
 @pytest.mark.battery
 def test_the_site_builds_without_a_warning_and_opens_offline(tmp_path: Path) -> None:
     """What `make docs` does: warnings are errors, the search is a script, and no page asks another host."""
@@ -68,6 +124,10 @@ def test_the_site_builds_without_a_warning_and_opens_offline(tmp_path: Path) -> 
     assert {page.relative_to(ROOT / "docs").with_suffix(".html") for page in PAGES[1:]} <= {
         page.relative_to(tmp_path / "site") for page in (tmp_path / "site").rglob("*.html")
     }
+    index = (tmp_path / "site/search/search_index.js").read_text(encoding="utf-8").removeprefix("var __index = ")
+    titles = [(entry["location"], entry["title"].lower()) for entry in json.loads(index.rstrip().rstrip(";"))["docs"]]
+    for phrase, page in SEARCHED.items():  # a title weighs most in the search
+        assert any(place.startswith(page) and phrase in title for place, title in titles), phrase
     assert not re.search(r"@import|url\([\"']?https?:", "".join(p.read_text() for p in tmp_path.rglob("*.css")))
 
 
