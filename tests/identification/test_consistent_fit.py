@@ -141,7 +141,7 @@ def test_arms_of_grams_and_of_tonnes(mass: float, metric: Metric) -> None:
 
 
 @pytest.mark.parametrize("metric", ["natural", "pull_back"])
-@pytest.mark.parametrize("seed", [0, 11])
+@pytest.mark.parametrize("seed", [0, pytest.param(11, marks=pytest.mark.battery)])
 def test_three_paths_reach_one_optimum(seed: int, metric: Metric) -> None:
     posed = noisy(seed)
     program = pose_program(*posed, metric=metric)

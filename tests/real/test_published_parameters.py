@@ -28,6 +28,7 @@ def test_tx40_agrees_with_the_published_base_parameters(data: None, capsys: pyte
     assert found is not None and int(found[1]) == 59 and int(found[2]) >= 95
 
 
+@pytest.mark.battery
 def test_panda_has_the_43_published_coefficients_and_possible_links(
     data: None, capsys: pytest.CaptureFixture[str]
 ) -> None:
