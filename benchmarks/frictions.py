@@ -23,9 +23,10 @@ import numpy as np
 
 from benchmarks.strangers import arms
 from benchmarks.strangers.plant import Body, cylinder, urdf
-from dynident import DynamicModel, FourierSeries, identify, read_case, read_robot, validate
+from dynident import DynamicModel, FourierSeries, read_case, read_robot, validate
 from dynident.cli.main import main as dynident
 from dynident.identification.estimate.estimate import Estimate
+from dynident.identification.identify import identify
 from dynident.model.friction import FRICTION
 from dynident.simulation.cell import Cell
 from dynident.simulation.cell_simulation import simulate_cell

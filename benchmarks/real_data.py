@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dynident import identify, read_case, validate
+from dynident import read_case, validate
 from dynident.data.preprocessing import FILTERS
 from dynident.data.split import Split
+from dynident.identification.identify import identify
 from dynident.model.friction import FRICTION
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"

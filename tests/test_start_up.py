@@ -56,7 +56,6 @@ SLOW = ("numba", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpo
 #: What an identification alone does without besides: parts for few cases, and what has no place in one.
 NOT_FOR_ALL = (
     "scipy.sparse", "defusedxml.sax", "urllib.request", "jinja2", "rich.markdown", "matplotlib",
-    "dynident.identification.consistency.barrier", "dynident.identification.consistency.certificate",
     "dynident.diagnosis.checks", "dynident.studies.benchmark", "dynident.identification.streaming",
     "dynident.identification.simulated.course", "dynident.simulation", "dynident.model.kernels.generic",
     "dynident.model.kernels.preconditioned", "dynident.results.report", "dynident.studio",

@@ -142,7 +142,7 @@ def test_bodies_are_for_the_estimator_consistent(folder: Path, capsys: Capture) 
 @pytest.mark.usefixtures("folder")
 def test_a_link_without_size_or_possible_inertia_is_named(folder: Path, capsys: Capture) -> None:
     out = shown(capsys, "--bodies", "plausible")
-    assert "size not known: link2: 40 mm about frame and nominal centre; give shapes" in out
+    assert "size not known: link2: taken from the nominal centre of mass; give shapes" in out
     assert "no possible nominal inertia" not in out
     robot = json.loads((folder / "arm.json").read_text())
     robot["links"][1]["inertia"] = [0.0, *robot["links"][1]["inertia"][1:]]

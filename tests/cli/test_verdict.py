@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -296,3 +297,18 @@ def test_the_panda(
     assert main(["identify", "case.yaml", "-o", "estimate.json", *QUICK]) == code
     assert capsys.readouterr().out.startswith("NOT ACCEPTED") is (code == 4)
     assert main(["export", "estimate.json", "--to", "csv", "-o", "out.csv", "--quiet"]) == (1 if code else 0)
+
+
+def test_the_library_compares_after_the_checks(recorded: Recorded, spatial_3r: Robot) -> None:
+    recorded(spatial_3r, _turned, name="turned.csv")
+    recorded(spatial_3r)
+    right, turned = (dynident.read_case("case.yaml"), dynident.read_case("case.yaml"))
+    right, turned = replace(right, train=("run.csv",)), replace(turned, train=("turned.csv",))
+    with pytest.warns(UserWarning, match="not accepted: .*torque sign"):
+        list(dynident.compare(turned, "wls"))
+    with pytest.raises(NotAccepted, match="torque sign"):
+        list(dynident.compare(turned, "wls", strict=True))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        assert len(list(dynident.compare(right, "wls"))) == 1
+        assert len(list(dynident.compare(turned, "wls", checks=False))) == 1

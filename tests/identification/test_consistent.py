@@ -30,6 +30,7 @@ from dynident.model.reduction import Reduced
 from dynident.model.robot import Joint, Link, Robot
 
 ARMS = ("pendulum", "planar_2r", "planar_3r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")
+FREE = Consistent(bodies="free")
 GIVEN = Preprocessing(AsGiven(), rest="keep")
 PARTS = ("coulomb", "viscous", "offset", "rotor_inertia")
 
@@ -67,7 +68,7 @@ def test_exact_data_give_the_truth(arm: str, known: bool, request: pytest.Fixtur
     theta = theta_of(model)
     log = exact_log(model, theta)
     problem = build_problem(model if known else model_of(bare(robot), *PARTS), [log], GIVEN)
-    estimate = fit(problem, Consistent())
+    estimate = fit(problem, FREE)
     truth = problem.base.from_standard(theta)
     np.testing.assert_allclose(estimate.beta, truth, atol=1e-6 * np.abs(truth).max())
     assert estimate.consistency.consistent and estimate.theta is not None
@@ -83,7 +84,7 @@ def test_exact_data_of_any_tree_give_the_truth(
     theta = theta_of(model)
     problem = build_problem(model_of(bare(robot), "coulomb", "viscous", "offset"), [exact_log(model, theta)], GIVEN)
     truth = problem.base.from_standard(theta)
-    np.testing.assert_allclose(Consistent().solve(problem).beta, truth, atol=1e-6 * np.abs(truth).max())
+    np.testing.assert_allclose(FREE.solve(problem).beta, truth, atol=1e-6 * np.abs(truth).max())
 
 
 @pytest.mark.parametrize("arm", ["planar_2r", "spatial_3r", "scara", "coupled_arm"])
@@ -94,7 +95,7 @@ def test_it_is_weighted_least_squares_where_that_is_possible(
     theta = theta_of(model)
     size = np.std(np.asarray(exact_log(model, theta).torque), axis=0)
     problem = build_problem(model, [exact_log(model, theta, noise=0.003 * size)], GIVEN)
-    free, consistent = fit(problem, WLS()), fit(problem, Consistent())
+    free, consistent = fit(problem, WLS()), fit(problem, FREE)
     assert free.consistency.consistent
     moved = np.linalg.norm((consistent.beta - free.beta) / free.std)
     assert moved < 0.02
@@ -107,7 +108,7 @@ def test_friction_alone_is_bounded_least_squares(exact_log: MakeLog) -> None:
     model = model_of(vertical_slide(), "coulomb", "viscous", "offset")
     truth = np.r_[np.zeros(9), 3.0, -2.0, 0.4, -0.7]  # negative dry friction: impossible
     problem = build_problem(model, [exact_log(model, truth, noise=0.05)], GIVEN)
-    estimate = fit(problem, Consistent())
+    estimate = fit(problem, FREE)
     rows = problem.rows
     lower = np.array([0.0, 0.0, 0.0, -np.inf])
     expected = scipy.optimize.lsq_linear(rows.matrix, rows.torque, (lower, np.full(4, np.inf)), tol=1e-14).x
@@ -121,7 +122,7 @@ def test_an_impossible_mass_stops_at_the_margin(exact_log: MakeLog) -> None:
     model = model_of(vertical_slide(), "offset")
     problem = build_problem(model, [exact_log(model, np.r_[np.zeros(9), -3.0, 0.5], noise=0.01)], GIVEN)
     for margin in (1e-6, 1e-4):
-        found = Consistent(margin=margin).solve(problem)
+        found = replace(FREE, margin=margin).solve(problem)
         assert found.theta is not None
         assert found.theta[9] == pytest.approx(margin * scale_of(problem).mass[0], rel=0.05)
 
@@ -135,7 +136,7 @@ def test_the_joint_inertia_of_a_balanced_wheel(exact_log: MakeLog) -> None:
     theta[5] = -0.02
     problem = build_problem(model, [exact_log(model, theta, noise=1e-3)], GIVEN)
     assert problem.base.names == ("Izz[link1]", "Fv[joint1]")
-    estimate = fit(problem, Consistent())
+    estimate = fit(problem, FREE)
     scale = scale_of(problem)
     # Izz is the sum of two diagonal entries of the pseudo-inertia's upper block, each at least margin m L^2.
     assert estimate.beta[0] == pytest.approx(2 * MARGIN * scale.mass[0] * scale.length[0] ** 2, rel=0.05)
@@ -201,7 +202,7 @@ def test_no_other_possible_robot_fits_better(planar_2r: Robot, exact_log: MakeLo
     theta[15] = -0.1  # Izz[link2]
     problem = build_problem(model, [exact_log(model, theta, noise=0.2)], GIVEN)
     reduced = problem.reduced(WLS().solve(problem).weights)
-    ours = reduced.residual_square(Consistent(pull=1e-8).solve(problem).beta)
+    ours = reduced.residual_square(replace(FREE, pull=1e-8).solve(problem).beta)
 
     def of(x: Array) -> Array:
         bodies = [Inertia.from_log_cholesky(np.clip(x[10 * i : 10 * i + 10], -12, 12)).vector for i in (0, 1)]
@@ -226,7 +227,7 @@ def same_robot_in(robot: Robot, scaled: Scaled, exact_log: MakeLog, mass: float,
     log = exact_log(model, theta, noise=0.05 * units)
     if not known:
         model = model_of(bare(model.robot), *PARTS)
-    estimate = fit(build_problem(model, [log], GIVEN), Consistent())
+    estimate = fit(build_problem(model, [log], GIVEN), FREE)
     return estimate, estimate.beta / estimate.std
 
 
@@ -264,7 +265,7 @@ def test_small_and_large_robots_under_the_same_gravity(
     theta = theta_of(model, mass, length)
     size = np.std(np.asarray(exact_log(model, theta).torque), axis=0)
     problem = build_problem(model, [exact_log(model, theta, noise=0.01 * size)], GIVEN)
-    estimate = fit(problem, Consistent())
+    estimate = fit(problem, FREE)
     assert estimate.consistency.consistent
     error = (estimate.beta - problem.base.from_standard(theta)) / estimate.std
     assert np.abs(error).max() < 5
@@ -280,7 +281,7 @@ def test_a_gantry_with_short_links_and_long_strokes(exact_log: MakeLog) -> None:
     theta = theta_of(model)
     log = exact_log(model, theta, noise=np.array([1.0, 1.0, 0.01]), size=2.0)
     for robot in (model.robot, bare(model.robot)):
-        estimate = fit(build_problem(model_of(robot, "coulomb", "viscous", "offset"), [log], GIVEN), Consistent())
+        estimate = fit(build_problem(model_of(robot, "coulomb", "viscous", "offset"), [log], GIVEN), FREE)
         error = (estimate.beta - estimate.base.from_standard(theta)) / estimate.std
         assert np.abs(error).max() < 5 and estimate.consistency.consistent
 
@@ -291,7 +292,7 @@ def test_a_truth_on_the_edge_of_the_possible(spatial_3r: Robot, exact_log: MakeL
     bodies = [Inertia.from_centre_of_mass(m, [0.2, 0.1, 0.05], np.zeros((3, 3))) for m in (8.0, 5.0, 3.0)]
     theta = np.append(np.concatenate([body.vector for body in bodies]), [0.5, 0.5, 0.5])
     problem = build_problem(model, [exact_log(model, theta)], GIVEN)
-    estimate = fit(problem, Consistent())
+    estimate = fit(problem, FREE)
     truth = problem.base.from_standard(theta)
     assert np.abs(estimate.beta - truth).max() < 1e-5 * np.abs(truth).max()
     assert estimate.consistency.consistent
@@ -302,13 +303,13 @@ def test_what_the_data_leave_open_stays_at_the_description(planar_2r: Robot, exa
     model = model_of(planar_2r, "viscous")
     theta = theta_of(model)
     log = exact_log(model, theta, noise=0.01)
-    found = Consistent().solve(build_problem(model, [log], GIVEN)).theta
+    found = FREE.solve(build_problem(model, [log], GIVEN)).theta
     assert found is not None
     assert found[9] == pytest.approx(3.0, rel=0.05)
     bodies = [link.inertia for link in planar_2r.links]
     assert bodies[0] is not None
     heavy = Link("link1", Inertia(6.0, bodies[0].first_moment, bodies[0].rotational * 2))
-    other = Consistent().solve(build_problem(model_of(replace(planar_2r, links=(heavy, planar_2r.links[1])), "viscous"),
+    other = FREE.solve(build_problem(model_of(replace(planar_2r, links=(heavy, planar_2r.links[1])), "viscous"),
                                     [log], GIVEN)).theta  # fmt: skip
     assert other is not None and other[9] == pytest.approx(6.0, rel=0.05)
 
@@ -316,14 +317,14 @@ def test_what_the_data_leave_open_stays_at_the_description(planar_2r: Robot, exa
 def test_pull_is_the_price_of_leaving_the_prior(planar_2r: Robot, exact_log: MakeLog) -> None:
     model = model_of(planar_2r, "viscous")
     problem = build_problem(model, [exact_log(model, theta_of(model), noise=0.5)], GIVEN)
-    above = [Consistent(pull=pull).solve(problem).run.residual_above_unconstrained for pull in (1e-8, 1e-4, 0.1)]
+    above = [replace(FREE, pull=pull).solve(problem).run.residual_above_unconstrained for pull in (1e-8, 1e-4, 0.1)]
     assert above[0] <= above[1] <= above[2] and above[0] < 1e-5
 
 
 def test_solution_is_repeatable_and_leaves_the_problem_alone(spatial_3r: Robot, exact_log: MakeLog) -> None:
     model = model_of(spatial_3r, "viscous")
     problem = build_problem(model, [exact_log(model, theta_of(model), noise=0.5)], GIVEN)
-    one, again = Consistent().solve(problem), Consistent().solve(problem)
+    one, again = FREE.solve(problem), FREE.solve(problem)
     np.testing.assert_array_equal(one.beta, again.beta)
     np.testing.assert_array_equal(one.weights, WLS().solve(problem).weights)
 

@@ -39,7 +39,7 @@ def made(planar_2r: Robot, exact_log: Callable[..., Log]) -> tuple[DynamicModel,
 
 
 def test_every_standard_parameter_has_a_label(made: tuple[DynamicModel, Log], tmp_path: Path) -> None:
-    estimate = identify(made[0], [made[1]], "consistent", GIVEN)
+    estimate = identify(made[0], [made[1]], Consistent(bodies="free"), GIVEN)
     labels = dict(zip([p.name for p in estimate.model.parameters], labels_of(estimate), strict=True))
     assert labels["Izz[link2]"].word == labels["Fv[joint1]"].word == IDENTIFIED
     assert labels["m[link2]"].word == ONLY_COMBINED  # with Izz and mx of link 1
@@ -59,7 +59,7 @@ def test_a_share_is_the_variance_that_data_took(made: tuple[DynamicModel, Log]) 
     """Against the dense inverse of the normal equations."""
     model, log = made
     problem = build_problem(model, [log], GIVEN)
-    found = Consistent(pull=1e4).solve(problem)
+    found = Consistent(pull=1e4, bodies="free").solve(problem)
     from dynident.identification.consistency.consistent_fit import pose_program, scale_of
 
     scale = scale_of(problem)
@@ -73,7 +73,7 @@ def test_a_share_is_the_variance_that_data_took(made: tuple[DynamicModel, Log]) 
 
 def test_a_little_known_parameter_is_one_of_the_prior(made: tuple[DynamicModel, Log]) -> None:
     noisy = replace(made[1], torque=np.asarray(made[1].torque) + 300 * np.random.default_rng(0).normal(size=(400, 2)))
-    words = [label.word for label in labels_of(identify(made[0], [noisy], Consistent(pull=1e5), GIVEN))]
+    words = [label.word for label in labels_of(identify(made[0], [noisy], Consistent(pull=1e5, bodies="free"), GIVEN))]
     assert words[15] == FROM_PRIOR  # Izz of link 2, which stands alone in a base parameter
 
 
@@ -83,9 +83,9 @@ def test_an_estimate_as_the_prior_of_another(made: tuple[DynamicModel, Log], tmp
     assert bodies[0] is not None
     heavy = Link("link1", Inertia(9.0, bodies[0].first_moment, 3 * bodies[0].rotational))
     other = replace(model, robot=replace(model.robot, links=(heavy, model.robot.links[1])))
-    write_estimate(identify(other, [log], "consistent", GIVEN), tmp_path / "first.json")
+    write_estimate(identify(other, [log], Consistent(bodies="free"), GIVEN), tmp_path / "first.json")
     prior = read_prior(tmp_path / "first.json", model.robot)
-    found = identify(model, [log], "consistent", GIVEN, knowledge=PriorKnowledge(prior=prior))
+    found = identify(model, [log], Consistent(bodies="free"), GIVEN, knowledge=PriorKnowledge(prior=prior))
     assert found.theta is not None and found.theta[9] == pytest.approx(9.0, rel=0.05)
     assert found.run.prior == "the estimate first.json"
     write_estimate(identify(model, [log], "wls", GIVEN), tmp_path / "base.json")
@@ -95,7 +95,7 @@ def test_an_estimate_as_the_prior_of_another(made: tuple[DynamicModel, Log], tmp
 
 def test_a_prior_of_another_robot(made: tuple[DynamicModel, Log], spatial_3r: Robot, tmp_path: Path) -> None:
     model, log = made
-    write_estimate(identify(model, [log], "consistent", GIVEN), tmp_path / "e.json")
+    write_estimate(identify(model, [log], Consistent(bodies="free"), GIVEN), tmp_path / "e.json")
     assert json.loads((tmp_path / "e.json").read_text())["kind"] == "dynident estimate"
     with pytest.raises(DescriptionError, match=r"joint 'joint1': its frame is placed .* away"):
         read_prior(tmp_path / "e.json", spatial_3r)
@@ -109,7 +109,7 @@ def test_a_prior_of_another_robot(made: tuple[DynamicModel, Log], spatial_3r: Ro
 
 def test_constraints_reach_the_estimate_or_a_warning(made: tuple[DynamicModel, Log]) -> None:
     known = Constraints({"link2": BodyConstraints(mass=ValueRange(1.0, 1.25))})
-    kept = identify(made[0], [made[1]], "consistent", GIVEN, knowledge=PriorKnowledge(known))
+    kept = identify(made[0], [made[1]], Consistent(bodies="free"), GIVEN, knowledge=PriorKnowledge(known))
     assert kept.theta is not None and kept.theta[19] <= 1.25 * (1 + 1e-6)
     left = identify(made[0], [made[1]], "wls", GIVEN, knowledge=PriorKnowledge(known))
     assert any("'wls' violates the stated constraints" in warning for warning in warnings_of(left))

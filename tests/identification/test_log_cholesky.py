@@ -47,7 +47,7 @@ def test_inside_it_is_the_convex_optimum(
     arm: str, request: pytest.FixtureRequest, exact_log: Callable[..., Log]
 ) -> None:
     problem = posed(request.getfixturevalue(arm), exact_log, 1.0, 0.2)
-    found, best = LogCholesky().solve(problem), Consistent().solve(problem)
+    found, best = LogCholesky().solve(problem), Consistent(bodies="free").solve(problem)
     assert found.run.verdict == CONVERGED and found.run.iterations < 40
     assert abs(found.run.gap) < 1e-6 and found.run.singular_links == []
     np.testing.assert_allclose(found.beta, best.beta, atol=1e-3 * np.abs(best.beta).max())
@@ -59,7 +59,7 @@ def test_on_the_boundary_it_stops_and_says_so(
 ) -> None:
     robot = request.getfixturevalue(arm)
     problem = posed(robot, exact_log, -0.5, 0.2)
-    found, best = LogCholesky().solve(problem), Consistent().solve(problem)
+    found, best = LogCholesky().solve(problem), Consistent(bodies="free").solve(problem)
     assert found.run.verdict == BOUNDARY and found.run.iterations <= 100
     assert robot.links[-1].name in found.run.singular_links
     assert -1e-6 <= found.run.gap < np.inf

@@ -228,14 +228,14 @@ def test_draws_of_the_bootstrap_keep_the_bounds(spatial_3r: Robot, exact_log: Ma
 def test_plausible_bodies_have_their_own_metric() -> None:
     with pytest.raises(BadOption, match="entropic"):
         Consistent(bodies="plausible", metric="entropic")
-    with pytest.raises(BadOption, match="free, plausible"):
+    with pytest.raises(BadOption, match="free, plausible, auto"):
         Consistent(bodies="slim")  # type: ignore[arg-type]
 
 
 def test_stated_bounds_that_clash_are_named(spatial_3r: Robot, exact_log: MakeLog) -> None:
     """A mass above the range of the total, and a thickness that does not fit into the ellipsoid of the link."""
     problem, _ = problem_of(spatial_3r, exact_log)
-    heavy = Constraints({"link3": BodyConstraints(mass=ValueRange(low=90.0))})
+    heavy = Constraints({"link3": BodyConstraints(mass=ValueRange(low=90.0))}, ValueRange(high=50.0))
     thick = Constraints({"link2": BodyConstraints(thickness=2.0)})
     for stated, words in ((heavy, ("link3: mass >= 90 kg", "total mass")), (thick, ("link2", "minimum thickness"))):
         with pytest.raises(ContradictoryConstraints) as raised:

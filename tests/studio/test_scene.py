@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from dynident import Inertia, read_robot
 from dynident.model.descriptions.base import shipped_robots
 from dynident.model.robot import rotation_about
 from dynident.studio.kinds import kind_of
-from dynident.studio.preview import decimated
+from dynident.studio.preview import curves, decimated
 from dynident.studio.scene import ellipsoid, scene_of
 
 SIZES = st.floats(0.01, 2.0)
@@ -67,6 +68,41 @@ def test_a_mesh_that_is_not_there_is_a_remark(tmp_path: Path) -> None:
     )
     scene = scene_of(read_robot(urdf), tmp_path)
     assert len(scene["notes"]) == 1 and "no.stl" in scene["notes"][0] and str(tmp_path) not in scene["notes"][0]
+
+
+def test_meshes_are_found_beneath_the_session_and_the_missing_are_named(tmp_path: Path) -> None:
+    corners = np.arange(18.0).reshape(2, 3, 3) ** 1.5
+    facets = b"".join(bytes(12) + facet.astype("<f4").tobytes() + bytes(2) for facet in corners)
+    (tmp_path / "upper.stl").write_bytes(bytes(80) + len(corners).to_bytes(4, "little") + facets)
+    shape = "<collision><origin xyz='1 2 3' rpy='0 0 1.5707963267948966'/><geometry><mesh filename='{}'/></geometry>"
+    links = "".join(
+        f"<link name='{name}'>{shape.format(f'package://arm/meshes/{name}.stl')}</collision></link>"
+        for name in ("upper", "lower")
+    )
+    joints = "".join(
+        f"<joint name='j{k}' type='continuous'><parent link='{one}'/><child link='{two}'/></joint>"
+        for k, (one, two) in enumerate((("base", "upper"), ("upper", "lower")))
+    )
+    urdf = tmp_path / "arm.urdf"
+    urdf.write_text(f"<robot name='a'><link name='base'/>{links}{joints}</robot>")
+    scene = scene_of(read_robot(urdf), tmp_path)
+    (drawn,) = scene["links"][0]["meshes"]
+    seen = np.frombuffer(base64.b64decode(drawn), "<f4").reshape(2, 3, 3)
+    turned = np.stack([-corners[..., 1], corners[..., 0], corners[..., 2]], axis=-1)  # by 90 degrees about z
+    np.testing.assert_allclose(seen, turned + np.array([1.0, 2.0, 3.0]), rtol=1e-6)
+    assert scene["links"][1]["meshes"] == [] and scene["links"][0]["capsules"]
+    assert len(scene["notes"]) == 1 and "lower.stl" in scene["notes"][0]
+
+
+@pytest.mark.parametrize(
+    ("name", "across", "last"),
+    [("time_ms", "time [s]", 0.099), ("t", "t, from its first value", 99.0), ("q9", "row", 99.0)],
+)
+def test_a_log_is_drawn_over_its_time(tmp_path: Path, name: str, across: str, last: float) -> None:
+    log = tmp_path / "a.csv"
+    log.write_text(f"{name},q1\n" + "".join(f"{7 + k},{k % 7}\n" for k in range(100)))
+    found = curves(log, ("q1",))
+    assert found["across"] == across and found["curves"][0]["x"][::99] == [0.0, pytest.approx(last)]
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=400), st.integers(1, 20))

@@ -18,6 +18,7 @@ import pytest
 from dynident import FourierSeries, read_robot
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.model.robot import joint_pose
+from dynident.studio import views
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).resolve().parents[3] / "shared" / "data")
 
@@ -147,6 +148,65 @@ def test_a_page_that_is_loaded_again_goes_on_with_the_command(page: Any, running
 
 
 @pytest.mark.battery
+def test_a_mesh_that_was_missing_is_drawn_when_it_is_dropped(page: Any, running: Any, tmp_path: Path) -> None:
+    robot, mesh = tmp_path / "arm.urdf", tmp_path / "arm.stl"
+    robot.write_text(
+        "<robot name='arm'><link name='base'/><link name='arm'><collision><geometry>"
+        "<mesh filename='package://arm_description/meshes/arm.stl'/></geometry></collision></link>"
+        "<joint name='j' type='continuous'><parent link='base'/><child link='arm'/></joint></robot>"
+    )
+    corners = 0.3 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    facets = [corners[list(three)].astype("<f4").tobytes() for three in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]
+    mesh.write_bytes(bytes(80) + (4).to_bytes(4, "little") + b"".join(bytes(12) + one + bytes(2) for one in facets))
+    page.choose_files("section:not([hidden]) input[type=file]", robot)
+    remarks = f"[...{_section('robot')}.querySelectorAll('.remark')].map(one => one.textContent).join()"
+    page.until(f"{remarks}.includes('arm_description/meshes/arm.stl')")
+    page.js("import('/static/viewer.js').then(one => { window.viewer = one.viewer; })")
+    page.until("window.viewer && viewer.robot && viewer.robot.scene.robot === 'arm'")
+    assert page.js("viewer.robot.layers.shapes.length") == 0
+    page.choose_files("section:not([hidden]) input[type=file]", mesh)
+    page.until("viewer.robot.layers.shapes.length === 1 && viewer.robot.layers.shapes[0].visible")
+    assert page.js("viewer.robot.layers.shapes[0].geometry.attributes.position.count") == 12
+    assert page.js(remarks) == "" and page.js("viewer.robot.layers.capsules.every(one => !one.visible)")
+    _nothing_wrong(page, running)
+
+
+@pytest.mark.battery
+def test_a_slow_disk_mixes_nothing_up(page: Any, running: Any, client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("slow.yaml", "fast.yaml"):
+        client.upload(name, f"case: 1\nrobot: generic-scara\nnote: {name}\n".encode())
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('#stages a').length")
+    _go(page, "case")
+    _choose(page, "case", "Case file", "fast.yaml")
+    area = f"{_section('case')}.querySelector('textarea')"
+    page.until(f"{area}?.value.includes('note: fast.yaml')")
+    answer = views.case_view
+
+    def slow(folder: Any, name: str) -> dict[str, Any]:
+        time.sleep(1.0 if name == "slow.yaml" else 0.0)
+        return answer(folder, name)
+
+    monkeypatch.setattr(views, "case_view", slow)
+    _choose(page, "case", "Case file", "slow.yaml")
+    _choose(page, "case", "Case file", "fast.yaml")
+    page.until(f"{area}?.value.includes('note: fast.yaml')")
+    time.sleep(1.3)
+    assert "note: fast.yaml" in page.js(f"{area}.value")  # the answer for the other one came later
+    _choose(page, "case", "Case file", "slow.yaml")
+    page.until(f"{area}?.value.includes('note: slow.yaml')")
+    page.js(f"{area}.value += '# more\\n'")
+    walk = Walk(page)
+    walk.press("section:not([hidden]) button", "Save the text")
+    assert page.js(f"{area}.closest('[inert]') !== null")  # a second click meets nothing
+    page.until(f"!{area}.closest('[inert]')")
+    assert client.get("/api/case?name=slow.yaml")["text"].endswith("# more\n")
+    said = page.js("document.querySelector('#said').textContent")
+    assert said.startswith("saved")
+    _nothing_wrong(page, running)
+
+
+@pytest.mark.battery
 @pytest.mark.skipif(importlib.util.find_spec("axe_core_python") is None, reason="axe needs the package axe-core-python")
 def test_axe_finds_no_fault_in_any_stage(page: Any, client: Any, logs: tuple[Path, Path]) -> None:
     spec = importlib.util.find_spec("axe_core_python")
@@ -156,6 +216,16 @@ def test_axe_finds_no_fault_in_any_stage(page: Any, client: Any, logs: tuple[Pat
     case = client.upload("arm.yaml", text.encode())
     done = client.run("identify", case=case, estimator="wls", quick=True)
     assert done["state"] == "done", done["progress"]
+    second = client.run("identify", case=case, estimator="ols", quick=True)
+    estimates = [done["outputs"][0], second["outputs"][0]]
+    for verb, choices in (
+        ("check", {"case": case}),
+        ("validate", {"estimate": estimates[0], "logs": names[1:]}),
+        ("diff", {"estimates": estimates}),
+        ("export", {"file": estimates[0], "to": "urdf"}),
+    ):
+        ended = client.run(verb, **choices)
+        assert ended["state"] == "done", ended["progress"]
     page.call("Page.setBypassCSP", enabled=True)  # for axe alone
     page.call("Page.reload")
     page.until("document.querySelectorAll('.sliders input').length")
@@ -164,52 +234,122 @@ def test_axe_finds_no_fault_in_any_stage(page: Any, client: Any, logs: tuple[Pat
         "axe.run(document, {resultTypes: ['violations'], iframes: false}).then(found => found.violations"
         ".map(one => `${one.id}: ${one.nodes[0].html.slice(0, 200)}`))"
     )
-    for width, dark in ((1440, False), (360, True)):
+    shown = {"check": ".good, .fault", "results": ".run .answers", "compare": ".run .chart svg"}
+    for width, dark in ((1440, False), (768, False), (390, True)):
         page.size(width, 900, dark)
         for stage in STAGES:
             _go(page, stage)
+            if stage in shown:
+                page.until(f"{_section(stage)}.querySelector({shown[stage]!r})", 60)
+            assert page.js("document.documentElement.scrollWidth") <= width, (stage, width)
             if stage == "results":
                 page.until(f"{_section('results')}.querySelector('iframe')", 60)
             assert page.js(faults) == [], (stage, width)
 
 
+class Walk:
+    """A user with a mouse: every press is a click of the browser on what lies on top there.
+
+    Attributes:
+        clicks: How many there were, a choice in a list or a file dialog counted as two.
+    """
+
+    def __init__(self, page: Any) -> None:
+        self.page, self.clicks = page, 0
+
+    def press(self, selector: str, text: str) -> None:
+        """Click on the one element of the stage that is shown with this text."""
+        found = f"[...document.querySelectorAll({selector!r})].find(one => one.textContent.startsWith({text!r})"
+        found = f"({found} && one.offsetParent && !one.disabled))"
+        self.page.until(found)
+        place = (
+            f"(() => {{ const one = {found}; one.scrollIntoView({{block: 'center', behavior: 'instant'}});"
+            "const box = one.getBoundingClientRect(), [x, y] = [box.x + box.width / 2, box.y + box.height / 2];"
+            "const top = document.elementFromPoint(x, y); return [x, y, one === top || one.contains(top)]; })()"
+        )
+        x, y, hit = self.page.js(place)
+        while (now := self._later(place)) != [x, y, hit]:  # the page is still growing
+            x, y, hit = now
+        assert hit, f"something lies over {text}"
+        for kind in ("mousePressed", "mouseReleased"):
+            self.page.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+        self.clicks += 1
+
+    def _later(self, place: str) -> Any:
+        time.sleep(0.15)
+        return self.page.js(place)
+
+    def go(self, stage: str) -> None:
+        """Wait until a stage is shown, which a button has led to."""
+        self.page.until(f"location.hash === '#/{stage}' && {_section(stage)} && !{_section(stage)}.hidden")
+
+    def choose(self, stage: str, label: str, value: str) -> None:
+        _choose(self.page, stage, label, value)
+        self.clicks += 2
+
+
 @pytest.mark.battery
-def test_the_main_path_on_the_er16(page: Any, running: Any, client: Any, tmp_path: Path) -> None:
+def test_from_an_empty_folder_to_an_exported_model_of_the_er16(
+    page: Any, running: Any, client: Any, tmp_path: Path
+) -> None:
     logs = [_er16_log(tmp_path / f"run{k}.csv", k) for k in (1, 2)]
-    _go(page, "log")
+    walk, begin = Walk(page), time.monotonic()
+    walk.press("#stages a", "Log")
+    walk.go("log")
     page.choose_files("section:not([hidden]) input[type=file]", *logs)
-    page.until(f"{_section('log')}.querySelector('svg')")
-    _go(page, "case")
-    _choose(page, "case", "Robot", "er16")
+    walk.clicks += 2
+    page.until(f"{_section('log')}.querySelector('.chart svg[role=img]')")
+    log_plot = page.js(
+        f"{_section('log')}.querySelector('.chart svg[role=img]').getBoundingClientRect().bottom + scrollY"
+    )
+    walk.press("section:not([hidden]) a.go", "Draft the case file")
+    walk.go("case")
+    walk.choose("case", "Robot", "er16")
     _choose(page, "case", "Training logs", "run1.csv")
     _choose(page, "case", "Test logs", "run2.csv")
-    _click(page, "case", "Draft the case file")
+    walk.clicks += 3  # the log that is shown is ticked already
+    walk.press("section:not([hidden]) button", "Draft the case file")
     page.until(f"{_section('case')}.querySelector('textarea')", 60)
     assert "asks for the joints" in page.js(f"{_section('case')}.querySelector('.fault').textContent")
-    _choose(page, "case", "Unit of torque", "N m")
-    _click(page, "case", "Save columns and units")
+    walk.choose("case", "Unit of torque", "N m")
+    walk.press("section:not([hidden]) button", "Save columns and units")
     page.until(f"{_section('case')}.querySelector('p.good')")
-    _go(page, "check")
-    _click(page, "check", "Check the logs")
-    page.until(f"{_section('check')}.querySelector('h3')", 120)
-    _go(page, "identify")
+    walk.press("section:not([hidden]) a.go", "Check the logs")
+    walk.go("check")
+    walk.press("section:not([hidden]) button", "Check the logs")
+    page.until(f"{_section('check')}.querySelector('h2')", 120)
+    walk.press("section:not([hidden]) a.go", "Identify the model")
+    walk.go("identify")
+    walk.press("section:not([hidden]) summary", "More choices")
     _choose(page, "identify", "Friction", "coulomb", "viscous")
-    page.js("document.querySelector('#quick').click()")
-    _click(page, "identify", "Identify")
+    walk.clicks += 2
+    walk.press("section:not([hidden]) label", "quick")
+    walk.press("section:not([hidden]) button", "Identify")
     page.until(f"{_section('identify')}.querySelector('a.go')", 240)
-    _go(page, "results")
-    page.until(f"{_section('results')}.querySelector('.answers') && {_section('results')}.querySelector('iframe')", 60)
-    assert page.js(f"{_section('results')}.querySelector('.answer dt').textContent").endswith("%")
-    time.sleep(0.5)
-    page.js("import('/static/api.js').then(one => { window.known = one.known; })")
-    page.until("window.known")
-    status = page.js("fetch('/file?name=estimate_1.json').then(one => one.json()).then(one => one.kind)")
-    assert status == "dynident estimate"
-    _go(page, "session")
+    assert page.js(f"{_section('identify')}.querySelector('.answer dt').textContent").endswith("%")
+    walk.press("section:not([hidden]) a.go", "See the result")
+    walk.go("results")
+    results = _section("results")
+    page.until(
+        f"{results}.querySelector('.answers') && {results}.querySelectorAll('.chart svg[role=img]').length === 6", 60
+    )
+    plot = page.js(f"{results}.querySelector('.chart svg[role=img]').getBoundingClientRect().bottom + scrollY")
+    assert max(plot, log_plot) < 900  # pixels: the first plot of a log and of a result stand on the first screen
+    page.until(f"[...{results}.querySelectorAll('option')].some(one => one.value === 'mjcf')")
+    walk.choose("results", "Target", "mjcf")
+    walk.press("section:not([hidden]) button", "Export")
+    page.until(f"{results}.querySelector('.run table[role=table]')", 120)
+    assert "MuJoCo" in page.js(f"{results}.querySelector('.run table[role=table]').textContent")
+    seconds = time.monotonic() - begin
+    sys.stdout.write(f"from an empty folder to an exported model: {walk.clicks} clicks, {seconds:.1f} s\n")
+    assert walk.clicks <= 28 and "exported_1.xml" in client.names()
+    walk.press("section:not([hidden]) a.go", "All files of the session")
+    walk.go("session")
     page.until(f"{_section('session')}.querySelector('.command code')")
     commands = page.js(f"{_section('session')}.querySelector('.command code').textContent")
     ran = [line.split()[:2] for line in commands.splitlines() if line.startswith(("dynident ", "cat "))]
-    assert [words[1] if words[0] == "dynident" else words[0] for words in ran] == ["init", "cat", "check", "identify"]
+    verbs = [words[1] if words[0] == "dynident" else words[0] for words in ran]
+    assert verbs == ["init", "cat", "check", "identify", "export"]
     _nothing_wrong(page, running)
     again = tmp_path / "again"
     again.mkdir()
@@ -219,37 +359,139 @@ def test_the_main_path_on_the_er16(page: Any, running: Any, client: Any, tmp_pat
     subprocess.run(["sh", "-e"], input=commands, text=True, cwd=again, env={**os.environ, "PATH": path}, check=True)
     first, second = (read_estimate(folder / "estimate_1.json") for folder in (client.folder, again))
     np.testing.assert_array_equal(first.beta, second.beta)
+    assert (again / "exported_1.xml").is_file()
+    _stands_after_reload_and_in_a_second_tab(page, running)
+
+
+def _stands_after_reload_and_in_a_second_tab(page: Any, running: Any) -> None:
+    """The result of each stage, and text that is not saved, are there again."""
+    _go(page, "case")
+    page.js(
+        f"(() => {{ const text = {_section('case')}.querySelector('textarea'); text.value += '# mine';"
+        "text.dispatchEvent(new Event('input')); })()"
+    )
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('#stages a[data-state=done]').length >= 5")
+    shown = {"check": ".findings, p.good", "identify": ".answers", "results": ".run table"}
+    for stage, what in shown.items():
+        _go(page, stage)
+        page.until(f"{_section(stage)}.querySelector({what!r})")
+    _go(page, "case")
+    page.until(f"{_section('case')}.querySelector('textarea')?.value.endsWith('# mine')")
+    states = page.js("[...document.querySelectorAll('#stages a')].map(one => one.dataset.state)")
+    assert states == ["done", "done", "done", "done", "ready", "done", "done", "ready", ""]
+    _nothing_wrong(page, running)
 
 
 @pytest.mark.battery
-def test_the_main_path_on_a_real_set(page: Any, running: Any, client: Any) -> None:
-    folder = DATA / "panda_gaz2019"
+def test_curves_and_robot_stand_at_one_time(page: Any, running: Any, client: Any, logs: tuple[Path, Path]) -> None:
+    names = [client.upload(log.name, log.read_bytes()) for log in logs]
+    text = f"case: 1\nrobot: generic-scara\ntrain: {names[0]}\nfriction: [coulomb, viscous]\n"
+    done = client.run("identify", case=client.upload("arm.yaml", text.encode()), estimator="wls", quick=True)
+    assert done["state"] == "done", done["progress"]
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('#stages a').length")
+    _go(page, "results")
+    results = _section("results")
+    page.until(f"{results}.querySelectorAll('.chart svg[role=img]').length === 8")
+    page.until(f"!{results}.querySelector('.player button').disabled")
+    page.js("import('/static/viewer.js').then(one => { window.viewer = one.viewer; })")
+    page.until("window.viewer && viewer.robot && viewer.robot.positions")
+    assert page.js("viewer.robot.layers.ellipsoids.length && viewer.robot.layers.ellipsoids.every(one => !one.visible)")
+    chart = f"{results}.querySelector('.chart svg[role=img]')"
+    page.js(f"{chart}.scrollIntoView({{block: 'center'}})")
+    x, y, wide = page.js(
+        f"(() => {{ const box = {chart}.getBoundingClientRect(); return [box.x, box.y, box.width]; }})()"
+    )
+    page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 0.6 * wide, y=y + 60)
+    lines = f"[...{results}.querySelectorAll('.chart .cursor')].map(one => +one.getAttribute('x1'))"
+    page.until(f"{lines}.every(at => Math.abs(at - {0.6 * wide}) < 2)")
+    motion = client.get("/api/estimate?name=estimate_1.json")["motion"]
+    clock = page.js(f"{results}.querySelector('.stage3d output.soft').textContent")
+    seconds = float(clock.split()[0])
+    expected = [np.interp(seconds, motion["time"], column) for column in np.transpose(motion["q"])]
+    np.testing.assert_allclose(page.js("viewer.robot.positions"), expected, atol=2e-3)
+    before = page.js(lines)
+    page.js(f"{results}.querySelector('.player button').click()")
+    page.until(f"{lines}[7] > {before[7] + 3}")  # the player moves the cursor of the last curve
+    _nothing_wrong(page, running)
+    done = client.run("identify", case="arm.yaml", estimator="ols", quick=True)
+    assert done["state"] == "done", done["progress"]
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('#stages a').length")
+    _go(page, "compare")
+    _choose(page, "compare", "Estimates", "estimate_1.json", "estimate_2.json")
+    _click(page, "compare", "Put them side by side")
+    page.until(f"{_section('compare')}.querySelectorAll('.run .chart svg[role=img]').length === 4", 60)
+    assert page.js(f"{_section('compare')}.querySelector('.run table').rows.length") == 3
+    _nothing_wrong(page, running)
+
+
+#: Folder, training and test logs, drive gains in N m/A where logs hold currents (UR10e: De Luca's), largest error in %.
+REAL = [
+    ("panda_gaz2019", ["exciting_traj_1.csv"], [], [], 1.0),
+    (
+        "ur10e_mamedov",
+        ["ident_20_02_06_20sec_10harm.csv", "ident_20_02_10_30sec_12harm.csv"],
+        ["ident_20_02_12_40sec_12harm.csv"],
+        [14.87, 13.26, 11.13, 10.62, 11.03, 11.47],
+        6.0,
+    ),
+]
+
+
+@pytest.mark.battery
+@pytest.mark.parametrize(("name", "train", "test", "gains", "worst"), REAL, ids=[one[0] for one in REAL])
+def test_the_main_path_on_a_real_set(
+    page: Any, running: Any, client: Any, name: str, train: list[str], test: list[str], gains: list[float], worst: float
+) -> None:
+    folder = DATA / name
     if not folder.is_dir():
         pytest.skip(f"no folder {folder.name} under DYNIDENT_DATA or ../shared/data")
-    _go(page, "robot")
+    walk, begin = Walk(page), time.monotonic()
     page.choose_files("section:not([hidden]) input[type=file]", folder / "robot.urdf")
-    _go(page, "log")
-    page.choose_files("section:not([hidden]) input[type=file]", folder / "exciting_traj_1.csv")
+    page.until("document.querySelector('#robot-choice').value === 'robot.urdf'")
+    walk.press("section:not([hidden]) a.go", "Add logs")
+    walk.go("log")
+    page.choose_files("section:not([hidden]) input[type=file]", *(folder / log for log in (*train, *test)))
     page.until(f"{_section('log')}.querySelector('svg')", 30)
-    _go(page, "case")
-    _choose(page, "case", "Robot", "robot.urdf")
-    _choose(page, "case", "Training logs", "exciting_traj_1.csv")
-    _click(page, "case", "Draft the case file")
-    page.until(f"{_section('case')}.querySelector('textarea')", 60)
-    assert page.js(f"{_section('case')}.querySelector('.fault')?.textContent ?? ''") == ""  # this log answers all
-    _go(page, "check")
-    _click(page, "check", "Check the logs")
-    page.until(f"{_section('check')}.querySelector('h3')", 120)
-    _go(page, "identify")
-    page.js("document.querySelector('#quick').click()")
-    _click(page, "identify", "Identify")
+    walk.press("section:not([hidden]) a.go", "Draft the case file")
+    walk.go("case")
+    for label, logs in (("Training logs", train), ("Test logs", test)):
+        if logs:
+            _choose(page, "case", label, *logs)
+    walk.clicks += 4 + len(train) + len(test)  # with the two file dialogs
+    walk.press("section:not([hidden]) button", "Draft the case file")
+    area = f"{_section('case')}.querySelector('textarea')"
+    page.until(area, 60)
+    assert page.js(f"{area}.value.split('gain: ask').length - 1") == len(gains)
+    for gain in gains:
+        page.js(f"{area}.value = {area}.value.replace('gain: ask', 'gain: {gain}')")
+    if gains:
+        walk.press("section:not([hidden]) button", "Save the text")
+    page.until(f"{_section('case')}.querySelector('p.good')", 30)
+    walk.press("section:not([hidden]) a.go", "Check the logs")
+    walk.go("check")
+    walk.press("section:not([hidden]) button", "Check the logs")
+    page.until(f"{_section('check')}.querySelector('h2')", 120)
+    walk.press("section:not([hidden]) a.go", "Identify the model")
+    walk.go("identify")
+    walk.press("section:not([hidden]) summary", "More choices")
+    walk.press("section:not([hidden]) label", "quick")
+    walk.press("section:not([hidden]) button", "Identify")
     page.until(f"{_section('identify')}.querySelector('a.go')", 240)
-    _go(page, "results")
+    walk.press("section:not([hidden]) a.go", "See the result")
+    walk.go("results")
     page.until(f"{_section('results')}.querySelector('.answers') && {_section('results')}.querySelector('iframe')", 120)
     error = page.js(f"{_section('results')}.querySelector('.answer dt').textContent")
-    assert float(error.split()[0].rstrip("%")) < 1.0  # per cent, on the last third of the log
-    robot = read_estimate(client.folder / "estimate_1.json").model.robot
-    assert robot.dof == 7
+    assert float(error.split()[0].rstrip("%")) < worst
+    page.until(f"[...{_section('results')}.querySelectorAll('option')].some(one => one.value === 'urdf')")
+    walk.choose("results", "Target", "urdf")
+    walk.press("section:not([hidden]) button", "Export")
+    page.until(f"{_section('results')}.querySelector('.run table[role=table]')", 120)
+    sys.stdout.write(f"{name}: {walk.clicks} clicks, {time.monotonic() - begin:.1f} s, test error {error}\n")
+    assert read_estimate(client.folder / "estimate_1.json").model.robot.dof == read_robot(folder / "robot.urdf").dof
+    assert read_robot(client.folder / "exported_1.urdf").nominal is not None
     _nothing_wrong(page, running)
 
 

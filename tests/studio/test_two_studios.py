@@ -195,7 +195,7 @@ class TwoStudios(RuleBasedStateMachine):
 
 
 TestTwoStudios = pytest.mark.battery(TwoStudios.TestCase)
-TestTwoStudios.settings = settings(max_examples=25, stateful_step_count=25, deadline=None)
+TestTwoStudios.settings = settings(max_examples=100, stateful_step_count=25, deadline=None)
 
 
 def test_the_next_session_shows_what_was_done(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ class CaseOptions:
         delay: Seconds by which torques lag behind positions, or ``auto``.
         prior: File with inertias known beforehand.
         constraints: File with constraints.
-        bodies: ``free`` or ``plausible``.
+        bodies: ``free``, ``plausible`` or ``auto``.
     """
 
     friction: tuple[str, ...] = ()

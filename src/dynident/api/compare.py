@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from dynident.api.case_logs import CaseData, read_data
 from dynident.api.case_options import cut, estimator_of, prior_of
 from dynident.api.given_logs import case_of
+from dynident.api.log_checks import check_logs, refuse_faulty
 from dynident.case.case import Case
+from dynident.diagnosis.verdict import errors_in
 from dynident.errors import BadOption
 from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.estimators import ESTIMATORS
@@ -24,8 +27,12 @@ def compare(
     data: CaseData | None = None,
     truth: str | None = None,
     progress: Callable[[str], None] = lambda step: None,
+    checks: bool = True,
+    strict: bool = False,
 ) -> Iterator[Outcome]:
-    """Yield what each estimator comes to on the logs of a case.
+    """Yield what each estimator comes to on the logs of a case, once the log checks have looked at those that train.
+
+    A finding that leaves a fit without a meaning stops it; any other one at error level is a Python warning.
 
     Args:
         case: The case, or its file.
@@ -33,13 +40,23 @@ def compare(
         data: Logs to learn from and to test on; None for those of the case.
         truth: File with the parameters of a simulated robot; None where they are not known.
         progress: Told each step in words.
+        checks: Make the log checks.
+        strict: Raise after any finding at error level.
 
     Raises:
         DynidentError: Any fault of the case, a log or an option.
+        NotAccepted: The unit of the time or a column of a log makes no sense, or with ``strict`` any finding at error
+            level.
     """
     case = case_of(case)
     methods = methods_of(case, estimators if isinstance(estimators, str) else ",".join(estimators))
-    contest = contest_of_case(case, data or read_data(case), truth=truth, progress=progress)
+    data = data or read_data(case)
+    if checks:
+        quality = check_logs(case, data.train, progress)
+        refuse_faulty(quality, strict)
+        for cause in errors_in(quality):
+            warnings.warn(f"not accepted: {cause}", stacklevel=2)
+    contest = contest_of_case(case, data, truth=truth, progress=progress)
     yield from compare_methods(contest, methods, progress=progress)
 
 
@@ -93,6 +110,8 @@ def methods_of(case: Case, text: str, seed: int | None = None) -> list[Method]:
             stated = [setting.partition("=")[0] for setting in settings]
             if seed is not None and "seed" not in stated and _has_seed(name):
                 settings.append(f"seed={seed}")
+            if name == "consistent" and not (case.bodies or case.estimator.options):
+                settings.insert(0, "bodies=free")  # methods are compared by what they make of the data alone
             found.setdefault(label, Method(label, estimator_of(case, name, settings)))
     return list(found.values())
 

@@ -103,7 +103,7 @@ class Case:
         split: How a single log is split; None where it is not.
         locked: Positions of the joints that do not move, by name.
         workspace: What the robot must keep clear of; None where the case does not say.
-        bodies: `free` or `plausible`, of the estimator `consistent`; empty: as its options say.
+        bodies: `free`, `plausible` or `auto`, of the estimator `consistent`; empty: as its options say.
         constraints: What is known about bodies beforehand.
         prior: Robot model or estimate file with inertias known beforehand, as written; empty for none.
         cell: The virtual cell in which the case is simulated; None where the case does not say.

@@ -69,9 +69,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     known.add_argument("--prior", metavar="FILE", help="robot model or estimate whose inertias are the prior")
     known.add_argument(
         "--bodies",
-        choices=("free", "plausible"),
+        choices=("free", "plausible", "auto"),
         help="links of the estimator consistent: any of positive density, or within bounds that follow from the robot "
-        "model and near it where the data allow",
+        "model and near it where the data allow; default: auto, plausible where the model has inertias or shapes",
     )
     known.add_argument("--constraints", metavar="FILE", help="masses, centres, hulls: YAML as in the case file")
     jobs.add_case_options(parser)

@@ -18,8 +18,9 @@ from dynident.model.robot import Robot
 
 AXES = ("x", "y", "z")
 
-#: What bodies a fit may find: any of positive density, or those within bounds that follow from the robot model.
-BODIES = ("free", "plausible")
+#: What bodies a fit may find: any of positive density, those within bounds that follow from the robot model, or these
+#: where the model states inertias or shapes and else any.
+BODIES = ("free", "plausible", "auto")
 
 
 #: Towards faces, edges and corners of a cube, one of each opposite pair, and the least square of the cosine between any

@@ -55,7 +55,9 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
         bodies[link.name] = replace(body, thickness=body.thickness or thickness)
     total = known.total_mass
     if total == ValueRange() and all(mass > 0 for mass in masses):
-        total = ValueRange(sum(masses) / TOTAL_FACTOR, sum(masses) * TOTAL_FACTOR)
+        ranges = [bodies[link.name].mass for link in robot.links]
+        whole = sum(min(max(mass, own.low), own.high) for mass, own in zip(masses, ranges, strict=True))
+        total = ValueRange(whole / TOTAL_FACTOR, whole * TOTAL_FACTOR)
     return Constraints(bodies, total, known.fixed)
 
 
@@ -67,7 +69,8 @@ def extent_of(points: Array) -> float:
 def link_points(robot: Robot, index: int) -> Array:
     """Return points whose convex hull is about the space of a link, shape (k, 3), in m, in the link frame.
 
-    The offset along a joint's own axis may be matter of the link on either side of it: it counts for both.
+    The offset along a joint's own axis may be matter of the link on either side of it: it counts for both. A last link
+    without frames reaches as far beyond its nominal centre of mass as its frame lies before it.
     """
     link, own = robot.links[index], robot.joints[index]
     parts = [_shape_points(shape) for shape in link.shapes]
@@ -78,7 +81,8 @@ def link_points(robot: Robot, index: int) -> Array:
     places = [np.zeros(3), *children, -own.axis * (own.axis @ own.rotation.T @ own.translation)]
     mass = 0.0 if link.inertia is None else link.inertia.mass
     if link.inertia is not None and mass > 0:
-        places.append(link.inertia.first_moment / mass)
+        centre = link.inertia.first_moment / mass
+        places += [centre] if children else [centre, 2.0 * centre]
     length = max(float(np.linalg.norm(place)) for place in places)
     radius = max(RADIUS_SHARE * length, LEAST_RADIUS)
     if mass > 0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from html import escape
 from typing import Any
 
@@ -30,6 +31,9 @@ from dynident.results.verdict import cause_lines, headline
 #: Letters of a parameter's name that a text has room for.
 NAME_WIDTH = 30
 
+#: Letters of a line of text.
+WIDTH = 80
+
 
 def summary_text(estimate: Estimate, test: Validation | None = None) -> str:
     """Return an estimate as text of 80 columns: verdict, data, figures by joint, base parameters with t and p.
@@ -38,7 +42,8 @@ def summary_text(estimate: Estimate, test: Validation | None = None) -> str:
         estimate: The estimate.
         test: Its figures on data that had no part in the fit.
     """
-    lines = [*_facts(estimate, test), ""]
+    facts = [textwrap.fill(line, WIDTH, subsequent_indent="  ") for line in _facts(estimate, test)]
+    lines = [*facts, ""]
     for title, validation in (("test data", test), ("training data", estimate.train)):
         if validation is not None:
             lines += [title, plain(_narrow(fits_table(validation))), ""]

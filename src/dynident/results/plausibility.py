@@ -7,7 +7,6 @@ import numpy as np
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedBound, Plausibility
 from dynident.identification.estimate.validation import Validation
-from dynident.model.plausible import LEAST_RADIUS
 from dynident.model.robot import Robot
 from dynident.results.text import format_number, format_percent, label
 
@@ -17,13 +16,15 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     facts = Plausibility.of(estimate.run)
     if facts is None:
         return []
-    lines = [cost_line(facts, test), *map(contradiction, facts.contradicted)]
+    usual = "plausible links are the default; bodies: free in the case, or --bodies free, fits without their bounds"
+    lines = [usual if estimate.options.get("bodies") == "auto" else "", cost_line(facts, test)]
+    lines += map(contradiction, facts.contradicted)
     if facts.uniform:
         names = ", ".join(map(label, facts.uniform))
         lines.append(f"no possible nominal inertia: {names}: a uniform body in its place; correct the robot model")
     if names := ", ".join(map(label, links_without_size(estimate.model.robot))):
         step = "give shapes in the robot model, or body: in the constraints"
-        lines.append(f"size not known: {names}: {1e3 * LEAST_RADIUS:.0f} mm about frame and nominal centre; {step}")
+        lines.append(f"size not known: {names}: taken from the nominal centre of mass; {step}")
     if names := ", ".join(map(label, facts.fitted)):
         step = "correct the robot model, or state body: and thickness: in the constraints"
         lines.append(f"nominal inertia does not fit the link: {names}: the nearest one that fits in its place; {step}")

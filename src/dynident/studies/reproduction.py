@@ -199,7 +199,7 @@ def virtual_er16(
         ("L1 optimum in the box", _colony(box, seed, polish=True)),
         ("OLS", OLS()),
         ("WLS", WLS()),
-        ("consistent", Consistent()),
+        ("consistent", Consistent(bodies="free")),
     ]
     how = Preprocessing(FourierFit(period_s=PERIOD, harmonics=5), rest="keep")
     # The methods must not see the truth: the robot they are given states no inertias.

@@ -12,7 +12,9 @@ import numpy as np
 
 from dynident.arrays import Array, finite
 from dynident.case.case import Case
+from dynident.case.draft.column_groups import time_columns, unit_of_time
 from dynident.data.formats import ColumnMap, LogTable, open_log
+from dynident.data.formats.base import UNITS
 from dynident.errors import BadOption
 
 #: Columns that are looked at, and rows that are shown as numbers.
@@ -52,7 +54,10 @@ def preview(path: Path, columns: ColumnMap | None = None) -> dict[str, Any]:
 
 
 def curves(path: Path, names: tuple[str, ...], columns: ColumnMap | None = None) -> dict[str, Any]:
-    """Return curves of some columns over their rows, by the smallest and largest value of each bucket of rows.
+    """Return curves of some columns over time, by the smallest and largest value of each bucket of rows.
+
+    The time is the column that has its name, from its first value, in s where its unit is stated; else curves are over
+    the numbers of their rows.
 
     Args:
         path: The log.
@@ -69,7 +74,23 @@ def curves(path: Path, names: tuple[str, ...], columns: ColumnMap | None = None)
         raise BadOption("columns", (unknown or ["", path.name])[0], "choose columns of a log of up to 512 MB")
     values = _values(path, columns, facts.st_mtime_ns, table.header[:MAX_COLUMNS])
     chosen = [table.header.index(name) for name in names]
-    return {"rows": len(values), "curves": [decimated(values[:, k]) for k in chosen]}
+    time, across = _time_of(table.header[:MAX_COLUMNS], values)
+    found = [decimated(values[:, k]) for k in chosen]
+    for one in found:
+        one["x"] = [float(time[int(row or 0)]) for row in one["x"]]
+    return {"rows": len(values), "across": across, "curves": found}
+
+
+def _time_of(header: Sequence[str], values: Array) -> tuple[Array, str]:
+    """Return the time of each row of a log (N, columns), or its number, shape (N,), and how an axis is named."""
+    names = time_columns(header)
+    time = values[:, header.index(names[0])] if names else np.zeros(0)
+    if len(time) < 2 or not np.all(np.diff(time) > 0):  # none, or it stands, runs back or is not finite
+        return np.arange(len(values), dtype=float), "row"
+    factor, _ = UNITS["time"].get(unit_of_time(names[0], header), (None, ""))
+    if factor is None:
+        return time - time[0], f"{names[0]}, from its first value"
+    return (time - time[0]) * factor[0] / factor[1], "time [s]"
 
 
 def decimated(values: Array, buckets: int = BUCKETS) -> dict[str, list[float | None]]:

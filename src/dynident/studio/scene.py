@@ -16,7 +16,7 @@ from dynident.excitation.collision.robot_capsules import robot_capsules
 from dynident.excitation.collision.workspace import Workspace
 from dynident.model.covering import covering_capsules
 from dynident.model.inertia import Inertia
-from dynident.model.meshes import mesh_triangles
+from dynident.model.meshes import mesh_file, mesh_triangles
 from dynident.model.robot import Joint, Robot
 from dynident.model.shapes import Capsule, Mesh, Shape
 from dynident.studio.folder import safe_name
@@ -144,12 +144,13 @@ def _all_capsules(
 def _triangles(mesh: Mesh, folder: Path) -> Array:
     """Return the triangles (k, 3, 3) of a mesh where the robot model says, or of the upload with its name."""
     try:
-        return mesh_triangles(mesh, [folder])
-    except FileError:
+        mesh_file(mesh.file, [folder])
+    except FileError as error:
         own = safe_name(mesh.file)
         if not (folder / own).is_file():
-            raise
-        return mesh_triangles(replace(mesh, file=own), [folder])
+            raise FileError(mesh.file, "there is no such mesh among the files", "drop it here") from error
+        mesh = replace(mesh, file=own)
+    return mesh_triangles(mesh, [folder])
 
 
 def _points(mesh: Mesh, folder: Path) -> Array:

@@ -92,7 +92,9 @@ class FleetRobot:
             )
         problem = _problem(self._digest)
         weights = 1.0 / problem.joint_deviations(beta)
-        return assembled(self._digest, problem, Consistent(), Solution(beta, weights, theta, covariance), {})
+        return assembled(
+            self._digest, problem, Consistent(bodies="free"), Solution(beta, weights, theta, covariance), {}
+        )
 
 
 def robot_of_estimate(name: str, estimate: Estimate) -> FleetRobot:

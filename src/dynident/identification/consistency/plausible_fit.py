@@ -32,6 +32,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
+from dynident.errors import ContradictoryConstraints
 from dynident.identification.consistency.conditions import Conditions, conditions_of
 from dynident.identification.consistency.consistent_fit import (
     MISSED,
@@ -102,7 +103,11 @@ def plausible_fit(problem: Problem, weights: Array, pull: float, margin: float) 
         return rows * float(np.sum((program.data @ answer.candidate.phi - program.target) ** 2))
 
     with one_blas_thread():  # matrices this small are slower on several threads
-        inner = solve_program(program, stated=True)
+        try:
+            inner = solve_program(program, stated=True)
+        except ContradictoryConstraints as clash:
+            step = "drop or change one of them; bounds of the robot model give way to stated ones and to --bodies free"
+            raise ContradictoryConstraints(clash.evidence, step) from clash
         setting = _Setting(problem, weights * np.sqrt(rows / max(reduced.rest, 1e-300)), scale, within)
         bodies, is_stated, uniform = nominal_bodies(model.robot, bounds, problem.prior)
         filling = np.array([uniform_body(bounds.links[link.name]).vector for link in model.robot.links])

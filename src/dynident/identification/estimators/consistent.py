@@ -28,7 +28,7 @@ from dynident.identification.problem.problem import Problem
 from dynident.model.body_constraints import BODIES
 from dynident.model.reduction import Reduced
 
-Bodies: TypeAlias = Literal["free", "plausible"]
+Bodies: TypeAlias = Literal["free", "plausible", "auto"]
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,14 @@ class Consistent(Estimator):
         pull: How tightly the prior holds: its standard deviation is 1 / sqrt(pull) natural sizes of a parameter.
         margin: Smallest eigenvalue of each link's scaled pseudo-inertia: how far inside the possible it stays.
         metric: How far a body is from the prior: `natural` sizes, constant `pull_back` metric, or `entropic` (log-det).
-        bodies: `free`: consistent; `plausible`: also within bounds from the robot model, near it where the data allow.
+        bodies: `free`: consistent; `plausible`: also within bounds from the robot model, near it where the data allow;
+            `auto`: plausible where that states inertias or shapes and `metric` is `natural`.
     """
 
     pull: float = PULL
     margin: float = MARGIN
     metric: Metric = "natural"
-    bodies: Bodies = "free"
+    bodies: Bodies = "auto"
 
     keeps_constraints: ClassVar = True
     from_triangles: ClassVar = True
@@ -71,9 +72,13 @@ class Consistent(Estimator):
     def prior_pull(self) -> float:
         return self.pull
 
+    def _bounded(self, problem: Problem) -> bool:
+        stated = any(link.inertia is not None or link.shapes for link in problem.model.robot.links)
+        return self.bodies == "plausible" or (self.bodies == "auto" and self.metric == "natural" and stated)
+
     def refit(self, problem: Problem) -> Callable[[Reduced], Array]:
         scale = scale_of(problem)
-        if self.bodies == "free":
+        if not self._bounded(problem):
             return lambda reduced: self._free(problem, reduced, scale).theta
         program = plausible_fit(problem, WLS().solve(problem).weights, self.pull, self.margin).program
 
@@ -95,7 +100,7 @@ class Consistent(Estimator):
         reduced, scale = problem.reduced(weights), scale_of(problem)
         fit = free = self._free(problem, reduced, scale)
         metric, facts = self.metric, None
-        if self.bodies == "plausible":
+        if self._bounded(problem):
             found = plausible_fit(problem, weights, self.pull, self.margin)
             free_beta = tuple(problem.base.from_standard(free.theta).tolist())
             fit, metric, facts = found.fit, "entropic", replace(found.facts, free_beta=free_beta)

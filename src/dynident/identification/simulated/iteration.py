@@ -32,7 +32,7 @@ ROUNDING = 1e-7
 
 def start_of(problem: Problem) -> Array:
     """Return base parameters that can be simulated: those of the physically consistent fit, shape (b,)."""
-    return np.array(Consistent().solve(problem).beta)
+    return np.array(Consistent(bodies="free").solve(problem).beta)
 
 
 def started(

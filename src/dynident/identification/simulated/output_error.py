@@ -178,7 +178,7 @@ def _step(loop: ClosedLoop, beta: Array, reduced: Reduced, fit: LeastSquares) ->
         pass
     else:
         return fit.beta, True
-    problem, how = loop.problem, Consistent()
+    problem, how = loop.problem, Consistent(bodies="free")
     shifted = replace(reduced, z=reduced.z + reduced.r @ beta)
     found = consistent_fit(
         problem.model, problem.base, shifted, scale_of(problem), how.pull, how.margin, how.metric, problem.constraints

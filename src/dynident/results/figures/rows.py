@@ -99,7 +99,11 @@ def interval_chart(title: str, unit: str, found: Intervals, width: float = WIDTH
     head, top = heading(title, (), width)
     top += 8.0
     bottom = top + _STEP * len(names)
-    body = [head, *_axis(scale, top, bottom), svg.words(f"value [{unit}]", scale.end, bottom + 35, anchor="end")]
+    body = [
+        head,
+        *_axis(scale, top, bottom),
+        svg.words("value" if unit == "1" else f"value [{unit}]", scale.end, bottom + 35, anchor="end"),
+    ]
     body.append(svg.words("value ± 95 %", width - 2, bottom + 35, anchor="end"))
     clear = found.clear
     for row, (name, text, value) in enumerate(zip(found.names, names, values, strict=True)):

@@ -85,6 +85,8 @@ def _method(place: Place, name: str, options: dict[str, str | None], controllers
     """Return a method; the option ``controller: known`` tells it the controller that the logs were made with."""
     known = options.pop("controller", "unknown")
     label = ":".join([name, *(f"{key}={text}" for key, text in options.items())])
+    if name == "consistent":
+        options.setdefault("bodies", "free")  # methods are compared by what they make of the data alone
     if known not in ("known", "unknown"):
         raise place.error(f"controller: {known}", "write controller: known, or leave it out")
     if known == "known":

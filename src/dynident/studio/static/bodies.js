@@ -26,6 +26,7 @@ export function robotOf(THREE, scene) {
     color, roughness: 0.75, metalness: 0.05, transparent: opacity < 1, opacity, depthWrite: opacity === 1,
   });
   const materials = { link: paint(0x7d8790), joint: paint(0x3d454d), capsule: paint(0x56b4e9, 0.3), mesh: paint(0xb9c2ca), body: paint(0xc98500, 0.4), vast: new THREE.MeshBasicMaterial({ color: 0xc98500, wireframe: true, transparent: true, opacity: 0.05 }), centre: paint(0xd55e00) };
+  materials.mesh.side = THREE.DoubleSide; // a mirrored mesh shows its inside
 
   const drawShapes = (place, meshes, capsules) => {
     for (const mesh of meshes) add("shapes", place, meshOf(THREE, mesh, materials.mesh));

@@ -43,7 +43,7 @@ export class Cursor {
   }
 }
 
-// lines: [{label, x, y}]; gaps where a value is null. Charts with one cursor show the same time.
+// lines: [{label, x, y}] with width, dashed, colour; gaps where a value is null. Charts with one cursor show the same time.
 export function chart(lines, { title, xLabel = "row", unit = "", height = 220, cursor = null } = {}) {
   if (lines.every((line) => line.y.every((y) => y === null))) return el("p", { class: "soft" }, "There is nothing to draw.");
   const place = el("div", { drawn: (width) => {
@@ -80,7 +80,7 @@ function curves(lines, width, height, title, xLabel) {
   }
   drawn.append(svg("text", { x: width - edge.right, y: height - 3, "text-anchor": "end", class: "soft" }, xLabel));
   lines.forEach((line, k) => {
-    drawn.append(svg("path", { d: pathOf(line, px, py), fill: "none", "stroke-width": 1.3, class: `c${line.colour ?? (k % COLOURS) + 1}` }));
+    drawn.append(svg("path", { d: pathOf(line, px, py), fill: "none", "stroke-width": line.width ?? 1.3, "stroke-dasharray": line.dashed ? "5 3" : "none", class: `c${line.colour ?? (k % COLOURS) + 1}` }));
   });
   return drawn;
 }

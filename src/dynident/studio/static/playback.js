@@ -48,7 +48,9 @@ export class Stage3D {
   async load(robot) {
     this.stop();
     this.motion = null;
+    this.wanted = robot;
     const scene = await get("robot", { name: robot });
+    if (this.wanted !== robot) return null; // another one was chosen meanwhile
     this.scene = scene;
     this.positions = scene.joints.map((joint) => start(joint));
     this.build();

@@ -31,7 +31,10 @@ export function build() {
     fill(body);
     if (!file) return;
     choose({ case: file });
-    await guarded(body, async () => show(await get("case", { name: file })));
+    await guarded(body, async () => {
+      const found = await get("case", { name: file });
+      if (choice.value === file) show(found); // else another one was chosen meanwhile
+    });
   }
 
   function show(found) {
@@ -91,14 +94,17 @@ export function build() {
   }
 
   async function saved(changes) {
+    const file = choice.value;
+    body.inert = choice.disabled = true; // a second click while the disk works would save an older text
     await guarded(null, async () => {
-      const found = await post("case", { name: choice.value, sha256: shownFile, ...changes });
+      const found = await post("case", { name: file, sha256: shownFile, ...changes });
       drafted = null;
-      if (changes.text !== undefined) kept.set(`text of ${choice.value}`, "");
+      if (changes.text !== undefined) kept.set(`text of ${file}`, "");
       await refresh();
       show(found);
       say(found.fault ? "saved; it cannot be used yet" : "saved");
     });
+    body.inert = choice.disabled = false;
   }
 
   return {

@@ -40,7 +40,7 @@ function show(run, place, found) {
   }
   fill(found,
     el("p", { class: data.sound ? "good" : "fault" }, data.sound ? "No finding stands against a fit." : "A finding stands against a fit: see the errors below."),
-    data.logs.map((log) => [el("h3", {}, name(log.log ?? log.path ?? "log")), findings(log.findings)]),
+    data.logs.map((log) => [el("h2", {}, name(log.log ?? log.path ?? "log")), findings(log.findings)]),
     data.fixes ? el("ul", {}, data.fixes.map((fix) => el("li", {}, fix))) : null,
     next("identify", "Identify the model"));
 }

@@ -24,6 +24,7 @@ export function build() {
     await guarded(place, async () => {
       fill(place, el("p", { class: "soft" }, "reading …"));
       const found = await get("log", { name: log });
+      if (shown !== log) return; // another one was chosen meanwhile
       tell(place, found);
       columns.offer(found.header);
       columns.choose(found.header.slice(1, 4));
@@ -36,9 +37,11 @@ export function build() {
   async function draw() {
     const names = columns.picked().slice(0, 12);
     if (!names.length) return fill(curves);
+    const log = shown;
     await guarded(curves, async () => {
-      const found = await get("log", { name: shown, columns: JSON.stringify(names) });
-      fill(curves, chart(names.map((label, k) => ({ label, ...found.curves[k] })), { title: "Columns over rows", height: 280 }));
+      const found = await get("log", { name: log, columns: JSON.stringify(names) });
+      if (shown !== log || JSON.stringify(names) !== JSON.stringify(columns.picked().slice(0, 12))) return;
+      fill(curves, chart(names.map((label, k) => ({ label, ...found.curves[k] })), { title: "Columns of the log", xLabel: found.across, height: 280 }));
     });
   }
 
@@ -51,7 +54,7 @@ export function build() {
         options(choice, ofKind("log"), logs[0]);
         await open(choice.value);
       }),
-      field("Log", choice), place, box,
+      field("Log", choice), box, place,
     ],
     enter() {
       options(choice, ofKind("log"), known.log || choice.value);

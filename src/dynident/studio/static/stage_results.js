@@ -36,7 +36,10 @@ export function build() {
     if (!file) return fill(body, el("p", { class: "soft" }, "There is no estimate yet."));
     choose({ estimate: file });
     fill(body, el("p", { class: "soft" }, "reading …"));
-    await guarded(body, async () => show(await get("estimate", { name: file }), file));
+    await guarded(body, async () => {
+      const found = await get("estimate", { name: file });
+      if (shown === file) show(found, file); // else another one was chosen meanwhile
+    });
   }
 
   function show(found, file) {
@@ -57,12 +60,12 @@ export function build() {
     if (!found.torques.length) return;
     cursor.listeners.length = 1; // that of the robot; the curves before are gone
     fill(charts, el("p", { class: "soft" }, "Point at a curve, or play the log: the robot stands as it did at that time."), el("div", { class: "linked" }, view.whole, el("div", { class: "charts" }, found.torques.map((joint) => el("div", {},
-      chart([{ label: "measured", ...joint.measured, colour: 0 }, { label: "predicted", ...joint.predicted, colour: 2 }], { title: joint.name, unit: pretty(joint.unit), xLabel: "", cursor }),
+      chart([{ label: "measured", ...joint.measured, colour: 1, width: 1.8 }, { label: "predicted", ...joint.predicted, colour: 2, dashed: true }], { title: joint.name, unit: pretty(joint.unit), xLabel: "", cursor }),
       chart([{ label: "residual", ...joint.residual, colour: 3 }], { title: `${joint.name}, measured - predicted`, unit: pretty(joint.unit), xLabel: "time [s]", height: 120, cursor }))))));
     view.enter();
     await guarded(null, async () => {
       await view.load(file);
-      view.follow(found.motion);
+      if (shown === file) view.follow(found.motion);
     });
   }
 

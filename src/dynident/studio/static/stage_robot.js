@@ -26,12 +26,17 @@ export function build() {
     if (!robot) return;
     choose({ robot });
     fill(fault);
-    await guarded(fault, async () => tell(facts, await view.load(robot), robot));
+    await guarded(fault, async () => {
+      const scene = await view.load(robot);
+      if (scene) tell(facts, scene, robot);
+    });
   }
 
   async function taken(files) {
-    const mine = files.filter((file) => ["robot", "case", "estimate"].includes(known.files.find((one) => one.name === file)?.kind));
+    const kindOf = (file) => known.files.find((one) => one.name === file)?.kind;
+    const mine = files.filter((file) => ["robot", "case", "estimate"].includes(kindOf(file)));
     if (!mine.length) {
+      if (files.some((file) => kindOf(file) === "mesh")) return open(choice.value); // those that were missing are drawn
       fill(fault, el("p", { class: "fault", role: "alert" }, "none of these files describes a robot: a URDF, a DH table or a case file does"));
       return;
     }

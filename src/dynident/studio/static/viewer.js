@@ -83,8 +83,7 @@ class Viewer {
     this.grid.rotation.x = Math.PI / 2;
     this.world.add(this.grid);
     for (const [layer, on] of Object.entries(this.shown)) this.show(layer, on);
-    this.reach = Math.max(around.radius, 0.05);
-    this.orbit.frame(around.center.toArray(), this.reach);
+    this.frame(around);
   }
 
   remove(...objects) {
@@ -113,8 +112,15 @@ class Viewer {
     });
     this.robot.line.geometry.setFromPoints(points);
     this.set(before);
-    const around = new this.THREE.Sphere().setFromPoints([...points, new this.THREE.Vector3()]);
-    if (around.radius > this.reach) this.orbit.frame(around.center.toArray(), around.radius);
+    const { center, radius } = this.around;
+    const ends = [[1, 0, 0], [0, 1, 0], [0, 0, 1]].flatMap((axis) => [radius, -radius].map((size) => new this.THREE.Vector3(...axis).multiplyScalar(size).add(center)));
+    const around = new this.THREE.Sphere().setFromPoints([...points, ...ends]);
+    if (around.radius > 1.02 * radius) this.frame(around);
+  }
+
+  frame(around) {
+    this.around = around;
+    this.orbit.frame(around.center.toArray(), Math.max(around.radius, 0.05));
   }
 
   resize() {

@@ -79,11 +79,11 @@ def same_for_all(
     own = _problem(model, logs)
     shared = shared_lists()
     try:
-        scale = own.joint_deviations(Consistent().solve(own).beta)
+        scale = own.joint_deviations(Consistent(bodies="free").solve(own).beta)
         held = _held_out(own, scale)
     except SolverFailed:  # parts of their own that hardly differ: what is alike and has a solution is taken
         own = _problem(replace(model, friction=_alike(shared[0], usual, model.friction)), logs)
-        scale, held = own.joint_deviations(Consistent().solve(own).beta), np.array([np.inf])
+        scale, held = own.joint_deviations(Consistent(bodies="free").solve(own).beta), np.array([np.inf])
     if held is None:
         return model, ()
     kept, scores = [model.friction], [held]
@@ -147,7 +147,7 @@ def _held_out(problem: Problem, scale: Array) -> Array | None:
 
     None where the others do not determine the parameters.
     """
-    estimator = Consistent()
+    estimator = Consistent(bodies="free")
     found = cross_validate(problem, estimator, estimator.solve(problem).beta, BLOCKS)
     if any(fold.missing for fold in found.folds):
         return None

@@ -43,7 +43,8 @@ def _chart(estimate: Estimate, unit: str) -> Drawing:
     names = tuple(estimate.base.names[k] for k in order)
     found = Intervals(names, estimate.beta[order], estimate.half_widths()[order])
     shown = pretty_unit(unit)
-    return drawn(interval_chart(f"In {shown}", shown, found), "base-parameters", unit)
+    title = "Without unit" if shown == "1" else f"In {shown}"
+    return drawn(interval_chart(title, shown, found), "base-parameters", unit)
 
 
 def _table(estimate: Estimate) -> Table:
