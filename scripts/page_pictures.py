@@ -110,6 +110,11 @@ def _axes(rows: int = 1, height: float = SIZE[1], **options: Any) -> tuple[Figur
     return figure, figure.subplots(rows, 1, sharex=True, **options)
 
 
+def _torque(log: di.Log) -> np.ndarray:
+    assert log.torque is not None
+    return log.torque
+
+
 def _legend(axis: Any, columns: int = 4) -> None:
     place = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "frameon": False}
     axis.legend(fontsize="small", ncols=columns, **place)
@@ -136,7 +141,8 @@ def motion(study: Study) -> Figure:
 def limits(study: Study) -> Figure:
     """Torque of the designed motion at the joints, in shares of the effort limits."""
     time = np.linspace(0.0, 8.0, 801)
-    torque = study.model.torque(*study.plan.trajectory.evaluate(time), study.theta)
+    q, dq, ddq = study.plan.trajectory.evaluate(time)
+    torque = study.model.torque(q, dq, ddq, study.theta)
     figure, axis = _axes()
     for k, joint in enumerate(study.robot.joints):
         axis.plot(time, 100 * torque[:, k] / joint.limits.effort, label=joint.name)
@@ -173,7 +179,7 @@ def recording(study: Study) -> Figure:
     figure, (above, below) = _axes(2, 3.4)
     for k, name in enumerate(study.robot.joint_names[:2]):
         above.plot(log.time, np.rad2deg(log.q[:, k]), label=name)
-        below.plot(log.time, log.torque[:, k], linewidth=0.7)
+        below.plot(log.time, _torque(log)[:, k], linewidth=0.7)
     above.set_ylabel("position [°]")
     below.set(ylabel="torque [N·m]", xlabel="time [s]")
     _legend(above)
@@ -184,11 +190,11 @@ def filtered(study: Study) -> Figure:
     """A torque as it came, at a fitting cut-off and at one that is too low."""
     log = study.log(0)
     figure, axis = _axes()
-    axis.plot(log.time, log.torque[:, 2], color="0.8", linewidth=0.6, label="as it came")
+    axis.plot(log.time, _torque(log)[:, 2], color="0.8", linewidth=0.6, label="as it came")
     for cutoff, colour in ((15.0, "C0"), (1.0, "C3")):
         preprocessing = di.Preprocessing(di.FILTERS.make("butterworth", cutoff_hz=cutoff))
         done = di.preprocess(log, preprocessing).log
-        axis.plot(done.time, done.torque[:, 2], color=colour, linewidth=1.1, label=f"cut-off {cutoff:g} Hz")
+        axis.plot(done.time, _torque(done)[:, 2], color=colour, linewidth=1.1, label=f"cut-off {cutoff:g} Hz")
     axis.set(xlim=(2, 6), xlabel="time [s]", ylabel="quill [N]")
     _legend(axis)
     return figure
@@ -219,15 +225,18 @@ def compared(study: Study) -> Figure:
         found = di.identify(model, study.log(0, theta, model=model), name, study.preprocessing, trust=QUICK)
         table, truth = found.to_frame(), found.base.from_standard(theta)
         known = np.flatnonzero(np.abs(truth) > 0.05)
+        axis.set_xticks(range(len(known)), [_short(found.base.names[k]) for k in known], fontsize="small")
         value, half = table["value"].to_numpy(), found.half_widths()
         at = np.arange(len(known)) + 0.2 * (shift - 1)
         axis.errorbar(at, (value / truth)[known], (half / np.abs(truth))[known], fmt="o", markersize=3, label=name)
-    labels = [found.base.names[k].split(" ")[0].replace("[", "\n[") for k in known]
-    axis.set_xticks(range(len(known)), labels, fontsize="small")
     axis.axhline(1.0, color="0.5", dashes=(4, 3))
     axis.set_ylabel("estimate / truth")
     _legend(axis)
     return figure
+
+
+def _short(name: str) -> str:
+    return name.split(" ", maxsplit=1)[0].replace("[", "\n[")
 
 
 def rehearsed(study: Study) -> Figure:
@@ -252,7 +261,7 @@ def cell(study: Study) -> Figure:
     log = di.log_of(study.folder / "cell.csv", study.robot)
     truth = np.load(study.folder / "cell.truth.npz")
     figure, axis = _axes()
-    axis.plot(log.time, log.torque[:, 1], color="0.75", linewidth=0.6, label="in the log")
+    axis.plot(log.time, _torque(log)[:, 1], color="0.75", linewidth=0.6, label="in the log")
     axis.plot(truth["t"], truth["tau"][:, 1], color="C0", linewidth=0.9, label="true")
     axis.set(xlim=(0, 4), xlabel="time [s]", ylabel="elbow [N·m]")
     _legend(axis)

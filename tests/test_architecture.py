@@ -46,3 +46,24 @@ def test_files_that_the_page_names_exist() -> None:
     named = set(re.findall(rf"(?<!/)\b((?:{wings}|tests)/[\w/]+(?:\.py)?)", text))
     missing = [name for name in named if not (ROOT / name).exists() and not (PACKAGE / name).exists()]
     assert len(named) > 15 and not missing
+
+
+def test_the_data_flow_has_a_file_for_each_step() -> None:
+    """From robot and log over samples, QR factors and estimate to the report, and each step names what is there."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    flow = text.partition("## What `identify` does")[2].partition("```text\n")[2].partition("```")[0].splitlines()
+    stations = [line.split("  ")[0] for line in flow if line and line[0] != " " and not line.startswith("|")]
+    assert [station.split(",")[0] for station in stations] == [
+        "robot model",
+        "samples",
+        "QR factors",
+        "estimate",
+        "tables",
+    ]
+    steps = [
+        re.split(r" {2,}", line.strip(" |"))[-1] for line in flow[1:] if line.strip(" |v") and line not in stations
+    ]
+    assert len(steps) > 15
+    for step in steps:
+        named = re.findall(r"[\w/]+(?:/|\.py)", step)
+        assert named and all((PACKAGE / name).exists() for name in named), step
