@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -274,3 +275,45 @@ def test_uploads_at_the_same_time_are_counted(tmp_path: Path, monkeypatch: pytes
     second = Slow(b"x", third)
     session.receive("a.csv", Slow(b"x", lambda: session.receive("b.csv", second, 1)), 1)
     assert session.names() == ("a.csv", "b.csv")
+
+
+def test_of_two_studios_that_save_one_file_at_once_one_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "case.yaml").write_text("before")
+    seen = files.sha256_of(tmp_path / "case.yaml")
+
+    def slowly(path: Path, text: str) -> None:
+        time.sleep(0.2)  # both have looked at the file by then
+        files.write_atomically(path, text)
+
+    monkeypatch.setattr("dynident.studio.folder.write_atomically", slowly)
+    refused: list[str] = []
+
+    def save(text: str) -> None:
+        try:
+            Folder(tmp_path).write("case.yaml", text, seen)
+        except FileError:
+            refused.append(text)
+
+    savers = [threading.Thread(target=save, args=(text,)) for text in ("one", "other")]
+    for saver in savers:
+        saver.start()
+    for saver in savers:
+        saver.join()
+    assert len(refused) == 1 and (tmp_path / "case.yaml").read_text() == {"one": "other", "other": "one"}[refused[0]]
+    assert [path.name for path in tmp_path.iterdir()] == ["case.yaml"]
+
+
+def test_a_studio_that_was_killed_while_it_saved_holds_nobody_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "case.yaml").write_text("before")
+    seen = files.sha256_of(tmp_path / "case.yaml")
+    (tmp_path / ".case.yaml.writing").mkdir()
+    monkeypatch.setattr("dynident.studio.folder.TRIES", 2)
+    with pytest.raises(FileError, match="another studio is writing it"):
+        Folder(tmp_path).write("case.yaml", "after", seen)
+    monkeypatch.setattr("dynident.studio.folder.LEFT_BEHIND", 0.0)
+    Folder(tmp_path).write("case.yaml", "after", seen)
+    assert (tmp_path / "case.yaml").read_text() == "after"

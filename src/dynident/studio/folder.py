@@ -7,8 +7,9 @@ import re
 import secrets
 import shutil
 import threading
+import time
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -23,6 +24,9 @@ MAX_FILES = 500
 
 #: Longest name that is kept.
 MAX_NAME = 100
+
+#: How often a file that another studio writes is tried again, and the age in s from which it writes no more.
+TRIES, LEFT_BEHIND = 100, 30.0
 
 _CHUNK = 1 << 20
 #: Signs of a name that is kept.
@@ -162,11 +166,32 @@ class Folder:
             FileError: No such file, another one by now, or it cannot be written.
         """
         path = self.find(name)
-        with self._lock:
+        with self._lock, self._alone(name):
             if sha256_of(path) != before:
                 evidence = "it was changed meanwhile, in another tab or by another program"
                 raise FileError(name, evidence, "copy your changes, load the page again and make them there")
             write_atomically(path, text)
+
+    @contextmanager
+    def _alone(self, name: str) -> Iterator[None]:
+        """Keep other studios from writing a file: a hidden folder that only one of them can make."""
+        place = self.path / f".{name}.writing"
+        for _ in range(TRIES):
+            try:
+                place.mkdir()
+                break
+            except FileExistsError:
+                with suppress(OSError):
+                    if time.time() - place.stat().st_mtime > LEFT_BEHIND:
+                        place.rmdir()  # of a studio that was killed
+                time.sleep(0.05)
+        else:
+            raise FileError(name, "another studio is writing it", "try again")
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                place.rmdir()
 
     def remove(self, name: str) -> None:
         """Remove a file that the session has made or received; those that were there before stay.
