@@ -96,11 +96,12 @@ def test_every_method_has_the_figures_of_identify_and_validate(
     contest: Contest, model: DynamicModel, theta: Array, exact_log: Callable[..., Log]
 ) -> None:
     steps: list[str] = []
-    outcomes = list(compare(contest, methods("ols", "wls", "consistent"), progress=steps.append))
+    asked = methods("ols", "wls", "consistent")
+    outcomes = list(compare(contest, asked, progress=steps.append))
     assert steps == ["ols (1 of 3)", "wls (2 of 3)", "consistent (3 of 3)"]
     train, test = (exact_log(model, theta, noise=0.3, seed=seed, size=size) for seed, size in ((0, 1.0), (1, 0.7)))
-    for outcome in outcomes:
-        estimate = identify(model, [train], outcome.method, GIVEN)
+    for method, outcome in zip(asked, outcomes, strict=True):
+        estimate = identify(model, [train], method.part, GIVEN)
         assert outcome.estimate is not None and outcome.test is not None and not outcome.failure
         np.testing.assert_array_equal(outcome.estimate.beta, estimate.beta)
         expected = validate(estimate, [test])
