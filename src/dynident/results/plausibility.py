@@ -16,8 +16,9 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     facts = Plausibility.of(estimate.run)
     if facts is None:
         return []
-    usual = "plausible links are the default; bodies: free in the case, or --bodies free, fits without their bounds"
-    lines = [usual if estimate.options.get("bodies") == "auto" else "", cost_line(facts, test)]
+    is_default = estimate.options.get("bodies") == "auto"
+    usual = "plausible links are the default: --bodies free, or bodies: free in the case, fits without their bounds"
+    lines = [cost_line(test, is_default) or (usual if is_default else "")]
     lines += map(contradiction, facts.contradicted)
     if facts.uniform:
         names = ", ".join(map(label, facts.uniform))
@@ -25,7 +26,8 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     if names := ", ".join(map(label, links_without_size(estimate.model.robot))):
         step = "give shapes in the robot model, or body: in the constraints"
         lines.append(f"size not known: {names}: taken from the nominal centre of mass; {step}")
-    if names := ", ".join(map(label, facts.fitted)):
+    every = len(facts.fitted) == len(estimate.model.robot.links) > 1
+    if names := "all links" if every else ", ".join(map(label, facts.fitted)):
         step = "correct the robot model, or state body: and thickness: in the constraints"
         lines.append(f"nominal inertia does not fit the link: {names}: the nearest one that fits in its place; {step}")
     return [line for line in lines if line]
@@ -42,13 +44,14 @@ def links_without_size(robot: Robot) -> list[str]:
     return found
 
 
-def cost_line(facts: Plausibility, test: Validation | None) -> str:
+def cost_line(test: Validation | None, is_default: bool) -> str:
     """Return what plausible bodies change the test error by; empty without a test."""
     if test is None or test.free_bodies_error is None or not test.free_bodies_error > 0:
         return ""
     change = test.total_relative_error / test.free_bodies_error - 1.0
     error = format_percent(test.free_bodies_error)
-    return f"plausible links change the test error by {100 * change:+.1f} % of itself ({error} with --bodies free)"
+    links = "plausible links (the default)" if is_default else "plausible links"
+    return f"{links} change the test error by {100 * change:+.1f} % of itself ({error} with --bodies free)"
 
 
 def contradiction(found: ContradictedBound) -> str:
