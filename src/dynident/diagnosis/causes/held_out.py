@@ -69,7 +69,7 @@ class ReadRows:
         return (left @ np.linalg.inv(self.mixing).T) ** 2
 
 
-class CrossValidation:
+class HeldOutErrors:
     """Errors of readings of one log, each block predicted by a fit of the other half."""
 
     def __init__(self, fit: QuickFit) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_search import Blame
-from dynident.diagnosis.causes.held_out import CrossValidation, ReadRows, as_stated
+from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, as_stated
 from dynident.diagnosis.causes.quick_fit import QuickFit
 
 #: Ridge, as a share of the squares of a joint's column.
@@ -61,11 +61,11 @@ def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence
         reading: How its rows are read; None for as the case states.
         known: Causes of a residual that are taken in.
     """
-    validation = CrossValidation(fit)
+    held = HeldOutErrors(fit)
     reading = reading or as_stated(fit)
     shared = _with_causes(reading, known)
-    errors = validation.errors(shared)
-    gain, spread = validation.difference(validation.errors(shared, ridge=RIDGE), errors)
+    errors = held.errors(shared)
+    gain, spread = held.difference(held.errors(shared, ridge=RIDGE), errors)
     torque = reading.rows.torque
     counts = np.maximum(reading.rows.masks.sum(axis=0), 1)
     sizes = np.array([np.var(column[mask]) for column, mask in zip(torque.T, reading.rows.masks.T, strict=True)])

@@ -68,7 +68,7 @@ def examine(case: Case, name: str, earlier: Estimate | None = None) -> Examinati
     Args:
         case: Robot, columns and preparation.
         name: The log, as the case or the command line names it.
-        earlier: An estimate of the same robot, whose bodies take the place of the description's.
+        earlier: An estimate of the same robot, whose bodies take the place of the robot model's.
 
     Raises:
         FileError: The file cannot be read at all.

@@ -32,7 +32,7 @@ class CheckedLog:
         case: Robot, columns and preparation.
         raw: The log as its file has it.
         sound: The same after the safe repairs: time runs forward, every value is finite.
-        earlier: An estimate of the same robot that bodies are held against; None for the description.
+        earlier: An estimate of the same robot that bodies are held against; None for the robot model.
     """
 
     case: Case

@@ -22,7 +22,7 @@ from dynident.diagnosis.causes.column_readings import (
 )
 from dynident.diagnosis.causes.couplings import best_coupling
 from dynident.diagnosis.causes.gravity_direction import GravityDirection
-from dynident.diagnosis.causes.held_out import CrossValidation, ReadRows, predicts_unseen
+from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit, Solved
 from dynident.diagnosis.causes.robot_misfit import RobotMisfit, robot_misfit
 from dynident.diagnosis.causes.torque_scales import is_sure, other_scales, reading_of
@@ -107,7 +107,7 @@ def _ranked(fit: QuickFit, candidates: Iterable[Interpretation]) -> list[tuple[f
     proposed = list(candidates)
     if not proposed:
         return []
-    errors = CrossValidation(fit)
+    errors = HeldOutErrors(fit)
     worth = max(float(np.median(fit.independent_rows)), 2.0)
     measured = [errors.errors(each.reading) for each in proposed]
     penalties = [each.freedom * float(np.log(worth)) / worth for each in proposed]

@@ -1,4 +1,4 @@
-"""Scale of the torques: one joint against the others, and all against the masses of the description."""
+"""Scale of the torques: one joint against the others, and all against the masses of the robot model."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def _all_joints(fit: QuickFit) -> list[Finding]:
 
 
 def _against_nominal(fit: QuickFit, theta: Array) -> tuple[float, float]:
-    """Return scale and correlation of the fitted torque of the bodies against that of the description."""
+    """Return scale and correlation of the fitted torque of the bodies against that of the robot model."""
     bodies = np.array(theta)
     bodies[fit.model.inertial_count :] = 0.0
     nominal = fit.model.torque(motion_of(fit.rows.prepared.kept), bodies)

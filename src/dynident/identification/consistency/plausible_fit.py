@@ -283,7 +283,7 @@ def _contradicted(
     if np.sum(falls / factors) <= least:
         return (), bounds, inner
     found: list[ContradictedBound] = []
-    while active:
+    while active := _suspects(setting, bounds, inner, factors * least, active):
         answers = {key: setting.within(_without(bounds, [key])) for key in active}
         each = {key: setting.costs(inner) - setting.costs(answer) for key, answer in answers.items()}
         key = max(active, key=lambda key: float(np.sum(each[key] / factors)) - limits[key[1]])
@@ -305,6 +305,27 @@ def _contradicted(
         if np.sum((setting.costs(answer) - setting.costs(inner)) / factors) <= one.limit:
             found, bounds, inner = [other for other in found if other is not one], restored, answer
     return tuple(found), bounds, inner
+
+
+def _suspects(
+    setting: _Setting, bounds: Constraints, inner: Answer, worth: Array, keys: list[tuple[str, str]]
+) -> list[tuple[str, str]]:
+    """Return the bounds that matter alone or with their neighbours in the list; halves of which none does go at once.
+
+    Args:
+        setting: The problem.
+        bounds: All bounds.
+        inner: The answer within them.
+        worth: Fall of the cost of each joint that is significant, shape (n,).
+        keys: The bounds in question.
+    """
+    if len(keys) < 2:
+        return keys
+    falls = setting.costs(inner) - setting.costs(setting.within(_without(bounds, keys)))
+    if np.sum(falls / worth) <= 1.0:
+        return []
+    half = len(keys) // 2
+    return [key for part in (keys[:half], keys[half:]) for key in _suspects(setting, bounds, inner, worth, part)]
 
 
 def _ranges(bounds: Constraints) -> dict[str, ValueRange]:

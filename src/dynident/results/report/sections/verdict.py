@@ -34,7 +34,7 @@ _REASONS = 3  # of what breaks consistency, in full
 
 
 @dataclass(frozen=True)
-class Answer:
+class VerdictAnswer:
     """One of the numbers that matter.
 
     Attributes:
@@ -134,14 +134,14 @@ def _worst(subject: Subject) -> float:
     return max(known, default=float("nan"))
 
 
-def _prediction(subject: Subject) -> Answer:
+def _prediction(subject: Subject) -> VerdictAnswer:
     train = subject.estimate.train.total_relative_error
     if not subject.held_out:
-        return Answer(format_percent(train), "training error of the torque", _NO_TEST, "fair")
+        return VerdictAnswer(format_percent(train), "training error of the torque", _NO_TEST, "fair")
     worst = _worst(subject)
     largest = f", largest of {len(subject.held_out)} tests" if len(subject.held_out) > 1 else ""
     meaning = f"test error of the torque{largest}"
-    return Answer(format_percent(worst), meaning, f"training error: {format_percent(train)}", tone(worst))
+    return VerdictAnswer(format_percent(worst), meaning, f"training error: {format_percent(train)}", tone(worst))
 
 
 def _about_prediction(subject: Subject) -> list[str]:
@@ -182,12 +182,12 @@ def _untested(subject: Subject) -> str:
     return f"{lead}, and {flatters}: record a second, different motion and test on it with --test LOG."
 
 
-def _consistency(estimate: Estimate) -> Answer:
+def _consistency(estimate: Estimate) -> VerdictAnswer:
     found = estimate.consistency
     if found.consistent:
-        return Answer("Yes", "physically consistent", "pseudo-inertia positive definite for each link", "good")
+        return VerdictAnswer("Yes", "physically consistent", "pseudo-inertia positive definite for each link", "good")
     count = len(found.reasons)
-    return Answer("No", "physically consistent", f"{count} condition{'s' if count != 1 else ''} broken", "bad")
+    return VerdictAnswer("No", "physically consistent", f"{count} condition{'s' if count != 1 else ''} broken", "bad")
 
 
 def _about_robot(subject: Subject) -> list[str]:
@@ -205,14 +205,14 @@ def _about_robot(subject: Subject) -> list[str]:
     ]
 
 
-def _knowledge(estimate: Estimate) -> Answer:
+def _knowledge(estimate: Estimate) -> VerdictAnswer:
     relative = np.where(np.isnan(estimate.relative_std), np.inf, estimate.relative_std)
     known = int(np.sum(relative <= WELL_KNOWN))
     share = known / max(len(relative), 1)
     worst = int(np.argmax(relative)) if len(relative) else -1
     detail = "" if worst < 0 else f"largest: {format_percent(relative[worst])}, {_short(estimate, worst)}"
     meaning = f"base parameters with relative std up to {format_percent(WELL_KNOWN)}"
-    return Answer(f"{known} of {len(relative)}", meaning, detail, "good" if share >= 0.8 else "fair")
+    return VerdictAnswer(f"{known} of {len(relative)}", meaning, detail, "good" if share >= 0.8 else "fair")
 
 
 def _about_parameters(estimate: Estimate) -> list[str]:
