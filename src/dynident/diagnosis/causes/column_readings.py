@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, BoolArray
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, Solved, Triangles
 from dynident.diagnosis.finding import listed
@@ -56,6 +56,11 @@ class Interpretation:
 def variance_falls(gain: float) -> str:
     """Return a gain of the score in words, as the factor on the product of the joints' residual variances."""
     return f"the residual variance falls by a factor of {Decimal(float(gain)).exp():.3g} (product over the joints)"
+
+
+def feeding(share: Array, z: Array) -> BoolArray:
+    """Return which joints friction drives beyond doubt, from the share of their power (n,) and its z-score (n,)."""
+    return (z < FEEDS) & (share < FEEDS_SHARE)
 
 
 def torque_orders(fit: QuickFit) -> Iterator[Interpretation]:
@@ -156,7 +161,7 @@ def _read(
     solved = fit.solve(triangles.products, mixing)
     gain = fit.plain.score - solved.score
     share, z = fit.friction_power(solved)
-    if gain > GAIN + 1 and not ((z < FEEDS) & (share < FEEDS_SHARE)).any():
+    if gain > GAIN + 1 and not feeding(share, z).any():
         yield Interpretation(
             name, joints, gain, how, remedy, ReadRows(rows, np.eye(len(share)) if mixing is None else mixing)
         )

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -73,9 +74,13 @@ class HeldOutErrors:
     """Errors of readings of one log, each block predicted by a fit of the other half."""
 
     def __init__(self, fit: QuickFit) -> None:
-        self._masks, self._half = fit.rows.masks, halves(len(fit.rows.torque))[0]
+        self._fit, self._masks, self._half = fit, fit.rows.masks, halves(len(fit.rows.torque))[0]
         self._blocks = np.arange(len(self._half)) * BLOCKS // max(len(self._half), 1)
-        self.plain = self.errors(as_stated(fit))
+
+    @cached_property
+    def plain(self) -> Array:
+        """Those of the log as stated, shape (blocks, n)."""
+        return self.errors(as_stated(self._fit))
 
     def errors(self, reading: ReadRows, ridge: float | None = None) -> Array:
         """Return the sum of the squared errors of each block and measured torque, shape (blocks, n).

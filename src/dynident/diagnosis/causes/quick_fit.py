@@ -255,10 +255,6 @@ class QuickFit:
         predicted = [block @ beta[own] for block, own in zip(rows.blocks, rows.columns, strict=True)]
         return rows.torque - rows.known - np.stack(predicted, axis=1)
 
-    def mean_squares(self, rows: FitRows, beta: Array) -> Array:
-        """Return the mean square of the residual of a reading at beta over the rows that count here, shape (n,)."""
-        return np.sum(np.where(self.rows.masks, self.residual_of(rows, beta), 0.0) ** 2, axis=0) / self.counts
-
     @cached_property
     def relative(self) -> Array:
         """Root mean square of the residual over that of the torque less its mean, shape (n,)."""

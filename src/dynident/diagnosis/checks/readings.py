@@ -12,10 +12,10 @@ from dynident.arrays import Array, BoolArray
 from dynident.data.evidence.torques import LEAN
 from dynident.diagnosis.causes.column_readings import (
     FEEDS,
-    FEEDS_SHARE,
     GAIN,
     GOOD,
     Interpretation,
+    feeding,
     position_readings,
     torque_orders,
     variance_falls,
@@ -47,7 +47,7 @@ class Readings(Check):
         if fit is None:
             return []
         share, z = fit.friction_power(fit.plain)
-        feeds = (z < FEEDS) & (share < FEEDS_SHARE)
+        feeds = feeding(share, z)
         if feeds.sum() > fit.model.robot.dof / 2 and not (z > -FEEDS).any():
             return [_all_signs(subject, share, z, fit)]
         found = _ranked(fit, _candidates(fit, feeds))
@@ -123,8 +123,7 @@ def _ranked(fit: QuickFit, candidates: Iterable[Interpretation]) -> list[tuple[f
 
 def _best_reading(learned: QuickFit) -> ReadRows | None:
     """Return what is best on the samples of a fit alone."""
-    share, z = learned.friction_power(learned.plain)
-    found = list(_candidates(learned, (z < FEEDS) & (share < FEEDS_SHARE)))
+    found = list(_candidates(learned, feeding(*learned.friction_power(learned.plain))))
     return max(found, key=lambda each: each.gain).reading if found else None
 
 
@@ -180,7 +179,7 @@ def _torque_signs(fit: QuickFit, feeds: BoolArray) -> BoolArray:
 def _drives(fit: QuickFit, solved: Solved, signs: BoolArray, joint: int) -> bool:
     """Return whether friction would drive the joint whose torque is turned: then its sign was right."""
     share, z = fit.friction_power(solved)
-    return bool(z[joint] < FEEDS and share[joint] < FEEDS_SHARE)
+    return bool(feeding(share, z)[joint])
 
 
 def _couplings(fit: QuickFit) -> Iterator[Interpretation]:
