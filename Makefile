@@ -6,6 +6,8 @@ BENCH ?= .venv-bench
 NOISE := --disable-pip-version-check --quiet
 # The time that a release carries in place of the clock's, so that two builds are the same bytes.
 WHEN = $(shell git log -1 --format=%ct 2>/dev/null || date -r CHANGELOG.md +%s)
+# Processes that the tests start would compile every module anew.
+unexport PYTHONDONTWRITEBYTECODE
 PARALLEL := -n auto --maxprocesses 8 --dist worksteal
 
 .PHONY: demo test test-all coverage lint type imports check benchmark docs notebooks release constraints clean

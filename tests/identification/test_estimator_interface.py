@@ -32,8 +32,8 @@ class Guest(Estimator):
     def prior_pull(self) -> float:
         return self.inner.pull
 
-    def refit(self, problem: Problem):  # type: ignore[no-untyped-def]
-        return self.inner.refit(problem)
+    def refit(self, problem: Problem, run=None):  # type: ignore[no-untyped-def]
+        return self.inner.refit(problem, run)
 
     def solve(self, problem: Problem) -> Solution:
         return self.inner.solve(problem)

@@ -218,9 +218,10 @@ def test_draws_of_the_bootstrap_keep_the_bounds(spatial_3r: Robot, exact_log: Ma
     problem, _ = problem_of(spatial_3r, exact_log, scaled_link(spatial_3r, 1, 0.5))
     weights = weights_of(problem)
     found = plausible_fit(problem, weights, 0.01, 1e-8)
-    refit = Consistent(bodies="plausible").refit(problem)
-    reduced = problem.reduced(weights)
+    part, reduced = Consistent(bodies="plausible"), problem.reduced(weights)
+    refit, settled = part.refit(problem), part.refit(problem, part.solve(problem).run)
     np.testing.assert_allclose(refit(reduced), found.fit.theta, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(settled(reduced), found.fit.theta, rtol=1e-4, atol=1e-6)
     moved = refit(replace(reduced, z=1.5 * reduced.z))
     assert found.program.conditions.shortfall(moved / scale_of(problem).parameters) < 1e-6
 

@@ -78,7 +78,9 @@ class PlausibleFit:
     facts: Plausibility
 
 
-def plausible_fit(problem: Problem, weights: Array, pull: float, margin: float) -> PlausibleFit:
+def plausible_fit(
+    problem: Problem, weights: Array, pull: float, margin: float, settled: Plausibility | None = None
+) -> PlausibleFit:
     """Return the plausible standard parameters that are nearest to the nominal ones within the noise of the data.
 
     Args:
@@ -86,6 +88,7 @@ def plausible_fit(problem: Problem, weights: Array, pull: float, margin: float) 
         weights: Of each joint, shape (n,), 1 / N m.
         pull: Of the prior in natural sizes; that of inertial parameters gives way to the pull to the nominal bodies.
         margin: Smallest eigenvalue of the scaled pseudo-inertia of each link.
+        settled: Of the same problem, solved before: its relaxed bounds and weight are taken, not sought.
 
     Raises:
         ContradictoryConstraints: No robot meets the bounds; the message names those that clash.
@@ -93,6 +96,8 @@ def plausible_fit(problem: Problem, weights: Array, pull: float, margin: float) 
     """
     model, base, reduced, scale = problem.model, problem.base, problem.reduced(weights), scale_of(problem)
     bounds = plausible_constraints(model.robot, problem.constraints)
+    contradicted = () if settled is None else settled.contradicted
+    bounds = _without(bounds, [(one.name, one.bound) for one in contradicted if one.is_relaxed])
     program = pose_program(model, base, reduced, scale, pull, margin, constraints=bounds)
     rows = max(reduced.rows, 1)
 
@@ -104,14 +109,15 @@ def plausible_fit(problem: Problem, weights: Array, pull: float, margin: float) 
 
     with one_blas_thread():  # matrices this small are slower on several threads
         try:
-            inner = solve_program(program, stated=True)
+            inner = solve_program(program, stated=settled is None)
         except ContradictoryConstraints as clash:
             step = "drop or change one of them; bounds of the robot model give way to stated ones and to --bodies free"
             raise ContradictoryConstraints(clash.evidence, step) from clash
         setting = _Setting(problem, weights * np.sqrt(rows / max(reduced.rest, 1e-300)), scale, within)
         bodies, is_stated, uniform = nominal_bodies(model.robot, bounds, problem.prior)
         filling = np.array([uniform_body(bounds.links[link.name]).vector for link in model.robot.links])
-        contradicted, bounds, inner = _contradicted(setting, bounds, inner)
+        if settled is None:
+            contradicted, bounds, inner = _contradicted(setting, bounds, inner)
         rules = conditions_of(model, scale, margin, _with_masses(bounds, model.robot, bodies))
         bodies, fitted = fitting_bodies(bodies, filling, rules, scale)
         relaxed = {one.name for one in contradicted if one.is_relaxed and one.bound == "mass"}
@@ -125,7 +131,10 @@ def plausible_fit(problem: Problem, weights: Array, pull: float, margin: float) 
             answers[weight] = solve_program(replace(pulled, weight=weight / rows))
             return cost(answers[weight]) - least
 
-        weight, cost_rise = largest_weight(rise, limit)
+        if settled is None:
+            weight, cost_rise = largest_weight(rise, limit)
+        else:
+            weight, cost_rise = settled.weight, rise(settled.weight) if settled.weight else 0.0
         fit = judged(answers[weight], scale)
     names = tuple(link.name for link, moved in zip(model.robot.links, fitted, strict=True) if moved)
     facts = Plausibility(weight, cost_rise, limit, contradicted, tuple(uniform), names)

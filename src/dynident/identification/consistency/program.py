@@ -9,7 +9,7 @@ Park 2020, (17), in whitened form; 0 for none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -48,6 +48,11 @@ class Program:
     def links(self) -> int:
         """Number of links, l."""
         return len(self.conditions.links)
+
+    def on(self, data: Array, target: Array, share: float) -> Program:
+        """Return the program with other data; ``share``: rows behind these over rows behind the others."""
+        pull, aim = np.sqrt(share) * self.pull, np.sqrt(share) * self.pull_target
+        return replace(self, data=data, target=target, pull=pull, pull_target=aim, weight=share * self.weight)
 
     def inertias(self, phi: Array) -> Array:
         """Return P_i(phi), shape (l, 4, 4)."""

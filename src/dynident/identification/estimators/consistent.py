@@ -21,8 +21,10 @@ from dynident.identification.consistency.consistent_fit import (
     solve_program,
 )
 from dynident.identification.consistency.plausible_fit import plausible_fit
+from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.estimator import Estimator, Solution
+from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.prior import PULL, Scale
 from dynident.identification.problem.problem import Problem
 from dynident.model.body_constraints import BODIES
@@ -76,16 +78,19 @@ class Consistent(Estimator):
         stated = any(link.inertia is not None or link.shapes for link in problem.model.robot.links)
         return self.bodies == "plausible" or (self.bodies == "auto" and self.metric == "natural" and stated)
 
-    def refit(self, problem: Problem) -> Callable[[Reduced], Array]:
+    def refit(self, problem: Problem, run: MethodRun | None = None) -> Callable[[Reduced], Array]:
         scale = scale_of(problem)
         if not self._bounded(problem):
             return lambda reduced: self._free(problem, reduced, scale).theta
-        program = plausible_fit(problem, WLS().solve(problem).weights, self.pull, self.margin).program
+        weights, settled = WLS().solve(problem).weights, None if run is None else Plausibility.of(run)
+        rows = max(problem.reduced(weights).rows, 1)
+        program = plausible_fit(problem, weights, self.pull, self.margin, settled).program
 
         def fit(reduced: Reduced) -> Array:
-            """Fit within the same bounds and with the same pull."""
+            """Fit within the same bounds and with the same pull, which counts as many rows as the data."""
             data, target = scaled_data(problem.base, reduced, scale)
-            return judged(solve_program(replace(program, data=data, target=target)), scale).theta
+            share = rows / max(reduced.rows, 1)
+            return judged(solve_program(program.on(data, target, share)), scale).theta
 
         return fit
 

@@ -56,10 +56,10 @@ class Estimator(ABC):
         """How tightly a prior holds where it stands beside the data: a deviation of 1 / sqrt(this) natural sizes."""
         return PULL
 
-    def refit(self, problem: Problem) -> Callable[[Reduced], Array] | None:
-        """Return the fit of standard parameters (p,) to a triangle of drawn base parameters, for the bootstrap.
+    def refit(self, problem: Problem, run: MethodRun | None = None) -> Callable[[Reduced], Array] | None:
+        """Return the fit of standard parameters (p,) to a triangle of drawn base parameters or of a part of the logs.
 
-        None where no condition narrows the estimate: residuals are then drawn in blocks.
+        None where no condition narrows the estimate. What its ``run`` on the whole problem settled is not sought again.
         """
         return None
 

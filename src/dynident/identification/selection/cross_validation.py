@@ -7,7 +7,7 @@ little more than one (Stone 1974; contiguous parts, since neighbouring rows are 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,9 +16,10 @@ import numpy as np
 from dynident.arrays import Array, finite
 from dynident.errors import BadOption, DynidentError
 from dynident.identification.estimators import ESTIMATORS, Estimator
+from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.problem import Problem
 from dynident.identification.residuals.row_passes import RowPasses
-from dynident.model.reduction import Triangle, least_squares
+from dynident.model.reduction import Reduced, Triangle, least_squares
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,12 @@ class CrossValidation:
 
 
 def cross_validate(
-    problem: Problem, estimator: Estimator, beta: Array, folds: int = 5, passes: RowPasses | None = None
+    problem: Problem,
+    estimator: Estimator,
+    beta: Array,
+    folds: int = 5,
+    passes: RowPasses | None = None,
+    refit: Callable[[Reduced], Array] | None = None,
 ) -> CrossValidation:
     """Return the errors of parts of the logs, each predicted by a fit of the rest.
 
@@ -85,6 +91,7 @@ def cross_validate(
         beta: The estimate from all rows, shape (b,).
         folds: Number of parts of equal length in time; 0 for one part a log.
         passes: The rows, where they are there already.
+        refit: Of the estimator and its run on all rows: what that settled is not sought again without each part.
 
     Raises:
         BadOption: Fewer than two parts.
@@ -95,9 +102,10 @@ def cross_validate(
         raise BadOption("folds", folds, "give 2 or more parts, or 0 for one a log")
     passes = passes or RowPasses(problem)
     parts = _by_log(problem, passes) if folds == 0 else _blocks(problem, passes, folds)
-    used = estimator if estimator.fits_folds else ESTIMATORS.make("wls")
+    used = estimator if estimator.fits_folds else WLS()
     found = [
-        _fold(problem, used, label, own, [other for _, other in parts if other is not own]) for label, own in parts
+        _fold(problem, used, label, own, [other for _, other in parts if other is not own], refit)
+        for label, own in parts
     ]
     errors = np.array(
         [_square(own, fold.beta) if not fold.missing else np.nan for fold, (_, own) in zip(found, parts, strict=True)]
@@ -118,15 +126,20 @@ def _fold(
     label: str,
     own: tuple[Triangle, ...],
     others: Sequence[tuple[Triangle, ...]],
+    refit: Callable[[Reduced], Array] | None,
 ) -> Fold:
     rows = sum(triangle.rows for triangle in own)
     rest = tuple(first.merged(more) for first, *more in zip(*others, strict=True))
     nothing = np.full(len(own), np.nan)
-    singular = least_squares(reduced := replace(problem, triangles=rest).reduced()).singular_values
+    left = replace(problem, triangles=rest)
+    singular = least_squares(reduced := left.reduced()).singular_values
     if reduced.rows < problem.base.count or singular[-1] <= 1e-9 * singular[0]:
         return Fold(label, rows, nothing, np.nan, np.full(problem.base.count, np.nan), "the rest does not determine it")
     try:
-        beta = estimator.solve(replace(problem, triangles=rest)).beta
+        if refit is None:
+            beta = estimator.solve(left).beta
+        else:
+            beta = problem.base.from_standard(refit(left.reduced(WLS().solve(left).weights)))
     except DynidentError as error:
         return Fold(label, rows, nothing, np.nan, np.full(problem.base.count, np.nan), str(error))
     rmse = np.array([np.sqrt(t.residual_square(beta) / max(t.rows, 1)) for t in own])

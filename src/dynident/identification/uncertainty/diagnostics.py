@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.residuals.quantiles import chi_square_tail
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.identification.selection.cross_validation import CrossValidation, cross_validate
-from dynident.model.reduction import least_squares
+from dynident.model.reduction import Reduced, least_squares
 
 if TYPE_CHECKING:
     from dynident.identification.uncertainty.exogeneity import Exogeneity
@@ -134,7 +134,13 @@ def _of_joints(p_values: Array, joints: Sequence[str], fine: str, found: str) ->
     return f"{found}: {'all joints' if len(bad) == len(joints) else ', '.join(bad)}"
 
 
-def diagnose(problem: Problem, estimator: Estimator, beta: Array, folds: int = 5) -> Diagnostics:
+def diagnose(
+    problem: Problem,
+    estimator: Estimator,
+    beta: Array,
+    folds: int = 5,
+    refit: Callable[[Reduced], Array] | None = None,
+) -> Diagnostics:
     """Return the diagnostics of an estimate.
 
     Args:
@@ -142,6 +148,7 @@ def diagnose(problem: Problem, estimator: Estimator, beta: Array, folds: int = 5
         estimator: What found it, for cross-validation.
         beta: The estimate, shape (b,).
         folds: Parts for cross-validation over time; 0: none.
+        refit: See :func:`cross_validate`.
     """
     passes = RowPasses(problem)
     residual, deviations = passes.residuals(beta), problem.joint_deviations(beta)
@@ -150,9 +157,9 @@ def diagnose(problem: Problem, estimator: Estimator, beta: Array, folds: int = 5
     values = np.linalg.svd(reduced.r, compute_uv=False)
     leverage, cook = _influence(problem, passes, beta, 1.0 / deviations, factors)
     test, reference = _exogeneity(problem, 1.0 / deviations)
-    checked = [cross_validate(problem, estimator, beta, folds, passes)] if folds else []
+    checked = [cross_validate(problem, estimator, beta, folds, passes, refit)] if folds else []
     if folds and len(problem.logs) > 1:
-        checked.append(cross_validate(problem, estimator, beta, 0, passes))
+        checked.append(cross_validate(problem, estimator, beta, 0, passes, refit))
     return Diagnostics(
         effective_rows=float(np.sum(problem.counts / factors)),
         rows=int(problem.counts.sum()),

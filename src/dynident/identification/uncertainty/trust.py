@@ -65,8 +65,9 @@ def with_diagnostics(
         raise BadOption("bootstrap", draws, f"give {FEWEST_DRAWS} draws or more, such as 200")
     if "torque" in problem.model.needs:
         problem = with_load(problem, estimate.beta)
-    found: dict[str, Any] = diagnose(problem, estimator, estimate.beta, folds).figures()
-    found["bootstrap"] = _bootstrap(estimate, problem, estimator, draws) if draws else None
+    refit = estimator.refit(problem, estimate.run) if draws or (folds and estimator.fits_folds) else None
+    found: dict[str, Any] = diagnose(problem, estimator, estimate.beta, folds, refit).figures()
+    found["bootstrap"] = _bootstrap(estimate, problem, refit, draws) if draws else None
     regressor = RegressorStream(estimate.model, estimate.base, estimate.beta)
     spread = np.concatenate([prediction_deviations(regressor, log, estimate.covariance) for log in problem.logs])
     return replace(
@@ -86,9 +87,10 @@ def _standard_deviations(estimate: Estimate, problem: Problem, pull: float) -> A
     return np.sqrt(np.maximum(np.diag(standard_covariance(estimate, problem, pull)), 0.0))
 
 
-def _bootstrap(estimate: Estimate, problem: Problem, estimator: Estimator, draws: int) -> dict[str, Any]:
+def _bootstrap(
+    estimate: Estimate, problem: Problem, refit: Callable[[Reduced], Array] | None, draws: int
+) -> dict[str, Any]:
     """Return intervals by bootstrap: possible robots fitted again, or residuals drawn again in blocks."""
-    refit = estimator.refit(problem)
     if refit is not None:
         kind, found = "refit", refit_draws(problem, refit, estimate.covariance, draws)
     else:
