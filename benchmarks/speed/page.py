@@ -22,6 +22,7 @@ ROWS = (
     "colony",
     "simulation",
     "start_up",
+    "whole_answer",
 )
 
 

@@ -53,7 +53,7 @@ def measure() -> Record:
                 (full, identify, fresh),
                 (imports, loads, environment),
             ):
-                wall, processor = _process(words, variables)
+                wall, processor = process(words, variables)
                 found.times[name].wall.append(wall)
                 found.times[name].processor.append(processor)
     found.lines = [
@@ -66,7 +66,7 @@ def measure() -> Record:
     return found
 
 
-def _process(words: list[str], environment: dict[str, str]) -> tuple[float, float]:
+def process(words: list[str], environment: dict[str, str]) -> tuple[float, float]:
     """Return the wall clock and the time of the processor of one process, its children included."""
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run(words, env=environment, check=True, capture_output=True)
