@@ -1,4 +1,6 @@
-"""What a script of the field does with a log, as a process: python peer_process.py URDF CUTOFF_HZ STEP COLUMN GAINS LOG...
+"""What a script of the field does with a log, as a process.
+
+Run: python peer_process.py URDF CUTOFF_HZ STEP COLUMN GAINS LOG...
 
 pandas reads, a SciPy filter runs forwards and backwards over positions and torques, differences give velocities and
 accelerations, Pinocchio's regressor is called sample by sample, a pivoted QR chooses the base columns, ``lstsq`` fits.

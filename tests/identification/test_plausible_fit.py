@@ -148,6 +148,8 @@ def test_a_wrong_mass_of_the_robot_model_is_relaxed_and_named(
         assert one.statistic > one.limit and one.gain > 0
     beta = problem.base.from_standard(truth)
     assert np.abs(solution.beta - beta).max() < 0.1 * np.abs(beta).max()
+    again = plausible_fit(problem, solution.weights, 0.01, 1e-8, facts)
+    np.testing.assert_allclose(again.fit.theta, solution.theta, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -168,6 +170,9 @@ def test_a_size_that_nobody_states_gives_way_to_data(spatial_3r: Robot, exact_lo
     assert [(one.name, one.bound, one.is_relaxed) for one in found.facts.contradicted] == [("link3", "size", True)]
     np.testing.assert_allclose(found.fit.theta[9:30:10] / truth[9:30:10], 1.0, atol=0.1)
     assert found.facts.fitted == ()
+    again = plausible_fit(problem, weights_of(problem), 0.01, 1e-8, found.facts)  # as for a part of the logs
+    np.testing.assert_allclose(again.fit.theta, found.fit.theta, rtol=1e-4, atol=1e-6)
+    assert again.facts.contradicted == found.facts.contradicted
 
 
 def test_a_body_that_does_not_fit_becomes_the_nearest_one_that_does(spatial_3r: Robot, exact_log: MakeLog) -> None:

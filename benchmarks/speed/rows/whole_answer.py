@@ -15,14 +15,14 @@ from pathlib import Path
 from benchmarks.speed.harness import Line, Record, Times
 from benchmarks.speed.rows.start_up import COMMAND, process
 
-REPEATS = int(os.environ.get("R","5"))
+REPEATS = 5
 CASES = Path(__file__).resolve().parents[3] / "examples/cases"
 PEER = Path(__file__).resolve().parents[1] / "peer_process.py"
 
 
 @dataclass(frozen=True)
 class Robot:
-    """What the peer is told of a shipped case: folder, cut-off in Hz, one row in so many, torque columns, gains, logs."""
+    """What the peer is told: folder, cut-off, one row in so many, torque columns, gains, logs."""
 
     folder: str
     cutoff_hz: float

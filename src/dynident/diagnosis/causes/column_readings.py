@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 
@@ -115,18 +115,27 @@ def _explained(fit: QuickFit, solved: Solved, mixing: Array, joints: Sequence[in
     return bool((np.sqrt(solved.variances[list(joints)]) < GOOD * np.array(size)).all())
 
 
-def position_readings(fit: QuickFit) -> Iterator[Interpretation]:
-    """Yield the signs, orders and units of the positions under which a log agrees far better."""
+def position_readings(fit: QuickFit, wrong: BoolArray) -> Iterator[Interpretation]:
+    """Yield the signs, orders and units of the positions under which a log agrees far better.
+
+    A position that is read wrongly upsets its own joint: only those at ``wrong`` joints, shape (n,), and beside them
+    are read in another way, and orders and units of all joints only where half of them are wrong.
+    """
+    near = wrong | np.append(wrong[1:], False) | np.append(False, wrong[:-1])
+    most = wrong.sum() >= len(wrong) / 2
     names, q = fit.model.robot.joint_names, np.asarray(fit.log.q)
     turning = np.array([joint.kind == "revolute" for joint in fit.model.robot.active])
     for i, name in enumerate(names):
+        if not near[i]:
+            continue
         turned = q.copy()
         turned[:, i] *= -1
         yield from _read(
             fit, _reduced(fit, turned), "position sign", (name,), "negate the column of its position, or the axis"
         )
-    pairs = [_turned(tuple(range(len(names))), pair) for pair in combinations(range(len(names)), 2)]
-    for order in dict.fromkeys([*pairs, *_whole_orders(len(names))]):
+    pairs = combinations(np.flatnonzero(near).tolist(), 2)
+    orders = [_turned(tuple(range(len(names))), pair) for pair in pairs]
+    for order in dict.fromkeys(chain(orders, _whole_orders(len(names)) if most else ())):
         moved = tuple(name for i, name in enumerate(names) if order[i] != i)
         if not moved:
             continue
@@ -137,7 +146,7 @@ def position_readings(fit: QuickFit) -> Iterator[Interpretation]:
         remedy = "name the columns of positions and torques in the order of the joints (log: columns)"
         how = f"with their positions and torques {_in_words(names, order)},"
         yield from _read(fit, swapped, "joint order", moved, remedy, how, np.eye(len(names))[list(order)])
-    if turning.all():
+    if turning.all() and most:
         remedy = "state the unit in the case file (log: units: {position: deg})"
         yield from _read(fit, _reduced(fit, np.deg2rad(q)), "positions in degrees", (), remedy)
 

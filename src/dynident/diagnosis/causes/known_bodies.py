@@ -40,8 +40,9 @@ CONTRADICTS = 1e-3
 #: Columns of a body.
 TEN = 10
 
-#: Relative standard deviations of a robot model at first, at least, and passes that look for them.
-FIRST, LEAST, SEARCHED = 0.1, 1e-5, 15
+#: Relative standard deviations of a robot model at first, at least, passes that look for them at most, and the relative
+#: change of these and of the variances at which they are found.
+FIRST, LEAST, SEARCHED, SETTLED = 0.1, 1e-5, 30, 1e-2
 
 #: Share of the heaviest mass, and size in m, of which the errors of a body are shares at least.
 LIGHT, SMALL = 1e-3, 0.02
@@ -69,17 +70,21 @@ class KnownBodies:
         squares = float(np.sum((self.factor @ (beta[self.places] - self.values)) ** 2))
         return bool(scipy.special.chdtrc(len(self.places), squares) > CONTRADICTS)
 
-    def information(self, shares: Array) -> Array:
-        """Return the inverse of the covariance, shape (s, s); ``shares`` are those of :class:`NominalBodies`."""
+    @cached_property
+    def _information(self) -> Array:
         return self.factor.T @ self.factor
 
-    def likelier(self, shares: Array, off: Array, left: Array) -> Array:
+    def information(self, shares: Array) -> Array:
+        """Return the inverse of the covariance, shape (s, s); ``shares`` are those of :class:`NominalBodies`."""
+        return self._information
+
+    def likelier(self, shares: Array, information: Array, off: Array, left: Array) -> Array:
         """Return standard deviations that explain a fit better; those of an estimate are stated."""
         return shares
 
-    def surprise(self, shares: Array, off: Array, fitted: Array) -> float:
+    def surprise(self, information: Array, off: Array, fitted: Array) -> float:
         """Return twice the fall of the log-likelihood by ``off`` (s,), the bodies less what is known of them."""
-        return float(np.sum((self.factor @ off) ** 2))
+        return float(off @ information @ off)
 
 
 @dataclass(frozen=True)
@@ -103,23 +108,22 @@ class NominalBodies(KnownBodies):
         covariance = covariance * np.outer(scale, scale)
         return np.linalg.inv(covariance + SMALLEST**2 * np.diag(np.diag(covariance))) * np.outer(scale, scale)
 
-    def likelier(self, shares: Array, off: Array, left: Array) -> Array:
+    def likelier(self, shares: Array, information: Array, off: Array, left: Array) -> Array:
         """Return a step to the largest marginal likelihood (MacKay 1992, by components of the variance).
 
         Args:
             shares: Standard deviations of the common and of the single errors.
+            information: Of the bodies with these, shape (s, s).
             off: The fitted bodies less the nominal ones, shape (s,).
             left: Their covariance after the fit, shape (s, s).
         """
-        information = self.information(shares)
         pull, told = information @ off, information - information @ left @ information
         squares = np.array([np.sum((self.whole.T @ pull) ** 2), pull @ self.single @ pull])
         counts = np.array([np.sum((told @ self.whole) * self.whole), np.sum(told * self.single)])
         return np.maximum(shares * np.sqrt(squares / np.maximum(counts, 1e-300)), LEAST)
 
-    def surprise(self, shares: Array, off: Array, fitted: Array) -> float:
+    def surprise(self, information: Array, off: Array, fitted: Array) -> float:
         """Return the same for the marginal likelihood; ``fitted`` is the information of all that was fitted."""
-        information = self.information(shares)
         logs = np.linalg.slogdet(fitted)[1] - np.linalg.slogdet(information)[1]
         return float(off @ information @ off + logs)
 
@@ -220,17 +224,19 @@ class Anchored(CauseSearch):
     def __init__(self, rows: CauseRows, causes: Sequence[Cause], known: KnownBodies, factors: Array) -> None:
         super().__init__(rows, causes)
         self._known, self._factors = known, factors
+        self._found = dict[tuple[int, ...], tuple[Array, Array]]()  # where the fit with one cause more begins
 
     def fit(self, chosen: Sequence[int]) -> Solved:
         grams, sides = self.products(chosen)
+        flat = grams.reshape(len(grams), -1)
         known, held = self._known, np.ix_(self._known.places, self._known.places)
         counts, squares, floors = self.rows.counts, self.squares, self.floors
-        variances = squares / counts + floors
-        beta, information = np.zeros(0), np.zeros((0, 0))
-        shares, surprise = np.full(2, FIRST), 0.0
+        variances, shares = self._found.get(tuple(chosen[:-1]), (squares / counts + floors, np.full(2, FIRST)))
+        beta, information, off, prior = np.zeros(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0))
         for _ in range(SEARCHED if isinstance(known, NominalBodies) else PASSES):
+            before = np.concatenate([variances, shares])
             weights = 1.0 / (variances * self._factors)
-            gram, side, prior = np.tensordot(weights, grams, 1), weights @ sides, known.information(shares)
+            gram, side, prior = (weights @ flat).reshape(grams.shape[1:]), weights @ sides, known.information(shares)
             gram[held] += prior
             side[known.places] += prior @ known.values
             sizes = np.sqrt(np.diag(gram))
@@ -238,11 +244,14 @@ class Anchored(CauseSearch):
             information = gram + RIDGE * np.diag(sizes**2)
             inverse = np.linalg.inv(information / np.outer(sizes, sizes)) / np.outer(sizes, sizes)
             beta = inverse @ side
-            left = squares - 2 * sides @ beta + np.einsum("k,ikl,l->i", beta, grams, beta)
+            left = squares - 2 * sides @ beta + (grams @ beta) @ beta
             variances = np.maximum(left, 0.0) / counts + floors
             off = beta[known.places] - known.values
-            surprise = known.surprise(shares, off, information[: self.rows.size, : self.rows.size])
-            shares = known.likelier(shares, off, inverse[held])
+            shares = known.likelier(shares, prior, off, inverse[held])
+            if np.all(np.abs(np.log(np.concatenate([variances, shares]) / before)) < SETTLED):
+                break
+        self._found[tuple(chosen)] = variances, shares
+        surprise = known.surprise(prior, off, information[: self.rows.size, : self.rows.size])
         return Solved(beta, variances, float(np.sum(np.log(variances))), information, surprise)
 
     def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
@@ -252,7 +261,7 @@ class Anchored(CauseSearch):
         return 1.0
 
     def candidates(self, before: Solved, chosen: Sequence[int]) -> list[int]:
-        return [k for k in range(len(self.causes)) if k not in chosen]
+        return [k for k in range(len(self.causes)) if k not in chosen]  # errors of the bodies may hide any of them
 
 
 class AgainstBodies:

@@ -178,12 +178,18 @@ def _together(fit: QuickFit, joint: int, x: float) -> Array:
 
 def _end(rise: Callable[[float], float], best: float, side: float) -> float:
     """Return where the deviance has risen enough on one side; infinite where it does not."""
-    low, high = 0.0, PRECISION
-    while rise(best + side * high) < RISE:
-        low, high = high, 4 * high
+    low, high, (below, above) = 0.0, PRECISION, (0.0, rise(best + side * PRECISION))
+    while above < RISE:
+        low, high, below = high, 4 * high, above
         if high > WIDEST:
             return side * np.inf
-    while high - low > ENDS * high:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if rise(best + side * middle) < RISE else (low, middle)
+        above = rise(best + side * high)
+    while high - low > ENDS * high:  # the deviance is about a parabola: its root is about straight
+        roots = np.sqrt(np.maximum([below, RISE, above], 0.0))
+        share = float(np.clip((roots[1] - roots[0]) / max(roots[2] - roots[0], 1e-300), ENDS, 1.0 - ENDS))
+        middle = low + share * (high - low)
+        found = rise(best + side * middle)
+        if abs(np.sqrt(max(found, 0.0)) - roots[1]) < ENDS * roots[1] / 2:
+            return best + side * middle
+        low, high, below, above = (middle, high, found, above) if found < RISE else (low, middle, below, found)
     return best + side * high

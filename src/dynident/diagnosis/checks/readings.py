@@ -151,8 +151,9 @@ def _candidates(fit: QuickFit, feeds: BoolArray) -> Iterator[Interpretation]:
     yield from _mountings(fit)
     if not signs.any():
         yield from _couplings(fit)
-    if (fit.relative > POOR).any() or feeds.any():
-        yield from position_readings(fit)
+    wrong = (fit.relative > POOR) | feeds
+    if wrong.any():
+        yield from position_readings(fit, wrong)
 
 
 def _torque_signs(fit: QuickFit, feeds: BoolArray) -> BoolArray:

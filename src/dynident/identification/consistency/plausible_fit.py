@@ -95,11 +95,10 @@ def plausible_fit(
         SolverFailed: No path reached a solution that passes the check of its own conditions.
     """
     model, base, reduced, scale = problem.model, problem.base, problem.reduced(weights), scale_of(problem)
-    bounds = plausible_constraints(model.robot, problem.constraints)
+    whole = plausible_constraints(model.robot, problem.constraints)
     contradicted = () if settled is None else settled.contradicted
-    bounds = _without(bounds, [(one.name, one.bound) for one in contradicted if one.is_relaxed])
-    program = pose_program(model, base, reduced, scale, pull, margin, constraints=bounds)
-    rows = max(reduced.rows, 1)
+    bounds = _without(whole, [(one.name, one.bound) for one in contradicted if one.is_relaxed])
+    program, rows = pose_program(model, base, reduced, scale, pull, margin, constraints=bounds), max(reduced.rows, 1)
 
     def within(known: Constraints) -> Answer:
         return solve_program(replace(program, conditions=conditions_of(model, scale, margin, known)))
@@ -114,14 +113,14 @@ def plausible_fit(
             step = "drop or change one of them; bounds of the robot model give way to stated ones and to --bodies free"
             raise ContradictoryConstraints(clash.evidence, step) from clash
         setting = _Setting(problem, weights * np.sqrt(rows / max(reduced.rest, 1e-300)), scale, within)
-        bodies, is_stated, uniform = nominal_bodies(model.robot, bounds, problem.prior)
-        filling = np.array([uniform_body(bounds.links[link.name]).vector for link in model.robot.links])
+        bodies, is_stated, uniform = nominal_bodies(model.robot, whole, problem.prior)
+        filling = np.array([uniform_body(whole.links[link.name]).vector for link in model.robot.links])
         if settled is None:
             contradicted, bounds, inner = _contradicted(setting, bounds, inner)
         rules = conditions_of(model, scale, margin, _with_masses(bounds, model.robot, bodies))
         bodies, fitted = fitting_bodies(bodies, filling, rules, scale)
-        relaxed = {one.name for one in contradicted if one.is_relaxed and one.bound == "mass"}
-        is_relaxed = np.array([link.name in relaxed for link in model.robot.links])
+        relaxed = [one.name for one in contradicted if one.is_relaxed and one.bound == "mass"]
+        is_relaxed = np.isin([link.name for link in model.robot.links], relaxed)
         bodies = bodies * mass_factors(bodies[:, 9], inner.candidate.phi * scale.parameters, is_stated, is_relaxed)
         pulled = replace(program, conditions=inner.program.conditions)
         pulled = pull_program(pulled, bodies, filling, inner.candidate.phi, scale)
