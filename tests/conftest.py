@@ -5,14 +5,18 @@ Property tests draw the same examples in every run; ``pytest --hypothesis-profil
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
 
 from dynident.arrays import Array
+from dynident.cli.main import one_blas_thread_unless_stated
 from dynident.data.log import Log
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.problem.method_run import MethodRun
@@ -27,6 +31,15 @@ settings.register_profile("explore", deadline=None)
 settings.load_profile("repeatable")
 
 X, Y, Z = np.eye(3)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_blas_thread() -> Iterator[None]:
+    """Have BLAS work on one thread, as under the command line: here, and in processes that tests start."""
+    assert scipy.linalg  # its BLAS, and NumPy's, must be loaded to be limited
+    one_blas_thread_unless_stated(os.environ)
+    with threadpool_limits(1, "blas"):
+        yield
 
 
 def _body(mass: float, centre: list[float], size: float) -> Inertia:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeAlias
 
 import pytest
 
@@ -48,6 +48,9 @@ FAMILIES: tuple[Family[Any], ...] = (
 )
 
 LONGEST_FILE, LONGEST_FUNCTION = 400, 60
+
+#: Path of each file, its statements, and all nodes of its tree.
+Trees: TypeAlias = list[tuple[str, list[ast.stmt], list[ast.AST]]]
 
 
 def modules() -> list[str]:
@@ -97,15 +100,14 @@ def test_every_option_of_a_part_is_described(family: Family[Any]) -> None:
         assert not [option.name for option in family.options(name) if not option.help.endswith(".")], name
 
 
-def trees() -> Iterator[tuple[str, ast.Module]]:
-    for file in FILES:
-        yield file.relative_to(ROOT).as_posix(), ast.parse(file.read_text(encoding="utf-8"))
+@pytest.fixture(scope="module")
+def trees() -> Trees:
+    parsed = [(file.relative_to(ROOT).as_posix(), ast.parse(file.read_text(encoding="utf-8"))) for file in FILES]
+    return [(path, tree.body, list(ast.walk(tree))) for path, tree in parsed]
 
 
-def functions(tree: ast.Module) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            yield node
+def functions(nodes: list[ast.AST]) -> list[ast.FunctionDef | ast.AsyncFunctionDef]:
+    return [node for node in nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
 
 
 def test_files_are_short() -> None:
@@ -113,20 +115,20 @@ def test_files_are_short() -> None:
     assert not {name: lines for name, lines in lengths.items() if lines > LONGEST_FILE}
 
 
-def test_functions_are_short() -> None:
+def test_functions_are_short(trees: Trees) -> None:
     lengths = {
         f"{path}:{node.name}": (node.end_lineno or node.lineno) - node.lineno + 1
-        for path, tree in trees()
-        for node in functions(tree)
+        for path, _, nodes in trees
+        for node in functions(nodes)
     }
     assert not {name: lines for name, lines in lengths.items() if lines > LONGEST_FUNCTION}
 
 
-def test_everything_is_typed() -> None:
+def test_everything_is_typed(trees: Trees) -> None:
     bare = []
-    for path, tree in trees():
-        inner = {id(item) for node in functions(tree) for item in ast.walk(node) if item is not node}
-        for node in functions(tree):
+    for path, _, nodes in trees:
+        inner = {id(item) for node in functions(nodes) for item in functions(list(ast.walk(node))) if item is not node}
+        for node in functions(nodes):
             arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
             named = [a for a in arguments if a.arg not in ("self", "cls")]
             if id(node) not in inner and (node.returns is None or any(a.annotation is None for a in named)):
@@ -134,10 +136,10 @@ def test_everything_is_typed() -> None:
     assert not bare
 
 
-def test_only_the_command_line_prints_or_exits() -> None:
+def test_only_the_command_line_prints_or_exits(trees: Trees) -> None:
     loud = []
-    for path, tree in trees():
-        for node in ast.walk(tree):
+    for path, _, nodes in trees:
+        for node in nodes:
             called = ast.unparse(node.func) if isinstance(node, ast.Call) else ""
             raised = ast.unparse(node.exc or node) if isinstance(node, ast.Raise) else ""
             if called in ("print", "input", "breakpoint", "exit", "quit", "sys.exit", "os._exit", "sys.stdout.write"):
@@ -147,9 +149,9 @@ def test_only_the_command_line_prints_or_exits() -> None:
     assert not [where for where in loud if not where.startswith("cli/")]
 
 
-def test_no_plotting_library_is_imported_with_a_module() -> None:
-    for path, tree in trees():
-        names = [ast.unparse(node) for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+def test_no_plotting_library_is_imported_with_a_module(trees: Trees) -> None:
+    for path, body, _ in trees:
+        names = [ast.unparse(node) for node in body if isinstance(node, ast.Import | ast.ImportFrom)]
         assert not [line for line in names if "matplotlib" in line or "plotly" in line], path
 
 
@@ -158,17 +160,17 @@ def test_no_room_is_named_after_nothing() -> None:
     assert not [path for path in ROOT.rglob("*") if path.stem in words]
 
 
-def test_imports_are_absolute() -> None:
-    for path, tree in trees():
-        levels = [node.level for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+def test_imports_are_absolute(trees: Trees) -> None:
+    for path, _, nodes in trees:
+        levels = [node.level for node in nodes if isinstance(node, ast.ImportFrom)]
         assert not any(levels), path
 
 
-def test_the_command_line_and_the_studio_know_no_exporter_by_name() -> None:
+def test_the_command_line_and_the_studio_know_no_exporter_by_name(trees: Trees) -> None:
     """Names of packages, extras and formats of other things are no exporters: csv and json are read, too."""
     names = {*MOTION_EXPORTERS.names(), *MODEL_EXPORTERS.names()} - {"csv", "json", "casadi", "fmu", "pinocchio"}
-    texts = [node.value for path, tree in trees() if path.startswith(("cli/", "studio/"))
-             for node in ast.walk(tree) if isinstance(node, ast.Constant)]  # fmt: skip
+    texts = [node.value for path, _, nodes in trees if path.startswith(("cli/", "studio/"))
+             for node in nodes if isinstance(node, ast.Constant)]  # fmt: skip
     for script in (ROOT / "studio/static").glob("*.js"):
         texts += re.findall(r"""["'`](\w+)["'`]""", script.read_text(encoding="utf-8"))
     assert not names & {text for text in texts if isinstance(text, str)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -39,10 +40,10 @@ def touched(log: Log, contact: float) -> Log:
     return replace(log, torque=torque)
 
 
-@pytest.fixture
-def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with an estimate, its log, another clean one, one with a load and one with a contact."""
-    monkeypatch.chdir(tmp_path)
+    folder = tmp_path_factory.mktemp("cell")
     robot = read_robot("generic-scara")
     frame = robot.frames.get(robot.tool)
     links = list(robot.links)
@@ -52,15 +53,23 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     links[at] = replace(
         links[at], inertia=own + (BODY if frame is None else BODY.moved(frame.rotation, frame.translation))
     )
-    write_log(recorded(robot, 1, 3000), "train.csv")
-    write_log(recorded(robot, 2, 3000), "clean.csv")
-    write_log(recorded(replace(robot, links=tuple(links)), 3, 3000), "loaded.csv")
-    write_log(touched(recorded(robot, 4, 3000), 60.0), "contact.csv")
+    write_log(recorded(robot, 1, 3000), folder / "train.csv")
+    write_log(recorded(robot, 2, 3000), folder / "clean.csv")
+    write_log(recorded(replace(robot, links=tuple(links)), 3, 3000), folder / "loaded.csv")
+    write_log(touched(recorded(robot, 4, 3000), 60.0), folder / "contact.csv")
     model = DynamicModel(robot, (FRICTION.make("coulomb"), FRICTION.make("viscous")))
     how = Preprocessing(AsGiven(), rest="keep")
     columns = ColumnMap(joints=robot.joint_names, ddq=tuple(f"ddq{i}" for i in range(1, 5)))
-    estimate = identify(model, [read_log("train.csv", columns)], "wls", how)
-    write_estimate(replace(estimate, columns=columns), "estimate.json")
+    estimate = identify(model, [read_log(folder / "train.csv", columns)], "wls", how)
+    write_estimate(replace(estimate, columns=columns), folder / "estimate.json")
+    return folder
+
+
+@pytest.fixture
+def cell(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the folder, the working directory of the test."""
+    shutil.copytree(made, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
