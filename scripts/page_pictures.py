@@ -1,7 +1,7 @@
 """Draw the pictures of the how-to pages from what the commands on them write.
 
 All are of the four-axis arm generic-scara on a motion of its own design, with logs simulated from a known truth. Needs
-matplotlib, and chromium for the screens of report and studio; about two minutes of a processor.
+matplotlib, and chromium for the screens of report and studio; about a minute of a processor.
 
   python scripts/page_pictures.py             # all
   python scripts/page_pictures.py monitor fleet
@@ -65,10 +65,10 @@ class Study:
         """A motion of eight seconds."""
         return self.plan_of(ROBOT, "plan.json")
 
-    def plan_of(self, robot: str, file: str) -> Any:
-        """Return a motion of eight seconds of a robot, written into a file."""
+    def plan_of(self, robot: str, file: str, period: str = "8") -> Any:
+        """Return a motion of eight seconds, or another period, of a robot, written into a file."""
         if not (self.folder / file).exists():
-            self.command("excite", robot, "-o", file, "--period", "8", "--starts", "1", "--quiet")
+            self.command("excite", robot, "-o", file, "--period", period, "--starts", "1", "--quiet")
         return di.read_plan(self.folder / file)
 
     @cached_property
@@ -225,7 +225,7 @@ def compared(study: Study) -> Figure:
         found = di.identify(model, study.log(0, theta, model=model), name, study.preprocessing, trust=QUICK)
         table, truth = found.to_frame(), found.base.from_standard(theta)
         known = np.flatnonzero(np.abs(truth) > 0.05)
-        axis.set_xticks(range(len(known)), [_short(found.base.names[k]) for k in known], fontsize="small")
+        axis.set_xticks(range(len(known)), [_short(found.base.names[k]) for k in known], fontsize="x-small")
         value, half = table["value"].to_numpy(), found.half_widths()
         at = np.arange(len(known)) + 0.2 * (shift - 1)
         axis.errorbar(at, (value / truth)[known], (half / np.abs(truth))[known], fmt="o", markersize=3, label=name)
@@ -256,8 +256,8 @@ def rehearsed(study: Study) -> Figure:
 
 def cell(study: Study) -> Figure:
     """Torque of a virtual cell, as it is and as it is logged."""
-    _ = study.plan
-    study.command("simulate", ROBOT, "plan.json", "-o", "cell.csv", "--set", "effort.noise=2", "--quiet")
+    study.plan_of(ROBOT, "short.json", "4")
+    study.command("simulate", ROBOT, "short.json", "-o", "cell.csv", "--set", "effort.noise=2", "--quiet")
     log = di.log_of(study.folder / "cell.csv", study.robot)
     truth = np.load(study.folder / "cell.truth.npz")
     figure, axis = _axes()
@@ -269,18 +269,24 @@ def cell(study: Study) -> Figure:
 
 
 def gains(study: Study) -> Figure:
-    """Drive gains from currents, over the true ones, with 95 % intervals."""
+    """Drive gains from the currents of six logs at two cut-offs, over the true ones, with 95 % intervals."""
     true = np.array([60.0, 40.0, 900.0, 8.0])
-    log = study.log(0)
-    currents = di.Log(log.joints, log.time, log.q, current=np.asarray(log.torque) / true)
-    found = gains_from_prior(study.model, [currents])
-    ratio = np.array([gain.value for gain in found.gains]) / true
-    ends = np.array([[gain.low, gain.high] for gain in found.gains]).T / true
-    figure, axis = _axes(height=2.2)
-    axis.errorbar(ratio, range(len(ratio)), xerr=np.abs(ends - ratio), fmt="o", capsize=3)
+    logs = [study.log(seed) for seed in range(6)]
+    currents = [di.Log(log.joints, log.time, log.q, current=_torque(log) / true) for log in logs]
+    figure, axis = _axes(height=2.8)
+    for side, cutoff in ((0.4, 5.0), (0.0, 30.0)):
+        preprocessing = replace(study.preprocessing, filter=di.FILTERS.make("butterworth", cutoff_hz=cutoff))
+        for k, one in enumerate(currents):
+            found = gains_from_prior(study.model, [one], preprocessing=preprocessing).gains
+            ratio, low, high = np.array([(gain.value, gain.low, gain.high) for gain in found]).T / true
+            at = np.arange(len(ratio)) + side - 0.06 * k
+            style = {"color": "C3" if side else "C0", "markersize": 3, "linewidth": 1}
+            label = "" if k else f"cut-off {cutoff:g} Hz"
+            axis.errorbar(ratio, at, xerr=(ratio - low, high - ratio), fmt="o", label=label, **style)
     axis.axvline(1.0, color="0.5", dashes=(4, 3))
-    axis.set_yticks(range(len(ratio)), study.robot.joint_names)
+    axis.set_yticks(range(len(true)), study.robot.joint_names)
     axis.set_xlabel("drive gain found / true")
+    _legend(axis)
     return figure
 
 
@@ -382,7 +388,11 @@ def report_screen(study: Study, target: Path) -> None:
 def studio_screen(study: Study, target: Path) -> None:
     """Take the page of a studio on a folder with a log and its estimate."""
     _ = study.estimate
-    command = [sys.executable, "-m", "dynident", "studio", "--work", str(study.folder), "--no-browser", "--quiet"]
+    folder = study.folder / "scara"
+    folder.mkdir()
+    for file in ("run.csv", "estimate.json"):
+        shutil.copy(study.folder / file, folder)
+    command = [sys.executable, "-m", "dynident", "studio", "--work", str(folder), "--no-browser", "--quiet"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
         try:
             assert server.stdout is not None

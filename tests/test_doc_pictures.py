@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import struct
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+
+from loaded_file import loaded_file
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 
 #: Pictures that another script, or the benchmark of speed, draws.
 ELSEWHERE = {"front", "quickstart", "into-mujoco", "article-convergence"}
-
-
-def _script(name: str = "doc_pictures") -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def _size(path: Path) -> tuple[int, int]:
@@ -34,14 +24,19 @@ def _size(path: Path) -> tuple[int, int]:
 
 def test_every_symptom_has_its_picture_and_its_row() -> None:
     page = (ROOT / "docs" / "symptoms.md").read_text(encoding="utf-8")
-    for symptom in _script().SYMPTOMS:
+    for symptom in loaded_file("scripts/doc_pictures.py").SYMPTOMS:
         assert f"](figures/symptom-{symptom.name}.png)\n" in page
         assert f"| [{symptom.name}](figures/symptom-{symptom.name}.png) |" in page
 
 
 def test_every_picture_is_drawn_by_a_command_and_shown() -> None:
-    script = _script("page_pictures")
-    drawn = {*script.PICTURES, *script.SCREENS, *(f"symptom-{one.name}" for one in _script().SYMPTOMS), *ELSEWHERE}
+    script = loaded_file("scripts/page_pictures.py")
+    drawn = {
+        *script.PICTURES,
+        *script.SCREENS,
+        *(f"symptom-{one.name}" for one in loaded_file("scripts/doc_pictures.py").SYMPTOMS),
+        *ELSEWHERE,
+    }
     there = {file.stem for file in (ROOT / "docs" / "figures").iterdir() if not file.stem.startswith("scaling-")}
     shown = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     assert there == drawn
@@ -53,7 +48,7 @@ def test_pictures_of_pages_come_from_their_command(tmp_path: Path) -> None:
     from matplotlib.image import imread
 
     names = ["motion-limits", "filter", "points-krl", "virtual-cell", "payload", "track"]
-    _script("page_pictures").draw(names, tmp_path)
+    loaded_file("scripts/page_pictures.py").draw(names, tmp_path)
     for name in names:
         ours, theirs = imread(tmp_path / f"{name}.png"), imread(ROOT / "docs" / "figures" / f"{name}.png")
         assert ours.shape == theirs.shape and float(abs(ours - theirs).mean()) < 0.02, name
@@ -69,7 +64,7 @@ def test_pictures_have_a_text_and_are_small(page: Path) -> None:
 @pytest.mark.battery
 @pytest.mark.parametrize("name", ["right", "jumps", "delay", "sign", "saturation", "short"])
 def test_a_picture_comes_from_its_command(name: str, tmp_path: Path) -> None:
-    script = _script()
+    script = loaded_file("scripts/doc_pictures.py")
     symptom = next(one for one in script.SYMPTOMS if one.name == name)
     row = script.draw(symptom, tmp_path)
     for file in tmp_path.iterdir():

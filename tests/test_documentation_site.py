@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import json
 import os
 import re
@@ -12,11 +11,11 @@ import subprocess
 import sys
 import unicodedata
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
 import dynident
+from loaded_file import loaded_file
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -58,23 +57,14 @@ def test_every_page_is_in_the_navigation() -> None:
     assert sorted(listed) == sorted(page.relative_to(ROOT / "docs").as_posix() for page in PAGES[1:])
 
 
-def _script(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 def test_pages_are_short_and_have_pictures() -> None:
     """No page above 1,500 words of prose outside the reference; a picture on each tutorial and how-to page."""
-    assert {page.path: page.fault for page in _script("pages").pages() if page.fault} == {}
+    assert {page.path: page.fault for page in loaded_file("scripts/pages.py").pages() if page.fault} == {}
 
 
 def test_words_of_prose_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tables, code, comments and pictures are no prose."""
-    script = _script("pages")
+    script = loaded_file("scripts/pages.py")
     text = "# A title\n\nTwo [more words](x.md).\n\n![no word](a.png)\n\n| a | b |\n\n```text\nno\n```\n<!-- no -->\n"
     (tmp_path / "docs").mkdir()
     (tmp_path / "docs" / "page.md").write_text(text)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import re
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+
+from loaded_file import loaded_file
 
 ROOT = Path(__file__).resolve().parent.parent
 NOTEBOOKS = sorted((ROOT / "examples" / "notebooks").glob("*.ipynb"))
@@ -31,21 +31,13 @@ for number, source in enumerate(json.load(open(sys.argv[1], encoding="utf-8"))):
 """
 
 
-def _script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("notebooks", ROOT / "scripts" / "notebooks.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_the_page_of_a_notebook_is_what_it_prints(path: Path, tmp_path: Path) -> None:
     book = json.loads(path.read_text(encoding="utf-8"))
     code = [cell for cell in book["cells"] if cell["cell_type"] == "code"]
     assert not [cell for cell in code if any(out["output_type"] == "error" for out in cell["outputs"])]
     assert "from dynident." not in "".join("".join(cell["source"]) for cell in code), "only names that are exported"
-    _script().write_page(path.stem, book, tmp_path)
+    loaded_file("scripts/notebooks.py").write_page(path.stem, book, tmp_path)
     for file in tmp_path.iterdir():
         assert (ROOT / "docs" / "notebooks" / file.name).read_bytes() == file.read_bytes(), file.name
 
@@ -67,7 +59,7 @@ def test_a_notebook_runs_and_displays_what_its_page_shows(path: Path, tmp_path: 
         outputs = [out.get("text") or out.get("data", {}).get("text/plain", "") for out in cell["outputs"]]
         shown = "".join("".join(output) + "\n" for output in outputs)
         assert bool(shown.strip()) == bool(text.strip()), "".join(cell["source"])
-        if "proof by" not in shown and " ... " not in shown:  # installed engines and widths of tables differ
+        if "proof by" not in shown and "..." not in shown:  # installed engines and widths of tables differ
             assert _numbers(text) == pytest.approx(_numbers(shown), rel=0.1, abs=0.1), "".join(cell["source"])
 
 

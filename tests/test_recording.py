@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import json
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
+from loaded_file import loaded_file
+
 SCRIPTS = Path(__file__).resolve().parents[1] / "scripts"
 
 
-def loaded(name: str, file: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, file)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
-
-
-comparing = loaded("recording_comparing", SCRIPTS / "recording" / "comparing.py")
+comparing = loaded_file("scripts/recording/comparing.py", "recording_comparing")
 EXACT, ITERATED = comparing.EXACT, comparing.ITERATED
 
 

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
-SCRIPT = Path(__file__).resolve().parents[1] / "scripts" / "sizes.py"
+from loaded_file import loaded_file
 
 
 @pytest.fixture(scope="module")
 def sizes() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("sizes", SCRIPT)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["sizes"] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
+    return loaded_file("scripts/sizes.py")
 
 
 def test_figures_of_a_small_package(sizes: ModuleType, tmp_path: Path) -> None:

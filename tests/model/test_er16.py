@@ -1,8 +1,6 @@
 """The ER-16: what the article's numbers say of themselves, and the consistent robot that ships."""
 
-import importlib.util
 import re
-import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -23,18 +21,12 @@ from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
 from dynident.studies import er16_article as article
-
-SCRIPT = Path(__file__).parents[2] / "scripts" / "derive_er16.py"
+from loaded_file import loaded_file
 
 
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("derive_er16", SCRIPT)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["derive_er16"] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
+    return loaded_file("scripts/derive_er16.py")
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
-import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+
+from loaded_file import loaded_file
 
 pytestmark = pytest.mark.battery
 
@@ -16,17 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
 
-def drafts() -> ModuleType:
-    """Return benchmarks/init_cases.py, which has the answers."""
-    spec = importlib.util.spec_from_file_location("init_cases", ROOT / "benchmarks" / "init_cases.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["init_cases"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-cases = drafts()
+cases = loaded_file("benchmarks/init_cases.py")  # which has the answers
 
 
 @pytest.mark.parametrize("name", list(cases.SETS))

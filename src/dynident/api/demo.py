@@ -48,7 +48,13 @@ class Demo:
     files: tuple[str, ...]
 
 
-def run_demo(folder: str | Path, command: str = "", progress: Callable[[str], None] = lambda step: None) -> Demo:
+def run_demo(
+    folder: str | Path,
+    command: str = "",
+    progress: Callable[[str], None] = lambda step: None,
+    *,
+    virtual: bool = False,
+) -> Demo:
     """Draft a case, identify, validate, report and export, and leave all files in a folder.
 
     The robot is a virtual arm; with DYNIDENT_DATA set to a folder that has the logs of a UR10e, it is that one.
@@ -57,11 +63,12 @@ def run_demo(folder: str | Path, command: str = "", progress: Callable[[str], No
         folder: Where files are written; it is made where it is not there.
         command: What was typed, for the provenance.
         progress: Told each step in words.
+        virtual: The virtual arm, with DYNIDENT_DATA set too.
 
     Raises:
         FileError: A file cannot be written.
     """
-    is_real, folder = _has_real_arm(), Path(folder)
+    is_real, folder = not virtual and _has_real_arm(), Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     progress("case file")
     if is_real:
