@@ -146,10 +146,12 @@ def part_of(task: ArticleTask, box: np.ndarray) -> Any:
     bounds = {"lower": tuple(-value for value in half), "upper": half}
     if task.settings is not None:
         colony, limit, iterations = task.settings
-        return ESTIMATORS.make("abc", colony=colony, limit=limit, iterations=iterations, seed=task.seed, **bounds)
+        return ESTIMATORS.make(
+            "abc", {"colony": colony, "limit": limit, "iterations": iterations, "seed": task.seed, **bounds}
+        )
     if task.name in SEARCHES:
         return ESTIMATORS.make(
-            task.name, population=article.COLONY, iterations=article.ITERATIONS, seed=task.seed, **bounds
+            task.name, {"population": article.COLONY, "iterations": article.ITERATIONS, "seed": task.seed, **bounds}
         )
     return ESTIMATORS.make(task.name)
 

@@ -120,7 +120,7 @@ def real() -> None:
         grid = stated.filter.bandwidth() * 2.0 ** np.arange(-3, 3.1, 0.5)
         errors = {}
         for hertz in (choice.hertz, *grid[grid < 0.2 * logs[0].rate]):
-            how = replace(at, filter=FILTERS.make("butterworth", cutoff_hz=float(hertz)))
+            how = replace(at, filter=FILTERS.make("butterworth", {"cutoff_hz": float(hertz)}))
             try:
                 errors[float(hertz)] = held_out(case, data, how, stated)
             except DynidentError:
@@ -149,7 +149,7 @@ def filters(seeds: int) -> None:
             errors, started = [], time.process_time()
             for seed in range(seeds):
                 log = arm.log(noise, step, rate, seed)
-                how = replace(default_preprocessing(), filter=FILTERS.make(name, **values), delay_s=HALF_TICK)
+                how = replace(default_preprocessing(), filter=FILTERS.make(name, values), delay_s=HALF_TICK)
                 problem = build_problem(arm.model, [log], how)
                 if name == "butterworth":
                     norms = np.sqrt(np.sum(problem.reduced().r ** 2, axis=0))
@@ -162,7 +162,7 @@ def filters(seeds: int) -> None:
     for name, values in options.items():
         if name == "fourier_fit":
             continue
-        how = replace(case.preprocessing, filter=FILTERS.make(name, **values), rate_hz=None, rows_per_period=8.0)
+        how = replace(case.preprocessing, filter=FILTERS.make(name, values), rate_hz=None, rows_per_period=8.0)
         print(f"panda {name:18} held-out {100 * held_out(case, data, how, case.preprocessing):.3f} %", flush=True)
 
 

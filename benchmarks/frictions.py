@@ -238,7 +238,7 @@ ROBOTS: Mapping[str, Virtual] = {
 
 
 def friction_of(parts: Parts) -> tuple[Any, ...]:
-    return tuple(FRICTION.make(name, **options) for name, options, _ in parts)
+    return tuple(FRICTION.make(name, options) for name, options, _ in parts)
 
 
 def motion_of(virtual: Virtual, seed: int, first: float) -> FourierSeries:
@@ -275,7 +275,7 @@ def logged(name: str, virtual: Virtual, folder: Path) -> list[Path]:
         motion = motion_of(virtual, 10 * len(name) + k, first)
         cell = replace(
             virtual.cell,
-            controller=CONTROLLERS.make("computed_torque", feedforward="model"),
+            controller=CONTROLLERS.make("computed_torque", {"feedforward": "model"}),
             encoder=Encoder(noise=(SHAKE,)),
             effort=Effort(delay_s=virtual.late / virtual.rate),
             recorder=Recorder(rate=virtual.rate),

@@ -131,7 +131,7 @@ def compared(folder):
     """Return how far the estimate from a stream is from that in memory, relative."""
     path = folder / "checked.parquet"
     write_parquet(path, CHECKED_ROWS)
-    how = Preprocessing(FILTERS.make("butterworth", cutoff_hz=5.0), rate_hz=200.0, trim_s=0.5, standstill=0.02)
+    how = Preprocessing(FILTERS.make("butterworth", {"cutoff_hz": 5.0}), rate_hz=200.0, trim_s=0.5, standstill=0.02)
     case = replace(read_case("generic-6r"), preprocessing=how)
     ours = identify_digest(reduce_logs(case.stream_setup(), [path]), "wls").beta
     whole = identify(case.model, [case.read(path)], "wls", how).beta

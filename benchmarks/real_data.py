@@ -54,7 +54,7 @@ def how_of(case, change):
     """Return the preprocessing of a run."""
     how = case.preprocessing
     if "cutoff_hz" in change:
-        how = replace(how, filter=FILTERS.make("butterworth", cutoff_hz=change["cutoff_hz"]))
+        how = replace(how, filter=FILTERS.make("butterworth", {"cutoff_hz": change["cutoff_hz"]}))
     return replace(how, trim_s=change.get("trim_s", how.trim_s), delay_s=change.get("delay_s", how.delay_s))
 
 

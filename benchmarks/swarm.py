@@ -32,7 +32,7 @@ def ours(name, norm="l1", iterations=ITERATIONS):
     size = {"colony": POPULATION} if name == "abc" else {"population": POPULATION}
 
     def search(land, lower, upper, seed):
-        part = ESTIMATORS.make(name, seed=seed, norm=norm, iterations=iterations, **size)
+        part = ESTIMATORS.make(name, {"seed": seed, "norm": norm, "iterations": iterations, **size})
         found = part.search(land, lower, upper)
         return found.x, found.evaluations
 

@@ -26,7 +26,7 @@ def motion() -> dynident.FourierSeries:
 
 def tracking_error(theta: np.ndarray, path: dynident.FourierSeries, seconds: float) -> np.ndarray:
     """Return the root mean square position error of each joint under computed torque with the parameters theta."""
-    controller = dynident.CONTROLLERS.make("computed_torque", bandwidth_hz=3.0, feedforward="model")
+    controller = dynident.CONTROLLERS.make("computed_torque", {"bandwidth_hz": 3.0, "feedforward": "model"})
     cell = dynident.Cell(controller, lead_in=1.0)
     return dynident.simulate_cell(model, truth, path, cell, duration=seconds, believed=theta).tracking_error()
 

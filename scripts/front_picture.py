@@ -30,7 +30,7 @@ def main() -> None:
     """Identify, and write the picture."""
     case = di.read_case(ROOT / "src" / "dynident" / "api" / "demo_data" / "ur10e.yaml")
     estimate = di.identify(
-        case, estimator=di.ESTIMATORS.make("consistent", bodies="plausible"), trust=di.TrustOptions()
+        case, estimator=di.ESTIMATORS.make("consistent", {"bodies": "plausible"}), trust=di.TrustOptions()
     )
     test = di.validate(estimate, [case.read(name) for name in case.test])
     figure = Figure(figsize=(10.0, 4.4), layout="constrained")

@@ -192,7 +192,7 @@ def filtered(study: Study) -> Figure:
     figure, axis = _axes()
     axis.plot(log.time, _torque(log)[:, 2], color="0.8", linewidth=0.6, label="as it came")
     for cutoff, colour in ((15.0, "C0"), (1.0, "C3")):
-        preprocessing = di.Preprocessing(di.FILTERS.make("butterworth", cutoff_hz=cutoff))
+        preprocessing = di.Preprocessing(di.FILTERS.make("butterworth", {"cutoff_hz": cutoff}))
         done = di.preprocess(log, preprocessing).log
         axis.plot(done.time, _torque(done)[:, 2], color=colour, linewidth=1.1, label=f"cut-off {cutoff:g} Hz")
     axis.set(xlim=(2, 6), xlabel="time [s]", ylabel="quill [N]")

@@ -18,9 +18,6 @@ from threadpoolctl import threadpool_limits
 from dynident.arrays import Array
 from dynident.cli.main import one_blas_thread_unless_stated
 from dynident.data.log import Log
-from dynident.identification.estimate.estimate import Estimate
-from dynident.identification.problem.method_run import MethodRun
-from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
@@ -213,22 +210,5 @@ def exact_log(exact_motion: Callable[..., Motion]) -> Callable[..., Log]:
         torque = model.torque(motion, theta)
         torque = torque + noise * np.random.default_rng(seed).normal(size=torque.shape)
         return Log(model.robot.joint_names, time, motion.q, motion.dq, motion.ddq, torque)
-
-    return make
-
-
-@pytest.fixture(scope="session")
-def bare_estimate() -> Callable[[DynamicModel, Array], Estimate]:
-    """Make an estimate of standard parameters (p,) with nothing but what exports read."""
-
-    def make(model: DynamicModel, theta: Array) -> Estimate:
-        base = base_parameters(model)
-        estimate = object.__new__(Estimate)
-        values = {"model": model, "base": base, "beta": base.from_standard(theta), "theta": theta}
-        values |= {"covariance": np.eye(base.count), "estimator": "consistent", "provenance": {}, "samples": 1}
-        values |= {"degrees": None, "run": MethodRun()}
-        for key, value in values.items():
-            object.__setattr__(estimate, key, value)
-        return estimate
 
     return make

@@ -31,7 +31,7 @@ def moved(robot: Robot, samples: int = 600, rate: float = 100.0, seed: int = 1) 
             q[:, joint] += size * np.sin(w * time + phase)
             dq[:, joint] += size * w * np.cos(w * time + phase)
             ddq[:, joint] -= size * w**2 * np.sin(w * time + phase)
-    model = DynamicModel(robot, (FRICTION.make("coulomb", width=0.01), FRICTION.make("viscous")))
+    model = DynamicModel(robot, (FRICTION.make("coulomb", {"width": 0.01}), FRICTION.make("viscous")))
     theta = np.array(model.nominal())
     scale = float(np.abs(model.torque(Motion(q, dq, ddq), theta)).mean())
     theta[model.inertial_count :] = 0.05 * scale

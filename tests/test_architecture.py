@@ -1,12 +1,15 @@
-"""The page of the architecture names the wings and rooms that the contracts hold, and files that exist."""
+"""The page of the architecture names what the contracts hold; names are unique, tests take public ones."""
 
 from __future__ import annotations
 
+import ast
 import re
 import tomllib
 from itertools import pairwise
 from typing import Any
 
+import pytest
+from loaded_file import loaded_file
 from test_documentation import ROOT, rows_after
 
 PACKAGE = ROOT / "src" / "dynident"
@@ -67,3 +70,35 @@ def test_the_data_flow_has_a_file_for_each_step() -> None:
     for step in steps:
         named = re.findall(r"[\w/]+(?:/|\.py)", step)
         assert named and all((PACKAGE / name).exists() for name in named), step
+
+
+@pytest.mark.parametrize(
+    "figure",
+    ["class names that are defined twice", "functions with more than 8 parameters", "functions with **kwargs"],
+)
+def test_the_source_has_none_of(figure: str) -> None:
+    assert loaded_file("scripts/sizes.py").figures(PACKAGE)[figure] == []
+
+
+def test_tests_take_no_private_name_of_the_package() -> None:
+    """Modules with an underscore are rooms' own files beside parts; a test may import what is public in them."""
+    private = []
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        imports = [node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.ImportFrom)]
+        own = [node for node in imports if (node.module or "").startswith("dynident")]
+        modules = {alias.asname or alias.name for node in own for alias in node.names}
+        private += [
+            f"{path.name}: {alias.name}" for node in own for alias in node.names if _is_private(node, alias.name)
+        ]
+        private += [
+            f"{path.name}: {ast.unparse(node)}"
+            for node in ast.walk(ast.parse(path.read_text("utf-8")))
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
+            if node.value.id in modules and node.attr.startswith("_") and not node.attr.startswith("__")
+        ]
+    assert private == []
+
+
+def _is_private(node: ast.ImportFrom, name: str) -> bool:
+    module = PACKAGE.parent.joinpath(*str(node.module).split("."), f"{name}.py")
+    return name.startswith("_") and not module.exists()

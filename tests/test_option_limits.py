@@ -54,12 +54,14 @@ def test_a_number_that_arithmetic_cannot_follow(
 
 def test_limits_hold_from_end_to_end_and_nothing_within() -> None:
     option = {one.name: one for one in FILTERS.options("five_point")}["repeats"]
-    assert FILTERS.make("five_point", repeats=option.most) == FILTERS.make_from_text("five_point", {"repeats": "1000"})
+    assert FILTERS.make("five_point", {"repeats": option.most}) == FILTERS.make_from_text(
+        "five_point", {"repeats": "1000"}
+    )
     with pytest.raises(BadOption, match="repeats = 1001 is not possible; give 1000 or less"):
-        FILTERS.make("five_point", repeats=1001)
+        FILTERS.make("five_point", {"repeats": 1001})
     with pytest.raises(BadOption, match="repeats = 0 is not possible; give 1 or more"):  # the part's own rule
-        FILTERS.make("five_point", repeats=0)
-    assert ESTIMATORS.make("ml", order=None) == ESTIMATORS.make("ml")
+        FILTERS.make("five_point", {"repeats": 0})
+    assert ESTIMATORS.make("ml", {"order": None}) == ESTIMATORS.make("ml")
 
 
 def test_a_cut_off_that_is_lost_to_rounding() -> None:

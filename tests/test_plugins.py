@@ -137,7 +137,7 @@ def test_unknown_part_names_the_nearest(family: Family[object]) -> None:
 
 
 def test_make_from_name_and_options(family: Family[object]) -> None:
-    part = family.make("round", radius=2.0, sides=5)
+    part = family.make("round", {"radius": 2.0, "sides": 5})
     assert (vars(part)["radius"], vars(part)["sides"]) == (2.0, 5)
     assert family.make(part) is part
     assert family.name_of(part) == "round"
@@ -145,20 +145,20 @@ def test_make_from_name_and_options(family: Family[object]) -> None:
 
 def test_unknown_option_names_the_nearest(family: Family[object]) -> None:
     with pytest.raises(BadOption) as caught:
-        family.make("round", radious=1.0)
+        family.make("round", {"radious": 1.0})
     assert str(caught.value) == (
         "radious = 1.0 is not possible; the shape 'round' has the options: radius, sides, filled, label, colour; "
         "did you mean 'radius'?"
     )
     with pytest.raises(BadOption, match=r"the shape 'plain' has the options: none$"):
-        family.make("plain", radius=1.0)
+        family.make("plain", {"radius": 1.0})
     with pytest.raises(BadOption):  # a field that is not set by the caller is no option
-        family.make("round", area=1.0)
+        family.make("round", {"area": 1.0})
 
 
 def test_options_beside_a_made_part_are_not_lost_in_silence() -> None:
     with pytest.raises(TypeError, match="has its options already; width would be lost"):
-        FRICTION.make(Coulomb(0.1), width=0.2)
+        FRICTION.make(Coulomb(0.1), {"width": 0.2})
 
 
 def test_options_carry_kind_default_and_help(family: Family[object]) -> None:

@@ -23,7 +23,7 @@ DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, Arithmeti
 _BINARY = getattr(os, "O_BINARY", 0)
 
 #: Where files for some folders are written instead; empty but in the commands of a studio.
-_STAGED: dict[Path, Path] = {}
+STAGED: dict[Path, Path] = {}
 
 
 def stage(folder: Path, store: Path) -> None:
@@ -33,7 +33,7 @@ def stage(folder: Path, store: Path) -> None:
         folder: The folder, without links in its path.
         store: Where its files are written, on the same file system.
     """
-    _STAGED[folder] = store
+    STAGED[folder] = store
 
 
 def move_to_new_name(source: Path, target: Path) -> None:
@@ -205,7 +205,7 @@ def unreadable(path: str | os.PathLike[str], error: OSError) -> FileError:
 
 def _place_of(path: str | os.PathLike[str]) -> str | os.PathLike[str]:
     """Return where a file for this place is written; a link there is not followed where that is a store."""
-    store = _STAGED.get(Path(os.path.realpath(Path(path).parent))) if _STAGED else None
+    store = STAGED.get(Path(os.path.realpath(Path(path).parent))) if STAGED else None
     return path if store is None else store / Path(path).name
 
 

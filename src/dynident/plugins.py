@@ -151,8 +151,8 @@ class Family(Generic[Part]):
             return self._added(points)
         return _only_class(importlib.import_module(f"{self.place(name)}.{name}"), self.kind)
 
-    def make(self, choice: str | Part, **options: Any) -> Part:
-        """Return a part from its name and options, or the part itself when one is given.
+    def make(self, choice: str | Part, options: Mapping[str, Any] = MappingProxyType({})) -> Part:
+        """Return a part from its name and options by name, or the part itself when one is given.
 
         Raises:
             UnknownChoice: No such part.
@@ -182,7 +182,7 @@ class Family(Generic[Part]):
             BadOption: No such option, or a text that is no value for it.
         """
         kinds = {option.name: option.kind for option in self.options(choice)}
-        return self.make(choice, **{k: _from_text(k, kinds.get(k, "str"), text) for k, text in options.items()})
+        return self.make(choice, {k: _from_text(k, kinds.get(k, "str"), text) for k, text in options.items()})
 
     def name_of(self, part: Part) -> str:
         """Return the name (the file) of a part."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command_answers import documented
 
 import dynident
 from dynident.cli.main import main
@@ -35,13 +36,6 @@ def test_a_benchmark_goes_on_and_writes_its_page(tmp_path: Path, capsys: pytest.
     assert main([*command, "--quick"]) == 1 and "no short form" in capsys.readouterr().err
     assert main(["benchmark"]) == 1 and "tx40" in capsys.readouterr().err
     assert main(["benchmark", "tx40", "--real", str(tmp_path)]) == 1
-
-
-def documented(command: str) -> set[str]:
-    """Return the keys in a table of docs/json-output.md."""
-    page = Path(__file__).resolve().parents[2] / "docs/json-output.md"
-    _, _, rows = page.read_text(encoding="utf-8").partition(f"<!-- json: {command} -->\n\n")
-    return {line.split("`")[1] for line in rows.split("\n\n")[0].splitlines()[2:]}
 
 
 @pytest.fixture

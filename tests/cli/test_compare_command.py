@@ -149,11 +149,11 @@ def test_names_and_options_are_told_apart() -> None:
     case = read_case("case.yaml")
     found = {method.label: method.part for method in methods_of(case, "all,huber:bound=3,wls", seed=5)}
     assert list(found) == [*ESTIMATORS.names(), "huber:bound=3"]
-    assert found["wls"] == WLS() and found["huber"] == ESTIMATORS.make("huber", bound=2.0)  # as the case states
-    assert found["huber:bound=3"] == ESTIMATORS.make("huber", bound=3.0)
-    assert found["abc"] == ESTIMATORS.make("abc", seed=5)
+    assert found["wls"] == WLS() and found["huber"] == ESTIMATORS.make("huber", {"bound": 2.0})  # as the case states
+    assert found["huber:bound=3"] == ESTIMATORS.make("huber", {"bound": 3.0})
+    assert found["abc"] == ESTIMATORS.make("abc", {"seed": 5})
     (stated,) = methods_of(case, "abc:seed=7", seed=5)
-    assert stated.part == ESTIMATORS.make("abc", seed=7)
+    assert stated.part == ESTIMATORS.make("abc", {"seed": 7})
 
 
 @pytest.mark.parametrize(

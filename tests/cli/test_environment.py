@@ -74,7 +74,7 @@ def test_a_folder_for_all_caches_is_found(tmp_path: Path, monkeypatch: pytest.Mo
     import numba
 
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    place = environment._cache_place(source)
+    place = environment.cache_place(source)
     assert place and tmp_path in Path(place).parents
 
 
@@ -98,7 +98,7 @@ def test_packages_of_another_python_on_the_path_are_named(tmp_path: Path) -> Non
 def test_old_and_missing_packages_are_faults_with_the_line_that_mends_them(monkeypatch: pytest.MonkeyPatch) -> None:
     real = metadata.version
     monkeypatch.setattr(metadata, "version", lambda name: "1.9.3" if name == "scipy" else real(name))
-    monkeypatch.setattr(environment, "_MODULES", {**environment._MODULES, "rich": "no_such_module"})
+    monkeypatch.setattr(environment, "MODULES", {**environment.MODULES, "rich": "no_such_module"})
     found = environment.environment()["findings"]
     steps = {one["step"] for one in found if one["severity"] == "error"}
     assert {"pip install 'scipy>=1.15'", "pip install 'rich>=13.9'"} <= steps
@@ -108,7 +108,7 @@ def test_a_shadow_in_the_working_folder_is_named(tmp_path: Path, monkeypatch: py
     (tmp_path / "clarabel.py").write_text("")
     monkeypatch.delitem(sys.modules, "clarabel", raising=False)
     monkeypatch.syspath_prepend(tmp_path)
-    told = environment._package_findings({"packages": [environment._package("clarabel", "0.1")], "extras": []})
+    told = environment.package_findings({"packages": [environment.package_facts("clarabel", "0.1")], "extras": []})
     assert [one["severity"] for one in told] == ["error"]
     assert str(tmp_path / "clarabel.py") in told[0]["evidence"] and "rename the file" in told[0]["step"]
 
@@ -119,7 +119,7 @@ def test_a_cache_that_cannot_be_written_is_a_warning(tmp_path: Path) -> None:
     locked.mkdir(mode=0o500)
     facts = {"threads": {"trouble": ""}, "caches": [{"for": ["model"], "writable": os.access(locked, os.W_OK)}]}
     facts |= {"dynident": {"version": "1"}, "packages": [], "extras": [], "variables": {}}
-    told = environment._findings(facts)
+    told = environment.findings_of(facts)
     assert any("NUMBA_CACHE_DIR" in one["step"] and one["severity"] == "warning" for one in told)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_answers import documented, refused
 
 from dynident.case.case import read_case
 from dynident.cli.main import main
@@ -19,15 +20,10 @@ from dynident.model.friction import Motion
 from dynident.model.robot import Robot
 
 Capture = pytest.CaptureFixture[str]
-PAGE = Path(__file__).parents[2] / "docs" / "json-output.md"
 
 
-def documented(command: str) -> set[str]:
-    """Return the top-level keys of a table of the page about JSON."""
-    _, found, rest = PAGE.read_text(encoding="utf-8").partition(f"<!-- json: {command} -->\n\n")
-    assert found
-    rows = rest.split("\n\n")[0].splitlines()[2:]
-    return {row.split("`")[1].split(".")[0].removesuffix("[]") for row in rows}
+def top_keys(command: str) -> set[str]:
+    return {key.split(".")[0].removesuffix("[]") for key in documented(command)}
 
 
 @pytest.fixture(scope="module")
@@ -63,18 +59,11 @@ def inside(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
 
 
-def refused(capsys: Capture, *words: str) -> str:
-    assert main(words) == 1
-    out, err = capsys.readouterr()
-    assert out == ""
-    return err.splitlines()[-1]
-
-
 def test_a_fleet_is_written_as_estimates_that_other_commands_take(capsys: Capture, tmp_path: Path) -> None:
     files = [f"r{k}.json" for k in range(5)]
     assert main(["fleet", *files, "-o", str(tmp_path), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
-    assert set(printed) == {"schema", *documented("fleet")}
+    assert set(printed) == {"schema", *top_keys("fleet")}
     assert printed["outliers"] == ["r4"] and printed["robots"][4]["furthest"]["parameter"] == "Fc[joint2]"
     saved = json.loads((tmp_path / "fleet.json").read_text())
     assert saved["kind"] == "dynident fleet" and saved["robots"] == printed["robots"]
@@ -120,7 +109,7 @@ def test_track_names_what_changed_and_writes_the_course(capsys: Capture, tmp_pat
     course = str(tmp_path / "course.csv")
     assert main(["track", "r0.json", "stuck.csv", "--memory", "5", "-o", course, "--json"]) == 1
     printed = json.loads(capsys.readouterr().out)
-    assert set(printed) == {"schema", *documented("track")}
+    assert set(printed) == {"schema", *top_keys("track")}
     event = printed["events"][0]
     assert (event["kind"], event["owner"]) == ("friction", "joint2") and 10.0 <= event["time"] <= 11.5
     rows = np.genfromtxt(course, delimiter=",", skip_header=1)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_answers import refused
 
 from dynident.api import case_logs
 from dynident.case.case import read_case
@@ -39,13 +40,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory, planar_2r: Robot, exact_log
 def inside(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     monkeypatch.delenv("DYNIDENT_DATA", raising=False)
-
-
-def refused(capsys: Capture, *words: str) -> str:
-    assert main(words) == 1
-    out, err = capsys.readouterr()
-    assert out == ""
-    return err.splitlines()[-1]
 
 
 def test_reduce_merge_identify_is_identify(capsys: Capture, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+from command_answers import documented
 
 from dynident.cli.main import main
 
@@ -75,13 +76,6 @@ def test_the_cell_of_the_case_is_the_one_that_is_rehearsed(
     assert "virtual cell: pid at 2000 Hz, 500 samples a second; beside the default: ripple" in capsys.readouterr().out
     assert main([*command, "--set", "effort.noise=-1"]) == 1
     assert "effort.noise" in capsys.readouterr().err
-
-
-def documented(command: str) -> set[str]:
-    """Return the keys in the table of docs/json-output.md."""
-    page = Path(__file__).resolve().parents[2] / "docs/json-output.md"
-    _, _, table = page.read_text(encoding="utf-8").partition(f"<!-- json: {command} -->\n\n")
-    return {line.split("`")[1] for line in table.split("\n\n")[0].splitlines()[2:]}
 
 
 def inner(stage: dict[str, list[dict[str, object]]]) -> set[str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_answers import documented
 
 from dynident import (
     ColumnMap,
@@ -71,13 +72,6 @@ def cell(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     shutil.copytree(made, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def documented(name: str) -> set[str]:
-    """Return the keys of a command in docs/json-output.md."""
-    page = (Path(__file__).resolve().parents[2] / "docs" / "json-output.md").read_text(encoding="utf-8")
-    rows = page.partition(f"<!-- json: {name} -->")[2].strip().split("\n\n", 1)[0].splitlines()[2:]
-    return {row.split("`")[1].removesuffix("[]") for row in rows}
 
 
 def test_payload_states_mass_and_what_the_arm_cannot_tell(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

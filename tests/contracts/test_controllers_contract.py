@@ -151,10 +151,10 @@ def test_numbers_that_make_no_sense_are_refused_by_name(part: Controller, wrong:
     assert numbers
     for name in numbers:
         with pytest.raises(BadOption, match=f"controller.{name}"):
-            CONTROLLERS.make(CONTROLLERS.name_of(part), **{name: wrong})
+            CONTROLLERS.make(CONTROLLERS.name_of(part), {name: wrong})
 
 
 @pytest.mark.parametrize("name", [name for name in PARTS if hasattr(CONTROLLERS.get(name), "stiffness")])
 def test_gains_for_another_number_of_joints_are_refused(name: str) -> None:
     with pytest.raises(BadOption, match=r"controller\.stiffness"):
-        CONTROLLERS.make(name, stiffness=(1.0, 2.0)).settings(known())
+        CONTROLLERS.make(name, {"stiffness": (1.0, 2.0)}).settings(known())

@@ -44,7 +44,7 @@ STARTS_ANEW = {"cloe": 0.5, "kalman": 2.5}
 
 @pytest.fixture(scope="module", params=PARTS)
 def part(request: pytest.FixtureRequest) -> Estimator:
-    return ESTIMATORS.make(request.param, **OPTIONS.get(request.param, {}))
+    return ESTIMATORS.make(request.param, OPTIONS.get(request.param, {}))
 
 
 @pytest.fixture(scope="module", params=["planar_2r", "spatial_3r"])

@@ -199,7 +199,7 @@ def test_absurd_options_are_refused(name: str, plan: Plan, tmp_path: Path) -> No
     for option in MOTION_EXPORTERS.options(name):
         if option.kind in ABSURD:
             with pytest.raises(DynidentError, match=re.escape(option.name) + "|joint"):
-                part = MOTION_EXPORTERS.make(name, **{option.name: ABSURD[option.kind]})
+                part = MOTION_EXPORTERS.make(name, {option.name: ABSURD[option.kind]})
                 export_motion(plan, part, tmp_path / file_of(name), AT_START)
     assert not list(tmp_path.iterdir())
 
@@ -228,7 +228,7 @@ def test_a_part_of_another_kind_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadOption, match="it does not export plans"):
         export_motion(plan_of(6), MODEL_EXPORTERS.make("csv"), tmp_path / "x")  # type: ignore[arg-type]
     with pytest.raises(BadOption, match="has the options"):
-        export_motion(plan_of(6), MOTION_EXPORTERS.make("csv", radians=True), tmp_path / "x")
+        export_motion(plan_of(6), MOTION_EXPORTERS.make("csv", {"radians": True}), tmp_path / "x")
 
 
 def test_no_part_keeps_an_option_without_a_default(name: str) -> None:

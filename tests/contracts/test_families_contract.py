@@ -74,7 +74,7 @@ def test_absurd_options_are_refused(family: Family[Any], name: str) -> None:
         for kind, value in ABSURD.items():
             if option.kind.startswith(kind) and not (kind == "str" and option.name in FREE):
                 with pytest.raises((BadOption, UnknownChoice), match=f"{option.name}|nonsense"):
-                    family.make(name, **{option.name: value})
+                    family.make(name, {option.name: value})
 
 
 @pytest.mark.parametrize(("family", "name"), PARTS)

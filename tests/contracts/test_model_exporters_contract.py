@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bare_estimates import bare_estimate
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.errors import DynidentError, FileError, NotConsistent
@@ -182,9 +183,7 @@ def test_gravity_of_a_tilted_base_is_kept(estimates: dict[str, Estimate], name: 
 
 
 @pytest.mark.parametrize("name", ["numpy", "json", "ros2_friction", "c_header", "casadi", "fmu"])
-def test_every_friction_part_that_ships_is_held(
-    spatial_3r: Robot, bare_estimate: Callable[[DynamicModel, Array], Estimate], name: str, tmp_path: Path
-) -> None:
+def test_every_friction_part_that_ships_is_held(spatial_3r: Robot, name: str, tmp_path: Path) -> None:
     """These formats hold every part; the others say which they leave out."""
     rest = [part for part in FRICTION.names() if part not in ("coulomb", "asymmetric")]
     for parts in (("coulomb", *rest), ("asymmetric", "viscous")):
@@ -194,9 +193,7 @@ def test_every_friction_part_that_ships_is_held(
 
 
 @pytest.mark.parametrize("name", ["urdf", "mjcf", "sdf", "pinocchio", "drake"])
-def test_what_does_not_fit_is_told(
-    spatial_3r: Robot, bare_estimate: Callable[[DynamicModel, Array], Estimate], name: str, tmp_path: Path
-) -> None:
+def test_what_does_not_fit_is_told(spatial_3r: Robot, name: str, tmp_path: Path) -> None:
     model = DynamicModel(spatial_3r, ("asymmetric", "viscous", "polynomial", "periodic"))  # type: ignore[arg-type]
     estimate = bare_estimate(model, drawn(model))
     found = export_model(estimate, name, tmp_path / f"x{MODEL_EXPORTERS.get(name).suffix}")

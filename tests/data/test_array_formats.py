@@ -189,7 +189,7 @@ def test_arrays_without_a_log(tmp_path: Path) -> None:
         read_log(path)
 
 
-@pytest.mark.parametrize(("limit", "value"), [("_MAX_BYTES", 1 << 20), ("_MAX_MEMBERS", 1)])
+@pytest.mark.parametrize(("limit", "value"), [("MAX_BYTES", 1 << 20), ("MAX_MEMBERS", 1)])
 def test_an_archive_that_unpacks_to_more_than_it_should(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, value: int
 ) -> None:

@@ -284,7 +284,7 @@ def test_files_that_are_no_text_table(tmp_path, content, message):
 
 
 def test_a_foreign_byte_far_into_the_file_is_found_across_blocks(tmp_path, monkeypatch):
-    monkeypatch.setattr(_text_table, "_CHUNK", 7)
+    monkeypatch.setattr(_text_table, "CHUNK", 7)
     path = tmp_path / "run.csv"
     path.write_bytes("# °C °C °C\nt,q1\n".encode() + b"0.1,1\n" * 9 + b"0.2,\xe9\n")
     with pytest.raises(LogFormatError, match=r":12: the byte 0xe9 is not UTF-8"):

@@ -42,7 +42,7 @@ def check_stream(path: Path, columns: ColumnMap = COLUMNS, rows: int = 64) -> Lo
         for name, values in whole.signals().items():
             np.testing.assert_array_equal(np.concatenate([getattr(log, name) for log in logs]), values)
         assert blocks.result == whole.source == times.result
-    assert not stream.table.rereads or not stream._kept
+    assert not stream.table.rereads or not stream.kept
     stream.close()
     return stream
 

@@ -41,7 +41,7 @@ def errors(found: Log) -> list[float]:
 def test_derivatives_under_noise_against_the_exact_ones(name: str, stated: float | None) -> None:
     """A small part of what central differences make of the accelerations, with nothing said about the motion."""
     log = noisy()
-    found = errors(FILTERS.make(name, position_noise=stated).apply(log))
+    found = errors(FILTERS.make(name, {"position_noise": stated}).apply(log))
     plain = np.gradient(np.gradient(log.q[:, 0], 1 / RATE), 1 / RATE)
     assert found[2] < 0.05 * np.std((plain - EXACT[2])[INSIDE])
     assert found[2] < 0.05 * np.std(EXACT[2])
@@ -124,17 +124,17 @@ def test_the_likelihood_is_largest_near_the_truth() -> None:
 @pytest.mark.parametrize("name", ["kalman_smoother", "smoothing_spline"])
 def test_torque_and_regressor_pass_the_stated_low_pass_or_none(name: str) -> None:
     log = noisy()
-    low = FILTERS.make(name, cutoff_hz=4.0)
+    low = FILTERS.make(name, {"cutoff_hz": 4.0})
     assert log.torque is not None
     expected = Butterworth(4.0).smooth(log.torque.T, RATE).T
     np.testing.assert_allclose(np.asarray(low.apply(log).torque), expected, atol=1e-12)
     assert low.bandwidth() == 4.0 and low.reach(RATE) == Butterworth(4.0).reach(RATE)
-    raw = FILTERS.make(name, torque="none")
+    raw = FILTERS.make(name, {"torque": "none"})
     np.testing.assert_array_equal(np.asarray(raw.apply(log).torque), log.torque)
     assert raw.bandwidth() is None and raw.reach(RATE) == 0 and raw.statement()["cutoff_hz"] is None
     for option, value in (("torque", "half"), ("cutoff_hz", 0.0), ("position_noise", -1.0)):
         with pytest.raises(BadOption, match=option):
-            FILTERS.make(name, **{option: value})
+            FILTERS.make(name, {option: value})
 
 
 def test_the_spline_is_scipys_for_its_penalty_and_leaves_the_stated_noise() -> None:

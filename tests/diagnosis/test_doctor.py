@@ -205,7 +205,7 @@ def test_another_width_of_the_sign_is_no_wrong_clock(width: float, tmp_path: Pat
     robot = replace(scara, joints=tuple(replace(joint, damping=2.0, friction=3.0) for joint in scara.joints))
     friction = tuple(FRICTION.make(name) for name in default_friction())
     case = Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing())
-    other = (FRICTION.make("coulomb", width=width), *friction[1:])
+    other = (FRICTION.make("coulomb", {"width": width}), *friction[1:])
     trial = virtual(replace(case, friction=other), rate=RATE)
     found = replace(trial, case=case).examined(tmp_path).findings
     curves = [finding for finding in found if finding.name != "scale not determined"]

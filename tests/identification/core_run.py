@@ -63,7 +63,7 @@ def main(folder: Path) -> dict[str, object]:
     """Return the figures of an identification from logs in memory, files and a stream."""
     model = DynamicModel(small_arm(), default_friction())  # type: ignore[arg-type]
     train, test = motion_log(model, 1), motion_log(model, 2)
-    filtered = Preprocessing(FILTERS.make("butterworth", cutoff_hz=8.0), trim_s=0.5, rest="keep")
+    filtered = Preprocessing(FILTERS.make("butterworth", {"cutoff_hz": 8.0}), trim_s=0.5, rest="keep")
     found: dict[str, object] = {"base": list(base_parameters(model).names)}
     for method in METHODS:
         estimate = identify(model, [train], method, filtered)

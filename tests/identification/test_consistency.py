@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from arm_models import model_of, theta_of, without_inertias
 from dynident.arrays import Array
 from dynident.identification.consistency.verdicts import (
     broken_conditions,
@@ -18,29 +19,12 @@ from dynident.identification.consistency.verdicts import (
 )
 from dynident.identification.problem.prior import natural_scale
 from dynident.model.base_parameters import base_parameters
-from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Drive, Joint, Link, Robot
 
 ARMS = ("pendulum", "planar_2r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")
 UNITS = [(1e-3, 0.1), (1.0, 1.0), (1e3, 10.0)]
-
-
-def model_of(robot: Robot, *friction: str) -> DynamicModel:
-    return DynamicModel(robot, tuple(FRICTION.make(name) for name in friction))
-
-
-def bare(robot: Robot) -> Robot:
-    """Return the robot without the inertias of its robot model."""
-    return replace(robot, links=tuple(Link(link.name) for link in robot.links))
-
-
-def theta_of(model: DynamicModel, scale: float = 1.0) -> Array:
-    assert model.robot.nominal is not None
-    count = len(model.parameters) - model.inertial_count
-    return np.append(model.robot.nominal, scale * np.linspace(0.2, 1.0, count))
 
 
 def test_broken_conditions_in_words(planar_2r: Robot) -> None:
@@ -176,10 +160,12 @@ def test_scale_of_a_known_robot_is_its_own(
 def test_scale_of_an_unknown_robot_follows_its_torques(
     mass: float, length: float, spatial_3r: Robot, scaled: Callable[..., Robot]
 ) -> None:
-    model = model_of(bare(scaled(spatial_3r, mass, length)), "viscous")
+    model = model_of(without_inertias(scaled(spatial_3r, mass, length)), "viscous")
     torque = np.array([30.0, 20.0, 10.0]) * mass * length**2
     scale = natural_scale(model, torque, np.array([2.0, 2.0, 2.0]))
-    plain = natural_scale(model_of(bare(spatial_3r), "viscous"), np.array([30.0, 20.0, 10.0]), np.full(3, 2.0))
+    plain = natural_scale(
+        model_of(without_inertias(spatial_3r), "viscous"), np.array([30.0, 20.0, 10.0]), np.full(3, 2.0)
+    )
     assert scale.source == "balls that explain the size of the torques"
     np.testing.assert_allclose(scale.mass, plain.mass * mass)
     np.testing.assert_allclose(scale.length, plain.length * length)
@@ -202,7 +188,7 @@ def test_an_impossible_description_is_no_prior(planar_2r: Robot) -> None:
 
 
 def test_sizes_where_torques_are_zero(planar_2r: Robot) -> None:
-    scale = natural_scale(model_of(bare(planar_2r), "viscous"), np.zeros(2), np.zeros(2))
+    scale = natural_scale(model_of(without_inertias(planar_2r), "viscous"), np.zeros(2), np.zeros(2))
     assert np.all(scale.parameters > 0) and np.all(np.isfinite(scale.parameters))
 
 

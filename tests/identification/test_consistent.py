@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+from arm_models import model_of, without_inertias
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
@@ -24,7 +25,6 @@ from dynident.identification.fit import fit
 from dynident.identification.problem.prior import natural_scale
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION
 from dynident.model.inertia import PSEUDO_BASIS, Inertia
 from dynident.model.reduction import Reduced
 from dynident.model.robot import Joint, Link, Robot
@@ -36,15 +36,6 @@ PARTS = ("coulomb", "viscous", "offset", "rotor_inertia")
 
 MakeLog = Callable[..., Log]
 Scaled = Callable[..., Robot]
-
-
-def model_of(robot: Robot, *friction: str) -> DynamicModel:
-    return DynamicModel(robot, tuple(FRICTION.make(name) for name in friction))
-
-
-def bare(robot: Robot) -> Robot:
-    """Return the robot without the inertias of its robot model."""
-    return replace(robot, links=tuple(Link(link.name) for link in robot.links))
 
 
 def theta_of(model: DynamicModel, mass: float = 1.0, length: float = 1.0) -> Array:
@@ -67,7 +58,7 @@ def test_exact_data_give_the_truth(arm: str, known: bool, request: pytest.Fixtur
     model = model_of(robot, *PARTS)
     theta = theta_of(model)
     log = exact_log(model, theta)
-    problem = build_problem(model if known else model_of(bare(robot), *PARTS), [log], GIVEN)
+    problem = build_problem(model if known else model_of(without_inertias(robot), *PARTS), [log], GIVEN)
     estimate = fit(problem, FREE)
     truth = problem.base.from_standard(theta)
     np.testing.assert_allclose(estimate.beta, truth, atol=1e-6 * np.abs(truth).max())
@@ -82,7 +73,9 @@ def test_exact_data_of_any_tree_give_the_truth(
     robot = random_tree(seed, 6)
     model = model_of(robot, "coulomb", "viscous", "offset")
     theta = theta_of(model)
-    problem = build_problem(model_of(bare(robot), "coulomb", "viscous", "offset"), [exact_log(model, theta)], GIVEN)
+    problem = build_problem(
+        model_of(without_inertias(robot), "coulomb", "viscous", "offset"), [exact_log(model, theta)], GIVEN
+    )
     truth = problem.base.from_standard(theta)
     np.testing.assert_allclose(FREE.solve(problem).beta, truth, atol=1e-6 * np.abs(truth).max())
 
@@ -226,7 +219,7 @@ def same_robot_in(robot: Robot, scaled: Scaled, exact_log: MakeLog, mass: float,
     units = np.array([mass * length**2 if joint.kind == "revolute" else mass * length for joint in robot.active])
     log = exact_log(model, theta, noise=0.05 * units)
     if not known:
-        model = model_of(bare(model.robot), *PARTS)
+        model = model_of(without_inertias(model.robot), *PARTS)
     estimate = fit(build_problem(model, [log], GIVEN), FREE)
     return estimate, estimate.beta / estimate.std
 
@@ -280,7 +273,7 @@ def test_a_gantry_with_short_links_and_long_strokes(exact_log: MakeLog) -> None:
     model = model_of(Robot("gantry", links, tuple(joints)), "coulomb", "viscous", "offset")
     theta = theta_of(model)
     log = exact_log(model, theta, noise=np.array([1.0, 1.0, 0.01]), size=2.0)
-    for robot in (model.robot, bare(model.robot)):
+    for robot in (model.robot, without_inertias(model.robot)):
         estimate = fit(build_problem(model_of(robot, "coulomb", "viscous", "offset"), [log], GIVEN), FREE)
         error = (estimate.beta - estimate.base.from_standard(theta)) / estimate.std
         assert np.abs(error).max() < 5 and estimate.consistency.consistent

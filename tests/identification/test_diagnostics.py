@@ -20,7 +20,7 @@ from dynident.identification.estimators.wls import WLS
 from dynident.identification.identify import identify
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.residuals.row_passes import RowPasses
-from dynident.identification.uncertainty.diagnostics import DECIDES, _constant_variance, _whiteness, diagnose
+from dynident.identification.uncertainty.diagnostics import DECIDES, constancy_of, diagnose, whiteness_of
 from dynident.identification.uncertainty.propagation import (
     mass_matrix,
     prediction_deviations,
@@ -82,9 +82,9 @@ def test_what_the_fit_takes_is_no_colour(planar_2r: Robot, exact_log: MakeLog) -
         turned = np.exp(2j * np.pi * np.random.default_rng(i).random(len(power)))
         residual[:, i] = np.fft.irfft(np.sqrt(np.maximum(power, 0.1)) * turned, samples) / weight
     passes = RowPasses(problem)
-    np.testing.assert_allclose(_whiteness(passes, residual, solution.weights), 1.0, atol=1e-12)
+    np.testing.assert_allclose(whiteness_of(passes, residual, solution.weights), 1.0, atol=1e-12)
     flat = np.fft.irfft(np.abs(np.fft.rfft(residual[:, :1], axis=0)) ** 0 * turned[:, None], samples, axis=0)
-    assert np.all(_whiteness(passes, np.repeat(flat, 2, axis=1), solution.weights) < 1.0 - 1e-9)
+    assert np.all(whiteness_of(passes, np.repeat(flat, 2, axis=1), solution.weights) < 1.0 - 1e-9)
 
 
 def test_noise_before_a_filter_counts_as_white(bench: Bench) -> None:
@@ -158,7 +158,7 @@ def test_a_joint_without_any_residual_changes_with_nothing(bench: Bench) -> None
     problem = bench.problem(noise)
     passes = RowPasses(problem)
     residual = np.stack([np.asarray(noise[:, 0]), np.zeros(len(noise))], axis=1)
-    assert _constant_variance(problem, passes, residual)[1] == 1.0
+    assert constancy_of(problem, passes, residual)[1] == 1.0
 
 
 def test_an_estimate_carries_its_diagnostics(bench: Bench) -> None:

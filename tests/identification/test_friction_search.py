@@ -137,14 +137,14 @@ def test_one_friction_for_all_is_taken_where_it_is_as_good(
     assert kept.friction == sticky.friction and compared[0].chosen
     assert same_for_all(plain_drives, [preprocess(log, GIVEN)]) == (plain_drives, ())
 
-    held_out = alike._held_out
+    held_out = alike.fold_errors
 
     def unsolved(problem: Problem, scale: Array) -> Array | None:
         if any(part.joints is not None for part in problem.model.friction):
             raise SolverFailed("the consistent fit", "none", "none")
         return held_out(problem, scale)
 
-    monkeypatch.setattr(alike, "_held_out", unsolved)
+    monkeypatch.setattr(alike, "fold_errors", unsolved)
     found, compared = same_for_all(sticky, [preprocess(log, GIVEN)])
     assert all(part.joints is None for part in found.friction)
     assert all(np.isfinite(each.cross_validation_error) for each in compared)

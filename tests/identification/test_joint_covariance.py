@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 import scipy.signal
 
 from dynident.arrays import Array, BoolArray
@@ -20,11 +19,6 @@ from dynident.model.robot import Robot
 from noisy_arms import Bench
 
 TINY = np.full(3, 1e-9)
-
-
-@pytest.fixture(scope="module")
-def bench(spatial_3r: Robot, exact_log: Callable[..., Log]) -> Bench:
-    return Bench(spatial_3r, exact_log)
 
 
 def correlated(bench: Bench, seed: int) -> tuple[Array, Array]:

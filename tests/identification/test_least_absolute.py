@@ -121,7 +121,7 @@ def test_cutting_rows_leaves_the_optimum(kind, monkeypatch):
     weights, box = np.full(rows, 1.0 / rows), np.full(5, 10.0)
     cut = least_absolute(np.asfortranarray(matrix), target, weights, -box, box)
     assert cut.gap <= GAP
-    monkeypatch.setattr(module, "_cut", lambda fit: None)
+    monkeypatch.setattr(module, "solve_doubtful", lambda fit: None)
     whole = least_absolute(matrix, target, weights, -box, box)
     assert cut.objective == pytest.approx(whole.objective, rel=1e-8)
 
@@ -137,9 +137,9 @@ def test_the_result_is_read_only_and_the_input_is_left_alone():
 
 def test_a_failed_certificate_is_an_error(monkeypatch):
     matrix, target, weights, box = random_fit(4)
-    monkeypatch.setattr(module, "_solve", lambda fit: (np.zeros(6), np.zeros(200)))
+    monkeypatch.setattr(module, "primal_and_dual", lambda fit: (np.zeros(6), np.zeros(200)))
     assert least_absolute(matrix, target, weights, -box, box).gap < 1e-6  # the linear program steps in
-    monkeypatch.setattr(module, "_linear_program", lambda fit: (np.zeros(6), np.zeros(200)))
+    monkeypatch.setattr(module, "linear_program", lambda fit: (np.zeros(6), np.zeros(200)))
     objective = weights @ np.abs(target)
     with pytest.raises(SolverFailed) as caught:
         least_absolute(matrix, target, weights, -box, box)

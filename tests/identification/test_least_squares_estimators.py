@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from arm_models import model_of, theta_of
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
@@ -17,23 +18,12 @@ from dynident.identification.build_problem import build_problem
 from dynident.identification.estimators.ols import OLS
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.problem import Problem
-from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION
 from dynident.model.robot import Robot
 
 ARMS = ("pendulum", "planar_2r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")
 GIVEN = Preprocessing(AsGiven(), rest="keep")
 
 MakeLog = Callable[..., Log]
-
-
-def model_of(robot: Robot) -> DynamicModel:
-    return DynamicModel(robot, tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset")))
-
-
-def theta_of(model: DynamicModel) -> Array:
-    assert model.robot.nominal is not None
-    return np.append(model.robot.nominal, np.linspace(0.2, 1.0, len(model.parameters) - model.inertial_count))
 
 
 def noise_of(joints: int) -> Array:
@@ -82,7 +72,7 @@ def test_wls_is_reweighted_least_squares(
 
 
 def test_wls_settles(spatial_3r: Robot, exact_log: MakeLog) -> None:
-    model = model_of(spatial_3r)
+    model = model_of(spatial_3r, "coulomb", "viscous", "offset")
     problem = build_problem(model, [exact_log(model, theta_of(model), noise=noise_of(3))], GIVEN)
     settled, forced = WLS(), WLS(iterations=50, tolerance=1e-12)
     assert settled.solve(problem).run.iterations < 6
@@ -92,7 +82,7 @@ def test_wls_settles(spatial_3r: Robot, exact_log: MakeLog) -> None:
 
 def test_wls_does_not_care_about_the_unit_of_a_joint(sliding_arm: Robot, exact_log: MakeLog) -> None:
     """Rows of a joint in other units, both sides alike: the weights take it up, and the estimate stays."""
-    model = model_of(sliding_arm)
+    model = model_of(sliding_arm, "coulomb", "viscous", "offset")
     problem = build_problem(model, [exact_log(model, theta_of(model), noise=noise_of(3))], GIVEN)
     first, second, third = problem.triangles
     in_other_units = replace(problem, triangles=(first, replace(second, factor=1e3 * second.factor), third))
@@ -119,7 +109,7 @@ def test_exact_data_give_the_truth(
 
 
 def test_wls_beats_ols_where_noise_differs(spatial_3r: Robot, exact_log: MakeLog) -> None:
-    model = model_of(spatial_3r)
+    model = model_of(spatial_3r, "coulomb", "viscous", "offset")
     theta = theta_of(model)
     errors = []
     for seed in range(10):

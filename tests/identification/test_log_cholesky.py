@@ -12,7 +12,7 @@ from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption
 from dynident.identification.build_problem import build_problem
-from dynident.identification.consistency.log_cholesky_fit import BOUNDARY, CONVERGED, UNFINISHED, _bodies
+from dynident.identification.consistency.log_cholesky_fit import BOUNDARY, CONVERGED, UNFINISHED, bodies_of
 from dynident.identification.consistency.verdicts import broken_conditions
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.estimators.log_cholesky import LogCholesky
@@ -35,10 +35,10 @@ def posed(robot: Robot, exact_log: Callable[..., Log], factor: float, noise: flo
 def test_the_jacobian_is_exact() -> None:
     generator = np.random.default_rng(0)
     x = generator.uniform(-1, 1, 22)
-    phi, slope = _bodies(x, 2)
+    phi, slope = bodies_of(x, 2)
     np.testing.assert_allclose(phi[:10], Inertia.from_log_cholesky(x[:10]).vector)
     steps = 1e-6 * np.eye(22)
-    expected = np.array([(_bodies(x + s, 2)[0] - _bodies(x - s, 2)[0]) / 2e-6 for s in steps]).T
+    expected = np.array([(bodies_of(x + s, 2)[0] - bodies_of(x - s, 2)[0]) / 2e-6 for s in steps]).T
     np.testing.assert_allclose(slope, expected, atol=1e-8)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import scipy.linalg
@@ -11,18 +9,11 @@ import scipy.optimize
 import scipy.signal
 
 from dynident.arrays import Array
-from dynident.data.log import Log
 from dynident.errors import BadOption, SolverFailed
 from dynident.identification.estimators.ml import ML
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.residuals.colour import best_order, colour_of, unbroken_runs, with_white_part
-from dynident.model.robot import Robot
 from noisy_arms import Bench
-
-
-@pytest.fixture(scope="module")
-def bench(spatial_3r: Robot, exact_log: Callable[..., Log]) -> Bench:
-    return Bench(spatial_3r, exact_log)
 
 
 def autoregression(coefficients: list[float], samples: int, seed: int) -> Array:

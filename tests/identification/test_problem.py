@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from arm_models import model_of, theta_of
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, preprocess
@@ -30,15 +31,6 @@ GIVEN = Preprocessing(AsGiven(), rest="keep")
 FILTERED = Preprocessing(Butterworth(cutoff_hz=4.0), rate_hz=25.0, trim_s=0.5, rest="keep")
 
 MakeLog = Callable[..., Log]
-
-
-def model_of(robot: Robot, *friction: str) -> DynamicModel:
-    return DynamicModel(robot, tuple(FRICTION.make(name) for name in friction))
-
-
-def theta_of(model: DynamicModel) -> Array:
-    assert model.robot.nominal is not None
-    return np.append(model.robot.nominal, np.linspace(0.2, 1.0, len(model.parameters) - model.inertial_count))
 
 
 def dense(model: DynamicModel, problem: Problem) -> tuple[Array, Array]:

@@ -37,11 +37,6 @@ from noisy_arms import Bench
 
 
 @pytest.fixture(scope="module")
-def bench(spatial_3r: Robot, exact_log: Callable[..., Log]) -> Bench:
-    return Bench(spatial_3r, exact_log)
-
-
-@pytest.fixture(scope="module")
 def dirty(bench: Bench) -> Problem:
     return bench.problem(bench.gross(3))
 

@@ -20,11 +20,6 @@ from noisy_arms import Bench
 
 
 @pytest.fixture(scope="module")
-def bench(spatial_3r: Robot, exact_log: Callable[..., Log]) -> Bench:
-    return Bench(spatial_3r, exact_log)
-
-
-@pytest.fixture(scope="module")
 def short(spatial_3r: Robot, exact_log: Callable[..., Log]) -> Bench:
     """Return a bench of so few samples that a prior and a pull matter."""
     return Bench(spatial_3r, exact_log, samples=25)

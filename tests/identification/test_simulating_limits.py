@@ -137,17 +137,17 @@ def test_a_step_to_no_robot_goes_to_the_best_possible_one(loop: tuple[ClosedLoop
     own, truth = loop
     size = len(truth)
     reduced = Reduced(np.eye(size), -2.0 * truth, 0.0, 100)  # the free step ends at -truth
-    step, free = output_error._step(own, truth, reduced, least_squares(reduced))
+    step, free = output_error.consistent_step(own, truth, reduced, least_squares(reduced))
     own.check(truth + step)
     assert not free and np.linalg.norm(step + 2.0 * truth) > 0.1 * np.linalg.norm(truth)
     reduced = replace(reduced, z=0.1 * truth)
-    step, free = output_error._step(own, truth, reduced, least_squares(reduced))
+    step, free = output_error.consistent_step(own, truth, reduced, least_squares(reduced))
     np.testing.assert_allclose(step, 0.1 * truth)
     assert free
 
 
 def test_steps_that_lower_nothing_are_refused(loop: tuple[ClosedLoop, Array], monkeypatch: pytest.MonkeyPatch) -> None:
     own, truth = loop
-    monkeypatch.setattr(output_error._OutputError, "at", lambda task, beta: own.check(-truth))
+    monkeypatch.setattr(output_error.OutputErrorTask, "at", lambda task, beta: own.check(-truth))
     with pytest.raises(SolverFailed, match=r"no part of a step lowers the error .*; start nearer: filter the log"):
         output_error.output_error(own, 1.1 * truth, "torque", 5, 1e-3, "clie")

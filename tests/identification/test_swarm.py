@@ -63,7 +63,7 @@ def problem(planar_2r, exact_log) -> Problem:
 
 
 def made(name: str, **options: object) -> BoxSearch:
-    part = ESTIMATORS.make(name, **options)
+    part = ESTIMATORS.make(name, options)
     assert isinstance(part, BoxSearch)
     return part
 

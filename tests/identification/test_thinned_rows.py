@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from dynident.arrays import Array
+from arm_models import theta_of
 from dynident.data.log import Log
 from dynident.data.preprocessing import FILTERS, Preprocessing, preprocess
 from dynident.data.preprocessing._thinning import thinning
@@ -21,11 +21,6 @@ from dynident.model.friction import FRICTION
 from dynident.model.robot import Robot
 
 MakeLog = Callable[..., Log]
-
-
-def theta_of(model: DynamicModel) -> Array:
-    assert model.robot.nominal is not None
-    return np.append(model.robot.nominal, np.linspace(0.2, 1.0, len(model.parameters) - model.inertial_count))
 
 
 @pytest.mark.parametrize(
@@ -56,7 +51,7 @@ def test_rows_are_those_without_it_also_beside_the_ends(
 ) -> None:
     model = DynamicModel(spatial_3r, tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset")))
     log = exact_log(model, theta_of(model), noise=0.1, samples=3000)
-    how = Preprocessing(FILTERS.make(filter, cutoff_hz=8.0), rate_hz=log.rate / 4)
+    how = Preprocessing(FILTERS.make(filter, {"cutoff_hz": 8.0}), rate_hz=log.rate / 4)
     regressor, prepared = RegressorStream(model, base_parameters(model)), preprocess(log, how)
     assert prepared.thinning is not None and prepared.every == 4
     monkeypatch.setattr(thinned_rows, "SEGMENT", 700)
@@ -71,7 +66,7 @@ def test_rows_are_those_without_it_also_beside_the_ends(
 def test_rows_that_stand_unevenly_are_filtered_in_full(spatial_3r: Robot, exact_log: MakeLog) -> None:
     model = DynamicModel(spatial_3r, (FRICTION.make("viscous"),))
     log = exact_log(model, theta_of(model), samples=3000)
-    prepared = preprocess(log, Preprocessing(FILTERS.make("butterworth", cutoff_hz=8.0), rate_hz=log.rate / 4))
+    prepared = preprocess(log, Preprocessing(FILTERS.make("butterworth", {"cutoff_hz": 8.0}), rate_hz=log.rate / 4))
     moved = replace(prepared, keep=np.concatenate([prepared.keep[:5], prepared.keep[5:] + 1]))
     assert moved.thinning is None
     assert replace(prepared, keep=np.delete(prepared.keep, [7, 8, 30])).thinning is not None  # a gap in time

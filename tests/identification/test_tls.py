@@ -18,11 +18,6 @@ from dynident.model.robot import Robot
 from noisy_arms import Bench
 
 
-@pytest.fixture(scope="module")
-def bench(spatial_3r: Robot, exact_log: Callable[..., Log]) -> Bench:
-    return Bench(spatial_3r, exact_log)
-
-
 def by_svd(matrix: Array, target: Array, exact: int, ratio: float) -> Array:
     """Return mixed LS-TLS from the right singular vector, the first columns exact (Van Huffel and Vandewalle 1991)."""
     norms = np.linalg.norm(matrix, axis=0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -16,18 +15,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from bare_estimates import bare_estimate
 from dynident.arrays import Array
 from dynident.data.formats import FORMATS, read_log, write_log, written_columns
 from dynident.data.log import Log
 from dynident.errors import LogFormatError
 from dynident.exports.models import export_model
-from dynident.identification.estimate.estimate import Estimate
 from dynident.model.descriptions import read_robot
 from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
 
-Bare = Callable[[DynamicModel, Array], Estimate]
 NUMBERS = st.floats(-1e12, 1e12, allow_subnormal=False)
 SHARED = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -92,7 +90,7 @@ def invariants(body: Inertia) -> Array:
     return np.r_[body.mass, np.linalg.eigvalsh(body.about_centre)]
 
 
-def check_export(arm: ExactArm, bare: Bare, name: str) -> None:
+def check_export(arm: ExactArm, name: str) -> None:
     """Every exported body is possible, has the mass and principal moments of its link, and the torques agree."""
     robot = arm.robot
     model = DynamicModel(robot, ("viscous",))  # type: ignore[arg-type]
@@ -101,7 +99,7 @@ def check_export(arm: ExactArm, bare: Bare, name: str) -> None:
     suffix = {"urdf": ".urdf", "mjcf": ".xml", "sdf": ".sdf"}[name]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"arm{suffix}"
-        done = export_model(bare(model, theta), name, path)
+        done = export_model(bare_estimate(model, theta), name, path)
         assert all((proof.relative or 0.0) <= proof.allowed for proof in done.proofs)
         found = bodies_in(path, name)
         again = read_robot(path) if name == "urdf" else None
@@ -132,8 +130,8 @@ def test_robots(arm: ExactArm) -> None:
 @pytest.mark.parametrize("name", ["urdf", "mjcf", "sdf"])
 @settings(SHARED, max_examples=2)
 @given(arm=exact_arms(2, 5))
-def test_exports(name: str, bare_estimate: Bare, arm: ExactArm) -> None:
-    check_export(arm, bare_estimate, name)
+def test_exports(name: str, arm: ExactArm) -> None:
+    check_export(arm, name)
 
 
 @pytest.mark.battery
@@ -154,5 +152,5 @@ def test_many_robots(arm: ExactArm) -> None:
 @pytest.mark.parametrize("name", ["urdf", "mjcf", "sdf"])
 @settings(SHARED, max_examples=40)
 @given(arm=exact_arms(2, 8))
-def test_many_exports(name: str, bare_estimate: Bare, arm: ExactArm) -> None:
-    check_export(arm, bare_estimate, name)
+def test_many_exports(name: str, arm: ExactArm) -> None:
+    check_export(arm, name)

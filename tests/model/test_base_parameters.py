@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from arm_models import model_of
 from dynident.applications.identifiability import structure
 from dynident.arrays import Array
 from dynident.model.base_parameters import (
@@ -19,8 +20,8 @@ from dynident.model.base_parameters import (
     TOLERANCE,
     WEAK,
     ZERO,
-    _remainders,
     base_parameters,
+    remainders,
 )
 from dynident.model.descriptions import read_robot
 from dynident.model.descriptions.dh import read_dh
@@ -50,14 +51,13 @@ def er16() -> Robot:
     return read_dh("er16.yaml", "\n".join(lines).encode())
 
 
-def model_of(robot: Robot, *friction: str) -> DynamicModel:
-    return DynamicModel(robot, tuple(FRICTION.make(name) for name in friction))
-
-
 @pytest.mark.parametrize("velocity", [1e-3, 0.01, 0.05])
 def test_friction_of_slow_motion_counts_on_every_drive(er16: Robot, velocity: float) -> None:
     """It has faded by many powers of ten at the speeds of a random motion; the others keep their names."""
-    usual, fading = model_of(er16, "coulomb", "viscous"), FRICTION.make("stribeck", velocity=velocity, exponent=2.0)
+    usual, fading = (
+        model_of(er16, "coulomb", "viscous"),
+        FRICTION.make("stribeck", {"velocity": velocity, "exponent": 2.0}),
+    )
     plain, found = base_parameters(usual), base_parameters(replace(usual, friction=(*usual.friction, fading)))
     slow = [name for name in found.names if name.startswith("Fs")]
     assert slow == [f"Fs[{name}]" for name in er16.joint_names]
@@ -268,7 +268,7 @@ def test_shares_are_what_the_other_columns_leave(name: str, request: pytest.Fixt
     assert np.all(base.shares > WEAK) and np.all(base.shares <= 1.0 + 1e-12)
     generator = np.random.default_rng(0)
     columns = generator.normal(size=(20, 6)) * 10.0 ** generator.uniform(-3, 0, 6)
-    for k, found in enumerate(_remainders(columns)):
+    for k, found in enumerate(remainders(columns)):
         others = np.delete(columns, k, axis=1)
         left = columns[:, k] - others @ np.linalg.lstsq(others, columns[:, k])[0]
         assert found == pytest.approx(np.linalg.norm(left), rel=1e-9)

@@ -26,7 +26,7 @@ def test_a_wrist_torque_that_follows_its_position_is_no_other_order(run: int, mo
         pytest.skip(f"no {log} under DYNIDENT_DATA or ../shared/data")
     monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
     case = read_case(ROOT / "examples" / "cases" / "lwr4.yaml")
-    friction = (FRICTION.make("coulomb", width=0.01), FRICTION.make("rotor_inertia"))
+    friction = (FRICTION.make("coulomb", {"width": 0.01}), FRICTION.make("rotor_inertia"))
     how = replace(case.preprocessing, filter=Butterworth(2.0), trim_s=1.2)
     case = replace(case, friction=friction, preprocessing=how)
     assert examine(case, log).sound

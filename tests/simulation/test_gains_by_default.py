@@ -62,20 +62,20 @@ def test_a_small_arm_with_dry_friction_follows_by_default(kind: str, name: str) 
 
 @pytest.mark.parametrize("kind", sorted(FRICTION))
 def test_at_the_usual_bandwidth_it_would_stick(kind: str) -> None:
-    assert run(*FRICTION[kind], CONTROLLERS.make("pd", bandwidth_hz=8.0)).left_behind()
+    assert run(*FRICTION[kind], CONTROLLERS.make("pd", {"bandwidth_hz": 8.0})).left_behind()
 
 
 def test_an_arm_that_follows_anyway_has_the_usual_bandwidth() -> None:
     chosen = run(HEAVY, 3.0, 5.0, CONTROLLERS.make("pd"), 0.2)
-    usual = run(HEAVY, 3.0, 5.0, CONTROLLERS.make("pd", bandwidth_hz=8.0), 0.2)
+    usual = run(HEAVY, 3.0, 5.0, CONTROLLERS.make("pd", {"bandwidth_hz": 8.0}), 0.2)
     np.testing.assert_array_equal(chosen.log.torque, usual.log.torque)
     assert not usual.left_behind()
 
 
 def test_what_is_fed_forward_needs_no_stiffness() -> None:
     robot, dry, viscous = FRICTION["grams"]
-    fed = run(robot, dry, viscous, CONTROLLERS.make("pd", feedforward="model"))
-    usual = run(robot, dry, viscous, CONTROLLERS.make("pd", feedforward="model", bandwidth_hz=8.0))
+    fed = run(robot, dry, viscous, CONTROLLERS.make("pd", {"feedforward": "model"}))
+    usual = run(robot, dry, viscous, CONTROLLERS.make("pd", {"feedforward": "model", "bandwidth_hz": 8.0}))
     np.testing.assert_array_equal(fed.log.torque, usual.log.torque)
     assert not fed.left_behind()
 

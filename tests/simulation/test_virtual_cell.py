@@ -36,7 +36,7 @@ from dynident.simulation.truth import Truth
 from dynident.simulation.virtual_robot import Timing, simulate
 
 #: A controller that leaves the joints alone.
-IDLE = CONTROLLERS.make("pd", stiffness=(0.0,), damping=(0.0,), feedforward="none")
+IDLE = CONTROLLERS.make("pd", {"stiffness": (0.0,), "damping": (0.0,), "feedforward": "none"})
 
 
 def wave(joints, size=0.2, period=4.0):
@@ -193,7 +193,7 @@ def test_mujoco_in_the_same_cell_agrees(name):
     model = DynamicModel(robot, ("coulomb", "viscous", "load", "rotor_inertia"))
     theta = with_friction(model, [2.0, 3.0, 0.05, 0.1])
     own = Cell(
-        controller=CONTROLLERS.make("pid", delay_s=0.002, current_hz=200.0),
+        controller=CONTROLLERS.make("pid", {"delay_s": 0.002, "current_hz": 200.0}),
         encoder=Encoder((1e-4,), (1e-5,)),
         payload=Payload(0.5, (0, 0.1, 0)),
         tilt=Tilt(0.1, -0.1),
@@ -260,7 +260,9 @@ def controlled(part, robot, motion, **cell):
 
 def test_a_delayed_torque_through_a_lagging_current_loop_is_that_of_the_law():
     kp, kd = np.array([400.0, 150.0]), np.array([20.0, 8.0])
-    part = CONTROLLERS.make("pd", rate=500.0, stiffness=tuple(kp), damping=tuple(kd), delay_s=0.004, current_hz=60.0)
+    part = CONTROLLERS.make(
+        "pd", {"rate": 500.0, "stiffness": tuple(kp), "damping": tuple(kd), "delay_s": 0.004, "current_hz": 60.0}
+    )
     run, gravity = controlled(part, two_links(), wave(2))
     law = gravity + kp * (run.log.q_ref - run.log.q) + kd * (run.log.dq_ref - run.log.dq)
     command = np.concatenate([np.repeat(law[:1], 2, axis=0), law[:-2]])
@@ -273,7 +275,7 @@ def test_a_delayed_torque_through_a_lagging_current_loop_is_that_of_the_law():
 
 def test_velocities_from_differences_are_those_of_the_encoder_through_the_filter():
     kp, kd = (300.0,), (6.0,)
-    part = CONTROLLERS.make("pd", stiffness=kp, damping=kd)
+    part = CONTROLLERS.make("pd", {"stiffness": kp, "damping": kd})
     encoder = Encoder((1e-3,), velocity="difference", filter_hz=50.0)
     run, gravity = controlled(part, two_links(), still([0.2, -0.1]), encoder=encoder, tilt=Tilt(0.0, 0.3))
     speed = np.diff(run.log.q, axis=0, prepend=run.log.q[:1]) / 1e-3
@@ -287,7 +289,7 @@ def test_velocities_from_differences_are_those_of_the_encoder_through_the_filter
 
 def test_an_integral_brings_the_arm_to_its_place_and_rests_at_the_limit():
     robot = two_links()
-    light = CONTROLLERS.make("pid", integral_hz=1.0)
+    light = CONTROLLERS.make("pid", {"integral_hz": 1.0})
     kinds = {"payload": Payload(2.0, (0.2, 0, 0)), "lead_in": 0.0}
     model = DynamicModel(robot)
     there = go(model, robot.nominal, still([0.2, 0.4]), 3.0, controller=light, **kinds)
@@ -302,7 +304,7 @@ def test_an_integral_brings_the_arm_to_its_place_and_rests_at_the_limit():
 
 
 def test_a_cascade_is_its_loops():
-    part = CONTROLLERS.make("cascade", rate=1000.0, position_ticks=4, current_hz=None, speed_hz=8.0)
+    part = CONTROLLERS.make("cascade", {"rate": 1000.0, "position_ticks": 4, "current_hz": None, "speed_hz": 8.0})
     robot = two_links()
     run, gravity = controlled(part, robot, wave(2))
     first = wave(2).evaluate([0.0])[0]
@@ -319,7 +321,7 @@ def test_computed_torque_is_the_inverse_dynamics_of_what_is_believed():
     model = DynamicModel(robot, ("coulomb", "viscous"))
     theta, belief = with_friction(model, [2.0, 3.0]), with_friction(model, [1.5, 2.5])
     belief[:20] *= 1.1
-    part = CONTROLLERS.make("computed_torque", bandwidth_hz=3.0, feedforward="model")
+    part = CONTROLLERS.make("computed_torque", {"bandwidth_hz": 3.0, "feedforward": "model"})
     cell = Cell(part, Encoder(), recorder=Recorder(velocities=True), lead_in=0.0)
     run = simulate_cell(model, theta, wave(2), cell, duration=1.0, believed=belief)
     goal = wave(2).evaluate(run.log.time)
@@ -340,20 +342,20 @@ def test_every_controller_tracks_with_sensors_that_are_not_perfect(name):
     model = DynamicModel(robot, ("coulomb", "viscous"))
     theta = with_friction(model, [2.0, 3.0])
     encoder = Encoder((2e-5,), (2e-6,), velocity="difference", filter_hz=150.0)
-    part = CONTROLLERS.make(name, delay_s=5e-4, feedforward="model")
+    part = CONTROLLERS.make(name, {"delay_s": 5e-4, "feedforward": "model"})
     run = go(model, theta, wave(6, 0.15), 2.0, controller=part, encoder=encoder)
     assert np.all(run.tracking_error() < 5e-3)
     for option in CONTROLLERS.options(name):
         if option.kind.startswith("float"):
             with pytest.raises(BadOption, match=rf"controller\.{option.name} = -1"):
-                CONTROLLERS.make(name, **{option.name: -1.0})
+                CONTROLLERS.make(name, {option.name: -1.0})
     with pytest.raises(BadOption, match=r"controller\.feedforward = 'all' is not possible; choose one of"):
-        CONTROLLERS.make(name, feedforward="all")
+        CONTROLLERS.make(name, {"feedforward": "all"})
 
 
 def test_a_loop_that_cannot_be_held_is_reported():
     robot = two_links()
-    wild = CONTROLLERS.make("pd", bandwidth_hz=400.0)
+    wild = CONTROLLERS.make("pd", {"bandwidth_hz": 400.0})
     with pytest.raises(SolverFailed, match=r"the motion is lost at .* s; give a lower bandwidth"):
         go(DynamicModel(robot), robot.nominal, wave(2), 5.0, controller=wild)
 
@@ -407,7 +409,7 @@ def test_torques_lag_or_come_from_behind_the_gears(recorded):
 
 @pytest.mark.parametrize(("rate", "per_row"), [(1000.0, 1), (4000.0, 4)])
 def test_a_held_torque_is_logged_as_the_mean_of_before_and_after_it_jumps(recorded, rate, per_row):
-    controller = CONTROLLERS.make("pd", rate=rate)
+    controller = CONTROLLERS.make("pd", {"rate": rate})
     fine = recorded(controller=controller, recorder=Recorder(rate=rate)).truth.torque
     middle = 0.5 * (fine + np.vstack([fine[:1], fine[:-1]]))[::per_row]
     run = recorded(controller=controller)

@@ -197,7 +197,7 @@ def test_an_impossible_estimate_names_its_culprit(contest: Contest, model: Dynam
 
 
 def test_work_and_verdict_are_what_the_method_says(contest: Contest) -> None:
-    parts = [Method("de", ESTIMATORS.make("de", iterations=3)), *methods("wls", "log_cholesky")]
+    parts = [Method("de", ESTIMATORS.make("de", {"iterations": 3})), *methods("wls", "log_cholesky")]
     found = {outcome.method: outcome for outcome in compare(contest, parts)}
     assert found["de"].effort["iterations"] == 3 and found["de"].effort["evaluations"] > 3
     assert set(found["wls"].effort) == {"iterations"}

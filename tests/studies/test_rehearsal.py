@@ -141,7 +141,7 @@ def test_a_joint_that_sticks_is_named_with_what_helps(model: DynamicModel, plan:
     theta = np.where(sticks, 0.7 * model.robot.active[-1].limits.effort, theta)
 
     def rehearsed(**options: Any) -> Rehearsal:
-        cell = replace(plan.cell, controller=CONTROLLERS.make("pd", **options))
+        cell = replace(plan.cell, controller=CONTROLLERS.make("pd", options))
         return rehearse(model, theta, replace(plan, cell=cell), WLS(), Tolerance(), shares=(1.0,))
 
     found = rehearsed(bandwidth_hz=8.0)

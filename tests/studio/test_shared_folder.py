@@ -52,12 +52,12 @@ def no_command(monkeypatch: pytest.MonkeyPatch) -> None:
         store = store_of(order.outputs[0])
         pipe = subprocess.PIPE
         arguments = [sys.executable, "-c", WRITES, store, *order.arguments]
-        place = runs._folder.path
+        place = runs.folder.path
         return subprocess.Popen(
             arguments, cwd=place, stdin=pipe, stdout=pipe, stderr=pipe, text=True, start_new_session=True
         )
 
-    monkeypatch.setattr(Runs, "_process", process)
+    monkeypatch.setattr(Runs, "start_process", process)
 
 
 def test_two_sessions_reserve_different_names(tmp_path: Path) -> None:
@@ -170,7 +170,7 @@ def test_a_run_whose_files_cannot_be_kept_has_failed(tmp_path: Path, monkeypatch
 
 
 def test_a_staged_file_goes_to_the_store_and_through_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(files, "_STAGED", {})
+    monkeypatch.setattr(files, "STAGED", {})
     work, store = tmp_path / "work", tmp_path / "store"
     for place in (work, store, work / "sub"):
         place.mkdir()

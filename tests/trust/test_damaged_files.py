@@ -160,7 +160,7 @@ def test_a_parquet_file_with_too_many_cells_is_refused_before_it_is_unpacked(
     log = Log(("a",), np.arange(1000.0), np.zeros((1000, 1)))
     write_log(log, tmp_path / "run.parquet")
     monkeypatch.setattr(parquet, "MAX_CELLS", 1999)
-    monkeypatch.setattr(parquet, "_batches", lambda *_: pytest.fail("it was unpacked"))
+    monkeypatch.setattr(parquet, "unpacked", lambda *_: pytest.fail("it was unpacked"))
     with pytest.raises(LogFormatError, match="more than are read at once"):
         read_log(tmp_path / "run.parquet", ColumnMap(torque=()))
 

@@ -217,7 +217,7 @@ def check(name: str, case: str, task: Task) -> None:
     """Answer within the intervals stated, but for rounding, or an error of dynident's own with a next step."""
     options = OPTIONS.get(name, {}) | WIDER.get((name, case), {})
     try:
-        estimate = identify(task.model, [task.log], ESTIMATORS.make(name, **options), GIVEN)
+        estimate = identify(task.model, [task.log], ESTIMATORS.make(name, options), GIVEN)
     except DynidentError as error:
         assert "; " in str(error) and "nan" not in str(error).split()
         return
@@ -264,4 +264,4 @@ def test_every_estimator_refuses_it(name: str, case: str, make: Make) -> None:
     change, kind, words = REFUSED[case]
     task = change(make())
     with pytest.raises(kind, match=words):
-        identify(task.model, [task.log], ESTIMATORS.make(name, **OPTIONS.get(name, {})), GIVEN)
+        identify(task.model, [task.log], ESTIMATORS.make(name, OPTIONS.get(name, {})), GIVEN)

@@ -184,6 +184,6 @@ def test_ctrl_c_while_a_command_is_loaded(monkeypatch: pytest.MonkeyPatch, capsy
     def interrupted(_: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_module", interrupted)
+    monkeypatch.setattr(cli, "module_of", interrupted)
     assert main(["list"]) == 130
     assert capsys.readouterr().err == "stopped\n"

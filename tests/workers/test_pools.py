@@ -231,8 +231,8 @@ def test_a_cluster_that_loses_all_its_workers(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_workers_with_other_versions_are_refused(inside: DaskPool, monkeypatch: pytest.MonkeyPatch) -> None:
-    told = dask_pool._versions()
-    monkeypatch.setattr(dask_pool, "_versions", lambda: told | {"numpy": "1.0"})
+    told = dask_pool.package_versions()
+    monkeypatch.setattr(dask_pool, "package_versions", lambda: told | {"numpy": "1.0"})
     with pytest.raises(PoolFailed, match=r"other versions than here: numpy [\d.]+, here 1\.0 \(on inproc"):
         list(inside.run(Squares(), [1]))
     monkeypatch.undo()
@@ -244,7 +244,7 @@ def test_workers_with_other_versions_are_refused(inside: DaskPool, monkeypatch: 
 
 
 def test_versions_name_what_changes_bits() -> None:
-    told = dask_pool._versions()
+    told = dask_pool.package_versions()
     assert set(told) == {*dask_pool.PACKAGES, "python"} and all(told[name] for name in ("dynident", "numpy", "python"))
     assert dask_pool.installation() == dask_pool.installation() and len(dask_pool.installation()) == 64
 

@@ -50,7 +50,7 @@ def measure() -> Record:
             model, theta, motion, timing=Timing(rate=RATE, integration_rate=RATE, lead_in=0.0), controller=controller
         )
 
-    pd = CONTROLLERS.make("pd", rate=RATE, stiffness=(STIFFNESS,), damping=(DAMPING,))
+    pd = CONTROLLERS.make("pd", {"rate": RATE, "stiffness": (STIFFNESS,), "damping": (DAMPING,)})
     bare = Cell(pd, lead_in=0.0, integration_rate=RATE)
     every, other = _all_friction(robot)
     soft = replace(_full_cell(), bristles=Bristles(2e-3, stiction=0.2))
@@ -106,7 +106,7 @@ def _python_loop(pinocchio: Any, model: Any, viscous: Array, reference: Array) -
 def _full_cell() -> Cell:
     """Return a cell with every effect of stiff joints but bristles."""
     return Cell(
-        CONTROLLERS.make("pid", rate=RATE, delay_s=1e-3, current_hz=200.0),
+        CONTROLLERS.make("pid", {"rate": RATE, "delay_s": 1e-3, "current_hz": 200.0}),
         Encoder((1e-5,), (2e-6,), velocity="difference", filter_hz=100.0),
         Ripple((0.5,), (101.0,)),
         warming=Warming(end=(45.0,), time_constant=60.0, per_kelvin=-0.01),

@@ -51,7 +51,7 @@ def export(
     Args:
         subject: The estimate or the plan.
         exporter: Name of an exporter, or a part with its options, such as
-            ``MOTION_EXPORTERS.make("csv", degrees=True)``.
+            ``MOTION_EXPORTERS.make("csv", {"degrees": True})``.
         path: The file to write (for a bag: the folder); further files stand beside it.
         description: Of an estimate: the robot model to put the values into, for targets that are one; None takes the
             one that the estimate's provenance names, where it is unchanged.

@@ -26,7 +26,7 @@ from dynident.model.robot import Robot
 
 
 @runtime_checkable
-class Frame(Protocol):
+class DataFrameLike(Protocol):
     """A table of named columns, such as a pandas or a polars frame."""
 
     @property
@@ -38,7 +38,7 @@ class Frame(Protocol):
 
 
 #: A log: as it is, in a file, as arrays by name, or as a frame.
-LogLike: TypeAlias = Log | str | Path | Mapping[str, Any] | Frame
+LogLike: TypeAlias = Log | str | Path | Mapping[str, Any] | DataFrameLike
 
 #: Names under which arrays and columns of a signal are looked for.
 _WORDS = {
@@ -80,7 +80,7 @@ def log_of(data: LogLike, robot: RobotLike | None = None) -> Log:
         from dynident.data.formats import read_log
 
         return read_log(data, None if known is None else ColumnMap(joints=known.joint_names))
-    if not isinstance(data, Mapping | Frame):
+    if not isinstance(data, Mapping | DataFrameLike):
         raise BadArgument("log", f"{_kind(data)} where a log is wanted", f"write {EXAMPLE}, or give a file")
     log = _log(data, known)
     if known is None:
@@ -104,7 +104,9 @@ def logs_of(data: Any, robot: Robot, read: Callable[[str | Path], Log], argument
     """
     if isinstance(data, str) and data in ESTIMATORS.names() and not os.path.exists(data):
         raise BadArgument(argument, f"'{data}', which is an estimator", f'write estimator="{data}"')
-    one = isinstance(data, Log | str | Path | Mapping) or (isinstance(data, Frame) and not isinstance(data, Sequence))
+    one = isinstance(data, Log | str | Path | Mapping) or (
+        isinstance(data, DataFrameLike) and not isinstance(data, Sequence)
+    )
     if not one and not isinstance(data, Iterable):
         raise BadArgument(argument, f"{_kind(data)} where logs are wanted", f"write {EXAMPLE}, or give files")
     several: list[Any] = [data] if one else list(data)  # type: ignore[arg-type]
@@ -149,7 +151,7 @@ def check_kinds(wanted: Mapping[str, tuple[Any, type, str]]) -> None:
             raise BadArgument(name, f"{_kind(value)} where a {kind.__name__} is wanted", f"write {line}")
 
 
-def _log(data: Mapping[str, Any] | Frame, robot: Robot | None) -> Log:
+def _log(data: Mapping[str, Any] | DataFrameLike, robot: Robot | None) -> Log:
     names = list(data) if isinstance(data, Mapping) else [str(name) for name in data.columns]
     found: dict[str, Any] = {}
     used: set[str] = set()

@@ -116,7 +116,7 @@ def is_digest(logs: object) -> TypeGuard[Digest]:
 
 
 def _check_options(preprocessing: object, knowledge: object, trust: object, record: object) -> None:
-    line = 'preprocessing=di.Preprocessing(di.FILTERS.make("butterworth", cutoff_hz=5.0))'
+    line = 'preprocessing=di.Preprocessing(di.FILTERS.make("butterworth", {"cutoff_hz": 5.0}))'
     check_kinds(
         {
             "preprocessing": (preprocessing, Preprocessing, line),

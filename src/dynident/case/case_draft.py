@@ -176,9 +176,9 @@ def _tables(logs: Sequence[str], form: str, options: dict[str, str | None]) -> t
         first = error
     if Path(logs[0]).suffix.lower() in FORMATS.get("csv").suffixes:
         for line, kind in (
-            ("format: {csv: {names: ['c{}']}}", FORMATS.make("csv", names=("c{}",))),
-            ("format: {csv: {names: ['c{}'], decimal: ','}}", FORMATS.make("csv", names=("c{}",), decimal=",")),
-            ('decimal: ","', FORMATS.make("csv", decimal=",")),
+            ("format: {csv: {names: ['c{}']}}", FORMATS.make("csv", {"names": ("c{}",)})),
+            ("format: {csv: {names: ['c{}'], decimal: ','}}", FORMATS.make("csv", {"names": ("c{}",), "decimal": ","})),
+            ('decimal: ","', FORMATS.make("csv", {"decimal": ","})),
             ("format: twincat_scope", _scope()),
         ):
             tables = _readable(logs, kind)
@@ -217,7 +217,7 @@ def _numbers_with_commas(log: str) -> int:
     if Path(log).suffix.lower() not in FORMATS.get("csv").suffixes:
         return 0
     try:
-        return _numbers(opened(log, FORMATS.make("csv", decimal=",")))
+        return _numbers(opened(log, FORMATS.make("csv", {"decimal": ","})))
     except DynidentError:
         return 0
 

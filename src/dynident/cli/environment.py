@@ -42,7 +42,7 @@ EXTRAS = {
 }
 
 #: Modules that packages are imported as, where the name is another one.
-_MODULES = {"pyyaml": "yaml", "pin": "pinocchio"}
+MODULES = {"pyyaml": "yaml", "pin": "pinocchio"}
 
 #: Endings of compiled code: numba's index and code, and the machine code of robots.
 _CODE = (".nbi", ".nbc", ".dynident-code")
@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
 
 def environment() -> dict[str, Any]:
     """Return what is installed and from where, as plain data; no library that may be broken is needed for it."""
-    needed = [_package(*wanted) for wanted in _requirements() if not wanted[2]]
+    needed = [package_facts(*wanted) for wanted in _requirements() if not wanted[2]]
     facts: dict[str, Any] = {
         "dynident": _own(),
         "python": {
@@ -92,7 +92,7 @@ def environment() -> dict[str, Any]:
         "caches": _caches(),
         "compiler": _compiler(),
     }
-    facts["findings"] = _findings(facts)
+    facts["findings"] = findings_of(facts)
     return facts
 
 
@@ -133,9 +133,9 @@ def _requirements() -> list[tuple[str, str, str]]:
     return found
 
 
-def _package(name: str, lowest: str, _: str = "") -> dict[str, Any]:
+def package_facts(name: str, lowest: str, _: str = "") -> dict[str, Any]:
     """Return what is known of a package without importing it."""
-    module = _MODULES.get(name, name)
+    module = MODULES.get(name, name)
     try:
         found = importlib.util.find_spec(module)
     except (ImportError, ValueError):
@@ -148,7 +148,7 @@ def _extras() -> list[dict[str, Any]]:
     wanted = _requirements()
     rows = []
     for extra, purpose in EXTRAS.items():
-        packages = [_package(*one) for one in wanted if one[2] == extra]
+        packages = [package_facts(*one) for one in wanted if one[2] == extra]
         installed = bool(packages) and all(one["version"] for one in packages)
         line = f"pip install 'dynident[{extra}]'"
         rows.append({"name": extra, "for": purpose, "installed": installed, "install": line, "packages": packages})
@@ -182,7 +182,7 @@ def _caches() -> list[dict[str, Any]]:
             sources.setdefault(file.parent, []).append(file)
     places: dict[str | None, dict[str, Any]] = {}
     for folder, members in sources.items():
-        place = _cache_place(members[0])
+        place = cache_place(members[0])
         entry = places.setdefault(place, {"place": place, "for": [], "bytes": 0, "files": 0, "writable": False})
         entry["for"].append(str(folder.relative_to(package)))
         kept = [one for one in Path(place).iterdir() if one.suffix in _CODE] if place and Path(place).is_dir() else []
@@ -191,7 +191,7 @@ def _caches() -> list[dict[str, Any]]:
     return list(places.values())
 
 
-def _cache_place(source: Path) -> str | None:
+def cache_place(source: Path) -> str | None:
     """Return where numba keeps the compiled code of a file; None where it finds no folder that it can write."""
     try:
         from numba.core.caching import FunctionCache
@@ -216,8 +216,9 @@ def _compiler() -> dict[str, str] | None:
 # --- findings --------------------------------------------------------------------------------------------------------
 
 
-def _findings(facts: dict[str, Any]) -> list[dict[str, str]]:
-    found = [*_own_findings(facts), *_package_findings(facts), *_variable_findings(facts["variables"])]
+def findings_of(facts: dict[str, Any]) -> list[dict[str, str]]:
+    """Return severity, evidence and step of each fault of an installation."""
+    found = [*_own_findings(facts), *package_findings(facts), *_variable_findings(facts["variables"])]
     if facts["threads"]["trouble"]:
         text = f"numpy, scipy or threadpoolctl cannot be imported ({facts['threads']['trouble']})"
         found.append(_finding(_FAULT, text, "install dynident into a fresh virtual environment"))
@@ -245,7 +246,8 @@ def _own_findings(facts: dict[str, Any]) -> list[dict[str, str]]:
     return []
 
 
-def _package_findings(facts: dict[str, Any]) -> list[dict[str, str]]:
+def package_findings(facts: dict[str, Any]) -> list[dict[str, str]]:
+    """Return the findings about packages that are missing, older than needed or shadowed by a file."""
     found = []
     optional = [one for extra in facts["extras"] for one in extra["packages"]]
     for one in [*facts["packages"], *optional]:

@@ -78,7 +78,7 @@ def build_parser(only: str | None = None, short: bool = False) -> argparse.Argum
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name in COMMANDS if only is None else (only,):
-        module = _module(name)
+        module = module_of(name)
         own = commands.add_parser(
             name,
             help=module.SUMMARY,
@@ -92,7 +92,8 @@ def build_parser(only: str | None = None, short: bool = False) -> argparse.Argum
     return parser
 
 
-def _module(name: str) -> Any:
+def module_of(name: str) -> Any:
+    """Return the module of a command."""
     return importlib.import_module(f"dynident.cli.{_MODULES.get(name, name)}")
 
 
@@ -127,7 +128,7 @@ def _done(words: list[str]) -> int:
         remark("error: there is no standard output to write the answer to")
         return 1
     try:
-        code = _module(options.command).run(options)
+        code = module_of(options.command).run(options)
         sys.stdout.flush()
     except (DynidentError, OSError, MemoryError, ImportError) as error:
         if isinstance(error, ImportError) and _out_of_memory(error) is None:

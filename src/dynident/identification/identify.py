@@ -15,10 +15,10 @@ from dynident.identification.selection.cutoff.sensitivity import cutoff_sensitiv
 from dynident.identification.uncertainty.trust import TrustOptions, with_diagnostics
 from dynident.identification.validate import with_nominal
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.threads import on_one_blas_thread
+from dynident.model.threads import one_blas_thread
 
 
-@on_one_blas_thread
+@one_blas_thread()
 def identify(
     model: DynamicModel,
     logs: Sequence[Log],

@@ -20,10 +20,10 @@ from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.uncertainty.propagation import prediction_deviations
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.threads import on_one_blas_thread
+from dynident.model.threads import one_blas_thread
 
 
-@on_one_blas_thread
+@one_blas_thread()
 def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessing | None = None) -> Validation:
     """Compare an estimate with logs that it has not seen; they are prepared as those of the fit.
 

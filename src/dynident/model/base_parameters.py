@@ -163,7 +163,7 @@ def base_parameters(model: DynamicModel, inertial_only: bool = False, seed: int 
     matrix[:, chosen] = np.eye(rank)
     matrix.setflags(write=False)
     matters = largest >= TOLERANCE
-    shares = _remainders(scaled[:, chosen])
+    shares = remainders(scaled[:, chosen])
     return BaseParameters(model.parameters[:size], chosen, matrix, matters, shares, float(neglected))
 
 
@@ -266,7 +266,7 @@ def _less(columns: Array, direction: Array) -> Array:
     return columns
 
 
-def _remainders(kept: Array) -> Array:
+def remainders(kept: Array) -> Array:
     """Return the norm of what all other columns leave of each, shape (b,)."""
     inverse = np.linalg.inv(np.linalg.qr(kept, mode="r"))
     return 1.0 / np.linalg.norm(inverse, axis=1)

@@ -8,15 +8,14 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager
-from functools import cache, wraps
-from typing import Any, ParamSpec, TypeVar
+from contextlib import AbstractContextManager, ContextDecorator
+from functools import cache
+from typing import Any, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-Given = ParamSpec("Given")
 
 
 @cache
@@ -27,7 +26,7 @@ def _libraries() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-class _OneBlasThread(threading.local):
+class _OneBlasThread(threading.local, ContextDecorator):
     """Holds the libraries at one thread while its own thread is inside: calls within calls cost nothing.
 
     Between threads the rules are those of threadpoolctl.
@@ -51,20 +50,9 @@ class _OneBlasThread(threading.local):
 _one_blas_thread = _OneBlasThread()
 
 
-def one_blas_thread() -> AbstractContextManager[None]:
-    """Return a context in which NumPy and SciPy work on one thread."""
+def one_blas_thread() -> _OneBlasThread:
+    """Return a context, or a decorator, in which NumPy and SciPy work on one thread: for small matrices."""
     return _one_blas_thread
-
-
-def on_one_blas_thread(work: Callable[Given, Result]) -> Callable[Given, Result]:
-    """Return a function that does its work with NumPy and SciPy on one thread: its matrices are small."""
-
-    @wraps(work)
-    def done(*given: Given.args, **named: Given.kwargs) -> Result:
-        with one_blas_thread():
-            return work(*given, **named)
-
-    return done
 
 
 def usable_processors() -> int:

@@ -88,7 +88,7 @@ class Runs:
     def __init__(
         self, folder: Folder, earlier: Sequence[Run] = (), ended: Callable[[Run], None] = lambda run: None
     ) -> None:
-        self._folder, self._ended = folder, ended
+        self.folder, self._ended = folder, ended
         self._runs = {run.number: run for run in earlier}
         self._lock = threading.Lock()
         self._count = max(self._runs, default=0)
@@ -104,7 +104,7 @@ class Runs:
         try:
             return self._started(order)
         except BaseException:
-            self._folder.release(order.outputs)
+            self.folder.release(order.outputs)
             raise
 
     def _started(self, order: Order) -> Run:
@@ -114,7 +114,7 @@ class Runs:
             if sum(run.state == "running" for run in self._runs.values()) >= AT_ONCE:
                 raise BadOption("command", order.verb, f"{AT_ONCE} commands run already; wait for one, or cancel it")
             self._count += 1
-            process = self._process(order)
+            process = self.start_process(order)
             run = Run(self._count, order, process)
             self._runs[run.number] = run
             finished = [number for number, known in self._runs.items() if known.state != "running"]
@@ -173,11 +173,12 @@ class Runs:
         for follower in followers:
             follower.join(2 * GRACE)
 
-    def _process(self, order: Order) -> subprocess.Popen[str]:
+    def start_process(self, order: Order) -> subprocess.Popen[str]:
+        """Return the started process of an order, which ends when its input is closed."""
         stores = ",".join(dict.fromkeys(map(store_of, order.outputs)))
         return subprocess.Popen(
             [sys.executable, "-m", "dynident.studio.child", stores, *order.arguments],
-            cwd=self._folder.path,
+            cwd=self.folder.path,
             stdin=subprocess.PIPE,  # closed when this process ends, by which the command knows
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -203,7 +204,7 @@ class Runs:
             run.answer, run.code, run.took = answer, code, time.monotonic() - run.began
             cancelled = run.state == "cancelled"
             done = not cancelled and code in run.order.good and self._kept(run)
-            self._folder.release(run.order.outputs)
+            self.folder.release(run.order.outputs)
             if not cancelled:
                 run.state = "done" if done else "failed"
         if done:
@@ -214,7 +215,7 @@ class Runs:
     def _kept(self, run: Run) -> bool:
         """Give the files of a command their names, and say whether that was possible."""
         try:
-            names = self._folder.keep(run.order.outputs)
+            names = self.folder.keep(run.order.outputs)
         except OSError as error:
             run.progress.append(f"error: its files cannot be written ({error.strerror}); check the space left")
             return False

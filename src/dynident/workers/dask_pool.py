@@ -135,7 +135,7 @@ def _check_versions(client: Any, scheduler: str) -> None:
     Raises:
         PoolFailed: Naming the packages and the workers.
     """
-    wanted = _versions()
+    wanted = package_versions()
     told = client.get_versions(packages=list(PACKAGES))["workers"]
     wrong: dict[str, list[str]] = {}
     for address, facts in sorted(told.items()):
@@ -158,7 +158,8 @@ def _python(text: str) -> str:
     return ".".join(text.split(".")[:2])
 
 
-def _versions() -> dict[str, str | None]:
+def package_versions() -> dict[str, str | None]:
+    """Return the versions of the packages that cluster and client must share; None where one is missing."""
     found: dict[str, str | None] = {}
     for name in PACKAGES:
         try:
@@ -171,7 +172,7 @@ def _versions() -> dict[str, str | None]:
 @cache
 def installation() -> str:
     """Return the hash of the files of this package and of the versions that matter: two that agree compute the same."""
-    root, found = Path(__file__).resolve().parents[1], hashlib.sha256(repr(_versions()).encode())
+    root, found = Path(__file__).resolve().parents[1], hashlib.sha256(repr(package_versions()).encode())
     for file in sorted(root.rglob("*.py")):
         found.update(str(file.relative_to(root)).encode() + b"\0" + file.read_bytes())
     return found.hexdigest()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
+from bare_estimates import bare_estimate
 from dynident import DynamicModel, Estimate, FourierSeries, Log, Robot, identify
 from dynident.applications.compensation import (
     computed_torque,
@@ -27,7 +28,6 @@ from dynident.data.formats import ColumnMap, write_log
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption, LogMismatch
-from dynident.model.base_parameters import base_parameters
 from dynident.model.friction import FRICTION, Motion
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
@@ -200,13 +200,9 @@ def test_the_generated_equations_are_the_generic_ones(estimate: Estimate, monkey
 
 def test_load_friction_and_temperatures_are_those_of_the_model(robot: Robot) -> None:
     model = DynamicModel(robot, tuple(FRICTION.make(name) for name in ("load", "temperature", "viscous")))
-    base = base_parameters(model)
-    estimate = object.__new__(Estimate)
     nominal = np.asarray(robot.nominal)
     theta = np.r_[nominal, np.full(len(model.parameters) - len(nominal), 0.3)]
-    values = {"model": model, "base": base, "beta": base.from_standard(theta), "covariance": np.eye(base.count)}
-    for key, value in values.items():
-        object.__setattr__(estimate, key, value)
+    estimate = bare_estimate(model, theta)
     motion, warm = model.random_motion(5, seed=3), np.full((5, 6), 31.0)
     terms = Equations(estimate).at(motion.q, motion.dq, warm)
     expected = friction_torque(model, theta, motion.q, motion.dq, warm)

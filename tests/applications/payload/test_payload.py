@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynident import DynamicModel, Estimate, FourierSeries, Inertia, Log, Robot, identify
+from arm_models import model_of
+from dynident import Estimate, FourierSeries, Inertia, Log, Robot, identify
 from dynident.applications.payload import BeforeRun, CarriedLoad, identify_payload, vendor_forms
 from dynident.applications.payload.gain_doubt import variance_of_shares
 from dynident.applications.payload.possible_body import possible_body
@@ -16,15 +17,11 @@ from dynident.arrays import Array
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption, LogMismatch, UnknownChoice
-from dynident.model.friction import FRICTION, Motion
+from dynident.model.friction import Motion
 from dynident.model.robot import rotation_about
 
 BODY = Inertia.from_centre_of_mass(2.6, [0.05, 0.1, 0.04], np.diag([0.02, 0.015, 0.012]))
 GIVEN = Preprocessing(AsGiven(), rest="keep")
-
-
-def model_of(robot: Robot) -> DynamicModel:
-    return DynamicModel(robot, tuple(FRICTION.make(name) for name in ("coulomb", "viscous", "offset")))
 
 
 def with_body(robot: Robot) -> Robot:
@@ -39,7 +36,7 @@ def with_body(robot: Robot) -> Robot:
 
 
 def run_of(robot: Robot, seed: int, noise: float = 0.2, warm: float = 1.0) -> Log:
-    model, generator = model_of(robot), np.random.default_rng(seed)
+    model, generator = model_of(robot, "coulomb", "viscous", "offset"), np.random.default_rng(seed)
     assert robot.nominal is not None
     time = np.arange(600) / 50.0
     sine, cosine = 0.3 * np.random.default_rng(seed).normal(size=(2, robot.dof, 5))
@@ -55,7 +52,7 @@ def postures_of(robot: Robot, noise: float = 0.05) -> Log:
     none = np.zeros_like(q)
     assert robot.nominal is not None
     theta = np.concatenate([robot.nominal, np.tile([2.0, 3.0, 0.4], robot.dof)])
-    torque = model_of(robot).torque(Motion(q, none, none), theta)
+    torque = model_of(robot, "coulomb", "viscous", "offset").torque(Motion(q, none, none), theta)
     torque = torque + noise * np.random.default_rng(4).normal(size=q.shape)
     speed = np.where(np.arange(len(q))[:, None] % 60 < 5, 1.0, none)  # it comes to each posture from another one
     return Log(robot.joint_names, np.arange(len(q)) / 50.0, q, speed, none, torque)
@@ -63,7 +60,7 @@ def postures_of(robot: Robot, noise: float = 0.05) -> Log:
 
 @pytest.fixture(scope="module")
 def estimate(robot: Robot) -> Estimate:
-    return identify(model_of(robot), [run_of(robot, 1)], "wls", GIVEN)
+    return identify(model_of(robot, "coulomb", "viscous", "offset"), [run_of(robot, 1)], "wls", GIVEN)
 
 
 @pytest.mark.parametrize(("share", "warm"), [(1.0, 1.2), (0.0, 1.0)])
@@ -86,7 +83,7 @@ def test_the_robots_own_doubt_is_part_of_the_payloads(robot: Robot, estimate: Es
 
 
 def test_exact_data_give_the_exact_payload(robot: Robot) -> None:
-    exact = identify(model_of(robot), [run_of(robot, 1, noise=0.0)], "wls", GIVEN)
+    exact = identify(model_of(robot, "coulomb", "viscous", "offset"), [run_of(robot, 1, noise=0.0)], "wls", GIVEN)
     found = identify_payload(exact, [run_of(with_body(robot), 2, noise=0.0)])
     np.testing.assert_allclose([one.value for one in found.parameters], BODY.vector, atol=1e-6)
 
@@ -108,7 +105,9 @@ def test_joints_that_disagree_say_how_far_gains_are_off(robot: Robot) -> None:
         empty, loaded = (run_of(one, seed, 0.05) for one, seed in ((robot, 1), (with_body(robot), 2)))
         empty, loaded = (replace(log, torque=np.asarray(log.torque) * factors) for log in (empty, loaded))
         loaded = replace(loaded, current=np.asarray(loaded.torque) / 10.0)
-        return identify_payload(identify(model_of(robot), [empty], "wls", GIVEN), [loaded])
+        return identify_payload(
+            identify(model_of(robot, "coulomb", "viscous", "offset"), [empty], "wls", GIVEN), [loaded]
+        )
 
     wrong, right = found_with(errors), found_with(np.ones(6))
     assert abs(wrong.mass.value - 2.6) <= wrong.mass.half_width <= 0.3 * 2.6

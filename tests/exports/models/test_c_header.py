@@ -12,13 +12,12 @@ import numpy as np
 import pytest
 from compiled_header import COMPILER, Header, needs_compiler
 
+from bare_estimates import bare_estimate
 from dynident.errors import BadOption, DynidentError, FileError
 from dynident.exports.models import MODEL_EXPORTERS, ModelContent, export_model
 from dynident.exports.models.c_header import CHeader
 from dynident.exports.models.writing import c_programs
 from dynident.identification.estimate.estimate import Estimate
-from dynident.identification.problem.method_run import MethodRun
-from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.kernels import batched
@@ -31,19 +30,13 @@ EVERYTHING = ("coulomb", "viscous", "offset", "rotor_inertia", "load", "stribeck
 
 
 def bare(robot: Robot, friction: tuple[str, ...]) -> Estimate:
-    """Return an estimate with drawn friction and nothing but what an export reads."""
+    """Return an estimate with drawn friction."""
     model = DynamicModel(robot, friction)  # type: ignore[arg-type]
     nominal = model.nominal()
     assert nominal is not None
     theta = nominal.copy()
     theta[model.inertial_count :] = np.random.default_rng(1).uniform(0.1, 0.5, len(theta) - model.inertial_count)
-    base = base_parameters(model)
-    estimate = object.__new__(Estimate)
-    values = {"model": model, "base": base, "beta": base.from_standard(theta), "theta": theta}
-    values |= {"covariance": np.eye(base.count), "estimator": "consistent", "provenance": {}, "samples": 1}
-    for key, value in (values | {"degrees": None, "run": MethodRun()}).items():
-        object.__setattr__(estimate, key, value)
-    return estimate
+    return bare_estimate(model, theta)
 
 
 def states(model: DynamicModel, count: int = 20) -> Motion:
@@ -72,7 +65,9 @@ def test_it_compiles_without_a_warning_as_c99_and_cpp17(
     coupled_arm: Robot, friction: tuple[str, ...], tmp_path: Path
 ) -> None:
     found = export_model(
-        bare(coupled_arm, friction), MODEL_EXPORTERS.make("c_header", prefix="arm"), tmp_path / f"{tmp_path.name}.h"
+        bare(coupled_arm, friction),
+        MODEL_EXPORTERS.make("c_header", {"prefix": "arm"}),
+        tmp_path / f"{tmp_path.name}.h",
     )
     assert found.proofs and all(proof.relative is not None for proof in found.proofs)
     compiles(tmp_path, "arm", ("-std=c99",))
@@ -90,7 +85,7 @@ def header(six: Estimate, tmp_path_factory: pytest.TempPathFactory) -> Header:
     if COMPILER is None:
         pytest.skip("no C compiler on the path")
     path = tmp_path_factory.mktemp("header") / "arm.h"
-    export_model(six, MODEL_EXPORTERS.make("c_header", velocity_scale=0.3), path, proof=False)
+    export_model(six, MODEL_EXPORTERS.make("c_header", {"velocity_scale": 0.3}), path, proof=False)
     functions = [("gravity", 1), ("coriolis", 2), ("mass_matrix", 1), ("momentum_", 2), ("rigid", 3)]
     functions += [("friction", 3), ("friction_compensation", 3), ("feed_forward", 3), ("inverse_dynamics", 3)]
     functions += [("gravity_compensation", 1), ("regressor", 3), ("base_parameters", 0), ("known_torque", 1)]

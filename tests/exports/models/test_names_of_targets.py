@@ -109,7 +109,7 @@ def test_the_package_file_of_a_ros_package_stays_as_it_is(on_world: Estimate, tm
     assert (tmp_path / "package.xml").read_bytes() == about
     assert "package://arm_description/arm.sdf" in (tmp_path / "arm.dmd.yaml").read_text()
     with pytest.raises(FileError, match="of the package 'arm_description', not 'other'"):
-        export_model(on_world, MODEL_EXPORTERS.make("drake", package="other"), tmp_path / "arm.dmd.yaml")
+        export_model(on_world, MODEL_EXPORTERS.make("drake", {"package": "other"}), tmp_path / "arm.dmd.yaml")
     (tmp_path / "package.xml").write_text("<package>")
     with pytest.raises(FileError, match="names no package"):
         export_model(on_world, "drake", tmp_path / "arm.dmd.yaml")

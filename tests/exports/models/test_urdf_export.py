@@ -41,7 +41,7 @@ def locked(arm: Robot, exact_log: Callable[..., Log]) -> Estimate:
 def written(estimate: Estimate, folder: Path, text: str | bytes = URDF, lump: bool = False) -> tuple[bytes, bytes]:
     data = text.encode() if isinstance(text, str) else text
     (folder / "arm.urdf").write_bytes(data)
-    part = MODEL_EXPORTERS.make("urdf", lump=lump)
+    part = MODEL_EXPORTERS.make("urdf", {"lump": lump})
     found = export_model(estimate, part, folder / "out.urdf", description=folder / "arm.urdf")
     relative = [proof.relative for proof in found.proofs if proof.relative is not None]
     assert len(relative) >= 2 and max(relative) < 1e-9
@@ -156,7 +156,7 @@ def test_joints_without_friction_in_the_model_keep_their_tags(
 ) -> None:
     from dynident.model.friction import FRICTION
 
-    parts = (FRICTION.make("viscous", joints=("elbow", "grip")),)
+    parts = (FRICTION.make("viscous", {"joints": ("elbow", "grip")}),)
     _, after = written(estimate_of(arm, exact_log, parts), tmp_path)
     joints = {joint.name: joint for joint in read_urdf("out", after).joints}
     assert (joints["shoulder"].damping, joints["shoulder"].friction) == (9.0, 7.0)

@@ -76,7 +76,7 @@ def test_the_player_approaches_drives_the_table_and_records(tmp_path: Path) -> N
     plan = plan_of(7, scale=0.2)
     found = export_motion(
         plan,
-        MOTION_EXPORTERS.make("libfranka", player=True),
+        MOTION_EXPORTERS.make("libfranka", {"player": True}),
         tmp_path / "m.csv",
         playback=Playback(from_posture="start", speed=100),
     )
@@ -107,7 +107,7 @@ def test_the_player_approaches_drives_the_table_and_records(tmp_path: Path) -> N
 def test_the_player_names_a_table_that_is_none(tmp_path: Path) -> None:
     export_motion(
         plan_of(7),
-        MOTION_EXPORTERS.make("libfranka", player=True),
+        MOTION_EXPORTERS.make("libfranka", {"player": True}),
         tmp_path / "m.csv",
         playback=Playback(from_posture="start"),
     )

@@ -65,7 +65,7 @@ def test_a_table_is_the_design(rate: float, speed: float, run_in: float, degrees
     plan = plan_of(4, sliding=[1], run_in=run_in)
     found = export_motion(
         plan,
-        MOTION_EXPORTERS.make("csv", degrees=degrees),
+        MOTION_EXPORTERS.make("csv", {"degrees": degrees}),
         tmp_path / "m.csv",
         playback=Playback(rate=rate, speed=speed, from_posture="start", repeats=2),
     )
@@ -134,7 +134,7 @@ def test_a_message_is_the_design(rate: float, speed: float, goal: bool, tmp_path
     plan = plan_of(names=[f"ur_joint-{i}/x" for i in range(6)], run_in=1.0)
     found = export_motion(
         plan,
-        MOTION_EXPORTERS.make("joint_trajectory", goal=goal),
+        MOTION_EXPORTERS.make("joint_trajectory", {"goal": goal}),
         tmp_path / "m.yaml",
         playback=Playback(rate=rate, speed=speed, from_posture=POSTURE),
     )
@@ -178,7 +178,7 @@ def test_a_bag_plays_the_approach_and_then_the_motion(storage: str, tmp_path: Pa
     plan, store = plan_of(), get_typestore(Stores.ROS2_HUMBLE)
     found = export_motion(
         plan,
-        MOTION_EXPORTERS.make("ros2_bag", storage=storage, topic="/arm/go"),
+        MOTION_EXPORTERS.make("ros2_bag", {"storage": storage, "topic": "/arm/go"}),
         tmp_path / "bag",
         playback=Playback(from_posture=POSTURE, speed=50),
     )
@@ -229,7 +229,7 @@ def test_a_bag_takes_no_folder_that_holds_something_else(tmp_path: Path) -> None
 @pytest.mark.parametrize("asked", [{"storage": "zip"}, {"topic": "a b"}, {"topic": "/a\n"}, {"most_points": 10}])
 def test_bags_that_cannot_be(asked: dict[str, Any], tmp_path: Path) -> None:
     with pytest.raises(BadOption, match=next(iter(asked))):
-        export_motion(plan_of(2), MOTION_EXPORTERS.make("ros2_bag", **asked), tmp_path / "bag")
+        export_motion(plan_of(2), MOTION_EXPORTERS.make("ros2_bag", asked), tmp_path / "bag")
 
 
 def test_a_missing_package_is_named_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ ONCE = Playback()
 
 
 def drive(plan: Plan, name: str, path: Path, playback: Playback = ONCE, **asked: Any) -> Module:
-    export_motion(plan, MOTION_EXPORTERS.make(name, **asked), path, playback)
+    export_motion(plan, MOTION_EXPORTERS.make(name, asked), path, playback)
     text = path.read_text("ascii")
     return run_krl(text, path.with_suffix(".dat").read_text("ascii")) if name == "krl" else run_rapid(text)
 
@@ -44,7 +44,7 @@ def test_a_script_servos_the_designed_positions(
     plan = plan_of(run_in=run_in)
     found = export_motion(
         plan,
-        MOTION_EXPORTERS.make("urscript", gain=500.0),
+        MOTION_EXPORTERS.make("urscript", {"gain": 500.0}),
         tmp_path / "go.script",
         playback=Playback(rate=rate, speed=speed, repeats=repeats),
     )
@@ -88,7 +88,7 @@ def test_a_script_states_speed_and_plan(tmp_path: Path) -> None:
 )
 def test_what_servoj_does_not_take(asked: dict[str, Any], message: str, tmp_path: Path) -> None:
     with pytest.raises(BadOption, match=re.escape(message)):
-        export_motion(plan_of(), MOTION_EXPORTERS.make("urscript", **asked), tmp_path / "go.script")
+        export_motion(plan_of(), MOTION_EXPORTERS.make("urscript", asked), tmp_path / "go.script")
     with pytest.raises(BadOption, match="whole multiples of 2 ms: 500, 250"):
         export_motion(plan_of(), "urscript", tmp_path / "go.script", Playback(rate=200.0))
     assert not list(tmp_path.iterdir())
@@ -130,7 +130,7 @@ def test_the_reported_deviation_is_that_of_the_interpolation(name: str, file: st
 
     plan = plan_of()
     for tolerance in (0.5, 0.05):
-        found = export_motion(plan, MOTION_EXPORTERS.make(name, tolerance=tolerance), tmp_path / file)
+        found = export_motion(plan, MOTION_EXPORTERS.make(name, {"tolerance": tolerance}), tmp_path / file)
         module = drive(plan, name, tmp_path / file, tolerance=tolerance)
         axes = [f"A{i}" if name == "krl" else f"rax_{i}" for i in range(1, 7)]
         _, targets = table(module, axes)
@@ -171,15 +171,15 @@ def test_what_a_controller_of_axes_does_not_take(name: str, file: str, tmp_path:
         ({"external": "joint1,joint1"}, "external = 'joint1,joint1' is not possible"),
     ]:
         with pytest.raises(BadOption, match=re.escape(message)):
-            export_motion(plan_of(), MOTION_EXPORTERS.make(name, **asked), tmp_path / file)
+            export_motion(plan_of(), MOTION_EXPORTERS.make(name, asked), tmp_path / file)
     with pytest.raises(BadOption, match="has no rate: its points are thinned"):
         export_motion(plan_of(), name, tmp_path / file, Playback(rate=100.0))
     with pytest.raises(UnknownChoice, match="no joint called 'joint9'"):
-        export_motion(plan_of(), MOTION_EXPORTERS.make(name, external="joint9"), tmp_path / file)
+        export_motion(plan_of(), MOTION_EXPORTERS.make(name, {"external": "joint9"}), tmp_path / file)
     with pytest.raises(BadOption, match="1 to 6 joints are robot axes"):
         export_motion(plan_of(13), name, tmp_path / file)
     with pytest.raises(BadOption, match="zone"):
-        export_motion(plan_of(), MOTION_EXPORTERS.make("rapid", zone="z3"), tmp_path / "go.mod")
+        export_motion(plan_of(), MOTION_EXPORTERS.make("rapid", {"zone": "z3"}), tmp_path / "go.mod")
     assert not list(tmp_path.iterdir())
 
 

@@ -185,4 +185,4 @@ def test_eight_rows_a_period_know_as_much_as_all(cell: Cell) -> None:
 def test_motion_is_imitated_with_the_detail_that_noise_leaves(
     errors: list[tuple[float, float]], best: int, sharpest: int
 ) -> None:
-    assert choice._sharpest(errors, best) == sharpest
+    assert choice.sharpest_of(errors, best) == sharpest

@@ -39,7 +39,7 @@ def case(tmp_path: Path, planar_2r: Robot, monkeypatch: pytest.MonkeyPatch) -> C
     """A case whose logs are cut into many windows."""
     monkeypatch.setattr(windows, "TILE", 1)
     (tmp_path / "arm.json").write_text(json.dumps(robot_to_dict(planar_2r)))
-    fast = FILTERS.make("butterworth", cutoff_hz=5.0)
+    fast = FILTERS.make("butterworth", {"cutoff_hz": 5.0})
     how = Preprocessing(fast, rate_hz=200.0, trim_s=0.5, standstill=0.3)  # many rows are at rest
     return replace(read_case(tmp_path / "arm.json"), preprocessing=how)
 
@@ -88,10 +88,10 @@ HOW: dict[str, dict[str, Any]] = {
     "every row, rest kept": {"rate_hz": None, "rest": "keep", "trim_s": 0.0},
     "motion later": {"delay_s": 0.0137},
     "motion earlier": {"delay_s": -0.031, "trim_s": 1.234, "rate_hz": 66.0},
-    "slow filter": {"filter": FILTERS.make("butterworth", cutoff_hz=1.5)},
-    "torque raw": {"filter": FILTERS.make("butterworth", cutoff_hz=5.0, torque="none")},
+    "slow filter": {"filter": FILTERS.make("butterworth", {"cutoff_hz": 1.5})},
+    "torque raw": {"filter": FILTERS.make("butterworth", {"cutoff_hz": 5.0, "torque": "none"})},
     "rows by the cut-off": {"rows_per_period": 8.0},
-    "five points": {"filter": FILTERS.make("five_point", repeats=20)},
+    "five points": {"filter": FILTERS.make("five_point", {"repeats": 20})},
 }
 
 
@@ -220,7 +220,7 @@ def test_intervals_cover_the_truth_under_coloured_noise(case: Case, exact_log: M
 
 def test_what_needs_all_rows_is_refused_in_words(case: Case, make: Callable[..., Path], tmp_path: Path) -> None:
     log = make("run.npz", samples=4000)
-    whole = FILTERS.make("fourier_fit", period_s=5.0)
+    whole = FILTERS.make("fourier_fit", {"period_s": 5.0})
     for how, words in (({"filter": whole}, "the filter 'fourier_fit' needs the whole log at once"),):
         changed = replace(case, preprocessing=replace(case.preprocessing, **how))  # type: ignore[arg-type]
         with pytest.raises(LogMismatch, match=words):

@@ -14,7 +14,7 @@ from dynident.model.descriptions import read_robot
 from dynident.model.kernels import code_files, compiled
 from dynident.model.kernels.code_files import KEPT, WORTH_KEEPING, kept_code
 from dynident.model.kernels.emit import llvm_assembly
-from dynident.model.kernels.generated import _quantity
+from dynident.model.kernels.generated import compiled_quantity
 
 LONG = "; a comment\n" * WORTH_KEEPING
 
@@ -84,13 +84,13 @@ def test_a_full_disk_is_no_error_and_leaves_nothing(folder: Path, monkeypatch: p
 
 def test_without_a_stated_folder_the_users_own_comes_after_that_of_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    beside, own = code_files._folders()
+    beside, own = code_files.cache_folders()
     assert beside == Path(code_files.__file__).parent / "__pycache__"
     assert own.is_absolute() and own.name == "dynident"
     monkeypatch.setattr("os.path.expanduser", lambda name: name)  # nobody's home
     monkeypatch.setenv("XDG_CACHE_HOME", "")
     monkeypatch.delenv("LOCALAPPDATA", raising=False)
-    assert list(code_files._folders()) == [beside]
+    assert list(code_files.cache_folders()) == [beside]
 
 
 def test_the_oldest_files_go(folder: Path) -> None:
@@ -122,7 +122,7 @@ def test_threads_on_one_empty_folder(folder: Path) -> None:
 
 def test_a_kernel_from_the_disk_is_the_kernel(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The regressor of an arm by code just made and by code read, bit by bit; the compiler is asked once."""
-    made = _quantity(read_robot("generic-6r").chain, "regressor", forced=False)
+    made = compiled_quantity(read_robot("generic-6r").chain, "regressor", forced=False)
     assert made is not None
     q, dq, ddq = np.random.default_rng(0).normal(size=(3, 50, 6))
     parsed: list[str] = []

@@ -95,14 +95,14 @@ def test_every_vector_width_computes_the_same(width: int, six: Arm, monkeypatch:
     motion = six.states(29)
     expected = batched.inverse_dynamics(six.chain, six.theta, *motion)
     monkeypatch.setattr(compiled, "lanes", lambda: width)
-    monkeypatch.setattr(compiled, "_ready", compiled.OrderedDict())
+    monkeypatch.setattr(compiled, "ready_kernels", compiled.OrderedDict())
     found = batched.inverse_dynamics(six.chain, six.theta, *motion)
     assert np.abs(found - expected).max() < 1e-14 * np.abs(expected).max()
 
 
 def test_a_kernel_is_made_once_and_the_oldest_goes_first(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[int] = []
-    monkeypatch.setattr(compiled, "_ready", compiled.OrderedDict())
+    monkeypatch.setattr(compiled, "ready_kernels", compiled.OrderedDict())
     monkeypatch.setattr(compiled, "KEPT", 2)
 
     def make() -> tuple[TracedProgram, Layout]:

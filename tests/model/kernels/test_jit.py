@@ -53,7 +53,7 @@ def test_a_change_of_the_kernels_makes_cached_callers_old(
     load: Callable[[], ModuleType], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     load().doubled(4.0)
-    monkeypatch.setattr(jit, "_sources", lambda: "another version of generic.py")
+    monkeypatch.setattr(jit, "kernel_sources", lambda: "another version of generic.py")
     changed = load()
     assert changed.doubled(4.0) == 8.0
     assert hits(changed) == 0

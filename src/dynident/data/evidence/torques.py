@@ -105,7 +105,7 @@ def explained_shares(robot: Robot, time: Array, q: Array, efforts: Sequence[Arra
         Share of the variance of each that base parameters, Coulomb and viscous friction and an offset explain, the
         joints weighted alike; 0 where a log is too poor.
     """
-    friction = (FRICTION.make("coulomb", width=0.01), FRICTION.make("viscous"), FRICTION.make("offset"))
+    friction = (FRICTION.make("coulomb", {"width": 0.01}), FRICTION.make("viscous"), FRICTION.make("offset"))
     model = DynamicModel(robot, friction)
     base = base_parameters(model)
     shares: list[float] = []
@@ -131,7 +131,7 @@ def _filtered(robot: Robot, time: Array, q: Array, effort: Array, cutoff_hz: flo
     """Return motion and torques of a log on equal steps; None where it is too poor for any."""
     try:
         log = Log(robot.joint_names, time, q, torque=effort)
-        how = Preprocessing(FILTERS.make("butterworth", cutoff_hz=cutoff_hz), rate_hz=_RATE, longest_gap_s=BRIDGED)
+        how = Preprocessing(FILTERS.make("butterworth", {"cutoff_hz": cutoff_hz}), rate_hz=_RATE, longest_gap_s=BRIDGED)
         rows = preprocess(log, how).kept
     except (DynidentError, ValueError):  # the reader of the case says what is wrong with the log
         return None

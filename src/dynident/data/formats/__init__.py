@@ -126,7 +126,7 @@ def _form(columns: ColumnMap) -> LogFormat | None:
         if columns.form == "csv":
             options.setdefault("decimal", columns.decimal)
         return FORMATS.make_from_text(columns.form, options)
-    return None if columns.decimal == "." else FORMATS.make("csv", decimal=columns.decimal)
+    return None if columns.decimal == "." else FORMATS.make("csv", {"decimal": columns.decimal})
 
 
 def _chosen(path: str | Path, form: str | LogFormat | None) -> LogFormat:

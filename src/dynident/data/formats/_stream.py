@@ -47,12 +47,13 @@ class LogStream:
         table: The opened file.
         columns: Which columns are which signals, every one in the header.
         folder: Where the temporary file is; None for the system's folder for such files.
+        kept: The temporary file of a format that is decoded once.
     """
 
     table: LogTable
     columns: ColumnMap
     folder: Path | None = None
-    _kept: list[_Kept] = field(default_factory=list, init=False, repr=False, compare=False)
+    kept: list[_Kept] = field(default_factory=list, init=False, repr=False, compare=False)
 
     def times(self, rows: int = ROWS) -> Reading[Array, Source]:
         """Return the time in s in blocks, shape (<= rows,), and where the log comes from.
@@ -60,8 +61,8 @@ class LogStream:
         Raises:
             LogFormatError: An unsound row, or fewer than ten.
         """
-        if self._kept or not self.table.rereads:
-            return Reading(_times_of(self._logs(rows) if self._kept else self._logs_once(rows)))
+        if self.kept or not self.table.rereads:
+            return Reading(_times_of(self._logs(rows) if self.kept else self._logs_once(rows)))
         return Reading(self._only_times(rows))
 
     def blocks(self, rows: int = ROWS) -> Reading[Log, Source]:
@@ -70,8 +71,8 @@ class LogStream:
 
     def close(self) -> None:
         """Remove the temporary file."""
-        while self._kept:
-            self._kept.pop().file.close()
+        while self.kept:
+            self.kept.pop().file.close()
 
     def _only_times(self, rows: int) -> Generator[Array, None, Source]:
         checked = Checked(self.table, self.columns)
@@ -83,7 +84,7 @@ class LogStream:
 
     def _logs(self, rows: int) -> Generator[Log, None, Source]:
         checked = Checked(self.table, self.columns)
-        kept = self._kept[0].blocks(rows) if self._kept else self.table.batches(names_of(self.columns), rows)
+        kept = self.kept[0].blocks(rows) if self.kept else self.table.batches(names_of(self.columns), rows)
         batches = Reading(kept)
         for values in batches:
             yield checked.block(values)
@@ -103,7 +104,7 @@ class LogStream:
             checked.end()
             with written_for_a_while(self.folder):
                 file.flush()
-            self._kept.append(_Kept(file, len(names), batches.result))
+            self.kept.append(_Kept(file, len(names), batches.result))
             stack.pop_all()  # it stays open until the stream is closed
             return checked.source(batches.result)
 

@@ -34,7 +34,7 @@ from dynident.files import unreadable
 #: Larger files are not read at once, and larger ones still are no logs.
 MAX_BYTES, MOST_BYTES = 2 << 30, 1 << 44
 MAX_COLUMNS = 4096
-_CHUNK = 1 << 20
+CHUNK = 1 << 20
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 
@@ -265,7 +265,7 @@ def _check_bytes(path: str | Path) -> str:
             raise LogFormatError(path, 1, "UTF-16 text, not UTF-8", "save it as CSV UTF-8")
         stream.seek(0)
         while chunk:  # the empty last one tells the decoder that nothing follows
-            chunk = stream.read(_CHUNK)
+            chunk = stream.read(CHUNK)
             digest.update(chunk)
             at = chunk.find(b"\0")
             if at >= 0:

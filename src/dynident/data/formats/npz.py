@@ -23,8 +23,8 @@ from dynident.errors import LogFormatError
 from dynident.files import write_atomically
 
 _STEP = "write it with numpy.savez(path, t=t, q=q, tau=tau)"
-_MAX_BYTES = 1 << 44
-_MAX_MEMBERS = 4096
+MAX_BYTES = 1 << 44
+MAX_MEMBERS = 4096
 _PIECE = 1 << 20
 
 #: What lets the reading of an archive end that is none, or is damaged.
@@ -45,11 +45,11 @@ class Npz(LogFormat):
 
     def open(self, path: str | Path) -> ArrayTable:
         """Return the table; see :meth:`LogFormat.open`."""
-        digest = checked_file(path, _MAX_BYTES)
+        digest = checked_file(path, MAX_BYTES)
         try:
             with zipfile.ZipFile(path) as archive:
                 members = archive.infolist()
-                if len(members) > _MAX_MEMBERS or sum(member.file_size for member in members) > _MAX_BYTES:
+                if len(members) > MAX_MEMBERS or sum(member.file_size for member in members) > MAX_BYTES:
                     raise LogFormatError(path, None, "it unpacks to more than a log can hold", "write it again")
                 shapes = {}
                 for member in members:

@@ -53,7 +53,7 @@ class ParquetTable(LogTable):
         """Yield some columns in blocks; see :meth:`LogTable.batches`. Memory holds one block and its pages."""
         places, start = [self.places[name] for name in names], 0
         file = _opened(self.path, _BUFFER)
-        for batch in _batches(self.path, file, rows, list(dict.fromkeys(p.array for p in places))):
+        for batch in unpacked(self.path, file, rows, list(dict.fromkeys(p.array for p in places))):
             arrays = {name: self._numbers(batch.column(name), name, start) for name in batch.schema.names}
             found = np.empty((len(names), batch.num_rows)).T  # each column in one piece
             for k, place in enumerate(places):
@@ -138,12 +138,12 @@ def _places(path: str | Path, file: Any) -> dict[str, ArrayPlace]:
 
 
 def _first_length(path: str | Path, file: Any, name: str) -> int:
-    for batch in _batches(path, file, 1, [name]):
+    for batch in unpacked(path, file, 1, [name]):
         return len(batch.column(0)[0].as_py() or ())
     return 0
 
 
-def _batches(path: str | Path, file: Any, rows: int, names: list[str]) -> Iterator[Any]:
+def unpacked(path: str | Path, file: Any, rows: int, names: list[str]) -> Iterator[Any]:
     """Yield the batches of some columns; damage of a page ends in an error that names the file."""
     import pyarrow as pa
 

@@ -341,7 +341,7 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
     model = DynamicModel(_without_rotors(case.robot) if known else case.robot, tuple(friction))
     cutoff = min(CUTOFF_HZ, case.preprocessing.filter.bandwidth() or CUTOFF_HZ)
     how = Preprocessing(
-        FILTERS.make("butterworth", cutoff_hz=cutoff),
+        FILTERS.make("butterworth", {"cutoff_hz": cutoff}),
         rate_hz=ROWS_PER_HZ * cutoff,
         trim_s=max(case.preprocessing.trim_s, 1.0 / cutoff),
         standstill=max(case.preprocessing.standstill, 0.01),

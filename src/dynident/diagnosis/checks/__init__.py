@@ -18,7 +18,7 @@ from dynident.diagnosis.recording import Recording, read_recording
 from dynident.diagnosis.repair import Repaired, repair
 from dynident.errors import LogFormatError, LogMismatch
 from dynident.identification.estimate.estimate import Estimate
-from dynident.model.threads import on_one_blas_thread
+from dynident.model.threads import one_blas_thread
 from dynident.plugins import Family
 
 CHECKS: Family[Check] = Family("dynident.diagnosis.checks", Check, "check")  # type: ignore[type-abstract]
@@ -81,7 +81,7 @@ def examine(case: Case, name: str, earlier: Estimate | None = None) -> Examinati
     return examine_recording(case, recording, earlier)
 
 
-@on_one_blas_thread
+@one_blas_thread()
 def examine_recording(case: Case, recording: Recording, earlier: Estimate | None = None) -> Examination:
     """Return what is wrong with a recording; see :func:`examine`."""
     repaired = repair(recording, case.robot)

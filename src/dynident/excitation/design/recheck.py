@@ -188,7 +188,7 @@ def _values(plan: Plan, model: DynamicModel, base: BaseParameters) -> dict[str, 
         if name not in CRITERIA.names():
             continue
         chosen = name == plan.criterion
-        part = CRITERIA.make(name, **(options if chosen and isinstance(options, Mapping) else {}))
+        part = CRITERIA.make(name, options if chosen and isinstance(options, Mapping) else {})
         if part.weighted in triangles and not (chosen and known and part.weighted):
             found[name] = part.value(triangles[part.weighted])
     return found

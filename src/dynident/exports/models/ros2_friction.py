@@ -111,7 +111,7 @@ def _read(model: DynamicModel, facts: dict[str, Any]) -> tuple[tuple[Any, ...], 
         stated = [facts[model.robot.joint_names[j]][name] for j in drives]
         symbols = [key(c.symbol) for c in part.coefficients]
         options = {k: type(getattr(part, k))(v) for k, v in stated[0].items() if k not in symbols}
-        parts.append(FRICTION.make(name, **options, joints=part.joints))
+        parts.append(FRICTION.make(name, {**options, "joints": part.joints}))
         tables.append(np.zeros((model.robot.dof, len(symbols))))
         tables[-1][list(drives)] = [[float(one[symbol]) for symbol in symbols] for one in stated]
     drive, column = model.terms

@@ -81,20 +81,20 @@ def descend(program: Program, most: int) -> Descent:
     steps = 0
     while steps < most:
         steps += 1
-        phi, slope = _bodies(x, links)
+        phi, slope = bodies_of(x, links)
         rest, jacobian = root @ phi - aim, root @ slope
         held = (x <= lower) & (jacobian.T @ rest > 0.0)
         x, damping, fall = _step(root, aim, x, links, jacobian, rest, (lower, held), damping)
         trace.append(_cost(root, aim, x, links))
         level = trace[-1] + 0.5
-        singular = _singular(program, _bodies(x, links)[0])
+        singular = _singular(program, bodies_of(x, links)[0])
         if fall <= _ENOUGH * level:
             verdict = BOUNDARY if singular else CONVERGED
             break
         if singular and len(trace) > _WINDOW and trace[-1 - _WINDOW] - trace[-1] < _CRAWL * level:
             verdict = BOUNDARY
             break
-    phi = _possible(program, _bodies(x, links)[0])
+    phi = _possible(program, bodies_of(x, links)[0])
     return Descent(phi, program.objective(phi), verdict, steps, _singular(program, phi))
 
 
@@ -143,11 +143,11 @@ def _step(
 
 
 def _cost(root: Array, aim: Array, x: Array, links: int) -> float:
-    rest = root @ _bodies(x, links)[0] - aim
+    rest = root @ bodies_of(x, links)[0] - aim
     return 0.5 * float(rest @ rest)
 
 
-def _bodies(x: Array, links: int) -> tuple[Array, Array]:
+def bodies_of(x: Array, links: int) -> tuple[Array, Array]:
     """Return phi and its Jacobian (p, p) at log-Cholesky forms and coefficients x, shape (p,)."""
     phi, slope = x.copy(), np.eye(len(x))
     for i in range(links):

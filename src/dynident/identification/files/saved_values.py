@@ -22,7 +22,7 @@ def model_to_dict(model: DynamicModel) -> dict[str, Any]:
 def model_from_dict(data: Mapping[str, Any], path: object) -> DynamicModel:
     """Return the model in plain data; errors are those of its parts, ``path`` is the file for messages."""
     friction = tuple(
-        FRICTION.make(name, **{key: _tuples(value) for key, value in options.items()})
+        FRICTION.make(name, {key: _tuples(value) for key, value in options.items()})
         for item in data["friction"]
         for name, options in item.items()
     )
@@ -38,7 +38,7 @@ def preprocessing_to_dict(how: Preprocessing) -> dict[str, Any]:
 def preprocessing_from_dict(data: Mapping[str, Any]) -> Preprocessing:
     """Return the preprocessing in plain data; errors are those of its parts."""
     ((kind, options),) = data["filter"].items()
-    return Preprocessing(filter=FILTERS.make(kind, **options), **{k: v for k, v in data.items() if k != "filter"})
+    return Preprocessing(filter=FILTERS.make(kind, options), **{k: v for k, v in data.items() if k != "filter"})
 
 
 def columns_to_dict(columns: ColumnMap) -> dict[str, Any]:

@@ -71,9 +71,9 @@ def least_absolute(
     """
     fit = _checked(matrix, target, weights, lower, upper)
     with one_blas_thread():
-        found = _certified(fit, *_solve(fit))
+        found = _certified(fit, *primal_and_dual(fit))
     if not found.gap <= GAP:
-        found = _certified(fit, *_linear_program(fit))  # slower, and at home where the interior point stalls
+        found = _certified(fit, *linear_program(fit))  # slower, and at home where the interior point stalls
     if not found.gap <= GAP:
         objective, bound, gap = found.objective, found.lower_bound, found.gap
         raise SolverFailed(
@@ -93,7 +93,7 @@ def _certified(fit: _Fit, beta: Array, dual: Array) -> LeastAbsolute:
     return LeastAbsolute(frozen(beta), objective, bound, gap, frozen(dual))
 
 
-def _linear_program(fit: _Fit) -> tuple[Array, Array]:
+def linear_program(fit: _Fit) -> tuple[Array, Array]:
     """Return beta and the dual by HiGHS: minimise w'(u + v) with W beta + u - v = tau; zeros where it fails."""
     count, rows = fit.columns.shape
     one = scipy.sparse.identity(rows)
@@ -173,7 +173,7 @@ def _perfect(fit: _Fit) -> float:
     return max(1e-6 * float(fit.weights @ np.abs(fit.target)), 1e-12 * reach, 1e-200)
 
 
-def _solve(fit: _Fit) -> tuple[Array, Array]:
+def primal_and_dual(fit: _Fit) -> tuple[Array, Array]:
     """Return (beta, dual): rows without weight and columns without room are left out, then many rows are cut."""
     rows, free = fit.weights > 0, fit.lower < fit.upper
     beta = np.array(fit.lower)
@@ -184,14 +184,14 @@ def _solve(fit: _Fit) -> tuple[Array, Array]:
         columns = np.ascontiguousarray(fit.columns[np.ix_(free, rows)])
         inner = _Fit(columns, rest, fit.weights[rows], fit.lower[free], fit.upper[free], fit.pull[free])
         dual = np.zeros(len(rows))
-        beta[free], dual[rows] = _solve(inner)
+        beta[free], dual[rows] = primal_and_dual(inner)
         return beta, dual
     if len(rows) < 3 * _SAMPLE:
         return _InteriorPoint(fit).run()
-    return _cut(fit) or _InteriorPoint(fit).run()
+    return solve_doubtful(fit) or _InteriorPoint(fit).run()
 
 
-def _cut(fit: _Fit) -> tuple[Array, Array] | None:
+def solve_doubtful(fit: _Fit) -> tuple[Array, Array] | None:
     """Solve with the rows whose sign is in doubt only; None where the signs do not settle."""
     rows = len(fit.target)
     sample = np.random.default_rng(_SEED).choice(rows, _SAMPLE, replace=False)

@@ -53,7 +53,9 @@ class _Rows:
 
 
 @dataclass(frozen=True)
-class _OutputError:
+class OutputErrorTask:
+    """What a fit of the output error is of: the loop, the signal that is compared, and the rows that count."""
+
     loop: ClosedLoop
     of: str
     masks: tuple[BoolArray, ...]
@@ -141,7 +143,7 @@ def output_error(
         SolverFailed: No step lowers the error, or not settled within the steps.
     """
     masks = loop.settled(start)
-    task = _OutputError(loop, of, masks)
+    task = OutputErrorTask(loop, of, masks)
     counts = np.maximum(np.sum([mask.sum(axis=0) for mask in masks], axis=0), 1)
     beta, trace, changes, simulations, bounded = start, [], [], 0, 0
     while len(changes) < iterations:
@@ -150,7 +152,7 @@ def output_error(
         weights = 1.0 / np.maximum(np.sqrt(task.squares(rows.errors) / counts), 1e-12 * scale + 1e-300)
         reduced = reduce(task.triangles(rows), len(beta), weights)
         fit = least_squares(reduced)
-        step, is_free = _step(loop, beta, reduced, fit)
+        step, is_free = consistent_step(loop, beta, reduced, fit)
         bounded += not is_free
         moved, error, tried = _stepped(task, beta, step, reduced, weights, solver)
         simulations += tried + 1
@@ -166,7 +168,7 @@ def output_error(
     raise SolverFailed(solver, evidence, after_changes(changes, tolerance))
 
 
-def _step(loop: ClosedLoop, beta: Array, reduced: Reduced, fit: LeastSquares) -> tuple[Array, bool]:
+def consistent_step(loop: ClosedLoop, beta: Array, reduced: Reduced, fit: LeastSquares) -> tuple[Array, bool]:
     """Return the step of Gauss and Newton (b,), and whether it is free.
 
     Where the free step ends at a robot that cannot be simulated, it is that to the possible robot with the least error
@@ -187,7 +189,7 @@ def _step(loop: ClosedLoop, beta: Array, reduced: Reduced, fit: LeastSquares) ->
 
 
 def _stepped(
-    task: _OutputError, beta: Array, step: Array, reduced: Reduced, weights: Array, solver: str
+    task: OutputErrorTask, beta: Array, step: Array, reduced: Reduced, weights: Array, solver: str
 ) -> tuple[Array, float, int]:
     """Return the parameters after a step that lowers the error, the weighted squares there, and the simulations."""
     before = reduced.residual_square(np.zeros(len(beta)))

@@ -163,8 +163,8 @@ def diagnose(
     return Diagnostics(
         effective_rows=float(np.sum(problem.counts / factors)),
         rows=int(problem.counts.sum()),
-        whiteness=_whiteness(passes, residual, 1.0 / deviations),
-        constant_variance=_constant_variance(problem, passes, residual),
+        whiteness=whiteness_of(passes, residual, 1.0 / deviations),
+        constant_variance=constancy_of(problem, passes, residual),
         leverage=leverage,
         cook=cook,
         condition_raw=float(values[0] / values[-1]) if values[-1] > 0 else np.inf,
@@ -176,7 +176,7 @@ def diagnose(
     )
 
 
-def _whiteness(passes: RowPasses, residual: Array, weights: Array) -> Array:
+def whiteness_of(passes: RowPasses, residual: Array, weights: Array) -> Array:
     """Return the p-value of Box and Pierce (1970) of each joint, from the frequencies that the filter passes.
 
     The periodogram over the filter's power and over what the fit leaves of it is flat for white noise. K independent
@@ -201,7 +201,7 @@ def _whiteness(passes: RowPasses, residual: Array, weights: Array) -> Array:
     return chi_square_tail(total, degrees) if degrees else np.ones(joints)
 
 
-def _constant_variance(problem: Problem, passes: RowPasses, residual: Array) -> Array:
+def constancy_of(problem: Problem, passes: RowPasses, residual: Array) -> Array:
     """Return the p-value of Koenker (1981) of each joint: squared residual over |dq|, dq^2 and |tau|.
 
     Rows count as many as the squared residuals are worth.

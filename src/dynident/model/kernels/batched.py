@@ -187,11 +187,11 @@ def forward_dynamics(
     if added.shape != (size, size):
         raise ValueError(f"armature has shape {added.shape}, expected {(size, size)}")
     added.setflags(write=False)
-    out = np.empty((len(q), size))
+    out = np.array(tau)
     tables = pack(chain)
 
     def work(s: slice) -> None:
-        failed = generic_batches.forward_dynamics(*tables, theta, added, q[s], dq[s], tau[s], out[s])
+        failed = generic_batches.forward_dynamics(*tables, theta, added, q[s], dq[s], out[s])
         if failed >= 0:
             sample = s.start + failed
             raise SolverFailed(

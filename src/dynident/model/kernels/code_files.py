@@ -36,7 +36,7 @@ def kept_code(facts: str, assembly: str, make: Callable[[], bytes]) -> bytes:
     if len(assembly) < WORTH_KEEPING:
         return make()
     name = hashlib.sha256(f"{facts}\n{assembly}".encode()).hexdigest() + _ENDING
-    folders = tuple(_folders())
+    folders = tuple(cache_folders())
     for folder in folders:
         with suppress(OSError):
             found = (folder / name).read_bytes()
@@ -52,7 +52,7 @@ def kept_code(facts: str, assembly: str, make: Callable[[], bytes]) -> bytes:
     return code
 
 
-def _folders() -> Iterator[Path]:
+def cache_folders() -> Iterator[Path]:
     """Yield where code may be kept, as numba chooses: the folder stated, else beside the source, else the user's."""
     stated = os.environ.get("NUMBA_CACHE_DIR")
     if stated:

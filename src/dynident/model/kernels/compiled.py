@@ -23,7 +23,7 @@ Made = TypeVar("Made")
 
 _SETTINGS: dict[str, Any] = {"opt": 2}
 
-_ready: OrderedDict[Hashable, Any] = OrderedDict()
+ready_kernels: OrderedDict[Hashable, Any] = OrderedDict()
 _lock = threading.Lock()
 
 
@@ -86,12 +86,12 @@ def kernel(key: Hashable, make: Callable[[], tuple[TracedProgram, Layout] | None
 def kept(key: Hashable, make: Callable[[], Made]) -> Made:
     """Return what is known by ``key``, made now if need be, by one thread at a time; ``make`` must not call this."""
     with _lock:
-        if key not in _ready:
-            _ready[key] = make()
-            while len(_ready) > KEPT:
-                _ready.popitem(last=False)
-        _ready.move_to_end(key)
-        return _ready[key]
+        if key not in ready_kernels:
+            ready_kernels[key] = make()
+            while len(ready_kernels) > KEPT:
+                ready_kernels.popitem(last=False)
+        ready_kernels.move_to_end(key)
+        return ready_kernels[key]
 
 
 def machine_code(assembly: str) -> Any:

@@ -42,7 +42,7 @@ def chain_kernel(chain: Chain, quantity: Quantity) -> Kernel | None:
     if choice == "generic":
         return None
     forced = choice == "generated"
-    return kernel((quantity, forced, chain_key(chain)), lambda: _quantity(chain, quantity, forced))
+    return kernel((quantity, forced, chain_key(chain)), lambda: compiled_quantity(chain, quantity, forced))
 
 
 def evaluated_once(chain: Chain, quantity: Quantity, inputs: Mapping[str, Array]) -> Array | None:
@@ -87,8 +87,8 @@ def is_small(program: TracedProgram) -> bool:
     return program.operations <= LARGEST
 
 
-def _quantity(chain: Chain, quantity: Quantity, forced: bool) -> tuple[TracedProgram, Layout] | None:
-    # The regressor alone has l^2 / 2 blocks of ten: no need to trace a large robot to see that it is too large.
+def compiled_quantity(chain: Chain, quantity: Quantity, forced: bool) -> tuple[TracedProgram, Layout] | None:
+    """Return code and layout of a quantity; None where it is too large: a regressor has l^2 / 2 blocks of ten."""
     if not forced and chain.links > LARGEST // 100:
         return None
     program, width = _program(chain, quantity)

@@ -4,7 +4,8 @@ The functions below can be called inside another compiled loop (a simulation); n
 
     tables = pack(chain)                                   links (l, 3) int64, reals (l, 17), gravity (3,)
     work = np.empty((l + 1, WORK))                         scratch, one per thread; its last row is the base
-    joint_torque(links, reals, gravity, theta, q, dq, ddq, tau, work)       tau (n,) <- M ddq + c + g
+    motion(links, reals, gravity, q, dq, ddq, 1.0, work); torque_of_motion(links, reals, theta, tau, work)
+                                                                            tau (n,) <- M ddq + c + g
     bias_torque(links, reals, gravity, theta, q, dq, bias, work)            bias (n,) <- c + g (ddq = 0)
     joint_mass(links, reals, theta, q, mass, work)                          mass (n, n) <- M
     placed_mass(links, reals, theta, mass, work)            the same, right after a call above at the same q
@@ -194,23 +195,6 @@ def torque_of_motion(links: IntArray, reals: Array, theta: Array, tau: Array, wo
             work[parent, 24] += nx + cx
             work[parent, 25] += ny + cy
             work[parent, 26] += nz + cz
-
-
-@inlined
-def joint_torque(
-    links: IntArray,
-    reals: Array,
-    gravity: Array,
-    theta: Array,
-    q: Array,
-    dq: Array,
-    ddq: Array,
-    tau: Array,
-    work: Array,
-) -> None:
-    """Write the inverse dynamics tau (n,) of one sample; see the head of the file."""
-    motion(links, reals, gravity, q, dq, ddq, 1.0, work)
-    torque_of_motion(links, reals, theta, tau, work)
 
 
 @inlined

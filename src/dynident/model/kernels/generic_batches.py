@@ -10,11 +10,11 @@ from dynident.model.kernels.generic import (
     bias_torque,
     cross,
     joint_mass,
-    joint_torque,
     motion,
     place,
     rotate,
     solve,
+    torque_of_motion,
     turn_back,
 )
 from dynident.model.kernels.jit import compiled, inlined
@@ -91,22 +91,13 @@ def regressor(links: IntArray, reals: Array, gravity: Array, q: Array, dq: Array
 
 @compiled
 def columns(
-    links: IntArray,
-    reals: Array,
-    gravity: Array,
-    entries: IntArray,
-    used: IntArray,
-    q: Array,
-    dq: Array,
-    ddq: Array,
-    out: Array,
+    links: IntArray, reals: Array, gravity: Array, entries: IntArray, q: Array, dq: Array, ddq: Array, out: Array
 ) -> None:
-    """Write chosen entries of the regressor, out (rows, N).
-
-    ``entries`` (k, 2) are rows of out and entries of :func:`regressor` to add up there; ``used`` (l,) is 1 for the
-    links with a chosen column.
-    """
+    """Write chosen entries of the regressor, out (rows, N): rows of out and entries of :func:`regressor`, (k, 2)."""
     size = len(links)
+    used = np.zeros(size, np.int64)
+    for k in range(len(entries)):
+        used[entries[k, 1] // 10 % size] = 1
     work, twists, block = np.empty((size + 1, WORK)), np.empty((size, size, 6)), np.zeros((1, size * size * 10))
     out[:, :] = 0.0
     for s in range(len(q)):
@@ -126,7 +117,8 @@ def inverse_dynamics(
     """Write the torques (N, n)."""
     work = np.empty((len(links) + 1, WORK))
     for s in range(len(q)):
-        joint_torque(links, reals, gravity, theta, q[s], dq[s], ddq[s], out[s], work)
+        motion(links, reals, gravity, q[s], dq[s], ddq[s], 1.0, work)
+        torque_of_motion(links, reals, theta, out[s], work)
 
 
 @compiled
@@ -139,17 +131,9 @@ def mass_matrix(links: IntArray, reals: Array, theta: Array, q: Array, out: Arra
 
 @compiled
 def forward_dynamics(
-    links: IntArray,
-    reals: Array,
-    gravity: Array,
-    theta: Array,
-    armature: Array,
-    q: Array,
-    dq: Array,
-    tau: Array,
-    out: Array,
+    links: IntArray, reals: Array, gravity: Array, theta: Array, armature: Array, q: Array, dq: Array, out: Array
 ) -> int:
-    """Write the accelerations (N, n); return the first sample with a singular mass matrix, or -1."""
+    """Turn the torques out (N, n) into accelerations; return the first sample with a singular mass matrix, or -1."""
     joints = q.shape[1]
     work, mass, bias, scale = (
         np.empty((len(links) + 1, WORK)),
@@ -161,7 +145,7 @@ def forward_dynamics(
         bias_torque(links, reals, gravity, theta, q[s], dq[s], bias, work)
         joint_mass(links, reals, theta, q[s], mass, work)
         for i in range(joints):
-            out[s, i] = tau[s, i] - bias[i]
+            out[s, i] -= bias[i]
             for k in range(joints):
                 mass[i, k] += armature[i, k]
         if not solve(mass, out[s], scale):

@@ -19,7 +19,7 @@ FAST = {"contract", "nsz"}
 
 
 @cache
-def _sources() -> str:
+def kernel_sources() -> str:
     """Return a digest of all sources with compiled functions, which those of other files inline."""
     package = Path(__file__).parents[2]
     contents = (file.read_bytes() for file in sorted(package.rglob("*.py")))
@@ -48,7 +48,7 @@ class PatientCache(FunctionCache):
             pass
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (*super()._index_key(sig, codegen), _sources())  # pyright: ignore[reportAttributeAccessIssue]
+        return (*super()._index_key(sig, codegen), kernel_sources())  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def compiled(function: Function) -> Function:

@@ -157,17 +157,17 @@ class JointColumns:
         from dynident.model.kernels import generic_batches  # numba loads with the first call
 
         q, dq, ddq = motion
-        links, reals, gravity, entries, used = self._tables
+        links, reals, gravity, entries = self._tables
         stacked = np.empty((sum(len(block) for block in blocks), len(q)))
-        generic_batches.columns(links, reals, gravity, entries, used, q, dq, ddq, stacked)
+        generic_batches.columns(links, reals, gravity, entries, q, dq, ddq, stacked)
         start = 0
         for block in blocks:
             block[:] = stacked[start : start + len(block)]
             start += len(block)
 
     @cached_property
-    def _tables(self) -> tuple[IntArray, Array, Array, IntArray, IntArray]:
-        """The first five arguments of the generic kernel."""
+    def _tables(self) -> tuple[IntArray, Array, Array, IntArray]:
+        """The first four arguments of the generic kernel."""
         from dynident.model.kernels.generic import pack
 
         starts = np.cumsum([0, *(len(found) for found in self.columns)])
@@ -178,11 +178,8 @@ class JointColumns:
             for link in np.flatnonzero(self.chain.joint == joint)
         ]
         places = np.array(entries, dtype=np.int64).reshape(-1, 2)
-        used = np.zeros(self.chain.links, dtype=np.int64)
-        used[self.wanted // 10] = 1
-        for array in (places, used):
-            array.setflags(write=False)
-        return (*pack(self.chain), places, used)
+        places.setflags(write=False)
+        return (*pack(self.chain), places)
 
     def _checked(self, arrays: Sequence[Array], count: int, name: str) -> tuple[Array, ...]:
         shapes, wanted = [array.shape for array in arrays], [(len(found), count) for found in self.columns]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.kernels.generic import joint_torque
+from dynident.model.kernels.generic import motion, torque_of_motion
 from dynident.model.kernels.jit import compiled
 from dynident.simulation.controllers.base import Controller, Loop
 
@@ -46,7 +46,8 @@ def _law(settings: Array, goal: Array, seen: Array, robot: Any, memory: Array, w
     for i in range(len(tau)):
         error, lag = goal[0, i] - seen[0, i], goal[1, i] - seen[1, i]
         wanted[i] = goal[2, i] + settings[0, i] * error + settings[1, i] * lag
-    joint_torque(links, reals, gravity, theta, seen[0], seen[1], wanted, tau, work)
+    motion(links, reals, gravity, seen[0], seen[1], wanted, 1.0, work)
+    torque_of_motion(links, reals, theta, tau, work)
     for i in range(len(tau)):
         for k in range(len(tau)):
             tau[i] += armature[i, k] * wanted[k]

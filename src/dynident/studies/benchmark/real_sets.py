@@ -143,7 +143,7 @@ def _set(folder: Path, section: Section) -> RealSet:
         split = guarded(section.place("split"), lambda: Split.parse(section.text("split")))
     how = case.preprocessing
     if section.has("cutoff_hz"):
-        how = replace(how, filter=FILTERS.make("butterworth", cutoff_hz=section.number("cutoff_hz")))
+        how = replace(how, filter=FILTERS.make("butterworth", {"cutoff_hz": section.number("cutoff_hz")}))
     how = replace(how, trim_s=section.number("trim_s", how.trim_s))
     train = texts(section, "train") or case.train
     test = texts(section, "test") or (() if section.has("split") else case.test)

@@ -123,7 +123,7 @@ def read_document(path: str | Path, data: bytes | None = None) -> tuple[DynamicM
 
 def _model(found: Mapping[str, Any], path: object) -> tuple[DynamicModel, Array, bool]:
     parts = [
-        FRICTION.make(name, **{k: tuple(v) if isinstance(v, list) else v for k, v in options.items()})
+        FRICTION.make(name, {k: tuple(v) if isinstance(v, list) else v for k, v in options.items()})
         for item in found["friction"]
         for name, options in item.items()
     ]

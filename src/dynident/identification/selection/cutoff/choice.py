@@ -216,7 +216,7 @@ def _tried(bench: Bench, lowest: float, highest: float) -> tuple[Judged, ...]:
         return ()
     errors = [each.error(_metric(found)) for each in found]
     best = int(np.argmin([sum(error) for error in errors]))
-    sharp = found[_sharpest(errors, best)].hertz
+    sharp = found[sharpest_of(errors, best)].hertz
     imitation = bench.imitated(found[best].beta, sharp)
     judged = []
     for one, (variance, noise) in zip(found, errors, strict=True):
@@ -226,7 +226,7 @@ def _tried(bench: Bench, lowest: float, highest: float) -> tuple[Judged, ...]:
     return tuple(judged)
 
 
-def _sharpest(errors: Sequence[tuple[float, float]], best: int) -> int:
+def sharpest_of(errors: Sequence[tuple[float, float]], best: int) -> int:
     """Return the highest cut-off from the best on up to which the error is at most twice the least.
 
     What a filter takes from a reversal shows only in an imitation that still has it; noise that is left in its motion

@@ -41,7 +41,7 @@ OWN = ("each its own",)
 
 def starting_friction() -> tuple[Friction, ...]:
     """Return the list for all drives that a choice begins with, as a draft does, from the uses that parts state."""
-    return tuple(FRICTION.make(name, **use.options) for name, use in shared_parts())
+    return tuple(FRICTION.make(name, use.options) for name, use in shared_parts())
 
 
 def shared_lists() -> tuple[tuple[str, ...], ...]:
@@ -80,7 +80,7 @@ def same_for_all(
     shared = shared_lists()
     try:
         scale = own.joint_deviations(Consistent(bodies="free").solve(own).beta)
-        held = _held_out(own, scale)
+        held = fold_errors(own, scale)
     except SolverFailed:  # parts of their own that hardly differ: what is alike and has a solution is taken
         own = _problem(replace(model, friction=_alike(shared[0], usual, model.friction)), logs)
         scale, held = own.joint_deviations(Consistent(bodies="free").solve(own).beta), np.array([np.inf])
@@ -92,7 +92,7 @@ def same_for_all(
     for friction in (*lists, *([usual] if usual and usual not in lists else [])):
         parts = tuple(dict.fromkeys(FRICTION.name_of(part) for part in friction))
         try:
-            score = _held_out(_problem(replace(model, friction=friction), logs), scale)
+            score = fold_errors(_problem(replace(model, friction=friction), logs), scale)
         except (PoorExcitation, SolverFailed):  # the logs do not determine it
             continue
         if score is not None:
@@ -135,14 +135,14 @@ def _like(name: str, chosen: Sequence[Friction]) -> Friction:
         return FRICTION.make(name)
     most = max(own, key=lambda part: np.inf if part.joints is None else len(part.joints))
     options = {f.name: getattr(most, f.name) for f in fields(most) if f.name != "joints"}
-    return FRICTION.make(name, **options)
+    return FRICTION.make(name, options)
 
 
 def _problem(model: DynamicModel, logs: Sequence[Prepared]) -> Problem:
     return problem_of(model, base_parameters(model), logs)
 
 
-def _held_out(problem: Problem, scale: Array) -> Array | None:
+def fold_errors(problem: Problem, scale: Array) -> Array | None:
     """Return the mean squared residual of each block by a fit of the others, in units of ``scale`` (n,), (B,).
 
     None where the others do not determine the parameters.

@@ -120,7 +120,7 @@ def _candidates(model: DynamicModel, logs: Sequence[Prepared]) -> tuple[Friction
     widths = [part.dry_width for part in own if part.dry_width is not None] or [WIDTH]
     found = [
         FRICTION.make(
-            name, **candidate.options, **({} if candidate.width is None else {"width": width * candidate.width})
+            name, {**candidate.options} | ({} if candidate.width is None else {"width": width * candidate.width})
         )
         for width in widths
         for name, candidate in _ranked()
