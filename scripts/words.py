@@ -33,7 +33,7 @@ PHRASES = {
     r"breaks away": "breakaway",
     r"dry friction": "Coulomb friction",
     r"delay of the torque": "time delay between torque and position signals",
-    r"\bdoctor\b(?!\.md)": "log checks",
+    r"\bdoctor\b": "log checks",
     r"believab": "plausible",
     r"\bmend(?:s|ed|ing)?\b": "fix, repair",
     r"\bmakers?\b": "vendor, manufacturer",

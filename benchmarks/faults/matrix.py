@@ -1,4 +1,4 @@
-"""The matrix: every kind at its strengths on a robot, and the doctor's word on it."""
+"""The matrix: every kind at its strengths on a robot, and what the log checks find."""
 
 from __future__ import annotations
 

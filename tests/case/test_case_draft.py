@@ -109,7 +109,7 @@ def test_joints_in_another_order_are_matched_by_name(
     signals = {"position": "q", "velocity": "dq", "effort": "torque"}
     columns = {signal: [f"{name}.{word}" for name in names] for word, signal in signals.items()}
     draft = draft_case(arm, write_log(tmp_path / "run.csv", named(turned, "t", columns)), tmp_path)
-    assert [fit.name for fit in draft.found.profiles] == ["joint_states"] and draft.needed == ()
+    assert [fit.name for fit in draft.recognition.profiles] == ["joint_states"] and draft.needed == ()
     assert "is the effort a torque in N m? Drivers differ" in draft.text
     case = read(draft, tmp_path)
     np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
@@ -177,7 +177,7 @@ def test_a_header_that_the_limits_contradict_is_asked(arm: str, motion: dict[str
     turned = {**motion, "q": 100 * np.rad2deg(motion["q"])}
     draft = draft_case(arm, write_log(tmp_path / "run.csv", numbered(turned, "q{} [deg]")), tmp_path)
     assert draft.needed[0].text.startswith("the unit of q1 [deg]")
-    assert draft.found.units["position"].words == ()
+    assert draft.recognition.units["position"].words == ()
 
 
 def test_other_units_of_time_and_torque_are_asked(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
@@ -300,7 +300,7 @@ def test_units_are_looked_at_where_a_rate_stands_for_the_time(
     timed = draft_case(arm, write_log(tmp_path / "timed.csv", columns), tmp_path)
     timeless = write_log(tmp_path / "run.csv", {name: values for name, values in columns.items() if name != "t"})
     draft = draft_case(arm, timeless, tmp_path, rate_hz=100.0)
-    told, wanted = ({q: unit for q, unit in each.found.units.items() if q != "time"} for each in (draft, timed))
+    told, wanted = ({q: unit for q, unit in each.recognition.units.items() if q != "time"} for each in (draft, timed))
     assert not draft.needed and told == wanted
     case, other_case = (read(each, tmp_path) for each in (draft, timed))
     assert (case.columns.time, case.columns.units) == ("100 Hz", other_case.columns.units)
@@ -526,7 +526,7 @@ def test_vectors_in_archives(arm: str, motion: dict[str, Array], tmp_path: Path)
     np.testing.assert_allclose(case.read("run.npz").q, motion["q"])
 
 
-def test_faulty_rows_are_told_and_left_to_the_doctor(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
+def test_faulty_rows_are_told_and_left_to_the_log_checks(arm: str, motion: dict[str, Array], tmp_path: Path) -> None:
     columns = {name: values.copy() for name, values in numbered(motion).items()}
     columns["tau3"][5] = np.nan
     columns["t"][9] = columns["t"][8]
@@ -600,7 +600,7 @@ def test_the_cut_off_follows_the_band_of_the_motion(arm: str, six: Robot, tmp_pa
     q = 0.5 * np.sin(2 * np.pi * np.outer(time, np.full(6, 0.8)) + np.arange(6))
     columns = numbered({"time": time, "q": q, "torque": np.cos(q)})
     draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
-    assert draft.found.band_hz == pytest.approx(0.8, abs=0.1)
+    assert draft.recognition.band_hz == pytest.approx(0.8, abs=0.1)
     case = read(draft, tmp_path, {"the unit of tau": "N m"})
     assert 7 <= float(str(case.preprocessing.filter.statement()["cutoff_hz"])) <= 9.5
     assert replace(case.preprocessing, delay_s=0.0).rate_hz is None
@@ -618,13 +618,13 @@ def test_joints_that_stand_still_have_no_part_in_the_cut_off(arm: str, six: Robo
         for name, at in (("moves", q), ("rests", q[:1]))
     ]
     draft = draft_case(arm, logs, tmp_path)
-    assert draft.found.band_hz == pytest.approx(0.8, abs=0.15)
-    assert sway or set(draft.found.still) == set(six.joint_names[2:4])
-    assert "cutoff_hz: " in draft.text and cutoff_of(draft.found) < 10
+    assert draft.recognition.band_hz == pytest.approx(0.8, abs=0.15)
+    assert sway or set(draft.recognition.still) == set(six.joint_names[2:4])
+    assert "cutoff_hz: " in draft.text and cutoff_of(draft.recognition) < 10
 
 
 def test_a_log_in_which_nothing_moves_has_no_band(arm: str, tmp_path: Path) -> None:
     noise = 1e-5 * np.random.default_rng(0).normal(size=(600, 6))
     columns = numbered({"time": np.arange(600) / 100, "q": 0.3 + noise, "torque": 1 + noise})
     draft = draft_case(arm, write_log(tmp_path / "run.csv", columns), tmp_path)
-    assert draft.found.band_hz == 0.0 and "cutoff_hz" not in draft.text
+    assert draft.recognition.band_hz == 0.0 and "cutoff_hz" not in draft.text

@@ -10,7 +10,7 @@ from dynident.case.draft.column_groups import groups_of, time_columns, unit_of_t
 from dynident.case.draft.column_words import WORDS, Meaning, meaning_of, split_unit, tokens_of
 from dynident.case.draft.profile_fit import equally_good, fitting_profiles
 from dynident.case.draft.signal_choice import choose_signals
-from dynident.case.draft.told_units import time_unit
+from dynident.case.draft.signal_units import time_unit
 from dynident.case.draft.yaml_words import plain, quoted
 from dynident.case.questions import MARK, check_answered, questions_in
 from dynident.data.profiles import PROFILES

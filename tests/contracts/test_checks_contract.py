@@ -1,4 +1,4 @@
-"""What every check of the doctor must do, alone: look, name, change nothing, and say the same again."""
+"""What every log check must do, alone: look, name, change nothing, and say the same again."""
 
 from __future__ import annotations
 

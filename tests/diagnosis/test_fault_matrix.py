@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data")
 
 #: Share that must be named: nearly all where the robot model is exact and the noise white. What the Panda's own
-#: description and friction hide is told in docs/doctor.md.
+#: description and friction hide is told in docs/log-checks.md.
 SHARES = {"er16": 0.96, "generic-7r": 0.94, "panda": 0.88}
 
 LOGS = {

@@ -139,7 +139,7 @@ def subject_of(
 
 
 def examined(log: str) -> dict[str, Any]:
-    """Return what the doctor may have said of a log, as plain data."""
+    """Return findings on a log, as plain data."""
     finding = {
         "severity": "note",
         "name": "time jitter",

@@ -67,7 +67,7 @@ def payload(
         known: What is known before the run; None for nothing.
         rows: ``motion``; ``poses`` takes one sample from each posture at which the arm stands; ``auto`` decides.
         level: Confidence of the intervals.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         DynidentError: As ``identify_payload``, or a log cannot be read.
@@ -95,7 +95,7 @@ def monitor(
         clean: Runs without contact, for the thresholds; None for the logs of the fit.
         rates: False alarms an hour, one number or one per joint.
         gain: How fast the observer follows, in 1/s.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: A rate or gain that is not above 0.
@@ -128,7 +128,7 @@ def track(
         clean: Runs in which nothing changes, for the thresholds; None for the logs of the fit.
         rate: False alarms an hour at most.
         pace: How the tracker forgets; None for the default.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: A rate that is not above 0, or the covariance of the estimate is singular.

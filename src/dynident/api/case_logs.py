@@ -82,7 +82,7 @@ def digest_of_large_logs(
         case: The case.
         estimator: What will fit them.
         needs_rows: What else is asked for that needs rows, in words; empty for nothing.
-        progress: Told each step in words, and why logs are read into memory although they are large.
+        progress: Called with each step in words, and why logs are read into memory although they are large.
 
     Raises:
         DynidentError: Any fault of a log.

@@ -39,7 +39,7 @@ def compare(
         estimators: Names with their options, as :func:`methods_of` reads them, or a list of them.
         data: Logs to learn from and to test on; None for those of the case.
         truth: File with the parameters of a simulated robot; None where they are not known.
-        progress: Told each step in words.
+        progress: Called with each step in words.
         checks: Make the log checks.
         strict: Raise after any finding at error level.
 
@@ -69,7 +69,7 @@ def contest_of_case(
         case: The case.
         data: Logs to learn from and to test on.
         truth: File with the parameters of a simulated robot; None where they are not known.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         DynidentError: Any fault of a log or of the truth.

@@ -62,8 +62,7 @@ def run_demo(
     Args:
         folder: Where files are written; it is made where it is not there.
         command: What was typed, for the provenance.
-        progress: Told each step in words.
-        virtual: The virtual arm, with DYNIDENT_DATA set too.
+        progress: Called with each step in words.
 
     Raises:
         FileError: A file cannot be written.

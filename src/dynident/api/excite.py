@@ -47,7 +47,7 @@ def excite(
         search: How it is searched; None for the default.
         friction: Friction parts of the design; None for those of the case whose columns follow from the motion alone,
             see :func:`friction_of_motion`.
-        progress: Told about five times a second and start, and when a start is done.
+        progress: Called about five times a second and start, and when a start is done.
 
     Raises:
         BadArgument: Something else than a robot.

@@ -72,7 +72,7 @@ def identify(
         knowledge: What is known about the bodies beforehand; None for that of the case.
         trust: What is found out about how far to trust the estimate.
         record: What is kept beside the estimate.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadArgument: An argument of a wrong kind or shape; the message has the line that works.

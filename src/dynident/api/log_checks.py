@@ -43,7 +43,7 @@ def check_logs(
     Args:
         case: Robot, units and preprocessing.
         logs: The logs, in the order of the robot's joints or not.
-        progress: Told the step in words.
+        progress: Called with the step in words.
 
     Raises:
         LogMismatch: A joint is missing.

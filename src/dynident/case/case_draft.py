@@ -15,12 +15,12 @@ import numpy as np
 
 from dynident.case.draft.case_text import Files, case_text
 from dynident.case.draft.column_groups import split_time
-from dynident.case.draft.found import Recognised
 from dynident.case.draft.joint_choice import outside_limits
 from dynident.case.draft.profile_fit import fitting_profiles
 from dynident.case.draft.readings import long_gap, opened
 from dynident.case.draft.recognise import cutoff_of, recognised
-from dynident.case.draft.told_units import position_factors
+from dynident.case.draft.recognition import Recognised
+from dynident.case.draft.signal_units import position_factors
 from dynident.case.questions import Question, questions_in
 from dynident.data.formats import FORMATS, LARGE, LogFormat, LogTable, bytes_of
 from dynident.data.formats._clocked_table import with_clock, with_sum
@@ -44,13 +44,13 @@ class Draft:
         text: The YAML text.
         remarks: What the user has to check.
         questions: What the file asks for.
-        found: What was recognised, and how.
+        recognition: What was recognised, and how.
     """
 
     text: str
     remarks: tuple[str, ...]
     questions: tuple[Question, ...]
-    found: Recognised
+    recognition: Recognised
 
     @property
     def needed(self) -> tuple[Question, ...]:
@@ -121,7 +121,7 @@ def draft_case(
 
 def draft_summary(draft: Draft) -> dict[str, Any]:
     """Return what was recognised, with how sure it is in words, as plain data for JSON."""
-    found = draft.found
+    found = draft.recognition
     units = {
         quantity: {"unit": told.text, "confidence": _word(told.certain, told.text), "evidence": told.why}
         for quantity, told in found.units.items()

@@ -1,6 +1,6 @@
 """Check logs before a fit: errors, evidence and remedies.
 
-Time, values, units, signs, orders, delays, saturation, excitation and more; docs/doctor.md lists what is looked for.
+Time, values, units, signs, orders, delays, saturation, excitation and more; docs/log-checks.md lists them.
 Nothing is changed. --fix writes a repaired log: it sorts samples by time, drops repeated samples and samples
 that are not finite (up to 5 %), and removes encoder jumps. The exit code is 1 where there is a finding at error level.
 

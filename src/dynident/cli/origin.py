@@ -35,7 +35,7 @@ class Origin:
     why_not: str = ""
 
     def log_quality(self) -> list[dict[str, Any]]:
-        """Return what the doctor finds in the logs of the fit; nothing where they could not be read again."""
+        """Return what the log checks find in the logs of the fit; nothing where they could not be read again."""
         from dynident.api.log_checks import check_logs
 
         return [] if self.case is None else check_logs(self.case, self.train)

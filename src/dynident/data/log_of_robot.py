@@ -55,7 +55,7 @@ def _read(path: str | Path, columns: ColumnMap) -> Log:
 def with_meaning(log: Log, columns: ColumnMap, robot: Robot, locked: Mapping[str, float] | None = None) -> Log:
     """Return rows as they were read with the joints of a robot and with torques, as :func:`read_with` does.
 
-    Each row stands for itself, so the rows of a log may come in parts. Errors as there.
+    Each row stands for itself, so the samples of a log may come in parts. Errors as there.
     """
     log = _at_joints(log, columns, robot, locked)
     if log.torque is not None or log.current is None:

@@ -51,7 +51,7 @@ def build_problem(
         model: Robot, drives and friction; fields that its friction parts vary are found first.
         logs: Raw logs with positions and torques; each is preprocessed on its own.
         preprocessing: How logs become rows; default: ``default_preprocessing``.
-        progress: Told each step in words.
+        progress: Called with each step in words.
         choose_friction: Choose the friction of each joint from the logs, in place of the model's.
         knowledge: What is known about the bodies beforehand.
 

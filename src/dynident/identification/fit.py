@@ -35,7 +35,7 @@ def fit(problem: Problem, estimator: Estimator, progress: Callable[[str], None] 
     Args:
         problem: The problem, of :func:`~dynident.identification.build_problem.build_problem`.
         estimator: The estimator.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         SolverFailed: The estimator found no checked solution.

@@ -40,7 +40,7 @@ def identify(
         choose_friction: Choose the friction of each joint from the logs, in place of the model's.
         knowledge: What is known about the bodies beforehand.
         trust: What is found out about how far to trust the estimate; default: nothing beyond its covariance.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: One fold, or too few draws.

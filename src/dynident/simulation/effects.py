@@ -147,7 +147,7 @@ class Warming:
     A friction part ``temperature`` of the model sees T; the log then has it.
 
     Attributes:
-        start: Temperature at the first row of the log, in degrees Celsius.
+        start: Temperature at the first sample of the log, in degrees Celsius.
         end: Temperature after a long time, in degrees Celsius.
         time_constant: In s.
         per_kelvin: Relative change of friction with speed (not with load) per degree above ``start``; -0.01 loses 1 %.

@@ -38,9 +38,9 @@ class Clock:
     Attributes:
         rate: Steps of the integration a second.
         per_control: Ticks from one control to the next.
-        per_row: Ticks from one row of the log to the next.
+        per_row: Ticks from one sample of the log to the next.
         first: Tick of the first row; time 0.
-        rows: Rows of the log, N.
+        rows: Samples of the log, N.
     """
 
     rate: float
@@ -81,7 +81,7 @@ def clock(
     """Return the ticks for the rates in Hz; an integration rate that is not given is chosen.
 
     Args:
-        row_rate: Rows of the log a second.
+        row_rate: Samples of the log a second.
         control_rate: Controls a second.
         rate: Steps of the integration a second; None for the lowest of at least 1 kHz that fits.
         decay: Fastest decay of the friction, in 1/s.

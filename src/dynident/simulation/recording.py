@@ -26,7 +26,7 @@ def streams(seed: int) -> dict[str, np.random.Generator]:
 
 @dataclass(frozen=True)
 class Samples:
-    """What the compiled loop kept, one sample a row of the log.
+    """What the compiled loop kept, sample by sample of the log.
 
     Attributes:
         q: Joint positions, shape (N, n).

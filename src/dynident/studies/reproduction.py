@@ -140,7 +140,7 @@ def as_published(seed: int = 0, progress: Callable[[str], None] = lambda step: N
 
     Args:
         seed: Of the noise and the colony.
-        progress: Told each step in words.
+        progress: Called with each step in words.
     """
     model = DynamicModel(er16_three_joints(), (Coulomb(0.0), Viscous()))
     base = base_parameters(model)
@@ -178,7 +178,7 @@ def virtual_er16(
     Args:
         seed: Of the noise and the colonies.
         iterations: Of the colony that is given time to converge.
-        progress: Told each step in words.
+        progress: Called with each step in words.
     """
     model = DynamicModel(er16_three_joints(), (Coulomb(0.02), Viscous()))
     base = base_parameters(model)

@@ -82,7 +82,7 @@ def curves(path: Path, names: tuple[str, ...], columns: ColumnMap | None = None)
 
 
 def _time_of(header: Sequence[str], values: Array) -> tuple[Array, str]:
-    """Return the time of each row of a log (N, columns), or its number, shape (N,), and how an axis is named."""
+    """Return the time of each sample of a log (N, columns), or its number, shape (N,), and how an axis is named."""
     names = time_columns(header)
     time = values[:, header.index(names[0])] if names else np.zeros(0)
     if len(time) < 2 or not np.all(np.diff(time) > 0):  # none, or it stands, runs back or is not finite
@@ -114,7 +114,7 @@ def run_times(time: Array, starts: Sequence[int]) -> Array:
 
     Args:
         time: Shape (N,), in s; starts anew with each log.
-        starts: First row of each log.
+        starts: First sample of each log.
     """
     shown, end = np.array(time, dtype=float), 0.0
     for start, stop in pairwise((*starts, len(shown))):
@@ -129,7 +129,7 @@ def curve(time: Array, starts: Sequence[int], values: Array) -> dict[str, list[f
 
     Args:
         time: Shape (N,), in s.
-        starts: First row of each log.
+        starts: First sample of each log.
         values: Shape (N,).
     """
     x: list[float | None] = []

@@ -72,8 +72,8 @@ class Pool(ABC):
             tasks: What is to be done; the next one is taken when a worker has room for it, after the results before it
                 have been yielded.
             time_limit: Wall-clock time of a task in s; it fails after that.
-            begins: Told each task that begins; again where it begins anew, because its worker was lost.
-            news: Told what tasks say on their way.
+            begins: Called with each task that begins; again where it begins anew, because its worker was lost.
+            news: Called with what tasks say on their way.
 
         Raises:
             PoolFailed: Workers cannot be had.

@@ -77,7 +77,7 @@ def gains_from_payload(
         payload: What is known of it.
         preprocessing: How logs become rows; default: ``default_preprocessing``.
         options: Method, signs and confidence.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: A level that is none, or a payload that does not move.
@@ -114,7 +114,7 @@ def gains_from_prior(
         share: Standard deviation of the factor of each link; 0 takes the bodies for exact.
         preprocessing: How logs become rows.
         options: Method, signs and confidence.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: No inertias are known, or a share or level that is none.

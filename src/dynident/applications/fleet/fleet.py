@@ -140,7 +140,7 @@ def fleet_of(
         robots: Two or more of one type.
         rate: Family-wise rate of the test for robots that do not belong.
         provenance: Facts to keep with each estimate, such as the command.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: Robots of different types, a robot twice, too few, a rate that is none, or an open parameter.

@@ -54,7 +54,7 @@ class FleetRobot:
 
     @property
     def rows(self) -> int:
-        """Rows of its log, all joints."""
+        """Samples of its log, all joints."""
         if self.own is not None:
             return self.own.samples * self.model.robot.dof
         return sum(joint.triangle.rows for joint in self._digest.joints)

@@ -82,7 +82,7 @@ def identify_payload(
         rows: ``motion``; ``poses`` takes one row from each posture at which the arm stands; ``auto`` looks.
         level: Confidence of the intervals.
         preprocessing: Another preparation than that of the fit.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: A mass, share, level or ``rows`` that is none, or a flange that does not move.

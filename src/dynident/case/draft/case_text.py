@@ -11,11 +11,11 @@ import numpy as np
 
 from dynident.case.case import VERSIONS
 from dynident.case.draft.drive_text import drive_lines
-from dynident.case.draft.found import Recognised
 from dynident.case.draft.log_text import log_lines
 from dynident.case.draft.readings import long_gap
 from dynident.case.draft.recognise import cutoff_of, facts_of
-from dynident.case.draft.told_units import position_factors
+from dynident.case.draft.recognition import Recognised
+from dynident.case.draft.signal_units import position_factors
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.data.evidence.torques import LEAN, agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over

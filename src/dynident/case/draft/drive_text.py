@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynident.case.draft.found import Recognised
 from dynident.case.draft.profile_fit import equally_good
+from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.yaml_words import asked, offered, plain, quoted
 from dynident.model.robot import Joint, Robot
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dynident.case.draft.found import Recognised
 from dynident.case.draft.profile_fit import equally_good
+from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.case.questions import MARK
 

@@ -1,4 +1,4 @@
-"""What the rows of a log say before a case exists: its values as they stand in the file, rate, gaps, rest, band."""
+"""The samples of a log before a case exists: its values as they stand in the file, rate, gaps, rest, band."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def opened(path: str, form: LogFormat | None = None) -> LogTable:
 
 
 def read_rows(table: LogTable, time: str, columns: Mapping[str, Sequence[str]]) -> LogReading:
-    """Return the rows of a log that can be used, and what is wrong with the others.
+    """Return the samples of a log that can be used, and what is wrong with the others.
 
     Args:
         table: The opened file.
@@ -113,7 +113,7 @@ def read_rows(table: LogTable, time: str, columns: Mapping[str, Sequence[str]]) 
 
 
 def _head(table: LogTable, names: Sequence[str]) -> tuple[Array, bool]:
-    """Return some columns of the first rows of a log, and whether there are more."""
+    """Return some columns of the first samples of a log, and whether there are more."""
     parts, rows = list[Array](), 0
     for values in table.batches(names, 1 << 16):
         parts.append(values)

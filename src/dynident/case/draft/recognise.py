@@ -9,11 +9,19 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.case.draft.column_groups import Group, groups_of, time_columns, unit_of_time
-from dynident.case.draft.found import Recognised, SignalSource
 from dynident.case.draft.joint_choice import JointChoice, choose_joints
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
 from dynident.case.draft.readings import LogReading, band, cutoff_from, read_rows
+from dynident.case.draft.recognition import Recognised, SignalSource
 from dynident.case.draft.signal_choice import choose_signals
+from dynident.case.draft.signal_units import (
+    HEADER,
+    SignalUnit,
+    position_factors,
+    position_unit,
+    time_unit,
+    torque_unit,
+)
 from dynident.case.draft.stated_units import (
     as_header,
     column_groups,
@@ -23,14 +31,6 @@ from dynident.case.draft.stated_units import (
     units_of_profile,
 )
 from dynident.case.draft.structure import ROWS, structure_of
-from dynident.case.draft.told_units import (
-    HEADER,
-    Told,
-    position_factors,
-    position_unit,
-    time_unit,
-    torque_unit,
-)
 from dynident.case.draft.yaml_words import listed, quoted
 from dynident.data.evidence.positions import STILL, strays, travel
 from dynident.data.evidence.torques import torque_evidence
@@ -163,7 +163,7 @@ def _by_values(found: Recognised) -> Recognised:
     units = units_of_profile(found)
     if found.is_clocked:
         made = "the sum of two columns" if SUM.fullmatch(found.time) else f"made of the rate, {found.time}"
-        units["time"] = Told(("s",), True, made)
+        units["time"] = SignalUnit(("s",), True, made)
     elif "time" not in units:
         units["time"] = _by_velocities(found, time_unit(first.step, unit_of_time(found.time, found.header)))
     stated = {signal: stated_unit(found, signal) for signal in found.sources}
@@ -186,9 +186,9 @@ def _by_values(found: Recognised) -> Recognised:
         told = position_unit(q, [own[name] for name in found.joints.names], stated["q"])
         units["position"] = as_header(told, units_in_names(found, "q"))
     elif "position" not in units and found.joints.in_si:
-        units["position"] = Told(("SI",), True, found.joints.why)
+        units["position"] = SignalUnit(("SI",), True, found.joints.why)
     elif "position" not in units:
-        units["position"] = Told((), False, "the joints are not known")
+        units["position"] = SignalUnit((), False, "the joints are not known")
     if found.profiles and "q" in found.sources and not found.profiles[0].states("q"):
         units["position"] = replace(units["position"], certain=False)
     factors = position_factors(units["position"], q.shape[1])
@@ -199,7 +199,7 @@ def _by_values(found: Recognised) -> Recognised:
     return _with_motion(found, q, factors)
 
 
-def _by_velocities(found: Recognised, told: Told) -> Told:
+def _by_velocities(found: Recognised, told: SignalUnit) -> SignalUnit:
     """Return the likely unit of the time as certain where velocities are the derivative of the positions by it."""
     first = found.readings[0]
     if (
@@ -251,11 +251,11 @@ def _with_wrapped(found: Recognised) -> Recognised:
     return replace(found, wrapped=tuple(name for name in found.joints.names if kinds[name] == "revolute"))
 
 
-def _unit_of_turn(found: Recognised, stated: str) -> Told:
+def _unit_of_turn(found: Recognised, stated: str) -> SignalUnit:
     """Return the unit of positions that start again after a turn: that of the turn, where all joints turn."""
     word = "deg" if found.turn > 2 * np.pi else "rad"
     fits = len(found.wrapped) == len(found.joints.names) and stated in ("", word)
-    return Told((word,), fits, f"they start again after {found.turn:.4g}, a whole turn")
+    return SignalUnit((word,), fits, f"they start again after {found.turn:.4g}, a whole turn")
 
 
 def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated: Mapping[str, str]) -> Recognised:
@@ -276,7 +276,7 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
     if effort == "current" and "current" not in units:
         unit = stated["current"]
         why = f"{HEADER} {unit}, gains are per A" if unit else "gains are per unit of these columns"
-        units["current"] = Told((unit or "A",), True, why, from_header=bool(unit))
+        units["current"] = SignalUnit((unit or "A",), True, why, from_header=bool(unit))
     if effort == "torque" and ("torque" not in units or found.drivers_differ):
         joints = () if moving is None or not fits_joints else moving.active
         count = len(joints)
@@ -286,11 +286,13 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
         if count and not found.on_motors:
             told = torque_unit(joints, stated["torque"], ratios, telling, largest)
             if found.drivers_differ:  # what the profile says stands, unless the robot model's masses are against it
-                told = Told(units["torque"].words, told.certain or not any(telling), told.why)
+                told = SignalUnit(units["torque"].words, told.certain or not any(telling), told.why)
             units["torque"] = told
         elif "torque" not in units:
             certain = stated["torque"] in ("N m", "N")
-            units["torque"] = Told(("SI",), certain, "the header states so" if certain else "no evidence in the log")
+            units["torque"] = SignalUnit(
+                ("SI",), certain, "the header states so" if certain else "no evidence in the log"
+            )
     return replace(found, units=units, evidence=evidence)
 
 
@@ -306,10 +308,10 @@ def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
         if is_near(ratio) and certain:
             words = {"m": "m/s", "mm": "m/s"}
             told = tuple(words.get(word, "rad/s") for word in found.units["position"].words)
-            units["velocity"] = Told(told, True, f"{ratio:.3g} times the derivative of the positions")
+            units["velocity"] = SignalUnit(told, True, f"{ratio:.3g} times the derivative of the positions")
         elif is_near(in_stated) and certain and _all_of_a_kind(found):
             why = f"the header states {stated}, and so they are {in_stated:.3g} times the derivative of the positions"
-            units["velocity"] = Told((stated,), True, why)
+            units["velocity"] = SignalUnit((stated,), True, why)
         else:
             said = f"{ratio:.3g} times the derivative of the positions" + (
                 f", the header states {stated}" * bool(stated)

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from dynident.case.draft.column_groups import Group, groups_of
-from dynident.case.draft.found import Recognised
-from dynident.case.draft.told_units import Told
+from dynident.case.draft.recognition import Recognised
+from dynident.case.draft.signal_units import SignalUnit
 
 
-def units_of_profile(found: Recognised) -> dict[str, Told]:
+def units_of_profile(found: Recognised) -> dict[str, SignalUnit]:
     """Return the units that the profile states."""
     if not found.profiles:
         return {}
     fit = found.profiles[0]
     why = f"profile {fit.name}"
-    units = {"time": Told((fit.profile.time_unit,), True, why)}
+    units = {"time": SignalUnit((fit.profile.time_unit,), True, why)}
     for channel in fit.channels:
         quantity = {"q": "position", "dq": "velocity", "torque": "torque", "current": "current"}.get(channel.signal)
         if quantity and channel.unit:
-            units[quantity] = Told((channel.unit,), True, why)
+            units[quantity] = SignalUnit((channel.unit,), True, why)
     return units
 
 
@@ -42,17 +42,17 @@ def units_in_names(found: Recognised, signal: str) -> tuple[str, ...]:
     return next((g.units for g in column_groups(found) if g.names == columns), ())
 
 
-def as_header(told: Told, units: tuple[str, ...]) -> Told:
+def as_header(told: SignalUnit, units: tuple[str, ...]) -> SignalUnit:
     """Return the units that the header states column by column; asked where the limits of the joints say others."""
     if not units:
         return told
     if told.words == units:
-        return Told(units, True, f"the header states so; {told.why}")
-    return Told(told.words, False, f"the header states [{', '.join(units)}]; {told.why}")
+        return SignalUnit(units, True, f"the header states so; {told.why}")
+    return SignalUnit(told.words, False, f"the header states [{', '.join(units)}]; {told.why}")
 
 
-def unit_of_motors(stated: str) -> Told:
+def unit_of_motors(stated: str) -> SignalUnit:
     """Return the unit of positions of motors."""
     if stated:
-        return Told((stated,), True, f"the header states {stated}")
-    return Told((), False, "positions of motors, which no limit of a joint bounds")
+        return SignalUnit((stated,), True, f"the header states {stated}")
+    return SignalUnit((), False, "positions of motors, which no limit of a joint bounds")

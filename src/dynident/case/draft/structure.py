@@ -17,7 +17,7 @@ from dynident.arrays import Array
 from dynident.case.draft.column_groups import Group
 from dynident.case.draft.column_words import Meaning
 from dynident.case.draft.readings import band, cutoff_from
-from dynident.case.draft.told_units import position_factors, position_unit
+from dynident.case.draft.signal_units import position_factors, position_unit
 from dynident.data.evidence.positions import STRAYS
 from dynident.data.evidence.rows import time_units
 from dynident.data.evidence.torques import explained_shares

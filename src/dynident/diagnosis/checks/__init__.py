@@ -1,4 +1,4 @@
-"""The doctor, a family of checks: what is wrong with a log before anything is fitted to it, and what to do about it.
+"""Log checks, a family: what is wrong with a log before anything is fitted to it, and what to do about it.
 
 A check looks at one side of a log and returns findings. Checks of the raw file come first, then those of the signals,
 then those of a quick fit; an error that no repair removes ends the examination, since what comes after it would only
@@ -33,7 +33,7 @@ _MENDABLE = ("values that are not finite", "repeated rows", "rows out of order",
 
 @dataclass(frozen=True)
 class Examination:
-    """What the doctor says of one log.
+    """Findings of the checks on one log.
 
     Attributes:
         path: The log.

@@ -59,7 +59,7 @@ def design_excitation(
         knowledge: What is known before the run; None for the robot model alone.
         space: What the motion keeps in space; None for nothing.
         search: How it is searched; None for the default.
-        progress: Told about five times a second and start, and when a start is done.
+        progress: Called about five times a second and start, and when a start is done.
 
     Raises:
         BadOption: An option out of range, or a joint that has no speed limit.

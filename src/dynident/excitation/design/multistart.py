@@ -75,7 +75,7 @@ def run_starts(
 
     Args:
         search: What is to be searched.
-        progress: Told now and then, and when a start is done.
+        progress: Called now and then, and when a start is done.
         keep: Given every start that ended by itself, when it does.
 
     Raises:

@@ -77,7 +77,7 @@ def run_start(
         number: Number of the start, counted from 1.
         seed: Of all starts.
         seconds: Time after which the best so far is taken; the start point itself is always found.
-        tell: Told the news now and then; what it raises ends the start.
+        tell: Called with the news now and then; what it raises ends the start.
     """
     deadline = time.perf_counter() + seconds
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number - 1,)))

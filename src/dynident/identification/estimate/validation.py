@@ -89,7 +89,7 @@ class Validation(ShortText):
         filter: What was done to the signals; stands beside every figure.
         logs: Names of the logs.
         time: Concatenated time of the logs, shape (N,), in s; starts anew with each log.
-        starts: First row of each log in the arrays.
+        starts: First sample of each log in the arrays.
         q: Positions, shape (N, n).
         dq: Velocities, shape (N, n).
         measured: Filtered torque, shape (N, n).

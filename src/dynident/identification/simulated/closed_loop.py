@@ -68,7 +68,7 @@ class SimulatedSegment:
     """Some rows of a simulation, and what its derivative needs.
 
     Attributes:
-        rows: Which rows of the log.
+        rows: Which samples of the log.
         reference: The motion to follow at every half step, or at the nodes of implicit steps.
         implicit: Whether the steps are implicit.
         counts: Steps per row, steps of held torque, number of the first step.
@@ -111,7 +111,7 @@ class ClosedLoop:
     gains: Array
 
     def simulate(self, beta: Array) -> tuple[Array, ...]:
-        """Return q, dq, ddq and torque at all rows of each log, shape (N, 4, n) each.
+        """Return q, dq, ddq and torque at all samples of each log, shape (N, 4, n) each.
 
         Raises:
             NotConsistent: The mass matrix of ``beta`` is not positive definite along the reference.

@@ -118,7 +118,7 @@ class Course:
         """Return the reference and the torque fed at ``places`` of each step of ``rows``, (k steps rows + 1, n) each.
 
         Args:
-            rows: Rows of the log.
+            rows: Samples of the log.
             steps: Steps from one row to the next.
             places: Shares of a step, from 0 to below 1, shape (k,); the end of the last step comes by itself.
         """

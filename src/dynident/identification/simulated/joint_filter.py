@@ -100,7 +100,7 @@ class Innovations:
 
 
 class Predictor:
-    """Integrates the robot from one row of a log to the next, with exact derivatives."""
+    """Integrates the robot from one sample of a log to the next, with exact derivatives."""
 
     def __init__(self, observation: Observation, course: Course) -> None:
         refuse_states(observation.model, "the Kalman filter")
@@ -193,7 +193,7 @@ def filter_log(
         start: q and dq at the first row, shape (2, n).
         tuning: What is uncertain.
         rate: Samples a second.
-        watch: Told each row and its parameters.
+        watch: Called with each row and its parameters.
 
     Returns:
         What is known after, and what was seen on the way.

@@ -61,7 +61,7 @@ class OutputErrorTask:
     masks: tuple[BoolArray, ...]
 
     def at(self, beta: Array) -> tuple[Array, ...]:
-        """Return measured less simulated rows of each log, filtered alike, shape (N, n) each."""
+        """Return measured less simulated samples of each log, filtered alike, shape (N, n) each."""
         return tuple(self._error(i, rows) for i, rows in enumerate(self.loop.simulate(beta)))
 
     def with_slopes(self, beta: Array) -> _Rows:

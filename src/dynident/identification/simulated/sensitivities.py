@@ -28,7 +28,7 @@ FEW = 2_000
 def sensitivities(
     loop: ClosedLoop, course: Course, beta: Array, of: str, observation: Observation | None = None
 ) -> tuple[Array, Array]:
-    """Return the simulated rows of one log and the derivative of positions or torques by the base parameters.
+    """Return the simulated samples of one log and the derivative of positions or torques by the base parameters.
 
     Args:
         loop: The closed loop.

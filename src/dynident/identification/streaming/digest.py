@@ -1,4 +1,4 @@
-"""Digest: what is left of the rows of logs that were reduced as a stream; digests merge.
+"""Digest: what is left of the samples of logs that were reduced as a stream; digests merge.
 
 Of each joint: one triangle for each stretch of time, from which the triangle over all rows, its covariance under
 coloured residuals and the correlation of residuals follow; the triangle of the samples at rest; and sums of products
@@ -170,7 +170,7 @@ class Sampled:
         measured: Filtered torque, shape (s, n).
         unfiltered: Torque before the filter, shape (s, n).
         rows: [W, tau] of each joint, shape (s, K + 1) each.
-        starts: First row of each log.
+        starts: First sample of each log.
     """
 
     time: Array

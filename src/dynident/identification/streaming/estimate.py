@@ -84,7 +84,7 @@ def identify_digest(
         constraints: What is known about bodies beforehand.
         prior: Standard parameters known beforehand, in place of the robot model's.
         provenance: Facts to keep with the estimate.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: The estimator needs rows.

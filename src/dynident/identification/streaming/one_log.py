@@ -103,7 +103,7 @@ def reduce_log(
         setup: Model, preprocessing with a cut-off and a delay that are numbers, and meaning of the columns.
         path: The file.
         regressor: What makes its rows, for the base parameters of the model.
-        progress: Told each step in words, and which share of the windows is done.
+        progress: Called with each step in words, and which share of the windows is done.
         checkpoint: Where the work is kept; None: nowhere.
         number: Of the log among others, for the name of its checkpoint.
         threads: Number of threads that filter windows, which does not change a bit of the result; None: one for each

@@ -67,11 +67,11 @@ def reduce_logs(
     Args:
         setup: Model, preprocessing and meaning of the columns; of a case file: ``case.stream_setup()``.
         logs: Files, or addresses such as ``s3://bucket/run.parquet``.
-        progress: Told each step in words.
+        progress: Called with each step in words.
         checkpoint: Where the work is kept; None, or logs that the case splits: nowhere.
         pool: Where logs are reduced; None for this process.
-        skipped: Told each log that cannot be reduced, which is then left out; None refuses them, after all others.
-        standing: Told how far the work is.
+        skipped: Called with each log that cannot be reduced, which is left out; None refuses them, after all others.
+        standing: Called with how far the work is.
 
     Raises:
         LogFormatError: An unsound row.

@@ -83,7 +83,7 @@ class TimeScan:
     """The time of a whole log.
 
     Attributes:
-        samples: Rows of the log.
+        samples: Samples of the log.
         first: Time of the first, in s.
         last: Time of the last, in s.
         step: Median step, in s.

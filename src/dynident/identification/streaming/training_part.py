@@ -91,7 +91,7 @@ def _trains(start: int, time: Array, limits: _Limits) -> BoolArray:
 
 
 def training_part(setup: StreamSetup, path: Path, folder: Path | None = None) -> LogStream:
-    """Return the rows of a log that train, to be read block by block; arguments and errors as of :func:`stream_log`."""
+    """Return the training samples of a log, read block by block; arguments and errors as of :func:`stream_log`."""
     stream = stream_log(path, setup.columns, folder=folder)
     if setup.split is None:
         return stream

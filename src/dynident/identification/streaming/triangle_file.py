@@ -1,7 +1,7 @@
 """The triangle file (.tri): a digest as a NumPy archive of plain arrays, with no pickle; its robot model is JSON.
 
 The array ``about`` holds UTF-8 JSON: kind, format, versions, model and its hash, base parameters, joints,
-preprocessing, columns, chunks (path, hash, rows of each log), ``options`` of the command that reduced them and, in a
+preprocessing, columns, chunks (path, hash, samples of each log), ``options`` of the command that reduced them and, in a
 file of work that was cut short, ``position``.
 Joint i has ``columns_i`` (K,), ``factors_i`` (m, K + 1, K + 1), ``sums_i`` (m, K + 1), ``counts_i`` (m,), ``resting_i``
 (K + 1, K + 1), ``products_i`` (2, 3, K + 4) and ``rows_i`` (s, K + 1); ``rested`` is (n,). ``states_*`` and

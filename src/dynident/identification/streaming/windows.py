@@ -214,7 +214,7 @@ class _Tape:
 
 
 def _on_grid(stream: LogStream, scan: TimeScan, meaning: Callable[[Log], Log]) -> Iterator[Log]:
-    """Yield the rows of a log on its uniform grid, with joints and torques."""
+    """Yield the samples of a log on its uniform grid, with joints and torques."""
     done, before = 0, None
     for block in stream.blocks():
         log = meaning(block)
@@ -239,7 +239,7 @@ def _joined(first: Log, second: Log) -> Log:
 
 
 def _interpolated(log: Log, scan: TimeScan, last: bool) -> Log | None:
-    """Return the samples of the grid from the first row of a log to before its last, with it at the end of all."""
+    """Return the samples of the grid from the first sample of a log to before its last, with it at the end of all."""
     place = (scan.count - 1) / (scan.last - scan.first)
     low = max(0, int(np.floor((log.time[0] - scan.first) * place)) - 2)
     high = scan.count if last else min(scan.count, int(np.ceil((log.time[-1] - scan.first) * place)) + 3)
@@ -256,7 +256,7 @@ def _interpolated(log: Log, scan: TimeScan, last: bool) -> Log | None:
 
 
 def steps_of(windows: Windows, meaning: Log, source: Source) -> tuple[str, ...]:
-    """Return in words what was done to the rows of a log: as read, by the case, on the way to the windows."""
+    """Return in words what was done to the samples of a log: as read, by the case, on the way to the windows."""
     scan = windows.scan
     found = [*source.steps, *meaning.source.steps]
     if not scan.is_even:

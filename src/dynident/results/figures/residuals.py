@@ -54,7 +54,7 @@ def spectrum(signal: Array, time: Array, starts: Sequence[int], longest: int = 4
     Args:
         signal: Shape (N, n).
         time: Shape (N,), in s.
-        starts: First row of each log.
+        starts: First sample of each log.
         longest: Rows of a stretch at most.
     """
     stops = [*starts[1:], len(signal)]

@@ -86,7 +86,7 @@ class TorqueSignals:
         time: Shape (N,), in s; starts anew with each log.
         measured: Shape (N,).
         predicted: Shape (N,).
-        starts: First row of each log; a gap stands between two.
+        starts: First sample of each log; a gap stands between two.
         bands: Half widths; None for none.
         parts: What each log is used for, and whether it is shaded, such as ``("test", True)``; none for no names.
     """
@@ -162,7 +162,7 @@ def small_torque_chart(
         time: Shape (N,), in s; starts anew with each log.
         measured: Shape (N,).
         predicted: Shape (N,).
-        starts: First row of each log; a gap stands between two.
+        starts: First sample of each log; a gap stands between two.
         width: Of the figure.
     """
     shown = run_time(time, starts)
@@ -189,7 +189,7 @@ def torque_overview(
         time: Shape (N,), in s; starts anew with each log.
         measured: Shape (N, n).
         predicted: Shape (N, n).
-        starts: First row of each log; a gap stands between two.
+        starts: First sample of each log; a gap stands between two.
         width: Of the figure.
     """
     shown = run_time(time, starts)
@@ -227,7 +227,7 @@ def trajectory_chart(
         time: Shape (N,), in s.
         q: Positions, shape (N, n), in rad or m.
         dq: Speeds, shape (N, n), in rad/s or m/s; None draws positions only.
-        starts: First row of each log; a gap stands between two.
+        starts: First sample of each log; a gap stands between two.
         width: Of the figure.
     """
     shown = run_time(time, starts)

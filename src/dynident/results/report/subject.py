@@ -63,7 +63,7 @@ class Dataset:
 
     @property
     def rows(self) -> tuple[slice, ...]:
-        """The rows of each log among the signals."""
+        """The samples of each log among the signals."""
         starts = self.validation.starts
         return tuple(slice(a, b) for a, b in zip(starts, (*starts[1:], len(self.validation.time)), strict=True))
 
@@ -91,7 +91,7 @@ class Subject:
         command: The command line of the report; it stands below that of the estimate, which its provenance has.
         sources: Files of the tests; those of the fit are in the estimate's provenance.
         plan: The motion that was designed, with its check; None for none.
-        log_quality: What the doctor found in the logs of the fit, as plain data; empty for what the provenance has.
+        log_quality: Findings of the log checks on these logs, as plain data; empty for what the provenance has.
         why_no_test: Why there is no test although the fit may have kept rows apart; for a sentence of the verdict.
 
     Raises:

@@ -26,7 +26,7 @@ def motions_of(
     Args:
         experiment: The benchmark.
         folder: Where its results are kept.
-        progress: Told each design.
+        progress: Called with each design.
 
     Raises:
         DynidentError: A plan of another robot or a damaged one, or no motion that keeps the limits.

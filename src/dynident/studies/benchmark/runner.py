@@ -44,7 +44,7 @@ def run_tasks(
         time_limit: Wall-clock time of a task in s, its log included; it fails after that.
         processor_limit: The same of its processor time, which does not depend on what else the machine does.
         pool: Where tasks are done in place of ``jobs`` processes; they know no limit of the processor time.
-        progress: Told each task that begins.
+        progress: Called with each task that begins.
 
     Raises:
         BadOption: A number of jobs or a limit that cannot be.

@@ -54,7 +54,7 @@ def compare(
         methods: Who takes part.
         time_limit: Wall-clock time in s of a method, in which it is fitted and tested.
         jobs: Processes that run at a time.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: A time limit or a number of jobs that cannot be.

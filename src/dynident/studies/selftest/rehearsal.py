@@ -273,7 +273,7 @@ def rehearse(
         tolerance: What is asked.
         known: What estimator and controller know beforehand.
         shares: Lengths that are tried; the planned one, 1, is always among them.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: A length, a number of periods or a setting of the cell that cannot be.

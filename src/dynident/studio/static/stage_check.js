@@ -1,4 +1,4 @@
-// Stage 4: what the doctor finds in the logs, with evidence and remedy.
+// Stage 4: findings of the log checks, with evidence and remedy.
 
 import { choose, known, ofKind } from "./api.js";
 import { el, field, fill, name, next, options, several } from "./dom.js";

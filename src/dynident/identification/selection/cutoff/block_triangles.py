@@ -1,4 +1,4 @@
-"""Rows of logs reduced block by block of time: fits of all blocks or of some, and how far blocks disagree.
+"""Samples of logs reduced block by block of time: fits of all blocks or of some, and how far blocks disagree.
 
 The covariance is that of scores summed over blocks (Liang and Zeger 1986, without a working correlation): whatever
 hangs together within a block, in time, between joints or with the motion, is taken in. It needs blocks longer than

@@ -158,7 +158,7 @@ def with_cutoff(
         model: The model that is to be identified.
         logs: Raw logs, joints in the order of the robot.
         how: The preparation.
-        progress: Told the step in words.
+        progress: Called with the step in words.
     """
     if not how.filter.is_open:
         return how, None

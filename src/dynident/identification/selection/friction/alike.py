@@ -65,7 +65,7 @@ def same_for_all(
     Args:
         model: With the friction chosen for each drive.
         logs: Preprocessed training logs.
-        progress: Told each step in words.
+        progress: Called with each step in words.
         usual: A further list for all drives: that which the choice began with.
         improves_significantly: Whether the lists of the drives' own may be taken.
 

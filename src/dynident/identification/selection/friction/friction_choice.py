@@ -92,7 +92,7 @@ def choose_friction(
         model: The robot; what it has of friction is held against the choice and is among the candidates, whose signs
             of dry friction turn over the same width.
         logs: Preprocessed training logs.
-        progress: Told each step in words.
+        progress: Called with each step in words.
         delay_is_free: Whether a delay of the torque is free in what is compared.
 
     Raises:

@@ -73,7 +73,7 @@ def choose_fields(
     Args:
         model: With parts whose ``choose`` names non-linear fields, or ``part``.
         logs: Preprocessed logs.
-        progress: Told each step in words.
+        progress: Called with each step in words.
         delay_is_free: Whether a delay of the torque is free in what is compared.
 
     Raises:

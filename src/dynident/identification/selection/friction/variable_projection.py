@@ -39,7 +39,7 @@ def vary_fields(
     Args:
         model: With parts whose ``vary`` names non-linear fields.
         logs: Preprocessed logs.
-        progress: Told each step in words.
+        progress: Called with each step in words.
 
     Raises:
         BadOption: A name in ``vary`` that is no non-linear field of its part.

@@ -1,4 +1,4 @@
-"""Log quality: what the doctor found in the logs of the fit before they were fitted."""
+"""Log quality: findings of the log checks before the fit."""
 
 from __future__ import annotations
 

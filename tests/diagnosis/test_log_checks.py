@@ -1,4 +1,4 @@
-"""The doctor on clean logs, on logs with injected faults, and the repairs that it calls safe."""
+"""Log checks on clean logs, on logs with injected faults, and the repairs that it calls safe."""
 
 from __future__ import annotations
 

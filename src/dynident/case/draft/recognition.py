@@ -11,8 +11,8 @@ from dynident.case.draft.column_groups import Group
 from dynident.case.draft.joint_choice import JointChoice
 from dynident.case.draft.profile_fit import ProfileFit
 from dynident.case.draft.readings import LogReading
+from dynident.case.draft.signal_units import SignalUnit
 from dynident.case.draft.structure import TableStructure
-from dynident.case.draft.told_units import Told
 from dynident.data.evidence.torques import TorqueEvidence, agrees
 from dynident.model.robot import Robot
 
@@ -75,7 +75,7 @@ class Recognised:
     sources: Mapping[str, SignalSource] = field(default_factory=dict)
     joints: JointChoice = field(default_factory=lambda: JointChoice((), False, ""))
     readings: tuple[LogReading, ...] = ()
-    units: Mapping[str, Told] = field(default_factory=dict)
+    units: Mapping[str, SignalUnit] = field(default_factory=dict)
     profiles: tuple[ProfileFit, ...] = ()
     rivals: Mapping[str, tuple[Group, ...]] = field(default_factory=dict)
     refused: tuple[tuple[Group, str], ...] = ()

@@ -22,8 +22,8 @@ _TELLING = 0.05
 
 
 @dataclass(frozen=True)
-class Told:
-    """A unit.
+class SignalUnit:
+    """The unit of a signal.
 
     Attributes:
         words: One word of the case file per joint (one for the time); empty where nothing is likely.
@@ -45,19 +45,19 @@ class Told:
         return f"[{', '.join(self.words)}]"
 
 
-def time_unit(step: float, stated: str) -> Told:
+def time_unit(step: float, stated: str) -> SignalUnit:
     """Return the unit of the time from the median step in the file's unit and from what the header states."""
     fitting = time_units(step)
     rates = ", ".join(f"{1 / (step * _factor('time', word)):.4g} Hz in {word}" for word in fitting[:2])
     if stated and stated in fitting:
-        return Told((stated,), True, f"the header states {stated}: {rates.split(',')[0]}")
+        return SignalUnit((stated,), True, f"the header states {stated}: {rates.split(',')[0]}")
     if not stated and "s" in fitting:
-        return Told(("s",), True, f"{1 / step:.5g} Hz")
+        return SignalUnit(("s",), True, f"{1 / step:.5g} Hz")
     said = f"the header states {stated}, but steps are {step:.4g}" if stated else f"steps are {step:.4g}"
-    return Told(fitting[:1], False, f"{said}{f', which is {rates}' if rates else ''}")
+    return SignalUnit(fitting[:1], False, f"{said}{f', which is {rates}' if rates else ''}")
 
 
-def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> Told:
+def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> SignalUnit:
     """Return the unit of positions, shape (N, n), from the limits of their joints and from what the header states."""
     words, certain, reasons = [], True, []
     spans = np.ptp(q, axis=0)
@@ -86,16 +86,18 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> Told:
         words.append((mine, word))
     named = {k: word for mine, word in words for k in mine}
     likely = tuple(named[k] for k in range(len(joints))) if all(named.values()) else ()
-    return Told(likely, certain, "; ".join(reasons))
+    return SignalUnit(likely, certain, "; ".join(reasons))
 
 
-def position_factors(told: Told, count: int) -> Array:
+def position_factors(told: SignalUnit, count: int) -> Array:
     """Return the factor of each of the columns of positions to SI by its unit, the likely one where it is asked."""
     words = told.words if len(told.words) == count else told.words[:1] * count or ("SI",) * count
     return np.array([_factor("position", word) for word in words])
 
 
-def torque_unit(joints: Sequence[Joint], stated: str, ratios: Array, telling: Sequence[bool], largest: Array) -> Told:
+def torque_unit(
+    joints: Sequence[Joint], stated: str, ratios: Array, telling: Sequence[bool], largest: Array
+) -> SignalUnit:
     """Return the unit of torques.
 
     Args:
@@ -118,17 +120,21 @@ def torque_unit(joints: Sequence[Joint], stated: str, ratios: Array, telling: Se
     )
     if stated:
         if stated in ("percent", "permille"):
-            return Told((stated,) * len(joints), False, f"the header states {stated}; rated torques are then needed")
+            return SignalUnit(
+                (stated,) * len(joints), False, f"the header states {stated}; rated torques are then needed"
+            )
         fitting = not len(seen) or agrees(middle * (1e-3 if stated == "mN m" else 1.0))
         words = si if stated in ("N m", "N") else (stated,) * len(joints)
-        return Told(words, fitting, f"the header states {stated}; {why}")
+        return SignalUnit(words, fitting, f"the header states {stated}; {why}")
     if len(seen) and agrees(middle):
-        return Told(si, True, why)
+        return SignalUnit(si, True, why)
     if len(seen) and agrees(1e-3 * middle) and all(joint.kind == "revolute" for joint in joints):
-        return Told(("mN m",) * len(joints), False, why)
+        return SignalUnit(("mN m",) * len(joints), False, why)
     if len(seen) == 0 and np.all(np.isfinite(limits)) and not over and np.any(largest > 0.1 * limits):
-        return Told(si, False, f"{why}; the values lie within the effort limits as N m")
-    return Told(() if over or len(seen) else si, False, why + ("; the values exceed the effort limits" if over else ""))
+        return SignalUnit(si, False, f"{why}; the values lie within the effort limits as N m")
+    return SignalUnit(
+        () if over or len(seen) else si, False, why + ("; the values exceed the effort limits" if over else "")
+    )
 
 
 def _fits(q: Array, joints: Sequence[Joint]) -> bool:
