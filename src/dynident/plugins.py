@@ -184,6 +184,10 @@ class Family(Generic[Part]):
         kinds = {option.name: option.kind for option in self.options(choice)}
         return self.make(choice, {k: _from_text(k, kinds.get(k, "str"), text) for k, text in options.items()})
 
+    def has_option(self, name: str, option: str) -> bool:
+        """Return whether a part has an option of this name; errors as of :meth:`get`."""
+        return any(known.name == option for known in self.options(name))
+
     def name_of(self, part: Part) -> str:
         """Return the name (the file) of a part."""
         return type(part).__module__.rsplit(".", 1)[-1]

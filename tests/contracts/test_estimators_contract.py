@@ -186,3 +186,10 @@ def test_what_the_motion_leaves_open_is_refused(
     steady = replace(log, q=log.time[:, None] * speed, dq=np.tile(speed, (log.samples, 1)), ddq=np.zeros_like(log.q))
     with pytest.raises(PoorExcitation, match=r"undetermined: .*F"):
         identify(model, [steady], part, GIVEN)
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_it_takes_the_options_that_it_has_in_a_contest(name: str) -> None:
+    kind = ESTIMATORS.get(name)
+    made = ESTIMATORS.make_from_text(name, dict(kind.contest_options))
+    assert all(str(getattr(made, key)) == text for key, text in kind.contest_options.items())

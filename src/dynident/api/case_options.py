@@ -133,9 +133,9 @@ def estimator_of(case: Case, name: str | None = None, options: Sequence[str] = (
         if not equals:
             raise BadOption("--option", item, "write key=value, such as --option iterations=500")
         texts[key] = value
-    if (name or chosen.name) == "consistent" and case.bodies:
-        texts.setdefault("bodies", case.bodies)
     try:
+        if case.bodies and ESTIMATORS.has_option(name or chosen.name, "bodies"):
+            texts.setdefault("bodies", case.bodies)
         return ESTIMATORS.make_from_text(name or chosen.name, texts)
     except DynidentError as error:
         if name is None and case.path and not options:

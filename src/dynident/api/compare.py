@@ -108,16 +108,12 @@ def methods_of(case: Case, text: str, seed: int | None = None) -> list[Method]:
             if not all("=" in setting for setting in settings):
                 raise BadOption("--estimators", label, "write options behind a name, such as huber:bound=2")
             stated = [setting.partition("=")[0] for setting in settings]
-            if seed is not None and "seed" not in stated and _has_seed(name):
+            if seed is not None and "seed" not in stated and ESTIMATORS.has_option(name, "seed"):
                 settings.append(f"seed={seed}")
-            if name == "consistent" and not (case.bodies or case.estimator.options):
-                settings.insert(0, "bodies=free")  # methods are compared by what they make of the data alone
+            if not (case.bodies or case.estimator.options):
+                settings[:0] = [f"{key}={value}" for key, value in ESTIMATORS.get(name).contest_options.items()]
             found.setdefault(label, Method(label, estimator_of(case, name, settings)))
     return list(found.values())
-
-
-def _has_seed(name: str) -> bool:
-    return any(option.name == "seed" for option in ESTIMATORS.options(name))
 
 
 def split_names(text: str) -> list[str]:

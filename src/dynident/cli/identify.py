@@ -154,8 +154,9 @@ def _estimate(
     from dynident.identification.estimators import ESTIMATORS
 
     estimator = estimator_of(case, options.estimator, options.option)
-    if options.bodies and ESTIMATORS.name_of(estimator) != "consistent":
-        raise BadOption("--bodies", options.bodies, "it is for the estimator consistent; leave one of the two out")
+    if options.bodies and not ESTIMATORS.has_option(ESTIMATORS.name_of(estimator), "bodies"):
+        those = " and ".join(name for name in ESTIMATORS.names() if ESTIMATORS.has_option(name, "bodies"))
+        raise BadOption("--bodies", options.bodies, f"it is for the estimator {those}; leave one of the two out")
     record = Record(command=jobs.repeat_command(), checks=not options.no_check)
     digest = _digest(case, options, estimator, progress)
     if digest is not None:

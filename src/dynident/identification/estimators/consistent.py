@@ -57,6 +57,7 @@ class Consistent(Estimator):
     keeps_constraints: ClassVar = True
     from_triangles: ClassVar = True
     fits_folds: ClassVar = True
+    contest_options: ClassVar = {"bodies": "free"}
 
     def __post_init__(self) -> None:
         if not 0 < self.pull < 1e6:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -44,12 +44,15 @@ class Estimator(ABC):
         fits_folds: Whether cross-validation fits the rest of the logs with it; weighted least squares does where not.
         may_not_converge: Whether it may end far from the optimum of its objective, so that the load of the drives is
             that of weighted least squares and not of its own answer.
+        contest_options: Options, as text, that it has among other methods where none are stated: there methods are
+            compared by what they make of the data alone.
     """
 
     keeps_constraints: ClassVar[bool] = False
     from_triangles: ClassVar[bool] = False
     fits_folds: ClassVar[bool] = False
     may_not_converge: ClassVar[bool] = False
+    contest_options: ClassVar[Mapping[str, str]] = {}
 
     @property
     def prior_pull(self) -> float:

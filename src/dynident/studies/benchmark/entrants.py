@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from dynident.case.case_values import guarded, part_of
 from dynident.data.preprocessing import FILTERS, Preprocessing
 from dynident.data.preprocessing.butterworth import Butterworth
-from dynident.identification.estimators import ESTIMATORS
+from dynident.identification.estimators import ESTIMATORS, Estimator
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
 from dynident.simulation.controllers import Controller
@@ -85,13 +85,15 @@ def _method(place: Place, name: str, options: dict[str, str | None], controllers
     """Return a method; the option ``controller: known`` tells it the controller that the logs were made with."""
     known = options.pop("controller", "unknown")
     label = ":".join([name, *(f"{key}={text}" for key, text in options.items())])
-    if name == "consistent":
-        options.setdefault("bodies", "free")  # methods are compared by what they make of the data alone
     if known not in ("known", "unknown"):
         raise place.error(f"controller: {known}", "write controller: known, or leave it out")
     if known == "known":
         options, label = {**options, **_told(place, controllers)}, f"{label} with controller"
-    return Method(label, guarded(place, lambda: ESTIMATORS.make_from_text(name, options)))
+    return Method(label, guarded(place, lambda: _entrant(name, options)))
+
+
+def _entrant(name: str, options: Mapping[str, str | None]) -> Estimator:
+    return ESTIMATORS.make_from_text(name, {**ESTIMATORS.get(name).contest_options, **options})
 
 
 def _told(place: Place, controllers: Sequence[Controller]) -> dict[str, str]:
