@@ -63,6 +63,7 @@ def run_demo(
         folder: Where files are written; it is made where it is not there.
         command: What was typed, for the provenance.
         progress: Called with each step in words.
+        virtual: The virtual arm, with DYNIDENT_DATA set too.
 
     Raises:
         FileError: A file cannot be written.
