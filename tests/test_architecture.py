@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+
 from loaded_file import loaded_file
 from test_documentation import ROOT, rows_after
 
