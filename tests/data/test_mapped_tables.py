@@ -109,4 +109,4 @@ def test_drafts_say_both(tmp_path: Path) -> None:
     columns["stamp_nanosec"] = np.round(motion["time"] * 1e9)
     plain = {"stamp_sec": motion["time"], **columns} | named(motion, "stamp_sec", {})
     whole = draft_case(arm, write_log(tmp_path / "whole.csv", plain), tmp_path)
-    assert "+" not in whole.found.time
+    assert "+" not in whole.recognition.time
