@@ -31,8 +31,9 @@ from dynident.identification.simulated.iteration import started
 from dynident.identification.uncertainty.exogeneity import durbin_wu_hausman
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
+from dynident.simulation.controllers.pd import Pd
 from dynident.simulation.plant import plant
-from dynident.simulation.virtual_robot import JointController, Noise, Timing, simulate
+from dynident.simulation.virtual_robot import Noise, Timing, simulate
 from dynident.studies.er16_article import LOCKED
 
 NOISE, RATE, CONTROL, PERIOD, BANDWIDTH = 1e-4, 200.0, 2000.0, 5.0, 5.0
@@ -51,7 +52,7 @@ def cell(robot, size):
 
 
 def problem_of(model, theta, path, stiffness, damping, seed):
-    controller = JointController(rate=CONTROL, stiffness=stiffness, damping=damping, gravity=False)
+    controller = Pd(rate=CONTROL, stiffness=tuple(stiffness), damping=tuple(damping), feedforward="none")
     noise = Noise(position=NOISE, torque=0.2)
     run = simulate(model, theta, path, timing=Timing(rate=RATE), controller=controller, noise=noise, seed=seed)
     if run.saturated:

@@ -27,7 +27,8 @@ from dynident.model.friction.periodic import Periodic
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
-from dynident.simulation.virtual_robot import JointController, Noise, Timing, simulate
+from dynident.simulation.controllers.pd import Pd
+from dynident.simulation.virtual_robot import Noise, Timing, simulate
 
 KP, KD = (500.0, 100.0), (40.0, 8.0)
 KNOWN = LoopOptions(kp=KP, kd=KD, control_hz=500.0)
@@ -44,7 +45,7 @@ def cell(planar_2r):
     """Return a problem, its truth and the true motion of a two-link arm under a stated controller."""
     model = DynamicModel(planar_2r, (Coulomb(0.1), Viscous()))
     theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
-    controller = JointController(rate=500.0, stiffness=KP, damping=KD, gravity=False)
+    controller = Pd(rate=500.0, stiffness=KP, damping=KD, feedforward="none")
     run = simulate(
         model,
         theta,
@@ -111,7 +112,7 @@ def test_sensitivities_are_exact_with_every_friction_of_the_motion(planar_2r, co
     parts = (Asymmetric(0.1), Degressive(width=0.1), Stribeck(0.3, width=0.1), Periodic(2.0))
     model = DynamicModel(planar_2r, parts)
     theta = np.append(planar_2r.nominal, np.tile(np.linspace(0.3, 0.8, 8), 2))
-    controller = JointController(rate=500.0, stiffness=KP, damping=KD, gravity=False)
+    controller = Pd(rate=500.0, stiffness=KP, damping=KD, feedforward="none")
     run = simulate(model, theta, wave(2), timing=Timing(rate=250.0, duration=0.4, lead_in=1.0), controller=controller)
     problem = build_problem(model, [run.log], HOW)
     truth = problem.base.from_standard(theta)
@@ -133,7 +134,7 @@ def loaded(planar_2r):
     robot = planar_2r.with_drives({}, [[1.0, 0.0], [0.4, 1.0]])
     model = DynamicModel(robot, (Coulomb(0.1), Viscous(), Load(0.1), Temperature(20.0, 0.1)))
     theta = np.append(robot.nominal, np.tile([0.8, 0.5, 0.2, -0.01, -0.02], 2))
-    controller = JointController(rate=500.0, stiffness=KP, damping=KD, gravity=False)
+    controller = Pd(rate=500.0, stiffness=KP, damping=KD, feedforward="none")
     run = simulate(model, theta, wave(2), timing=Timing(rate=250.0, duration=0.4, lead_in=1.0), controller=controller)
     warmth = np.linspace([20.0, 30.0], [45.0, 33.0], len(run.log.time))
     problem = build_problem(model, [replace(run.log, temperature=warmth)], HOW)
@@ -165,7 +166,7 @@ def stiff(planar_2r):
     """Return a problem and its truth whose friction turns its sign within 0.02 rad/s."""
     model = DynamicModel(planar_2r, (Coulomb(0.02), Viscous()))
     theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
-    controller = JointController(rate=500.0, stiffness=KP, damping=KD, gravity=False)
+    controller = Pd(rate=500.0, stiffness=KP, damping=KD, feedforward="none")
     run = simulate(
         model,
         theta,

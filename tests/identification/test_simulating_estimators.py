@@ -37,7 +37,8 @@ from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
 from dynident.model.friction.temperature import Temperature
 from dynident.model.friction.viscous import Viscous
-from dynident.simulation.virtual_robot import JointController, Noise, Timing, simulate
+from dynident.simulation.controllers.pd import Pd
+from dynident.simulation.virtual_robot import Noise, Timing, simulate
 from presliding import Presliding
 
 KP, KD = (500.0, 100.0), (40.0, 8.0)
@@ -58,7 +59,7 @@ def cell(planar_2r):
     theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
     sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
     path = FourierSeries(np.zeros(2), sine, cosine, 3.0)
-    controller = JointController(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
+    controller = Pd(rate=2000.0, stiffness=KP, damping=KD, feedforward="none")
     noise = Noise(position=2e-4, torque=0.05)
     problems = []
     for seed in range(RUNS):
@@ -199,7 +200,7 @@ def test_friction_of_load_or_temperature_is_found_under_a_stated_controller(plan
     own = [0.3] if len(part.coefficients) == 1 else [-0.02, -0.01]
     theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5, *own], 2))
     sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
-    controller = JointController(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
+    controller = Pd(rate=2000.0, stiffness=KP, damping=KD, feedforward="none")
     noise = Noise(position=2e-5, torque=0.05)
     path = FourierSeries(np.zeros(2), sine, cosine, 2.0)
     run = simulate(model, theta, path, timing=Timing(rate=250.0, lead_in=1.0), controller=controller, noise=noise)
@@ -220,7 +221,7 @@ def test_friction_with_a_state_is_simulated_and_refused_where_its_derivative_is_
     model = DynamicModel(planar_2r, (Viscous(), Presliding()))
     theta = np.append(planar_2r.nominal, np.tile([0.5, 0.4, 1.0], 2))
     sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
-    controller = JointController(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
+    controller = Pd(rate=2000.0, stiffness=KP, damping=KD, feedforward="none")
     path, noise = FourierSeries(np.zeros(2), sine, cosine, 2.0), Noise(position=2e-5, torque=0.05)
     run = simulate(model, theta, path, timing=Timing(rate=250.0, lead_in=1.0), controller=controller, noise=noise)
     problem = build_problem(model, [unfiltered(run.log)], Preprocessing(AsGiven(), rest="keep"))
@@ -240,7 +241,7 @@ def test_the_kalman_filter_finds_the_truth_and_knows_its_error(planar_2r):
     model = DynamicModel(planar_2r, (Coulomb(0.2), Viscous()))
     theta = np.append(planar_2r.nominal, np.tile([1.0, 0.5], 2))
     sine, cosine = 0.25 * np.random.default_rng(1).normal(size=(2, 2, 3))
-    controller = JointController(rate=2000.0, stiffness=KP, damping=KD, gravity=False)
+    controller = Pd(rate=2000.0, stiffness=KP, damping=KD, feedforward="none")
     noise = Noise(position=2e-5, torque=0.05)
     path = FourierSeries(np.zeros(2), sine, cosine, 2.0)
     run = simulate(model, theta, path, timing=Timing(rate=250.0, lead_in=1.0), controller=controller, noise=noise)

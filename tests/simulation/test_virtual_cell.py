@@ -33,7 +33,6 @@ from dynident.simulation.effects import (
     Warming,
 )
 from dynident.simulation.truth import Truth
-from dynident.simulation.virtual_robot import Timing, simulate
 
 #: A controller that leaves the joints alone.
 IDLE = CONTROLLERS.make("pd", {"stiffness": (0.0,), "damping": (0.0,), "feedforward": "none"})
@@ -75,16 +74,6 @@ def go(model, theta, motion, duration=1.0, **cell):
 
 
 # --- the dynamics ----------------------------------------------------------------------------------------------------
-
-
-def test_the_default_cell_is_the_virtual_robot():
-    robot = two_links(np.array([[1.0, 0.0], [0.6, 1.0]]))
-    model = DynamicModel(robot, (Coulomb(0.05), "viscous", "offset", "rotor_inertia"))
-    theta = with_friction(model, [0.8, 1.1, -0.3, 0.07])
-    old = simulate(model, theta, wave(2), timing=Timing(duration=1.5)).truth
-    new = go(model, theta, wave(2), 1.5).truth
-    for name in ("q", "dq", "ddq", "torque"):
-        np.testing.assert_allclose(getattr(new, name), getattr(old, name), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["generic-6r", "generic-scara", "coupled"])

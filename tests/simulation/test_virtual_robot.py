@@ -20,7 +20,8 @@ from dynident.model.friction.coulomb import Coulomb
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Drive, Joint, JointLimits, Link, Mimic, Robot
-from dynident.simulation.virtual_robot import JointController, Noise, Timing, free_motion, simulate
+from dynident.simulation.controllers.pd import Pd
+from dynident.simulation.virtual_robot import Noise, Timing, simulate
 from dynident.studies.er16_article import BETA_1, LOCKED, PERIOD
 from presliding import Presliding
 
@@ -80,6 +81,15 @@ def wave(joints, seed=0, size=0.2, period=5.0):
     return FourierSeries(np.linspace(-0.3, 0.4, joints), sine, cosine, period)
 
 
+def free_motion(model, theta, q, dq, duration, feedforward="none"):
+    """Return the true motion from a state (2, n) without feedback, under the torque that is fed forward."""
+    path = FourierSeries(np.array(q), np.array(dq)[:, None] * 100.0 / (2 * np.pi), np.zeros((len(q), 1)), 100.0)
+    idle = Pd(stiffness=(0.0,), damping=(0.0,), feedforward=feedforward)
+    run = simulate(model, theta, path, controller=idle, timing=Timing(duration=duration, lead_in=0.0))
+    np.testing.assert_allclose([run.truth.q[0], run.truth.dq[0]], [q, dq], atol=1e-12)
+    return run.truth
+
+
 def energy(robot, q, dq):
     """Return the kinetic and the potential energy at states (N, n), each (N,), in J."""
     mass = batched.mass_matrix(robot.chain, robot.nominal, q) + robot.reflected_inertia
@@ -108,7 +118,7 @@ def test_a_pendulum_swings_in_its_small_angle_period():
     joint = Joint("pivot", "revolute", -1, np.eye(3), np.zeros(3), np.array([0.0, 1.0, 0.0]), drive=Drive(10.0, 1e-3))
     robot = Robot("pendulum", (Link("rod", body(1.5, [0, 0, -0.4], [0.02, 0.03, 0.01])),), (joint,))
     amplitude = 1e-3
-    motion = free_motion(DynamicModel(robot), robot.nominal, [amplitude], duration=10.0)
+    motion = free_motion(DynamicModel(robot), robot.nominal, [amplitude], [0.0], duration=10.0)
     inertia = 0.03 + 1.5 * 0.4**2 + 10.0**2 * 1e-3
     period = 2 * np.pi * np.sqrt(inertia / (1.5 * 9.81 * 0.4)) * (1 + amplitude**2 / 16)
     np.testing.assert_allclose(
@@ -121,13 +131,13 @@ def test_a_mass_falls_and_friction_slows_it_as_the_closed_forms_say():
     fall = free_motion(DynamicModel(robot), robot.nominal, [1.0], [0.5], duration=2.0)
     np.testing.assert_allclose(fall.q[:, 0], 1 + 0.5 * t - 9.81 / 2 * t**2, atol=1e-12)
     model = DynamicModel(robot, ("viscous", "offset"))
-    damped = free_motion(model, with_friction(model, [3.0, 0.7]), [0.0], [2.0], torque=[2 * 9.81], duration=2.0)
+    damped = free_motion(model, with_friction(model, [3.0, 0.7]), [0.0], [2.0], duration=2.0, feedforward="gravity")
     final = -0.7 / 3.0
     np.testing.assert_allclose(damped.dq[:, 0], final + (2 - final) * np.exp(-3 / 2 * t), atol=1e-12)
     dry = DynamicModel(robot, (Coulomb(0.01), "rotor_inertia"))
-    sliding = free_motion(dry, with_friction(dry, [4.0, 1.0]), [0.0], [2.0], torque=[2 * 9.81], duration=1.4)
+    sliding = free_motion(dry, with_friction(dry, [4.0, 1.0]), [0.0], [2.0], duration=1.4, feedforward="gravity")
     np.testing.assert_allclose(sliding.dq[:, 0], 2 - 4 / 3 * t[:1400], atol=1e-12)  # far above the width
-    stopped = free_motion(dry, with_friction(dry, [4.0, 1.0]), [0.0], [2.0], torque=[2 * 9.81], duration=3.0)
+    stopped = free_motion(dry, with_friction(dry, [4.0, 1.0]), [0.0], [2.0], duration=3.0, feedforward="gravity")
     assert abs(stopped.dq[-1, 0]) < 1e-6
 
 
@@ -181,7 +191,7 @@ def test_the_compiled_loop_is_the_plain_loop():
         with_friction(model, [0.8, 1.1, -0.3, 0.07]),
         motion,
         timing=Timing(duration=1.5, rate=500.0, lead_in=0.0, integration_rate=1000.0),
-        controller=JointController(rate=250.0, stiffness=kp, damping=kd),
+        controller=Pd(rate=250.0, stiffness=tuple(kp), damping=tuple(kd)),
         noise=Noise(resolution=1e-4),
     )
     truth = run.truth
@@ -316,7 +326,7 @@ def test_the_integration_keeps_up_with_narrow_friction():
 
 
 def test_rows_and_controls_may_have_different_rates():
-    run = run_of_two(Timing(4.0, rate=400.0, lead_in=0.5), controller=JointController(rate=600.0))
+    run = run_of_two(Timing(4.0, rate=400.0, lead_in=0.5), controller=Pd(rate=600.0))
     assert run.log.samples == 1600
     assert "1200 Hz integration" in run.log.source.steps[0]
 
@@ -367,7 +377,8 @@ def refused(change):
     [
         (
             {"friction": (Coulomb(0.0),)},
-            "width = 0.0 is not possible; a sharp sign cannot be integrated; simulate with a width, such as 0.01 rad/s",
+            "width = 0.0 is not possible; a sharp sign cannot be integrated; give it a width, such as 0.01 rad/s, "
+            "or the cell bristles",
         ),
         (
             {"friction": (Jolted(),)},
@@ -393,17 +404,19 @@ def refused(change):
             "integration_rate = 4000.0 is not possible; give a multiple of 3000 Hz, which 300 and 1000 Hz divide",
         ),
         (
-            {"timing": Timing(0.5, rate=999.999), "controller": JointController(rate=1000.1)},
+            {"timing": Timing(0.5, rate=999.999), "controller": Pd(rate=1000.1)},
             "rate = 999.999 is not possible; the log's and the controller's 1000.1 Hz fit no common step; "
             "choose another rate",
         ),
-        ({"controller": JointController(rate=0.0)}, "controller.rate = 0.0 is not possible; give a number above 0"),
         (
-            {"controller": JointController(stiffness=(1.0, 2.0, 3.0))},
-            "controller.stiffness = 'of shape (3,)' is not possible; give one number, or one for each of the 2 joints",
+            {"controller": Pd(stiffness=(1.0, 2.0, 3.0))},
+            "controller.stiffness = [1.0, 2.0, 3.0] is not possible; give one number, or one for each of the 2 joints",
         ),
-        ({"noise": Noise(position=-1.0)}, "noise.position = -1.0 is not possible; give finite numbers, 0 or more"),
-        ({"noise": Noise(resolution=np.nan)}, "noise.resolution = nan is not possible; give finite numbers, 0 or more"),
+        ({"noise": Noise(position=-1.0)}, "encoder.noise = (-1.0,) is not possible; give finite numbers, 0 or more"),
+        (
+            {"noise": Noise(resolution=np.nan)},
+            "encoder.resolution = (nan,) is not possible; give finite numbers, 0 or more",
+        ),
         (
             {"gains": {"shoulder": 1.0}},
             "gains['elbow'] is not given; give each joint's drive gain in N m/A, not 0",
@@ -438,9 +451,8 @@ def test_friction_too_narrow_for_the_steps_is_refused_with_what_it_needs():
 
 
 def test_a_loop_that_its_controller_cannot_hold_is_refused():
-    message = refused({"controller": JointController(bandwidth_hz=400.0)})
-    assert message.startswith("controller.rate = 1000.0 is not possible; the loop acts within 0.")
-    assert message.endswith(" ms somewhere on the motion; take a faster one or lower gains")
+    with pytest.raises(SolverFailed, match=r"the motion is lost .* give a lower bandwidth, a faster controller or"):
+        run_of_two(controller=Pd(bandwidth_hz=400.0))
 
 
 def test_an_impossible_body_is_refused():
@@ -455,5 +467,5 @@ def test_an_impossible_body_is_refused():
 def test_a_motion_that_explodes_is_reported():
     robot = slider()
     model = DynamicModel(robot, ("viscous",))
-    with pytest.raises(SolverFailed, match=r"the motion is lost at 7\.\d+ s"):
+    with pytest.raises(SolverFailed, match=r"the motion is lost at 0\.2\d+ s"):
         free_motion(model, with_friction(model, [-200.0]), [0.0], [1.0], duration=10.0)

@@ -23,7 +23,6 @@ from dynident.model.robot import Robot
 from dynident.simulation.cell import Cell
 from dynident.simulation.cell_simulation import simulate_cell
 from dynident.simulation.effects import Bristles
-from dynident.simulation.virtual_robot import simulate
 
 SEAL = '''
 from dataclasses import dataclass
@@ -85,13 +84,12 @@ def test_it_is_identified_and_selected(
         assert {"seal", "viscous"} <= {part.split()[0] for part in parts}
 
 
-def test_both_simulations_have_it(model: DynamicModel, theta: Array) -> None:
+def test_the_simulation_has_it(model: DynamicModel, theta: Array) -> None:
     sine, cosine = 0.2 * np.random.default_rng(1).normal(size=(2, 2, 3))
     motion = FourierSeries(np.zeros(2), sine, cosine, 2.0)
-    for run in (simulate(model, theta, motion), simulate_cell(model, theta, motion)):
-        true = run.truth
-        torque = model.torque(Motion(true.q, true.dq, true.ddq), theta)
-        np.testing.assert_allclose(torque, true.torque, atol=1e-9 * np.abs(true.torque).max())
+    true = simulate_cell(model, theta, motion).truth
+    torque = model.torque(Motion(true.q, true.dq, true.ddq), theta)
+    np.testing.assert_allclose(torque, true.torque, atol=1e-9 * np.abs(true.torque).max())
     soft = simulate_cell(model, theta, motion, Cell(bristles=Bristles(5e-3)))
     true = soft.truth
     level = model.friction_values(Motion(true.q, np.ones_like(true.dq), true.ddq))[..., 0] * [0.6, 0.8]

@@ -25,12 +25,11 @@ from dynident.simulation.cell_simulation import simulate_cell
 from dynident.simulation.controllers import CONTROLLERS
 from dynident.simulation.effects import Bristles, Effort, Encoder, Payload, Recorder, Ripple, Tilt, Warming
 from dynident.simulation.plant import plant
-from dynident.simulation.virtual_robot import JointController, Timing, simulate
 
 SECONDS, RATE, REPEATS = 25.0, 1000, 5
 STIFFNESS, DAMPING, WIDTH, COULOMB = 1500.0, 80.0, 0.02, 2.0
-HERE, LOOP = "compiled loop, whole call", "Pinocchio aba, Python loop"
-CELLS = {"bare": "virtual cell, bare", "effects": "virtual cell, all effects", "bristles": "virtual cell, and bristles"}
+HERE, LOOP = "virtual robot, whole call", "Pinocchio aba, Python loop"
+CELLS = {"effects": "virtual cell, all effects", "bristles": "virtual cell, and bristles"}
 
 
 def measure() -> Record:
@@ -43,20 +42,12 @@ def measure() -> Record:
     theta[model.inertial_count :: 2] = COULOMB
     sine, cosine = 0.15 * np.random.default_rng(0).normal(size=(2, 6, 5))
     motion = FourierSeries(np.array([0, -1.0, 1.0, 0, 0.5, 0]), sine, cosine, SECONDS)
-    controller = JointController(rate=RATE, stiffness=STIFFNESS, damping=DAMPING)
-
-    def ours() -> Any:
-        return simulate(
-            model, theta, motion, timing=Timing(rate=RATE, integration_rate=RATE, lead_in=0.0), controller=controller
-        )
-
     pd = CONTROLLERS.make("pd", {"rate": RATE, "stiffness": (STIFFNESS,), "damping": (DAMPING,)})
     bare = Cell(pd, lead_in=0.0, integration_rate=RATE)
     every, other = _all_friction(robot)
     soft = replace(_full_cell(), bristles=Bristles(2e-3, stiction=0.2))
     calls: dict[str, Callable[[], Any]] = {
-        HERE: ours,
-        CELLS["bare"]: lambda: simulate_cell(model, theta, motion, bare),
+        HERE: lambda: simulate_cell(model, theta, motion, bare),
         CELLS["effects"]: lambda: simulate_cell(every, other, motion, _full_cell()),
         CELLS["bristles"]: lambda: simulate_cell(every, other, motion, soft),
     }
@@ -67,9 +58,8 @@ def measure() -> Record:
         oracle, viscous = as_pinocchio(robot, body.armature), theta[model.inertial_count + 1 :: 2]
         calls[LOOP] = lambda: _python_loop(pinocchio, oracle, viscous, reference)
         end = np.concatenate(calls[LOOP]())
-        for name in (HERE, CELLS["bare"]):
-            truth = calls[name]().truth
-            found.agree(f"end states of {name} and Pinocchio, rad and rad/s", _apart(truth, end), 1e-9)
+        truth = calls[HERE]().truth
+        found.agree(f"end states of {HERE} and Pinocchio, rad and rad/s", _apart(truth, end), 1e-9)
     found.time(calls, REPEATS)
     found.lines = [Line("25 s of a 6R arm under control, RK4 at 1 kHz", HERE, LOOP, 4.0)]
     found.lines += [Line(f"{name}, beside the same bare loop", name, LOOP) for name in CELLS.values()]

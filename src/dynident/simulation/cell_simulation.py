@@ -23,6 +23,7 @@ from dynident.simulation.cell_loop import ROWS, STATES, closed_cell
 from dynident.simulation.cell_plant import CellPlant, armature, cell_plant
 from dynident.simulation.commanded import CommandedCourse, course
 from dynident.simulation.controllers import CONTROLLERS, Controller, Loop
+from dynident.simulation.drive_friction import ROOM
 from dynident.simulation.effects import Encoder, each
 from dynident.simulation.mujoco_plant import mujoco_loop
 from dynident.simulation.plant import Clock, clock
@@ -76,16 +77,17 @@ def simulate_cell(
     if told.shape != (len(model.parameters),):
         raise BadOption("believed", f"of shape {told.shape}", f"the model has {len(model.parameters)} parameters")
     motion = course(trajectory, cell.lead_in, duration, body.joints)
-    looked = np.asarray(motion.evaluate(np.linspace(-cell.lead_in, motion.length, LOOKS)))
+    look = np.linspace(-cell.lead_in, motion.length, LOOKS)
+    looked = np.asarray(motion.evaluate(look))
     masses = body.masses(looked[0])
     control = cell.controller
     decay = body.fastest(masses, looked[0], looked[1])
     ticks = clock(cell.recorder.rate, control.rate, cell.integration_rate, decay, cell.lead_in, motion.length)
-    needed = body.model.torque(_moved(body.model, looked), body.theta)
-    lacking = needed - _fed(model, told, looked, control.feedforward)[0]
+    needed = body.model.torque(_moved(body.model, looked, look[1] - look[0]), body.theta)
+    lacking = needed - _fed(model, told, looked, control.feedforward, look[1] - look[0])[0]
     settings = np.array(control.settings(_loop(control, body, masses, looked, lacking)), dtype=np.float64)
     noise = _noise(cell.encoder, ticks, body.joints, seed)
-    goals = _goals(model, told, motion, ticks.control_times, control.feedforward)
+    goals = _goals(model, told, motion, ticks.control_times, control)
     believed_model = (
         *(np.array(one) for one in pack(model.robot.chain)),
         told[: model.inertial_count].copy(),
@@ -93,8 +95,7 @@ def simulate_cell(
     )
     out, cut = _run(body, cell, ticks, settings, goals, noise, believed_model)
     rows = (ticks.first + np.arange(ticks.rows) * ticks.per_row) // ticks.per_noise
-    name = CONTROLLERS.name_of(control)
-    text = f"{name} at {control.rate:g} Hz, {ticks.rate:g} Hz integration, seed {seed}"
+    text = f"{CONTROLLERS.name_of(control)} at {control.rate:g} Hz, {ticks.rate:g} Hz integration, seed {seed}"
     source = Source(rows=ticks.rows, steps=(f"virtual cell of '{model.robot.name}': {text}",))
     found = LoopRun(Samples(*np.moveaxis(out, 1, 0)), body, cell, ticks, motion, noise[rows], source, seed)
     return CellRun(*found.log(gains), body.theta, np.array(body.robot.gravity), cut, ticks.rate)
@@ -131,20 +132,20 @@ def _noise(encoder: Encoder, ticks: Clock, joints: int, seed: int) -> Array:
     return np.stack([q, dq], axis=1)
 
 
-def _goals(model: DynamicModel, theta: Array, motion: CommandedCourse, time: Array, feed: str) -> Array:
+def _goals(model: DynamicModel, theta: Array, motion: CommandedCourse, time: Array, control: Controller) -> Array:
     """Return per tick of the controller what its law is told, shape (K, 5, n); see controllers/base.py."""
     states = np.asarray(motion.evaluate(time))
-    return np.stack([*states, *_fed(model, theta, states, feed)], axis=1)
+    return np.stack([*states, *_fed(model, theta, states, control.feedforward, 1.0 / control.rate)], axis=1)
 
 
-def _moved(model: DynamicModel, states: Array) -> Motion:
-    """Return states (3, N, n) as friction takes them, of drives that are not warm yet."""
-    temperature = np.full_like(states[0], 25.0) if "temperature" in model.needs else None
-    return Motion(*states, temperature=temperature)
+def _moved(model: DynamicModel, states: Array, step: float) -> Motion:
+    """Return states (3, N, n), ``step`` seconds apart, as friction takes them, of drives that are not warm yet."""
+    temperature = np.full_like(states[0], ROOM) if "temperature" in model.needs else None
+    return model.with_states(Motion(*states, temperature=temperature), step)
 
 
-def _fed(model: DynamicModel, theta: Array, states: Array, feed: str) -> tuple[Array, Array]:
-    """Return at states (3, N, n) the torque fed forward and what the drives give beside the bodies, each (N, n)."""
+def _fed(model: DynamicModel, theta: Array, states: Array, feed: str, step: float) -> tuple[Array, Array]:
+    """Return at states (3, N, n), ``step`` seconds apart, two torques (N, n): fed forward, and beside the bodies."""
     q, dq, ddq = states
     rest, robot = np.zeros_like(q), model.robot
     bodies = theta[: model.inertial_count]
@@ -152,7 +153,7 @@ def _fed(model: DynamicModel, theta: Array, states: Array, feed: str) -> tuple[A
     if feed == "gravity":
         fed = batched.inverse_dynamics(robot.chain, bodies, q, rest, rest) - robot.bias
     if feed == "model":
-        fed = model.torque(_moved(model, states), theta)
+        fed = model.torque(_moved(model, states, step), theta)
         rigid = batched.inverse_dynamics(robot.chain, bodies, q, dq, ddq)
         beside = fed - rigid - ddq @ armature(model, theta).T
     return fed, beside

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from dynident.arrays import Array
-from dynident.errors import BadOption, NotConsistent, SolverFailed
+from dynident.errors import BadOption, NotConsistent
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
@@ -141,7 +141,7 @@ class Plant:
         return np.array(self.robot.coupling)
 
     def tables(self, slopes: bool = False) -> tuple[Any, ...]:
-        """Return the arrays of the compiled loops; see ``Plant`` in simulation_loop.py.
+        """Return the arrays of the compiled loops; see ``Plant`` in tracking_loop.py.
 
         Args:
             slopes: Whether the slope of the friction over speed is asked for.
@@ -187,29 +187,6 @@ class Plant:
         slope = self.friction.steepest(q @ self.coupling.T, fastest)
         at_joints = self.coupling.T @ np.diag(slope) @ self.coupling
         return float(np.max(np.abs(np.linalg.eigvals(np.linalg.solve(masses, at_joints)))))
-
-    def run(
-        self, ticks: Clock, start: Array, gains: Array, resolution: Array, reference: Array, noise: Array
-    ) -> tuple[Array, int]:
-        """Run the compiled loop; see simulation_loop.py.
-
-        Returns:
-            Rows of q, dq, ddq, torque, measured q, measured dq, (N, 6, n); torques cut at their limits.
-
-        Raises:
-            SolverFailed: The motion diverged.
-        """
-        loop: Any = importlib.import_module("dynident.simulation.simulation_loop")
-        counts = np.array([ticks.per_control, ticks.per_row, ticks.per_noise, ticks.first], dtype=np.int64)
-        out = np.empty((ticks.rows, 6, self.joints))
-        arrays = [np.array(array, dtype=np.float64) for array in (gains, resolution, reference, noise)]
-        clock_of = (counts, 1.0 / ticks.rate)
-        failed, cut = loop.closed_loop(self.tables(), (*arrays[:2],), *arrays[2:], clock_of, np.array(start), out)
-        if failed >= 0:
-            evidence = f"the motion is lost at {(failed - ticks.first) / ticks.rate:.4g} s"
-            step = "give a lower bandwidth, a faster controller or a higher integration rate"
-            raise SolverFailed(f"the simulation of '{self.robot.name}'", evidence, step)
-        return out, int(cut)
 
 
 def plant(model: DynamicModel, theta: npt.ArrayLike, is_moved: bool = True) -> Plant:

@@ -53,7 +53,7 @@ def tangent(
     torque: Array,
     out: Array,
 ) -> None:
-    """Carry the derivatives by b parameters along the steps of ``simulation_loop.tracking``.
+    """Carry the derivatives by b parameters along the steps of ``tracking_loop.tracking``.
 
     M d(ddq) = d(tau) - K_q d(q) - K_dq d(dq) - Y at every stage of every step: the forward sensitivity equations,
     integrated by the same rule, which is the exact derivative of the discrete simulation.

@@ -328,7 +328,7 @@ class _Pace:
 def _rule(implicit: bool) -> tuple[Callable[..., int], int]:
     """Return the compiled loop of a rule and its number of stages."""
     if not implicit:
-        explicit: Any = importlib.import_module("dynident.simulation.simulation_loop")
+        explicit: Any = importlib.import_module("dynident.simulation.tracking_loop")
         return explicit.tracking, 4
     module: Any = importlib.import_module("dynident.identification.simulated.implicit_loop")
 

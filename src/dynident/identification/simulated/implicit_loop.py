@@ -17,7 +17,7 @@ from dynident.arrays import Array, IntArray
 from dynident.model.kernels.generic import bias_torque, placed_mass, solve
 from dynident.model.kernels.jit import compiled
 from dynident.simulation.friction_machine import BY_LOAD, BY_SPEED, lose, place, warm
-from dynident.simulation.simulation_loop import Plant, acceleration, begin_at, carry, feedback, scratch_of
+from dynident.simulation.tracking_loop import Plant, acceleration, begin_at, carry, feedback, scratch_of
 
 #: Newton steps at most; the change of the accelerations, against their size, that ends them.
 NEWTON_STEPS, SETTLED = 40, 1e-11
@@ -175,7 +175,7 @@ def implicit_tracking(
     out: Array,
     stages: Array,
 ) -> int:
-    """Follow a course as ``simulation_loop.tracking`` does, by implicit steps.
+    """Follow a course as ``tracking_loop.tracking`` does, by implicit steps.
 
     Args:
         plant: As of the tracking loop.

@@ -105,7 +105,7 @@ class Predictor:
     def __init__(self, observation: Observation, course: Course) -> None:
         refuse_states(observation.model, "the Kalman filter")
         self._observation, self._course = observation, course
-        self._loop: Any = importlib.import_module("dynident.simulation.simulation_loop")
+        self._loop: Any = importlib.import_module("dynident.simulation.tracking_loop")
         self._tangent: Any = importlib.import_module("dynident.simulation.tangent_loop")
         self._joints = course.reference.shape[2]
         self.steps, self._first = 1, -ROWS

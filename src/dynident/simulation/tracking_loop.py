@@ -1,4 +1,4 @@
-"""The compiled loop of the virtual robot: a sampled joint controller around a plant that is integrated by RK4."""
+"""The compiled loop of estimators that simulate: a course followed under a joint controller, integrated by RK4."""
 
 from __future__ import annotations
 
@@ -65,103 +65,6 @@ def begin_at(plant: Plant, state: Array, number: int) -> None:
     if number == 0:
         place(plant[8], plant[5], state[0], state[1])
         begin(plant[8])
-
-
-@compiled
-def runge_kutta(plant: Plant, state: Array, tau: Array, step: float, after: Array, scratch: Scratch) -> bool:
-    """Write the state (2, n) one step later by the classical fourth-order rule; the slopes stay in the scratch."""
-    slopes, place = scratch[3], scratch[4]
-    joints = len(tau)
-    for stage in range(4):
-        before = stage - 1 if stage > 0 else 0
-        share = 0.0 if stage == 0 else (step if stage == 3 else 0.5 * step)
-        for i in range(joints):
-            place[0, i] = state[0, i] + (share * slopes[before, 0, i] if stage > 0 else 0.0)
-            place[1, i] = state[1, i] + (share * slopes[before, 1, i] if stage > 0 else 0.0)
-            slopes[stage, 0, i] = place[1, i]
-        if not acceleration(plant, place[0], place[1], tau, slopes[stage, 1], scratch):
-            return False
-    finite = True
-    for i in range(joints):
-        for k in range(2):
-            slope = slopes[0, k, i] + 2.0 * (slopes[1, k, i] + slopes[2, k, i]) + slopes[3, k, i]
-            after[k, i] = state[k, i] + step / 6.0 * slope
-            finite = finite and math.isfinite(after[k, i])
-    return finite
-
-
-@compiled
-def measure(state: Array, noise: Array, resolution: Array, seen: Array) -> None:
-    """Write what the encoders, of a resolution (0 for none), say of q and dq (2, n) with their noise added."""
-    for i in range(len(resolution)):
-        position = state[0, i] + noise[0, i]
-        if resolution[i] > 0.0:
-            position = resolution[i] * math.floor(position / resolution[i] + 0.5)
-        seen[0, i], seen[1, i] = position, state[1, i] + noise[1, i]
-
-
-@compiled
-def control(gains: Array, goal: Array, seen: Array, tau: Array) -> int:
-    """Write the torque (n,) of the joint controller, cut at the limits; return how many joints were cut.
-
-    gains (3, n): stiffness, damping, largest torque; goal (3, n): q, dq, torque fed forward; seen (2, n): q, dq.
-    """
-    cut = 0
-    for i in range(len(tau)):
-        wanted = goal[2, i] + gains[0, i] * (goal[0, i] - seen[0, i]) + gains[1, i] * (goal[1, i] - seen[1, i])
-        tau[i] = max(-gains[2, i], min(gains[2, i], wanted))
-        if tau[i] != wanted:
-            cut += 1
-    return cut
-
-
-@compiled
-def closed_loop(
-    plant: Plant,
-    control_of: tuple[Array, Array],
-    reference: Array,
-    noise: Array,
-    clock: tuple[IntArray, float],
-    state: Array,
-    out: Array,
-) -> tuple[int, int]:
-    """Run the closed loop and write one row per logged tick.
-
-    Args:
-        plant: See :data:`Plant`.
-        control_of: Gains, see :func:`control`; resolution of the encoders, (n,).
-        reference: Per control tick the goal, (K, 3, n).
-        noise: Per measured tick the noise of q and dq, (T, 2, n).
-        clock: Ticks per control, per logged row, per row of noise, and the first logged tick; length of a tick in s.
-        state: q and dq at tick 0, (2, n); overwritten.
-        out: Rows of q, dq, ddq, torque, measured q, measured dq, (N, 6, n).
-
-    Returns:
-        The tick at which the simulation failed, or -1; how many torques were cut at the limits in the logged part.
-    """
-    joints, gains, resolution, ticks, step = state.shape[1], control_of[0], control_of[1], clock[0], clock[1]
-    tau, seen, after = np.zeros(joints), np.empty((2, joints)), np.empty((2, joints))
-    scratch = scratch_of(joints, len(plant[0]))
-    per_control, per_row, per_noise, first = ticks[0], ticks[1], ticks[2], ticks[3]
-    row, cut = 0, 0
-    begin_at(plant, state, 0)
-    for tick in range(first + (len(out) - 1) * per_row + 1):
-        logged, controlled = tick >= first and (tick - first) % per_row == 0, tick % per_control == 0
-        if logged or controlled:
-            measure(state, noise[tick // per_noise], resolution, seen)
-        if controlled:
-            found = control(gains, reference[tick // per_control], seen, tau)
-            cut += found if tick >= first else 0
-        if not runge_kutta(plant, state, tau, step, after, scratch):
-            return tick, cut
-        for i in range(joints):
-            if logged:
-                out[row, 0, i], out[row, 1, i], out[row, 2, i] = state[0, i], state[1, i], scratch[3][0, 1, i]
-                out[row, 3, i], out[row, 4, i], out[row, 5, i] = tau[i], seen[0, i], seen[1, i]
-            state[0, i], state[1, i] = after[0, i], after[1, i]
-        carry(plant, state, step)
-        row += 1 if logged else 0
-    return -1, cut
 
 
 @compiled
