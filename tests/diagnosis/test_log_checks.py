@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.stats
 
 sys.path.append(str(Path(__file__).parents[2]))  # the benchmark puts the same faults into full-size arms
 
@@ -21,6 +22,8 @@ from benchmarks.faults.trials import Trial, virtual
 from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis.causes.cause_search import Blame, Cause
+from dynident.diagnosis.causes.known_bodies import NominalBodies
 from dynident.diagnosis.checks import CHECKS, Finding, examine, examine_recording
 from dynident.diagnosis.checks.resolution import steps_of
 from dynident.diagnosis.checks.saturation import flat_share, limit_share
@@ -379,3 +382,21 @@ def test_every_check_says_what_it_looks_at() -> None:
     assert len(CHECKS.names()) >= 12
     assert all(CHECKS.get(name).stage in (0, 1, 2) and CHECKS.summary(name) for name in CHECKS.names())
     assert SEVERITIES == ("error", "warning", "note")
+
+
+@pytest.mark.parametrize(("freedom", "exact"), [(4.9, True), (40.0, True), (np.inf, False)])
+def test_intervals_against_a_robot_model_are_those_of_student(freedom: float, exact: bool) -> None:
+    one = np.ones(1)
+    blame = Blame(
+        Cause("load at the flange", "", one[None, None]), 6.4 * one, np.eye(1), 6, 1, 1, 1, one, one, (), freedom
+    )
+    law = scipy.stats.t(freedom) if exact else scipy.stats.norm()
+    np.testing.assert_allclose(blame.half_widths, law.ppf(0.975), rtol=1e-4)
+    assert blame.score(6.4) == pytest.approx(scipy.stats.norm.isf(law.sf(6.4)), rel=1e-4)
+
+
+def test_bodies_that_the_torques_do_not_tell_leave_no_freedom() -> None:
+    known = NominalBodies(np.arange(3), np.eye(3), np.zeros(3), np.ones((3, 1)), np.eye(3))
+    prior = np.diag([1.0, 4.0, 9.0])
+    assert known.freedom(prior, np.linalg.inv(prior)) == 1.0  # the log adds nothing
+    assert known.freedom(prior, 1e-9 * np.eye(3)) == pytest.approx(3.0)

@@ -33,6 +33,9 @@ MOST = 4
 #: Candidates of a round that are fitted with weights of their own.
 FITTED = 6
 
+#: Degrees of freedom that pass for infinitely many.
+MANY = 1e6
+
 
 @dataclass(frozen=True)
 class Cause:
@@ -67,6 +70,7 @@ class Blame:
         taken: Root mean square that it took off the residual of each joint, shape (n,); what the other columns could
             have taken in is not in it.
         rivals: Causes that explain it about as well in its place.
+        freedom: Degrees of freedom behind the covariance; infinite where rows alone make it.
     """
 
     cause: Cause
@@ -79,11 +83,21 @@ class Blame:
     torque: Array
     taken: Array
     rivals: tuple[Blame, ...] = ()
+    freedom: float = np.inf
 
     @property
     def deviations(self) -> Array:
         """Standard deviations of the coefficients, shape (k,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def half_widths(self) -> Array:
+        """Half of the 95 % intervals of the coefficients, by Student's distribution, shape (k,)."""
+        return self.deviations * -float(scipy.special.stdtrit(min(self.freedom, MANY), 0.025))
+
+    def score(self, t: float) -> float:
+        """Return the normal deviate that is as unlikely as this number of standard deviations."""
+        return -float(scipy.special.ndtri(scipy.special.stdtr(min(self.freedom, MANY), -t)))
 
 
 @dataclass(frozen=True)
@@ -237,6 +251,7 @@ class CauseSearch:
             float(np.max(own / np.maximum(whole, 1e-300)) if cause.joint else np.linalg.norm(own) / size_of_all),
             own,
             np.sqrt(np.maximum(before.variances - after.variances, 0.0)),
+            freedom=after.freedom,
         )
 
 

@@ -86,6 +86,10 @@ class KnownBodies:
         """Return twice the fall of the log-likelihood by ``off`` (s,), the bodies less what is known of them."""
         return float(off @ information @ off)
 
+    def freedom(self, information: Array, left: Array) -> float:
+        """Return how many errors of the bodies the torques tell, from which their deviations were found."""
+        return np.inf
+
 
 @dataclass(frozen=True)
 class NominalBodies(KnownBodies):
@@ -126,6 +130,10 @@ class NominalBodies(KnownBodies):
         """Return the same for the marginal likelihood; ``fitted`` is the information of all that was fitted."""
         logs = np.linalg.slogdet(fitted)[1] - np.linalg.slogdet(information)[1]
         return float(off @ information @ off + logs)
+
+    def freedom(self, information: Array, left: Array) -> float:
+        """Return the effective number of parameters (MacKay 1992); ``left`` is their covariance after the fit."""
+        return max(len(information) - float(np.sum(information * left)), 1.0)
 
 
 def known_bodies(estimate: Estimate, model: DynamicModel, base: BaseParameters) -> KnownBodies | None:
@@ -232,7 +240,8 @@ class Anchored(CauseSearch):
         known, held = self._known, np.ix_(self._known.places, self._known.places)
         counts, squares, floors = self.rows.counts, self.squares, self.floors
         variances, shares = self._found.get(tuple(chosen[:-1]), (squares / counts + floors, np.full(2, FIRST)))
-        beta, information, off, prior = np.zeros(0), np.zeros((0, 0)), np.zeros(0), np.zeros((0, 0))
+        beta = off = np.zeros(0)
+        information = prior = inverse = np.zeros((0, 0))
         for _ in range(SEARCHED if isinstance(known, NominalBodies) else PASSES):
             before = np.concatenate([variances, shares])
             weights = 1.0 / (variances * self._factors)
@@ -252,7 +261,8 @@ class Anchored(CauseSearch):
                 break
         self._found[tuple(chosen)] = variances, shares
         surprise = known.surprise(prior, off, information[: self.rows.size, : self.rows.size])
-        return Solved(beta, variances, float(np.sum(np.log(variances))), information, surprise)
+        freedom = known.freedom(prior, inverse[held])
+        return Solved(beta, variances, float(np.sum(np.log(variances))), information, surprise, freedom)
 
     def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
         return self._factors

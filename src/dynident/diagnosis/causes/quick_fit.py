@@ -138,6 +138,8 @@ class Solved:
         score: Sum of their logarithms; lower is likelier.
         information: Weighted products of the columns, the inverse of the covariance for independent rows.
         surprise: Squared distance from what was known of beta before, in its deviations; 0 where nothing was.
+        freedom: Errors of the bodies from which the deviations of known bodies were found; infinite where these are
+            stated, or none are known.
     """
 
     beta: Array
@@ -145,6 +147,7 @@ class Solved:
     score: float
     information: Array
     surprise: float = 0.0
+    freedom: float = np.inf
 
     @cached_property
     def covariance(self) -> Array:

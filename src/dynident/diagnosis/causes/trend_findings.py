@@ -73,7 +73,7 @@ def _size(blame: Blame) -> float:
 
 
 def _spring(blame: Blame, fit: QuickFit) -> tuple[str, str]:
-    stiffness = f"{blame.values[0]:.3g} +- {blame.deviations[0]:.2g} N m/rad (or N/m)"
+    stiffness = f"{blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} N m/rad (or N/m)"
     evidence = f"the residual is proportional to the position, {stiffness}"
     return (
         evidence,
@@ -89,7 +89,7 @@ def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
 
 
 def _drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
-    evidence = f"the torque drifts by {blame.values[0]:.3g} +- {blame.deviations[0]:.2g} N m (or N) over the log"
+    evidence = f"the torque drifts by {blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} N m (or N) over the log"
     return evidence, "check the zero of the sensor; warm it up first, or record a shorter log"
 
 
@@ -109,13 +109,13 @@ def _time_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     fast = float(blame.values[0])
     word = "fast" if fast > 0 else "slow"
     evidence = (
-        f"inertial against gravity torques: the clock runs {100 * abs(fast):.2g} +- {100 * blame.deviations[0]:.1g} %"
+        f"inertial against gravity torques: the clock runs {100 * abs(fast):.2g} +- {100 * blame.half_widths[0]:.1g} %"
     )
     return f"{evidence} too {word}", "check the clock of the log: log the time of the measurement"
 
 
 def _torque_scale(blame: Blame, fit: QuickFit) -> tuple[str, str]:
-    value, deviation = 100 * float(blame.values[0]), 100 * float(blame.deviations[0])
+    value, deviation = 100 * float(blame.values[0]), 100 * float(blame.half_widths[0])
     evidence = f"its torque is {value:+.2g} +- {deviation:.1g} % off the value that agrees with the other joints"
     if not blame.cause.joint:
         evidence = f"torques are {value:+.2g} +- {deviation:.1g} % off the robot model"
@@ -130,7 +130,7 @@ def _tilt(blame: Blame, fit: QuickFit) -> tuple[str, str]:
     wanted = gravity + size * lean @ across
     wanted *= size / np.linalg.norm(wanted)
     angle = np.degrees(np.arctan(np.linalg.norm(lean)))
-    spread = np.degrees(np.linalg.norm(blame.deviations[:2]))
+    spread = np.degrees(np.linalg.norm(blame.half_widths[:2]))
     text = ", ".join(f"{value + 0.0:.4g}" for value in wanted)
     evidence = f"the base is tilted by {angle:.2g} +- {spread:.1g} degrees against the stated gravity"
     return evidence, f"level the base, or state its tilt (gravity: [{text}])"

@@ -68,21 +68,22 @@ def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: 
 
 
 def _load(blame: Blame, against: AgainstBodies) -> Finding:
-    mass, deviation = float(blame.values[-1]), float(blame.deviations[-1])
-    told = f"of {mass:+.3g} kg (+- {2 * deviation:.2g} kg)"
-    if abs(mass) < 2 * deviation:  # moments are sure, the mass is not
+    mass, deviation, half = (float(each[-1]) for each in (blame.values, blame.deviations, blame.half_widths))
+    told = f"of {mass:+.3g} kg (+- {half:.2g} kg)"
+    if abs(mass) < half:  # moments are sure, the mass is not
         strongest = int(np.argmax(blame.torque))
         joint = against.fit.model.robot.joint_names[strongest]
         told = f"of {blame.torque[strongest]:.3g} N m (or N) rms at {joint}, its mass is not determined"
     evidence = f"a load at the flange {told} (t = {blame.certainty:.0f})"
     remedy = "remove the payload or tool, or add it to the robot model; check the last link"
     bodies = np.sqrt(np.mean(against.bodies**2, axis=0))
-    heavy = float(blame.torque.max()) > MATTERS * float(bodies.max()) and abs(mass) > SURE * deviation
+    heavy = float(blame.torque.max()) > MATTERS * float(bodies.max()) and blame.score(abs(mass) / deviation) > SURE
     severity: Severity = "warning" if heavy else "note"
     numbers = {"mass_kg": mass, "std_kg": deviation, "t": blame.certainty}
     return Finding(severity, "load at the flange", "", evidence, remedy, numbers)
 
 
 def _sureness(blame: Blame) -> float:
-    """Return how many deviations the coefficients of a cause are away from zero, all together."""
-    return float(np.sqrt(max(blame.values @ np.linalg.solve(blame.covariance, blame.values), 0.0) / len(blame.values)))
+    """Return how many deviations the coefficients of a cause are away from zero, all together, as a normal deviate."""
+    squares = float(blame.values @ np.linalg.solve(blame.covariance, blame.values))
+    return blame.score(float(np.sqrt(max(squares, 0.0) / len(blame.values))))
