@@ -118,16 +118,14 @@ def _explained(fit: QuickFit, solved: Solved, mixing: Array, joints: Sequence[in
 def position_readings(fit: QuickFit, wrong: BoolArray) -> Iterator[Interpretation]:
     """Yield the signs, orders and units of the positions under which a log agrees far better.
 
-    A position that is read wrongly upsets its own joint: only those at ``wrong`` joints, shape (n,), and beside them
-    are read in another way, and orders and units of all joints only where half of them are wrong.
+    Pairs of positions are exchanged at ``wrong`` joints, shape (n,), and beside them, and all positions are read in
+    another order or unit where half of the joints are wrong; a position of another sign may upset other joints alone.
     """
     near = wrong | np.append(wrong[1:], False) | np.append(False, wrong[:-1])
     most = wrong.sum() >= len(wrong) / 2
     names, q = fit.model.robot.joint_names, np.asarray(fit.log.q)
     turning = np.array([joint.kind == "revolute" for joint in fit.model.robot.active])
     for i, name in enumerate(names):
-        if not near[i]:
-            continue
         turned = q.copy()
         turned[:, i] *= -1
         yield from _read(

@@ -261,7 +261,8 @@ class Anchored(CauseSearch):
                 break
         self._found[tuple(chosen)] = variances, shares
         surprise = known.surprise(prior, off, information[: self.rows.size, : self.rows.size])
-        freedom = known.freedom(prior, inverse[held])
+        last = len(self._places[chosen[-1]]) if chosen else 0
+        freedom = known.freedom(prior, inverse[held]) / _share_of_bodies(information, inverse, known.places, last) ** 2
         return Solved(beta, variances, float(np.sum(np.log(variances))), information, surprise, freedom)
 
     def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
@@ -272,6 +273,18 @@ class Anchored(CauseSearch):
 
     def candidates(self, before: Solved, chosen: Sequence[int]) -> list[int]:
         return [k for k in range(len(self.causes)) if k not in chosen]  # errors of the bodies may hide any of them
+
+
+def _share_of_bodies(information: Array, inverse: Array, places: IntArray, last: int) -> float:
+    """Return the share of the variance of the last columns that is from errors of the bodies, above 0, 1 for no column.
+
+    Where it is small the rows make the interval, and these are many (Satterthwaite 1946).
+    """
+    rest = np.setdiff1d(np.arange(len(information)), places)
+    if not 0 < last <= len(rest):
+        return 1.0
+    certain = np.diag(np.linalg.pinv(information[np.ix_(rest, rest)], hermitian=True))[-last:]
+    return float(np.clip(np.mean(1.0 - certain / np.diag(inverse)[-last:]), 1e-6, 1.0))
 
 
 class AgainstBodies:
