@@ -76,7 +76,7 @@ def test_the_table_is_in_the_order_of_the_test_error(capsys: Capture) -> None:
 
 
 def test_json_is_documented_and_true(capsys: Capture) -> None:
-    assert main(["compare", "case.yaml", "--estimators", "wls,map", "--truth", "true.json", "--json", "--quiet"]) == 0
+    assert main(["compare", "case.yaml", "--estimators", "wls,map", "--truth", "true.json", "--json"]) == 0
     shown, said = capsys.readouterr()
     data: dict[str, Any] = json.loads(shown)
     assert data.pop("schema") == 2 and data.pop("verdict")["causes"] == data.pop("warnings") == []

@@ -147,6 +147,53 @@ def test_a_page_that_is_loaded_again_goes_on_with_the_command(page: Any, running
     _nothing_wrong(page, running)
 
 
+def test_what_is_entered_is_there_after_a_reload(page: Any, running: Any, client: Any, logs: tuple[Path, Path]) -> None:
+    """Numbers, lists, boxes and columns that are not saved; a choice that all stages share stays theirs."""
+    train, test = (client.upload(log.name, log.read_bytes()) for log in logs)
+    client.upload("arm.yaml", f"case: 1\nrobot: generic-scara\ntrain: {train}\n".encode())
+    client.upload("other.yaml", f"case: 1\nrobot: generic-scara\ntrain: {test}\n".encode())
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('#stages a').length")
+    entered = {
+        "excite": {"Period [s]": "7.5", "Criterion": "condition", "Case or robot": "generic-7r", "Target": "krl"},
+        "identify": {"Case": "other.yaml", "Estimator": "wls", "Cut-off [Hz]": "4.5"},
+        "case": {"Unit of position": "deg"},
+        "compare": {"Longest time of each [s]": "9"},
+    }
+    ticked = {"excite": ("Friction parts", "viscous"), "case": ("Test logs", test), "compare": ("Estimators", "huber")}
+
+    def control(stage: str, label: str) -> str:
+        return (
+            f"[...{_section(stage)}.querySelectorAll('.field')]"
+            f".find(one => one.querySelector('legend, label').textContent === {label!r})"
+            "?.querySelector('select, input')"
+        )
+
+    def several(stage: str, label: str) -> str:
+        lists = f"[...{_section(stage)}.querySelectorAll('.several')]"
+        return f"{lists}.find(one => one.querySelector('legend').textContent === {label!r})"
+
+    for stage, fields in entered.items():
+        _go(page, stage)
+        for label, value in fields.items():
+            page.until(f"{control(stage, label)}?.tagName === 'INPUT' || {control(stage, label)}?.options.length > 1")
+            _choose(page, stage, label, value)
+    for stage, (label, name) in ticked.items():
+        page.js(f"[...{several(stage, label)}.querySelectorAll('input')].find(one => one.value === {name!r}).click()")
+    page.js(f"{_section('identify')}.querySelector('#quick').click()")
+    page.call("Page.reload")
+    page.until("document.querySelectorAll('#stages a').length")
+    for stage, fields in entered.items():
+        _go(page, stage)
+        for label, value in fields.items():
+            page.until(f"{control(stage, label)}?.value === {value!r}")
+    for stage, (label, name) in ticked.items():
+        page.until(f"{several(stage, label)}.picked().includes({name!r})")
+    assert page.js(f"{_section('identify')}.querySelector('#quick').checked")
+    assert page.js(f"{control('compare', 'Case')}.value") == "other.yaml"
+    _nothing_wrong(page, running)
+
+
 @pytest.mark.battery
 def test_a_mesh_that_was_missing_is_drawn_when_it_is_dropped(page: Any, running: Any, tmp_path: Path) -> None:
     robot, mesh = tmp_path / "arm.urdf", tmp_path / "arm.stl"
@@ -287,6 +334,37 @@ class Walk:
         _choose(self.page, stage, label, value)
         self.clicks += 2
 
+    def identify(self, *friction: str) -> None:
+        """From a case that can be used over the checks to the result of a quick identification."""
+        self.page.until(f"{_section('case')}.querySelector('p.good')", 30)
+        self.press("section:not([hidden]) a.go", "Check the logs")
+        self.go("check")
+        self.press("section:not([hidden]) button", "Check the logs")
+        self.page.until(f"{_section('check')}.querySelector('h2')", 120)
+        self.press("section:not([hidden]) a.go", "Identify the model")
+        self.go("identify")
+        self.press("section:not([hidden]) summary", "More choices")
+        if friction:
+            _choose(self.page, "identify", "Friction", *friction)
+        self.clicks += len(friction)
+        self.press("section:not([hidden]) label", "quick")
+        self.press("section:not([hidden]) button", "Identify")
+        self.page.until(f"{_section('identify')}.querySelector('a.go')", 240)
+        assert self.page.js(f"{_section('identify')}.querySelector('.answer dt').textContent").endswith("%")
+        self.press("section:not([hidden]) a.go", "See the result")
+        self.go("results")
+        self.page.until(f"{_section('results')}.querySelector('.chart svg[role=img]')", 120)
+        data = f"[...{_section('results')}.querySelectorAll('select')].map(one => one.value)"
+        assert "test" in self.page.js(data)  # curves of data that had no part in the fit
+
+    def export(self, target: str) -> None:
+        """Export the estimate of the stage of results."""
+        results = _section("results")
+        self.page.until(f"[...{results}.querySelectorAll('option')].some(one => one.value === {target!r})")
+        self.choose("results", "Target", target)
+        self.press("section:not([hidden]) button", "Export")
+        self.page.until(f"{results}.querySelector('.run table[role=table]')", 120)
+
 
 @pytest.mark.battery
 def test_from_an_empty_folder_to_an_exported_model_of_the_er16(
@@ -313,32 +391,14 @@ def test_from_an_empty_folder_to_an_exported_model_of_the_er16(
     assert "asks for the joints" in page.js(f"{_section('case')}.querySelector('.fault').textContent")
     walk.choose("case", "Unit of torque", "N m")
     walk.press("section:not([hidden]) button", "Save columns and units")
-    page.until(f"{_section('case')}.querySelector('p.good')")
-    walk.press("section:not([hidden]) a.go", "Check the logs")
-    walk.go("check")
-    walk.press("section:not([hidden]) button", "Check the logs")
-    page.until(f"{_section('check')}.querySelector('h2')", 120)
-    walk.press("section:not([hidden]) a.go", "Identify the model")
-    walk.go("identify")
-    walk.press("section:not([hidden]) summary", "More choices")
-    _choose(page, "identify", "Friction", "coulomb", "viscous")
-    walk.clicks += 2
-    walk.press("section:not([hidden]) label", "quick")
-    walk.press("section:not([hidden]) button", "Identify")
-    page.until(f"{_section('identify')}.querySelector('a.go')", 240)
-    assert page.js(f"{_section('identify')}.querySelector('.answer dt').textContent").endswith("%")
-    walk.press("section:not([hidden]) a.go", "See the result")
-    walk.go("results")
+    walk.identify("coulomb", "viscous")
     results = _section("results")
     page.until(
         f"{results}.querySelector('.answers') && {results}.querySelectorAll('.chart svg[role=img]').length === 6", 60
     )
     plot = page.js(f"{results}.querySelector('.chart svg[role=img]').getBoundingClientRect().bottom + scrollY")
     assert max(plot, log_plot) < 900  # pixels: the first plot of a log and of a result stand on the first screen
-    page.until(f"[...{results}.querySelectorAll('option')].some(one => one.value === 'mjcf')")
-    walk.choose("results", "Target", "mjcf")
-    walk.press("section:not([hidden]) button", "Export")
-    page.until(f"{results}.querySelector('.run table[role=table]')", 120)
+    walk.export("mjcf")
     assert "MuJoCo" in page.js(f"{results}.querySelector('.run table[role=table]').textContent")
     seconds = time.monotonic() - begin
     sys.stdout.write(f"from an empty folder to an exported model: {walk.clicks} clicks, {seconds:.1f} s\n")
@@ -469,26 +529,11 @@ def test_the_main_path_on_a_real_set(
         page.js(f"{area}.value = {area}.value.replace('gain: ask', 'gain: {gain}')")
     if gains:
         walk.press("section:not([hidden]) button", "Save the text")
-    page.until(f"{_section('case')}.querySelector('p.good')", 30)
-    walk.press("section:not([hidden]) a.go", "Check the logs")
-    walk.go("check")
-    walk.press("section:not([hidden]) button", "Check the logs")
-    page.until(f"{_section('check')}.querySelector('h2')", 120)
-    walk.press("section:not([hidden]) a.go", "Identify the model")
-    walk.go("identify")
-    walk.press("section:not([hidden]) summary", "More choices")
-    walk.press("section:not([hidden]) label", "quick")
-    walk.press("section:not([hidden]) button", "Identify")
-    page.until(f"{_section('identify')}.querySelector('a.go')", 240)
-    walk.press("section:not([hidden]) a.go", "See the result")
-    walk.go("results")
+    walk.identify()
     page.until(f"{_section('results')}.querySelector('.answers') && {_section('results')}.querySelector('iframe')", 120)
     error = page.js(f"{_section('results')}.querySelector('.answer dt').textContent")
     assert float(error.split()[0].rstrip("%")) < worst
-    page.until(f"[...{_section('results')}.querySelectorAll('option')].some(one => one.value === 'urdf')")
-    walk.choose("results", "Target", "urdf")
-    walk.press("section:not([hidden]) button", "Export")
-    page.until(f"{_section('results')}.querySelector('.run table[role=table]')", 120)
+    walk.export("urdf")
     sys.stdout.write(f"{name}: {walk.clicks} clicks, {time.monotonic() - begin:.1f} s, test error {error}\n")
     assert read_estimate(client.folder / "estimate_1.json").model.robot.dof == read_robot(folder / "robot.urdf").dof
     assert read_robot(client.folder / "exported_1.urdf").nominal is not None

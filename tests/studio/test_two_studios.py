@@ -52,7 +52,7 @@ class StandInRuns(Runs):
         super().__init__(folder, history.runs, history.ran)
         self.place, self.processes = folder.path, list[subprocess.Popen[str]]()
 
-    def _process(self, order: Order) -> subprocess.Popen[str]:
+    def start_process(self, order: Order) -> subprocess.Popen[str]:
         pipe = subprocess.PIPE
         arguments = [sys.executable, "-c", WRITES, store_of(order.outputs[0]), *order.arguments[1:]]
         made = subprocess.Popen(

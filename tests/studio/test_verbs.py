@@ -56,6 +56,18 @@ def test_a_case_from_upload_to_report(client, logs: tuple[Path, Path]) -> None:
     shown = client.get("/api/estimate?name=estimate_1.json")
     assert shown["parameters"] == json.loads(json.dumps(estimate.parameters()))
     assert len(shown["torques"]) == 4 and len(shown["torques"][0]["measured"]["y"]) > 100
+    tested = client.get("/api/test-torques?name=estimate_1.json")
+    assert tested["missing"] == "" and len(tested["torques"]) == 4 and tested["motion"]["joints"] == list(JOINTS)
+    seconds = [data["torques"][0]["measured"]["x"][-1] for data in (shown, tested)]
+    assert seconds[0] == pytest.approx(seconds[1]) and shown["torques"] != tested["torques"]
+    text = saved["text"].replace("test: test.csv", "test: train_2.csv")
+    (client.folder / "train_2.csv").write_bytes(
+        b"\n".join((client.folder / "test.csv").read_bytes().splitlines()[:900])
+    )
+    sha256 = client.get("/api/case?name=case_1.yaml")["sha256"]
+    assert client.post("/api/case", {"name": "case_1.yaml", "text": text, "sha256": sha256})[0] == 200
+    tested = client.get("/api/test-torques?name=estimate_1.json")
+    assert tested["torques"] == [] and "no longer those of the test" in tested["missing"]
     assert client.get("/api/robot?name=estimate_1.json")["robot"] == "generic-scara"
     status, _, page = client.ask("GET", "/report?name=report_1.html")
     assert status == 200 and page == (client.folder / "report_1.html").read_bytes()

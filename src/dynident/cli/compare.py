@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     case = jobs.case_from(options)
     methods = methods_of(case, options.estimators, options.seed)
     outcomes: list[Outcome] = []
-    with console.progress(6 + len(methods), options.quiet) as progress:
+    with console.progress(6 + len(methods), options.quiet or options.json) as progress:
         progress.step("reading")
         inputs = (options.case, options.truth or "", *case.files)
         case = jobs.with_logs(case, options)

@@ -255,6 +255,12 @@ def _estimate(session: Session, query: Query, data: Data) -> Reply:
     return _json(views.estimate_view(session.folder, query.get("name", "")))
 
 
+def _test_torques(session: Session, query: Query, data: Data) -> Reply:
+    from dynident.studio.torques import torques_on_test_data
+
+    return _json(torques_on_test_data(session.folder, query.get("name", "")))
+
+
 def _run(session: Session, query: Query, data: Data) -> Reply:
     return _json(session.runs.get(_count(query, "number")).figures(_count(query, "since")))
 
@@ -307,6 +313,7 @@ _ROUTES: dict[tuple[str, str], Route] = {
     ("GET", "/api/case"): _case,
     ("POST", "/api/case"): _save_case,
     ("GET", "/api/estimate"): _estimate,
+    ("GET", "/api/test-torques"): _test_torques,
     ("GET", "/api/run"): _run,
     ("POST", "/api/run"): _start,
     ("POST", "/api/cancel"): _cancel,

@@ -164,22 +164,10 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
     from dynident.results.nominal import bodies_table, errors_table, link_changes, links_table, missing_reason
     from dynident.results.text import parameters_table
     from dynident.results.verdict import NOT_CHECKED, cause_lines, headline
-    from dynident.studio.preview import curve, run_times
+    from dynident.studio.torques import torques_of
 
     path = folder.find(name)
     estimate = read_estimate(path)
-    train = estimate.train
-    time = run_times(train.time, train.starts)
-    joints = [
-        {
-            "name": fit.name,
-            "unit": fit.unit,
-            "measured": curve(time, train.starts, train.measured[:, k]),
-            "predicted": curve(time, train.starts, train.predicted[:, k]),
-            "residual": curve(time, train.starts, train.residual[:, k]),
-        }
-        for k, fit in enumerate(train.joints)
-    ]
     judged = verdict_of(estimate)
     shown: dict[str, Any] = {
         "headline": headline(judged),
@@ -189,13 +177,7 @@ def estimate_view(folder: Folder, name: str) -> dict[str, Any]:
         "links": _cells(links_table(link_changes(estimate))),
         "bodies": _cells(bodies_table(link_changes(estimate))),
         "no_links": missing_reason(estimate),
-        "torques": joints,
-        "motion": {
-            "joints": list(estimate.model.robot.joint_names),
-            "time": time.tolist(),
-            "q": train.q.tolist(),
-            "still": {},
-        },
+        **torques_of(estimate, estimate.train),
         "test": json.loads(path.read_bytes()).get("summary", {}).get("test"),
         "table": parameters_table(estimate).rows,  # with the digits that the deviations allow
     }

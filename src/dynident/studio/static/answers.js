@@ -36,11 +36,13 @@ export function difference(found, views) {
   const apart = found.parameters.map((one) => ({ ...one, most: Math.max(...one.t.map(Math.abs).filter(Number.isFinite), 0) })).filter((one) => one.most > 1.96).sort((a, b) => b.most - a.most);
   const parameters = apart.slice(0, 30).map((one) => [name(one.name), ...one.values.map((value) => number(value, 3)), pretty(one.unit), number(one.most, 3)]);
   const cursor = new Cursor();
-  const joints = views[0].torques.filter((one) => views.every((view) => view.torques.some((other) => other.name === one.name)));
-  const residuals = joints.map((one) => chart(views.map((view, k) => ({ label: called[k], ...view.torques.find((other) => other.name === one.name).residual })), { title: one.name, unit: pretty(one.unit), xLabel: "time [s]", height: 150, cursor }));
+  const kind = views.every((view) => view.tested.length) ? "test" : "training";
+  const curves = views.map((view) => kind === "test" ? view.tested : view.torques);
+  const joints = curves[0].filter((one) => curves.every((all) => all.some((other) => other.name === one.name)));
+  const residuals = joints.map((one) => chart(curves.map((all, k) => ({ label: called[k], ...all.find((other) => other.name === one.name).residual })), { title: one.name, unit: pretty(one.unit), xLabel: "time [s]", height: 150, cursor }));
   return [table(["estimate", "estimator", num("test error"), num("training error"), "physically consistent"], rows, { label: "estimates" }),
     torques.length ? [el("h3", {}, "Torques on the same states"), table(["joint", ...called.map((one) => num(`RMS of ${one}`)), ...called.slice(1).map((one) => num(`RMS difference of ${one}`))], torques, { label: "torques", note: `N·m or N; differences from ${called[0]}` })] : el("p", { class: "remark" }, found.why_no_torques ?? ""),
-    residuals.length ? [el("h3", {}, "Residuals, each on its training data"), el("div", { class: "charts" }, residuals)] : null,
+    residuals.length ? [el("h3", {}, `Residuals, each on its ${kind} data`), el("div", { class: "charts" }, residuals)] : null,
     el("h3", {}, "Base parameters that differ significantly at 95 %"),
     parameters.length ? table(["parameter", ...called.map(num), "unit", num("largest |t|")], parameters, { label: "parameters", note: apart.length > 30 ? `the first 30 of ${apart.length}` : "" }) : el("p", { class: "good" }, `None of ${found.parameters.length}.`)];
 }

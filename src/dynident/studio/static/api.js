@@ -66,6 +66,7 @@ export async function offerTargets(select, kind) {
   if (select.options.length) return;
   const { targets } = await get("targets", { kind });
   select.replaceChildren(new Option("choose a target", ""), ...targets.map((name) => new Option(name)));
+  select.dispatchEvent(new Event("offered", { bubbles: true }));
 }
 
 export async function post(place, data) {

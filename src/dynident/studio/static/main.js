@@ -2,6 +2,7 @@
 
 import { choose, get, guarded, known, listen, refresh } from "./api.js";
 import { el, fill } from "./dom.js";
+import { keepForm } from "./forms.js";
 import * as robot from "./stage_robot.js";
 import * as log from "./stage_log.js";
 import * as setting from "./stage_case.js";
@@ -46,6 +47,7 @@ function enter() {
     const made = STAGES[key].build();
     made.place = el("section", { "aria-labelledby": `title-${key}` }, el("h1", { id: `title-${key}` }, STAGES[key].title), made.whole);
     main.append(made.place);
+    made.restore = keepForm(made.place, `form of ${key}`);
     built[key] = made;
   }
   built[key].place.hidden = false;
@@ -58,11 +60,17 @@ function enter() {
   document.title = `${STAGES[key].title} · dynident studio`;
   const moved = current !== "" && current !== key;
   current = key;
-  built[key].enter();
+  arrive();
   if (moved) {
     main.focus({ preventScroll: true });
     scrollTo(0, 0);
   }
+}
+
+// The stage that is shown offers the files that are there by now.
+function arrive() {
+  built[current].enter();
+  built[current].restore();
 }
 
 async function begin() {
@@ -76,10 +84,10 @@ async function begin() {
     fill(document.getElementById("where"), el("bdi", {}, known.folder));
     addEventListener("hashchange", enter);
     enter();
-    addEventListener("made", () => built[current].enter());
+    addEventListener("made", arrive);
     addEventListener("focus", () => guarded(null, async () => { // another tab, or a command in a terminal, may have made files
       await refresh();
-      built[current].enter();
+      arrive();
     }));
   });
 }

@@ -2,6 +2,7 @@
 
 import { choose, get, guarded, kept, known, ofKind, post, refresh } from "./api.js";
 import { el, field, fill, name, next, options, say, several, table } from "./dom.js";
+import { keepForm } from "./forms.js";
 import { runner } from "./runner.js";
 import { robots } from "./stage_robot.js";
 
@@ -10,11 +11,11 @@ export const title = "Case";
 const WORDS = { q: "positions", dq: "velocities", torque: "joint torques", current: "motor currents", q_ref: "commanded positions", dq_ref: "commanded velocities" };
 
 export function build() {
-  const robot = el("select");
+  const robot = el("select", { "data-shared": "" });
   const logs = several("Training logs");
   const tests = several("Test logs", "None: the last third of the log is kept for that.");
   const profile = el("select");
-  const choice = el("select", { id: "case-choice", on: { change: () => open(choice.value) } });
+  const choice = el("select", { id: "case-choice", "data-shared": "", on: { change: () => open(choice.value) } });
   const body = el("div");
   let drafted = null;
   let shownFile = "";
@@ -80,26 +81,30 @@ export function build() {
       return [quantity, options(el("select"), [{ value: "", text: "not stated" }, ...several, ...words], several.length ? several[0].value : now || "")];
     }));
     const used = () => grid.filter((row) => row.cells.q.value);
+    const unsaved = `columns of ${choice.value} ${shownFile}`;
     const keep = el("button", { type: "button", on: { click: () => saved({
       joints: used().map((row) => row.joint),
       time: time.value,
       signals: Object.fromEntries(signals.map((signal) => [signal, used().map((row) => row.cells[signal].value)]).filter(([, cells]) => cells.some(Boolean))),
       units: Object.fromEntries(Object.entries(units).map(([quantity, unit]) => [quantity, unit.value.startsWith("[") ? JSON.parse(unit.value) : unit.value])),
-    }) } }, "Save columns and units");
-    return [el("h3", {}, "Columns and units"), field("Column of the time", time),
+    }, unsaved) } }, "Save columns and units");
+    const whole = el("div", {}, el("h3", {}, "Columns and units"), field("Column of the time", time),
       table(["joint", ...signals.map((signal) => WORDS[signal])], rows, { label: "columns of each joint", note: "A joint without a column of positions is not in the log." }),
       el("div", { class: "row" }, Object.entries(units).map(([quantity, unit]) => field(`Unit of ${quantity}`, unit))),
       el("p", { class: "hint" }, "SI: rad, rad/s and N·m for joints that turn, m, m/s and N for joints that slide."),
-      el("p", { class: "actions" }, keep)];
+      el("p", { class: "actions" }, keep));
+    keepForm(whole, unsaved)();
+    return whole;
   }
 
-  async function saved(changes) {
+  async function saved(changes, unsaved = "") {
     const file = choice.value;
     body.inert = choice.disabled = true; // a second click while the disk works would save an older text
     await guarded(null, async () => {
       const found = await post("case", { name: file, sha256: shownFile, ...changes });
       drafted = null;
       if (changes.text !== undefined) kept.set(`text of ${file}`, "");
+      if (unsaved) kept.set(unsaved, "");
       await refresh();
       show(found);
       say(found.fault ? "saved; it cannot be used yet" : "saved");

@@ -7,7 +7,7 @@ import { runner } from "./runner.js";
 export const title = "Check";
 
 export function build() {
-  const choice = el("select", { on: { change: () => choose({ case: choice.value }) } });
+  const choice = el("select", { "data-shared": "", on: { change: () => choose({ case: choice.value }) } });
   const logs = several("Logs", "None: those of the case. To repair, choose one.");
   const found = el("div");
   const ask = (fix) => () => ({ case: choice.value, logs: logs.picked(), fix });

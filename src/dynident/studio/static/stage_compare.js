@@ -10,13 +10,13 @@ export const title = "Compare";
 
 export function build() {
   const estimates = several("Estimates");
-  const choice = el("select");
+  const choice = el("select", { "data-shared": "" });
   const methods = several("Estimators");
   const limit = el("input", { type: "number", value: 60, min: 1, max: 86400, step: 1 });
   const whole = (file) => el("details", {}, el("summary", {}, "The whole comparison as a page"), page(file));
   const beside = runner("diff", "Put them side by side", () => ({ estimates: estimates.picked() }), async (run, place) => {
     const files = run.arguments.slice(1, run.arguments.indexOf("--html"));
-    const views = await Promise.all(files.map((one) => get("estimate", { name: one })));
+    const views = await Promise.all(files.map(async (one) => ({ ...await get("estimate", { name: one }), tested: (await get("test-torques", { name: one })).torques })));
     put(place, difference(JSON.parse(run.answer), views), whole(run.outputs[0]), next("results", "Export the model"));
   });
   const contest = runner("compare", "Compare the estimators", () => ({ case: choice.value, estimators: methods.picked(), time_limit: limit.value }), (run, place) => {

@@ -20,7 +20,7 @@ export function build() {
   const earlier = el("select");
   const friction = several("Friction parts", "None: those of the case. A part that needs the torque of the bodies, as load does, has to be left out.");
   const [period, harmonics, starts, limit, margin, torque] = [entry(10, 0.5, 600, 0.5), entry(5, 1, 50, 1), entry(4, 1, 1000, 1), entry(60, 1, 86400, 1), entry(0.05, 0, 0.9, 0.01), entry(0.2, 0, 0.9, 0.01)];
-  const plan = el("select", { on: { change: () => watch() } });
+  const plan = el("select", { "data-shared": "", on: { change: () => watch() } });
   const target = el("select");
   const speed = entry(20, 10, 100, 5);
   const posture = el("input", { type: "text", value: "start" });

@@ -8,7 +8,7 @@ import { answers, judged } from "./stage_results.js";
 export const title = "Identify";
 
 export function build() {
-  const choice = el("select", { on: { change: () => choose({ case: choice.value }) } });
+  const choice = el("select", { "data-shared": "", on: { change: () => choose({ case: choice.value }) } });
   const estimator = el("select");
   const friction = several("Friction", "None: as the case says; auto chooses joint by joint.");
   const cutoff = el("input", { type: "number", min: 0.01, max: 10000, step: 0.1, placeholder: "as the case says" });

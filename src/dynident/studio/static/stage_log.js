@@ -8,7 +8,7 @@ import { dropzone } from "./upload.js";
 export const title = "Log";
 
 export function build() {
-  const choice = el("select", { on: { change: () => open(choice.value) } });
+  const choice = el("select", { "data-shared": "", on: { change: () => open(choice.value) } });
   const columns = several("Columns to draw", "At most 12 are drawn.", () => draw());
   const place = el("div");
   const curves = el("div", { class: "curves" });
@@ -28,6 +28,7 @@ export function build() {
       tell(place, found);
       columns.offer(found.header);
       columns.choose(found.header.slice(1, 4));
+      columns.dispatchEvent(new Event("offered", { bubbles: true }));
       box.hidden = found.rows === null;
       if (found.rows !== null) await draw();
       put(place, next("case", "Draft the case file"));

@@ -10,12 +10,15 @@ import { commandLine, runner } from "./runner.js";
 export const title = "Results";
 
 export function build() {
-  const choice = el("select", { id: "estimate-choice", on: { change: () => open(choice.value) } });
+  const choice = el("select", { id: "estimate-choice", "data-shared": "", on: { change: () => open(choice.value) } });
   const body = el("div");
   const logs = several("Logs");
   const cursor = new Cursor();
   const view = new Stage3D({ cursor });
   const charts = el("div");
+  const linked = el("div", { class: "linked" });
+  const data = el("select", { on: { change: () => curves() } });
+  let drawn = {}; // torques and motion of each kind of data
   const target = el("select");
   const description = el("select");
   const force = el("input", { type: "checkbox", id: "force" });
@@ -46,7 +49,7 @@ export function build() {
     const written = file.replace("estimate", "report").replace(".json", ".html");
     fill(body, judged(found), answers(found), found.warnings.map((text) => el("p", { class: "remark" }, text)),
       el("p", { class: "actions" }, download(file), ofKind("report").includes(written) ? [download(written), opened(written)] : null),
-      found.torques.length ? el("h2", {}, "Torques over time, training data") : null, charts,
+      el("h2", {}, "Torques over time"), charts,
       el("h2", {}, "Parameters"), parameters(found),
       el("h2", {}, "Nominal and identified"), beside(found),
       found.command ? [el("h3", {}, "The command of this estimate"), commandLine(found.command)] : null,
@@ -54,19 +57,32 @@ export function build() {
     draw(found, file);
   }
 
-  // The curves of all joints and the robot share a cursor: the pointer over a curve, or the time of the player.
+  // Torques on the test data where they can be read, else on the training data.
   async function draw(found, file) {
-    fill(charts);
-    if (!found.torques.length) return;
-    cursor.listeners.length = 1; // that of the robot; the curves before are gone
-    fill(charts, el("p", { class: "soft" }, "Point at a curve, or play the log: the robot stands as it did at that time."), el("div", { class: "linked" }, view.whole, el("div", { class: "charts" }, found.torques.map((joint) => el("div", {},
-      chart([{ label: "measured", ...joint.measured, colour: 1, width: 1.8 }, { label: "predicted", ...joint.predicted, colour: 2, dashed: true }], { title: joint.name, unit: pretty(joint.unit), xLabel: "", cursor }),
-      chart([{ label: "residual", ...joint.residual, colour: 3 }], { title: `${joint.name}, measured - predicted`, unit: pretty(joint.unit), xLabel: "time [s]", height: 120, cursor }))))));
-    view.enter();
-    await guarded(null, async () => {
+    fill(charts, el("p", { class: "soft" }, "reading the test data …"));
+    await guarded(charts, async () => {
+      const tested = await get("test-torques", { name: file });
+      if (shown !== file) return;
+      drawn = { test: tested, training: found };
+      const kinds = Object.keys(drawn).filter((kind) => drawn[kind].torques.length);
+      if (!kinds.length) return fill(charts, el("p", { class: "soft" }, tested.missing));
+      options(data, kinds.map((kind) => ({ value: kind, text: `${kind} data` })), kinds[0]);
+      fill(charts, field("Data", data), tested.missing ? el("p", { class: "soft" }, tested.missing) : null,
+        el("p", { class: "soft" }, "Point at a curve, or play the log: the robot stands as it did at that time."), linked);
+      view.enter();
       await view.load(file);
-      if (shown === file) view.follow(found.motion);
+      if (shown === file) curves();
     });
+  }
+
+  // The curves of all joints and the robot share a cursor: the pointer over a curve, or the time of the player.
+  function curves() {
+    const { torques, motion } = drawn[data.value];
+    cursor.listeners.length = 1; // that of the robot; the curves before are gone
+    fill(linked, view.whole, el("div", { class: "charts" }, torques.map((joint) => el("div", {},
+      chart([{ label: "measured", ...joint.measured, colour: 1, width: 1.8 }, { label: "predicted", ...joint.predicted, colour: 2, dashed: true }], { title: joint.name, unit: pretty(joint.unit), xLabel: "", cursor }),
+      chart([{ label: "residual", ...joint.residual, colour: 3 }], { title: `${joint.name}, measured - predicted`, unit: pretty(joint.unit), xLabel: "time [s]", height: 120, cursor })))));
+    view.follow(motion);
   }
 
   return {

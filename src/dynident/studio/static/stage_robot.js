@@ -14,7 +14,7 @@ export function robots() {
 }
 
 export function build() {
-  const choice = el("select", { id: "robot-choice", on: { change: () => open(choice.value) } });
+  const choice = el("select", { id: "robot-choice", "data-shared": "", on: { change: () => open(choice.value) } });
   const facts = el("div");
   const fault = el("div");
   const view = new Stage3D({
