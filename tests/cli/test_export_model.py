@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from dynident.cli.main import main
+from dynident.data.formats import write_log
 from dynident.data.log import Log
-from dynident.identification.files.estimate_file import write_estimate
+from dynident.identification.files.estimate_file import read_estimate, write_estimate
 from dynident.identification.identify import identify
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
@@ -85,6 +86,8 @@ def test_tables_hold_the_numbers_of_the_estimate(estimate_text: str) -> None:
         (["--to", "urdf", "--option", "lump=maybe"], "lump = 'maybe' is not possible; write true or false"),
         (["--to", "json", "-o", "estimate.json"], "it is an input of this command"),
         (["--to", "json", "-o", "none/arm.json"], "there is no folder"),
+        (["--to", "urdf", "--motion", "run.csv"], "--motion = 'run.csv' is not possible; it goes with --prove"),
+        (["--to", "urdf", "--prove"], "name a log whose motion is to be followed: --motion LOG"),
         (["--to", "drake", "-o", "1.dmd.yaml"], "'1' cannot name a package"),
     ],
 )
@@ -94,6 +97,16 @@ def test_errors_are_one_line(words: list[str], message: str, folder: Path, capsy
     shown, said = capsys.readouterr()
     assert shown == "" and said.startswith("error: ") and message in said and said.count("\n") == 1
     assert [file.name for file in folder.iterdir()] == ["estimate.json"]
+
+
+def test_what_was_simulated_is_shown(exact_log: Callable[..., Log], capsys: Capture) -> None:
+    estimate = read_estimate("estimate.json")
+    write_log(exact_log(estimate.model, estimate.theta, samples=100), "run.csv")
+    assert main(["export", "estimate.json", "--to", "json", "-o", "arm.json", "--prove", "--motion", "run.csv"]) == 0
+    shown, _ = capsys.readouterr()
+    assert "motion: 1.98 s of run.csv from 0 s on, low-pass filtered at 10 Hz" in shown
+    assert re.search(r"^dynident +computed_torque +1 +1\.98 +\S+ +\S+ % +none$", shown, re.MULTILINE)
+    assert "condition number of M(q) along the motion: median " in shown
 
 
 def test_a_plan_takes_no_options_of_a_model(folder: Path, capsys: Capture) -> None:

@@ -149,3 +149,13 @@ def test_options_that_do_not_fit_are_refused(
     assert run("report", "e.json", *words, "--quiet") == 1
     assert said in capsys.readouterr().err
     assert (folder / "run.csv").read_bytes() == before and not (folder / "new").exists()
+
+
+def test_what_was_simulated_stands_in_the_report(capsys: Capture) -> None:
+    assert main(["report", "e.json", "-o", "plain.html", "--no-log-quality", "--quiet"]) == 0
+    assert "Simulation along the motion of a log" not in Path("plain.html").read_text(encoding="utf-8")
+    assert main(["report", "e.json", "-o", "r.html", "--no-log-quality", "--quiet", "--prove"]) == 0
+    page = Path("r.html").read_text(encoding="utf-8")
+    assert "Simulation along the motion of a log" in page and "condition number of M(q) along the motion" in page
+    assert main(["report", "e.json", "--motion", "run.csv"]) == 1
+    assert "it goes with --prove" in capsys.readouterr().err

@@ -20,6 +20,7 @@ from synthetic import HOSTILE, arm, plan_of, renamed, subject_of
 from dynident.data.log import Log, Source
 from dynident.errors import FileError, LogMismatch
 from dynident.excitation.design.recheck import recheck
+from dynident.exports.models.proving.followed_motion import FollowedMotion, MotionProof
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.problem.choices import Choices, DelayRecord
@@ -85,7 +86,18 @@ def whole(case: tuple[Estimate, Validation]) -> str:
         command="dynident report arm.json \\\n  -o report.html",
         sources=[Source("runs/test.csv", "ab" * 32, 1500)],
         plan=PlanView(plan, recheck(plan), estimate.model.robot),
+        motion=simulated(),
     )
+
+
+def simulated() -> MotionProof:
+    """Return runs of which one diverged and one was not made."""
+    runs = (
+        FollowedMotion("dynident", "computed_torque", 0.001, 10.0, (1e-5, 2e-5, 1e-4), 1e-4),
+        FollowedMotion("dynident", "pd", 0.001, 10.0, (0.5, 0.1, 0.2), 1.2, "<b>wrist</b> is lost at 3 s"),
+        FollowedMotion("MuJoCo", "pd", 0.002, why_not="not installed"),
+    )
+    return MotionProof("runs/test.csv", 2.5, 10.0, runs, (40.0, 50.0), None)
 
 
 def drawings(text: str) -> Iterator[str]:
@@ -161,6 +173,10 @@ def test_the_page_says_what_matters(whole: str) -> None:
         "Reference: excitation",
         "Test, as recorded: test.csv",
         "numpy 2.4.6",
+        "this motion: 10 s of runs/test.csv from 2.5 s on",
+        "<b>wrist</b> is lost at 3 s",
+        "not simulated with MuJoCo: not installed",
+        "median 40.0, largest 50.0; the robot model states no inertias for every link",
     ):
         assert wanted in words, wanted
 
@@ -172,6 +188,7 @@ def test_sections_with_nothing_to_show_leave_themselves_out() -> None:
     assert "data-zoom" in build_report(bare) and "<script>" not in render(Subject(bare), ["verdict", "friction"])
     assert set(ORDER) - set(page.sections) == {
         "log_quality", "excitation", "bodies", "nominal", "trust", "friction", "choices", "convergence", "comparison",
+        "simulation",
     }  # fmt: skip
     without_rows = replace(
         bare.train, **{name: np.zeros((0, 3)) for name in ("q", "dq", "measured", "unfiltered", "predicted")}

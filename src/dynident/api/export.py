@@ -6,6 +6,9 @@ import json
 from pathlib import Path
 from typing import overload
 
+from dynident.api.given_logs import LogLike, logs_of
+from dynident.api.validate import read_log
+from dynident.data.log import Log
 from dynident.errors import BadOption, FileError
 from dynident.excitation.design.plan import Plan, read_plan
 from dynident.exports.models import MODEL_EXPORTERS, ModelExport, ModelExporter, export_model
@@ -22,7 +25,7 @@ def export(
     path: str | Path,
     *,
     description: str | Path | None = None,
-    proof: bool = True,
+    proof: bool | LogLike = True,
     write: bool = True,
     force: bool = False,
 ) -> ModelExport: ...
@@ -41,7 +44,7 @@ def export(
     path: str | Path,
     *,
     description: str | Path | None = None,
-    proof: bool = True,
+    proof: bool | LogLike = True,
     playback: Playback | None = None,
     write: bool = True,
     force: bool = False,
@@ -55,7 +58,8 @@ def export(
         path: The file to write (for a bag: the folder); further files stand beside it.
         description: Of an estimate: the robot model to put the values into, for targets that are one; None takes the
             one that the estimate's provenance names, where it is unchanged.
-        proof: Of an estimate: whether the files are loaded again and torques compared.
+        proof: Of an estimate: whether the files are loaded again and torques compared. A log, as :func:`log_of` takes
+            it: also that the model follows its motion in simulation, up to 10 s of it, under computed torque and PD.
         playback: Of a plan: how it is to be driven; None: once, at the designed speed and the rate of the target.
         write: False checks and tells what would be written.
         force: Of an estimate: export one that findings of the log checks at error level speak against.
@@ -66,14 +70,14 @@ def export(
         BadOption: An option that goes with the other kind of subject, or that cannot be.
         NotConsistent: No physically consistent robot has the base parameters of the estimate.
         DescriptionError: The robot model is faulty, or of another robot.
-        FileError: The plan passes a bound, the proof fails, or a file cannot be written.
+        FileError: The plan passes a bound, the proof fails, a simulation diverges, or a file cannot be written.
+        LogMismatch: The log of the motion does not fit the robot.
     """
     check_target(subject, exporter)
     if isinstance(subject, Plan):
-        if description is not None or not proof:
-            raise BadOption(
-                "description" if proof else "proof", description, "it goes with an estimate, not with a plan"
-            )
+        if description is not None or proof is not True:
+            name, value = ("proof", proof) if proof is not True else ("description", description)
+            raise BadOption(name, str(value), "it goes with an estimate, not with a plan")
         return export_motion(subject, exporter, path, playback, write=write)  # type: ignore[arg-type]
     if playback is not None:
         raise BadOption("playback", playback, "it goes with a plan, not with an estimate")
@@ -82,10 +86,20 @@ def export(
         exporter,  # type: ignore[arg-type]
         path,
         description=description,
-        proof=proof,
+        proof=proof is not False,
+        motion=None if isinstance(proof, bool) else followed_log(subject, proof),
         write=write,
         force=force,
     )
+
+
+def followed_log(estimate: Estimate, motion: LogLike) -> Log:
+    """Return the log whose motion a model is to follow, read as those of the fit were.
+
+    Raises:
+        DynidentError: Any fault of the log.
+    """
+    return logs_of([motion], estimate.model.robot, lambda name: read_log(estimate, name))[0]
 
 
 def read_subject(path: str, exporter: str = "") -> Estimate | Plan:

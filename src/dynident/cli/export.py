@@ -10,13 +10,14 @@ is not written.
 A model is written with physically consistent links only. An estimate that is not accepted, for a finding of the log
 checks at error level, is refused without --force. The files are loaded again in every engine that is installed
 and reads them, and torques are compared on 1000 random states: nothing is written where one differs by more than a
-millionth. What a format cannot hold stands in FILE.dynident.json, and is told.
+millionth. With --prove the model also follows the motion of a log, up to 10 s of it, in simulation under computed
+torque and PD; nothing is written where a run diverges. What a format cannot hold stands in FILE.dynident.json.
 
   dynident export plan.json --to urscript -o excite.script --speed 20
   dynident export plan.json --to joint_trajectory -o excite.yaml --from-posture 0,-1.57,0,-1.57,0,0
   dynident export plan.json --to csv -o motion.csv --rate 250 --from-posture start --option degrees=true
   dynident export estimate.json --to urdf -o identified.urdf --description robot.urdf
-  dynident export estimate.json --to mjcf -o robot.xml
+  dynident export estimate.json --to mjcf -o robot.xml --prove
   dynident export estimate.json --to csv -o parameters.csv
 """
 
@@ -40,13 +41,14 @@ FREQUENT = (
     "--speed",
     "--from-posture",
     "--description",
+    "--prove",
     "--check",
     "--json",
 )
 
 #: Options of one kind of file, by destination, with the value that stands for one that is not given.
 _PLAN_ONLY = {"rate": None, "repeats": None, "speed": None, "from_posture": None, "units": None}
-_MODEL_ONLY = {"description": None, "no_proof": False, "force": False}
+_MODEL_ONLY = {"description": None, "no_proof": False, "force": False, "prove": False, "motion": None}
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -79,7 +81,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="the robot model file to write the model into, for targets that take one; default: that of the "
         "identification, where it is unchanged",
     )
-    model.add_argument("--no-proof", action="store_true", help="do not load the files again; saves a second or two")
+    proof = model.add_mutually_exclusive_group()
+    proof.add_argument("--no-proof", action="store_true", help="do not load the files again; saves a second or two")
+    proof.add_argument(
+        "--prove", action="store_true", help="simulate the model along the motion of a log, with MuJoCo where installed"
+    )
+    model.add_argument(
+        "--motion", metavar="LOG", help="with --prove: that log; default: the first test or training log of the fit"
+    )
     model.add_argument(
         "--force", action="store_true", help="export an estimate that the log checks speak against (not accepted)"
     )
@@ -133,7 +142,7 @@ def _export_plan(options: argparse.Namespace, plan: Plan) -> int:
 def _export_model(options: argparse.Namespace, estimate: Estimate) -> int:
     from dynident.api.estimate_output import files_behind
     from dynident.api.export import export
-    from dynident.cli import console
+    from dynident.cli import console, proving
     from dynident.exports.models import MODEL_EXPORTERS, model_export_data
     from dynident.files import check_outputs
 
@@ -142,12 +151,13 @@ def _export_model(options: argparse.Namespace, estimate: Estimate) -> int:
     inputs = (options.file, options.description or "", robot, *files_behind(estimate))
     check_outputs((options.output,), inputs)
     chosen = options.description
+    followed = proving.motion_of(estimate, options) if options.prove or options.motion else None
     found = export(
         estimate,
         part,
         options.output,
         description=chosen,
-        proof=not options.no_proof,
+        proof=not options.no_proof if followed is None else followed,
         write=False,
         force=options.force,
     )
@@ -222,6 +232,7 @@ def _show(export: MotionExport) -> None:
 
 def _show_model(export: ModelExport) -> None:
     from dynident.cli import console
+    from dynident.cli.proving import show_motion
     from dynident.results.model_export_view import left_out_lines, not_proved_lines, proofs_table
     from dynident.results.text import label
 
@@ -234,6 +245,8 @@ def _show_model(export: ModelExport) -> None:
             console.answer(line)
     else:
         console.answer("not loaded again: nothing is proved")
+    if export.motion is not None:
+        show_motion(export.motion)
     for line in left_out_lines(export):
         console.answer(line)
     for note in export.notes:

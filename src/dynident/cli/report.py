@@ -4,6 +4,7 @@ Without --test it validates on the test logs, or the test part of the split, of 
 
 dynident report estimate.json -o report.html
 dynident report estimate.json --test other-run.csv --figures figures --format pdf
+dynident report estimate.json --prove -o report.html
 dynident report estimate.json --plan plan.json --case case.yaml -o report.html
 """
 
@@ -36,6 +37,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="with --plan: its robot and workspace, to check torques, clearances and tool speed again",
     )
     parser.add_argument("--no-log-quality", action="store_true", help="do not examine the logs of the fit again")
+    parser.add_argument(
+        "--prove", action="store_true", help="simulate the model along the motion of a log, with MuJoCo where installed"
+    )
+    parser.add_argument(
+        "--motion", metavar="LOG", help="with --prove: that log; default: the first test or training log of the fit"
+    )
     output = parser.add_argument_group("output")
     output.add_argument("-o", "--output", metavar="FILE", default="report.html", help="default: report.html")
     output.add_argument("--figures", metavar="DIR", help="write each figure as a file into this folder as well")
@@ -62,7 +69,8 @@ def run(options: argparse.Namespace) -> int:
     if options.case and not options.plan:
         raise BadOption("--case", options.case, "it goes with --plan, the motion that is to be checked again")
     beside = (*files_behind(estimate), options.plan or "", *plans.files_of(options.case))
-    check_outputs((options.output, options.figures), (options.estimate, *options.test, *beside))
+    read = (options.estimate, *options.test, options.motion or "", *beside)
+    check_outputs((options.output, options.figures), read)
     check_place(options.output)
     with console.progress(5, options.quiet or options.json) as progress:
         progress.step("reading the logs")
@@ -84,7 +92,7 @@ def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together, before anything is read.
 
     Raises:
-        BadOption: ``--format`` without ``--figures``, or ``--split`` without ``--test``.
+        BadOption: ``--format`` without ``--figures``, ``--split`` without ``--test``, ``--motion`` without ``--prove``.
         UnknownChoice: No such format of figures.
     """
     from dynident.errors import BadOption, UnknownChoice
@@ -94,13 +102,15 @@ def _check(options: argparse.Namespace) -> None:
         raise BadOption("--format", options.format, "it goes with --figures DIR, the folder of the figures")
     if options.format and options.format not in FORMATS:
         raise UnknownChoice("figure format", options.format, FORMATS)
+    if options.motion and not options.prove:
+        raise BadOption("--motion", options.motion, "it goes with --prove")
     if options.split and not options.test:
         raise BadOption("--split", options.split, "it goes with --test LOG, the log of which it takes the test part")
 
 
 def _subject(estimate: Estimate, options: argparse.Namespace, progress: Callable[[str], None]) -> Subject:
     """Return what the report is about: the estimate with its tests, the findings on its logs, the plan."""
-    from dynident.cli import jobs, plans
+    from dynident.cli import jobs, plans, proving
     from dynident.cli.origin import origin_of
     from dynident.identification.validate import validate
     from dynident.results.report.subject import Subject
@@ -113,9 +123,16 @@ def _subject(estimate: Estimate, options: argparse.Namespace, progress: Callable
     if not (options.no_log_quality or estimate.provenance.get("log_quality")):
         progress("looking at the logs")
         quality = origin.log_quality()
+    motion = None
+    if options.prove:
+        from dynident.exports.models.proving.motion_proof import prove_motion  # loads the simulator
+
+        progress("simulating")
+        motion = prove_motion(estimate, proving.motion_of(estimate, options))
     return Subject(
         estimate,
         tests,
+        motion=motion,
         command=jobs.repeat_command(),
         sources=tuple(log.source for log in logs),
         plan=plans.plan_view(options.plan, options.case, robot=estimate.model.robot) if options.plan else None,

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from dynident.data.log import Log
 from dynident.diagnosis.verdict import errors_in, quality_of
-from dynident.errors import BadOption, NotAccepted
+from dynident.errors import BadOption, FileError, NotAccepted
 from dynident.exports.base import Proof, write_files
 from dynident.exports.models._summary import ModelExport, model_export_data, neglected_torque
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
+from dynident.exports.models.proving.followed_motion import MotionProof
 from dynident.exports.models.subject.identified import Identified, identified
 from dynident.exports.models.subject.source import find_source
 from dynident.identification.estimate.estimate import Estimate
@@ -45,6 +47,7 @@ def export_model(
     *,
     description: str | Path | None = None,
     proof: bool = True,
+    motion: Log | None = None,
     write: bool = True,
     force: bool = False,
 ) -> ModelExport:
@@ -59,6 +62,7 @@ def export_model(
         description: The robot model to put the model into, for targets that are one; None takes the one that
             the estimate's provenance names, where it is unchanged.
         proof: Whether the files are loaded again and torques compared.
+        motion: A log whose motion, up to 10 s of it, the model follows in simulation; None for no simulation.
         write: False checks and tells what would be written.
         force: Export an estimate that findings of the log checks at error level speak against.
 
@@ -68,21 +72,17 @@ def export_model(
         NotAccepted: The log checks have a finding at error level, and ``force`` is not set.
         NotConsistent: No possible robot has these base parameters; the message names the worst body and what to do.
         DescriptionError: The robot model is faulty, or of another robot.
-        FileError: The proof fails, or a file cannot be written.
+        FileError: The proof fails, a simulation diverges, or a file cannot be written.
+        LogMismatch: The log of the motion does not fit the robot.
     """
     target, part = Path(path), MODEL_EXPORTERS.make(exporter)
-    if part.takes != "estimate":
-        name = MODEL_EXPORTERS.name_of(part)
-        raise BadOption("exporter", name, "it does not export models; see 'dynident list model_exporters'")
-    if description is not None and not part.edits_description:
-        step = f"the target {MODEL_EXPORTERS.name_of(part)} is written from the estimate alone; leave it out"
-        raise BadOption("description", str(description), step)
-    for cause in () if force else errors_in(quality_of(estimate) or ()):
-        step = "correct it and identify again, or export with force (--force)"
-        raise NotAccepted("the estimate is not accepted", str(cause), step)
+    _check_part(part, description)
+    if not force:
+        _check_accepted(estimate)
     subject = identified(estimate, find_source(estimate, description), part.needs_bodies)
     content = part.content(subject, target)
     proofs = part.prove(subject, content, target) if proof else ()
+    simulated = None if motion is None else _followed(subject, motion, target)
     if write:
         write_files(content.files, target)
     return ModelExport(
@@ -92,7 +92,50 @@ def export_model(
         parameters=subject.origin,
         files=tuple(str(file) for file in content.files),
         proofs=proofs,
+        motion=simulated,
         left_out=content.left_out,
         neglected=neglected_torque(subject, content.left_out),
         notes=(*subject.notes, *content.notes),
     )
+
+
+def _check_part(part: ModelExporter, description: str | Path | None) -> None:
+    """Refuse a part that exports no models, and a robot model where the target takes none.
+
+    Raises:
+        BadOption: It is one.
+    """
+    if part.takes != "estimate":
+        name = MODEL_EXPORTERS.name_of(part)
+        raise BadOption("exporter", name, "it does not export models; see 'dynident list model_exporters'")
+    if description is not None and not part.edits_description:
+        step = f"the target {MODEL_EXPORTERS.name_of(part)} is written from the estimate alone; leave it out"
+        raise BadOption("description", str(description), step)
+
+
+def _check_accepted(estimate: Estimate) -> None:
+    """Refuse an estimate that findings of the log checks at error level speak against.
+
+    Raises:
+        NotAccepted: There is one.
+    """
+    for cause in errors_in(quality_of(estimate) or ()):
+        step = "correct it and identify again, or export with force (--force)"
+        raise NotAccepted("the estimate is not accepted", str(cause), step)
+
+
+def _followed(subject: Identified, motion: Log, target: Path) -> MotionProof:
+    """Return what was simulated along the motion of a log.
+
+    Raises:
+        FileError: A run diverged.
+        LogMismatch: The log does not fit the robot.
+    """
+    from dynident.exports.models.proving.motion_proof import prove_motion  # loads the simulator
+
+    found = prove_motion(subject, motion)
+    for run in found.failures:
+        how = f"{run.simulator} under '{run.controller}' at {1e3 * run.step:g} ms"
+        step = "nothing was written; identify with plausible links (--bodies plausible), or export without --prove"
+        raise FileError(target, f"the model does not follow the motion of {found.log} in {how}: {run.failure}", step)
+    return found

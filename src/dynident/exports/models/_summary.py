@@ -10,6 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.exports.base import Proof
+from dynident.exports.models.proving.followed_motion import MotionProof
 from dynident.exports.models.subject.drives import Term, drives_of, rigid_torque
 from dynident.exports.models.subject.identified import NONE, Identified
 from dynident.exports.models.subject.states import states_of
@@ -26,6 +27,7 @@ class ModelExport:
         parameters: Where the standard parameters are from: of the estimate, chosen behind its base parameters, none.
         files: The files, the one that was named first.
         proofs: What each engine made of them.
+        motion: How the model follows the motion of a log in simulation; None where that was not asked for.
         left_out: Coefficients that the first file cannot hold; the file beside it has them.
         neglected: Largest torque of what the first file cannot hold, smooth signs included, by joint, in N m or N, on
             the states of the proof; empty where it holds everything.
@@ -38,6 +40,7 @@ class ModelExport:
     parameters: str
     files: tuple[str, ...]
     proofs: tuple[Proof, ...]
+    motion: MotionProof | None
     left_out: tuple[Term, ...]
     neglected: Mapping[str, float]
     notes: tuple[str, ...]
@@ -52,6 +55,7 @@ def model_export_data(export: ModelExport) -> dict[str, Any]:
     data = asdict(export)
     for key in ("files", "notes", "proofs"):
         data[key] = list(data[key])
+    data["motion"] = None if export.motion is None else export.motion.data()
     return data | {"left_out": [term.data() for term in export.left_out], "neglected": dict(export.neglected)}
 
 

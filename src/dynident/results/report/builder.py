@@ -17,6 +17,7 @@ import jinja2
 from markupsafe import Markup
 
 from dynident.data.log import Log, Source
+from dynident.exports.models.proving.followed_motion import MotionProof
 from dynident.files import write_atomically
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
@@ -37,6 +38,7 @@ ORDER = (
     "bodies",
     "mass_distribution",
     "mass_matrix",
+    "simulation",
     "validation",
     "residuals",
     "trust",
@@ -103,6 +105,7 @@ def build_report(
     command: str = "",
     sources: Iterable[Source] = (),
     plan: PlanView | None = None,
+    motion: MotionProof | None = None,
 ) -> str:
     """Return the report of an estimate as HTML.
 
@@ -114,6 +117,7 @@ def build_report(
         command: The command line that repeats it; by default that of the estimate's provenance.
         sources: Files of the tests; those of the fit are in the estimate's provenance.
         plan: The motion that was designed, with its check.
+        motion: What ``prove_motion`` of an export made of the model along the motion of a log.
 
     Raises:
         BadOption: The plan has other joints than the robot.
@@ -121,7 +125,7 @@ def build_report(
     """
     beside = comparison if isinstance(comparison, Comparison) else Comparison(tuple(comparison or ()))
     given = (dict(trajectories or {}), command, tuple(sources), plan)
-    return render(Subject(estimate, tuple(validations), beside, *given))
+    return render(Subject(estimate, tuple(validations), beside, *given, motion=motion))
 
 
 def render(subject: Subject, names: Sequence[str] = ()) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 from dynident.data.log import Log, Source
 from dynident.diagnosis.verdict import Verdict, verdict_of
 from dynident.errors import BadOption, LogMismatch
+from dynident.exports.models.proving.followed_motion import MotionProof
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.results.plan_view import PlanView
@@ -93,6 +94,7 @@ class Subject:
         plan: The motion that was designed, with its check; None for none.
         log_quality: Findings of the log checks on these logs, as plain data; empty for what the provenance has.
         why_no_test: Why there is no test although the fit may have kept rows apart; for a sentence of the verdict.
+        motion: How the identified model follows the motion of a log in simulation; None where nothing was simulated.
 
     Raises:
         BadOption: The plan has other joints than the robot.
@@ -108,6 +110,7 @@ class Subject:
     plan: PlanView | None = None
     log_quality: tuple[Mapping[str, Any], ...] = ()
     why_no_test: str = ""
+    motion: MotionProof | None = None
 
     def __post_init__(self) -> None:
         joints = self.estimate.model.robot.joint_names
