@@ -10,6 +10,7 @@ import pytest
 
 from dynident import FILTERS, DynamicModel, FourierSeries, Log, Preprocessing, identify, read_robot, validate
 from dynident.data.preprocessing.as_given import AsGiven
+from dynident.diagnosis.verdict import check_warnings, errors_in
 from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.problem.choices import Choices, GainUncertainty
 from dynident.model.friction import FRICTION, Motion
@@ -122,3 +123,21 @@ def test_doubtful_drive_gains_are_told_with_what_they_move() -> None:
         stated = Choices(gain_std=GainUncertainty(relative, tuple(moved.tolist())))
         (found,) = warnings_of(replace(estimate, choices=stated))
         assert found.startswith(f"drive gains have a relative std of {span}: it shifts 3 of {len(moved)} parameters")
+
+
+def test_what_is_found_in_several_logs_is_told_once() -> None:
+    def log(path: str, *joints: str) -> dict[str, object]:
+        kinds = [("warning", "spikes"), ("error", "torque sign"), ("note", "tilt")]
+        same = {"evidence": f"of {path}", "remedy": "mend it"}
+        found = [{"severity": grave, "name": name, "joint": joint} | same for grave, name in kinds for joint in joints]
+        return {"path": path, "findings": found}
+
+    quality = [log("runs/a.csv", "j1"), log("runs/b.csv", "j1", "j2"), log("runs/c.csv")]
+    assert check_warnings(quality) == ["a.csv and 1 other log: spikes (j1): of runs/a.csv; mend it"]
+    assert [str(one) for one in errors_in(quality)] == [
+        "a.csv and 1 other log: torque sign (j1): of runs/a.csv; mend it",
+        "b.csv: torque sign (j2): of runs/b.csv; mend it",
+    ]
+    same_name = [log("x/a.csv", "j1"), log("y/a.csv")]
+    assert check_warnings(same_name) == ["x/a.csv: spikes (j1): of x/a.csv; mend it"]
+    assert check_warnings([]) == [] and errors_in([log("a.csv")]) == ()

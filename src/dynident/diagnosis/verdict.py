@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ class ErrorFinding:
     """A finding at error level of a log of the fit.
 
     Attributes:
-        log: The log.
+        log: Name of the log, and of how many others it is true.
         name: What it is, such as ``torque sign``.
         joint: Joints that it is about; empty for the whole log.
         evidence: What was seen, with figures.
@@ -110,28 +111,33 @@ class Verdict:
 
 
 def errors_in(quality: Sequence[Mapping[str, Any]]) -> tuple[ErrorFinding, ...]:
-    """Return the findings at error level of examinations as plain data."""
-    return tuple(
-        ErrorFinding(log, *(str(finding[key]) for key in ("name", "joint", "evidence", "remedy")))
-        for log, finding in _findings(quality, "error")
-    )
+    """Return the findings at error level of examinations as plain data; one of several logs is told once."""
+    return _told_once(quality, "error", ("name", "joint"))
 
 
 def check_warnings(quality: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return the findings at warning level of examinations as plain data, each in one line."""
-    return [
-        str(ErrorFinding(log, *(str(finding[key]) for key in ("name", "joint", "evidence", "remedy"))))
-        for log, finding in _findings(quality, "warning")
-    ]
+    """Return the findings at warning level of examinations as plain data, each in one line; see :func:`errors_in`."""
+    return [str(finding) for finding in _told_once(quality, "warning", ("name",))]
 
 
-def _findings(quality: Sequence[Mapping[str, Any]], severity: Severity) -> list[tuple[str, Mapping[str, Any]]]:
-    return [
-        (str(each["path"]), finding)
-        for each in quality
-        for finding in each["findings"]
-        if finding["severity"] == severity
-    ]
+def _told_once(
+    quality: Sequence[Mapping[str, Any]], severity: Severity, keys: tuple[str, ...]
+) -> tuple[ErrorFinding, ...]:
+    """Return findings of one severity; of those that agree in ``keys`` the first, with the number of other logs."""
+    names = [PurePath(str(each["path"])).name for each in quality]
+    if len(set(names)) < len(names):
+        names = [str(each["path"]) for each in quality]
+    found: dict[tuple[str, ...], dict[str, Mapping[str, Any]]] = {}
+    for name, each in zip(names, quality, strict=True):
+        for finding in each["findings"]:
+            if finding["severity"] == severity:
+                found.setdefault(tuple(str(finding[key]) for key in keys), {}).setdefault(name, finding)
+    told = []
+    for logs in found.values():
+        (log, first), others = next(iter(logs.items())), len(logs) - 1
+        more = f" and {others} other log{'s' * (others > 1)}" if others else ""
+        told.append(ErrorFinding(log + more, *(str(first[key]) for key in ("name", "joint", "evidence", "remedy"))))
+    return tuple(told)
 
 
 def quality_of(estimate: Estimate) -> Sequence[Mapping[str, Any]] | None:

@@ -31,7 +31,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
         *check_warnings(quality_of(estimate) or ()),
         *_gaps(estimate),
         *_limits(estimate),
-        *_torques(estimate.train),
+        *{**_torques(estimate.train), **({} if test is None else _torques(test))}.values(),
     ]
     total = estimate.train.total_relative_error
     if total > POOR_FIT:
@@ -47,10 +47,8 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
         size = f"{estimate.condition_number:.3g}"
         found.append(f"condition number {size}: single parameters are poorly determined; excite all joints")
     found += _weak(estimate)
-    if test is not None:
-        found += _torques(test)
-        if test.departure is not None and estimate.envelope is not None and test.departure.leaves():
-            found.append(test.departure.sentence(estimate.envelope))
+    if test is not None and test.departure is not None and estimate.envelope is not None and test.departure.leaves():
+        found.append(test.departure.sentence(estimate.envelope))
     return tuple(dict.fromkeys(found))
 
 
@@ -116,18 +114,17 @@ def _limits(estimate: Estimate) -> list[str]:
     return found
 
 
-def _torques(validation: Validation) -> list[str]:
-    found = []
+def _torques(validation: Validation) -> dict[str, str]:
+    """Return a warning for each joint whose torque is not explained, by its name."""
+    found = {}
     for fit in validation.joints:
         if np.isfinite(fit.correlation) and fit.correlation < 0:
-            found.append(
-                f"{fit.name}: negative correlation of predicted and measured torque: check its sign and column"
-            )
+            found[fit.name] = "negative correlation of predicted and measured torque: check its sign and column"
         elif np.isfinite(fit.r2) and fit.r2 < 0:
-            found.append(f"{fit.name}: the model is worse than a constant (R2 {fit.r2:.2f}): check its column and gain")
+            found[fit.name] = f"the model is worse than a constant (R2 {fit.r2:.2f}): check its column and gain"
         elif np.isfinite(fit.r2) and fit.r2 < POOR_JOINT:
             share = f"{100 * fit.r2:.0f} %"
-            found.append(
-                f"{fit.name}: the model explains {share} of its torque variance (R2): check torque signal and friction"
+            found[fit.name] = (
+                f"the model explains {share} of its torque variance (R2): check torque signal and friction"
             )
-    return found
+    return {name: f"{name}: {text}" for name, text in found.items()}
