@@ -462,3 +462,17 @@ def test_a_log_of_the_fit_is_no_test(capsys: Capture, tmp_path: Path) -> None:
     for words in (["validate", saved, "run.csv", "--report", "r.html"], ["report", saved, "--test", "run.csv"]):
         assert main([*words, "--quiet"]) == 1
         assert "error: run.csv: the log is among the training logs; test on another log" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--cutoff-hz", "9"], "error: 'identify' has no option '--cutoff-hz'; did you mean '--cutoff'?"),
+        (["--zz=3"], "error: 'identify' has no option '--zz'"),
+    ],
+)
+def test_an_option_that_is_not_there_is_named_with_the_nearest(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["identify", "case.yaml", *words]) == 2
+    assert capsys.readouterr().err.splitlines() == [said, "'dynident identify --help-all' lists all options"]

@@ -211,7 +211,7 @@ def _real(options: argparse.Namespace) -> int:
     else:
         _show_real(board, results)
     for each in missing:
-        console.remark(f"left out: {each.name}; there is no {each.missing[0]}", quiet)
+        console.remark(f"left out: {each.name}; there is no {each.missing[0]}", options.json)
     return _ended(stopped, len(results), len(tasks))
 
 

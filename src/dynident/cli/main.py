@@ -119,9 +119,15 @@ def _done(words: list[str]) -> int:
     short = WHOLE not in words
     words = [SHORT[-1] if word == WHOLE else word for word in words]
     parser = build_parser(words[0] if words and words[0] in COMMANDS else None, short and bool({*SHORT} & set(words)))
-    options = parser.parse_args(words)
+    options, unknown = parser.parse_known_args(words)
     if options.command is None:
         parser.print_help()
+        return 2
+    if unknown:
+        word = unknown[0].split("=")[0]
+        kind = "has no option" if word.startswith("-") else "does not take"
+        remark(f"error: '{options.command}' {kind} '{word}'{nearest(word, _flags(parser, options.command), 0.7)}")
+        remark(f"'dynident {options.command} {WHOLE}' lists all options")
         return 2
 
     if sys.stdout is None:
@@ -139,10 +145,18 @@ def _done(words: list[str]) -> int:
     return code
 
 
+def _actions(parser: argparse.ArgumentParser, command: str) -> list[argparse.Action]:
+    (commands,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+    return commands.choices[command]._actions
+
+
+def _flags(parser: argparse.ArgumentParser, command: str) -> list[str]:
+    return [flag for action in _actions(parser, command) for flag in action.option_strings]
+
+
 def _by_flag(error: BadOption, parser: argparse.ArgumentParser, options: argparse.Namespace) -> BadOption:
     """Return the error with the flag in place of the option's name in Python, where the flag is what was given."""
-    (commands,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
-    for action in commands.choices[options.command]._actions:
+    for action in _actions(parser, options.command):
         given = getattr(options, action.dest, action.default) != action.default
         if action.dest == error.option and action.option_strings and (given or error.value is None):
             return error.called(action.option_strings[-1])

@@ -132,6 +132,8 @@ def _form(columns: ColumnMap) -> LogFormat | None:
 def _chosen(path: str | Path, form: str | LogFormat | None) -> LogFormat:
     if form is not None:
         return FORMATS.make(form)
+    if not str(path):
+        raise LogFormatError("a log", None, "its name is empty", "name its file")
     for name in FORMATS.names():
         if FORMATS.get(name).takes(path):
             return FORMATS.make(name)
