@@ -6,9 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dynident.case.case_draft import Draft, draft_case
+from dynident.api.log_checks import case_of_model
+from dynident.case.case_draft import Draft, draft_case, told_gravity
+from dynident.diagnosis.causes.gravity_direction import followed_gravity
+from dynident.diagnosis.causes.quick_fit import quick_fit
 from dynident.errors import BadOption
 from dynident.files import resolved
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.threads import one_blas_thread
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ def init(
     """
     train, kind = (logs,) if isinstance(logs, str) else tuple(logs), kind or LogKind()
     _check_once((*train, *test))
-    return draft_case(
+    draft = draft_case(
         robot,
         train,
         folder,
@@ -64,6 +69,12 @@ def init(
         form_options=kind.format_options,
         rate_hz=kind.rate_hz,
     )
+    sample = draft.recognition.sample
+    if sample is None or draft.recognition.effort != "torque":
+        return draft
+    with one_blas_thread():
+        fit = quick_fit(case_of_model(DynamicModel(sample[0])), sample[1])
+        return draft if fit is None else told_gravity(draft, followed_gravity(fit))
 
 
 def _check_once(logs: Sequence[str]) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from dynident.arrays import Array
 from dynident.case.draft.case_text import Files, case_text
 from dynident.case.draft.column_groups import split_time
 from dynident.case.draft.joint_choice import outside_limits
@@ -45,17 +46,26 @@ class Draft:
         remarks: What the user has to check.
         questions: What the file asks for.
         recognition: What was recognised, and how.
+        files: The files it is about.
     """
 
     text: str
     remarks: tuple[str, ...]
     questions: tuple[Question, ...]
     recognition: Recognised
+    files: Files
 
     @property
     def needed(self) -> tuple[Question, ...]:
         """The questions that have to be answered before the file can be used."""
         return tuple(question for question in self.questions if question.needed)
+
+
+def told_gravity(draft: Draft, gravity: Array | None) -> Draft:
+    """Return a draft that says which gravity (3,) the torques of its logs follow; None where they do not tell."""
+    found = replace(draft.recognition, gravity=gravity)
+    text = case_text(found, draft.files, draft.remarks)
+    return replace(draft, text=text, questions=questions_in(text), recognition=found)
 
 
 def draft_case(
@@ -116,7 +126,7 @@ def draft_case(
     remarks = tuple(_remarks(found))
     files = Files(robot, train, tuple(test), Path(folder))
     text = case_text(found, files, remarks)
-    return Draft(text, remarks, questions_in(text), found)
+    return Draft(text, remarks, questions_in(text), found, files)
 
 
 def draft_summary(draft: Draft) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from dynident.case.draft.recognise import cutoff_of, facts_of
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.signal_units import position_factors
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
-from dynident.data.evidence.torques import LEAN, agrees
+from dynident.data.evidence.torques import agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
 from dynident.model.descriptions.base import shipped_robots
 
@@ -99,18 +99,18 @@ def _head(found: Recognised, files: Files, remarks: Sequence[str]) -> list[str]:
 
 
 def _gravity(found: Recognised) -> list[str]:
-    value = f"gravity: [{', '.join(f'{g:g}' for g in found.robot.gravity)}]"
-    evidence = found.evidence
-    if evidence is not None and found.effort == "torque" and any(evidence.telling):
-        seen = evidence.ratios[np.array(evidence.telling)]
-        if evidence.lean > LEAN and (seen > 0).all():  # else the sign of the torques is in doubt first
-            better = ", ".join(f"{g + 0.0:.3g}" for g in evidence.gravity)
-            why = f"the log's torques follow [{better}], {evidence.lean:.0f} degrees off, under the masses of the model"
-            return [offered(f"# {value}", f"how does the base stand? {why}")]
-        if all(map(agrees, seen.tolist())):
-            how = f"the log's torques agree with it within {max(evidence.lean, 1.0):.0f} degrees"
-            return [f"# {value}   # m/s^2 in the base frame; {how}"]
-    return [offered(f"# {value}", "does the base stand upright? For a wall, a ceiling or a slope turn this vector")]
+    stated = np.asarray(found.robot.gravity)
+    value, followed, evidence = f"gravity: [{', '.join(f'{g:g}' for g in stated)}]", found.gravity, found.evidence
+    telling = [] if evidence is None else evidence.ratios[np.array(evidence.telling)].tolist()
+    if followed is None and found.effort == "torque" and telling and all(map(agrees, telling)):
+        how = "the log's torques agree with it under the masses of the robot model"
+        return [f"# {value}   # m/s^2 in the base frame; {how}"]
+    if followed is None:
+        return [offered(f"# {value}", "does the base stand upright? For a wall, a ceiling or a slope turn this vector")]
+    if np.array_equal(followed, stated):
+        return [f"# {value}   # m/s^2 in the base frame; the log's torques agree with it"]
+    better = ", ".join(f"{g + 0.0:.3g}" for g in followed)
+    return [offered(f"# {value}", f"how does the base stand? the log's torques follow [{better}]")]
 
 
 def _joints(found: Recognised) -> list[str]:

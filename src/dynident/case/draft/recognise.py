@@ -38,6 +38,7 @@ from dynident.data.evidence.velocities import is_near, velocity_pair
 from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import SUM, TimedTable, with_clock
 from dynident.data.formats.base import UNITS
+from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn, turns_counted
 from dynident.errors import LogFormatError
 from dynident.model.robot import Robot
@@ -263,16 +264,16 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
     effort = found.effort
     if not effort:
         return found
-    evidence = None
+    evidence = sample = None
     reading = max(found.readings, key=lambda one: one.duration)
     fits_joints = moving is not None and moving.dof == reading.signals["q"].shape[1]
     if moving is not None and fits_joints and not found.on_motors:
         order = [found.joints.names.index(name) for name in moving.joint_names]
         q = (reading.signals["q"] * factors)[:, order]
         cutoff = min(cutoff_of(found), 0.2 / (reading.step * found.to_seconds))
-        evidence = torque_evidence(
-            moving, reading.time * found.to_seconds, q, reading.signals[effort][:, order], cutoff
-        )
+        time, logged = reading.time * found.to_seconds, reading.signals[effort][:, order]
+        evidence = torque_evidence(moving, time, q, logged, cutoff)
+        sample = (moving, Log(moving.joint_names, time, q, torque=logged))
     if effort == "current" and "current" not in units:
         unit = stated["current"]
         why = f"{HEADER} {unit}, gains are per A" if unit else "gains are per unit of these columns"
@@ -293,7 +294,7 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
             units["torque"] = SignalUnit(
                 ("SI",), certain, "the header states so" if certain else "no evidence in the log"
             )
-    return replace(found, units=units, evidence=evidence)
+    return replace(found, units=units, evidence=evidence, sample=sample)
 
 
 def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:

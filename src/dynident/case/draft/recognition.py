@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dynident.arrays import Array
 from dynident.case.draft.column_groups import Group
 from dynident.case.draft.joint_choice import JointChoice
 from dynident.case.draft.profile_fit import ProfileFit
@@ -14,6 +15,7 @@ from dynident.case.draft.readings import LogReading
 from dynident.case.draft.signal_units import SignalUnit
 from dynident.case.draft.structure import TableStructure
 from dynident.data.evidence.torques import TorqueEvidence, agrees
+from dynident.data.log import Log
 from dynident.model.robot import Robot
 
 
@@ -65,6 +67,9 @@ class Recognised:
         turn: A whole turn after which positions start again, in the file's unit; 0 where they do not.
         wrapped: Joints that turn, where some of them start again so.
         structure: What the values of columns say whose names say nothing; None where names do.
+        sample: Robot with the joints of the log, and the longest log in SI units, torques as they stand in the file;
+            None where it has none.
+        gravity: The gravity that the torques follow, shape (3,), in m/s^2; None where nobody looked, or no log tells.
         form: How the file is read where its suffix does not say, as the case file writes it; empty for nothing.
     """
 
@@ -89,6 +94,8 @@ class Recognised:
     wrapped: tuple[str, ...] = ()
     structure: TableStructure | None = None
     form: str = ""
+    sample: tuple[Robot, Log] | None = None
+    gravity: Array | None = None
 
     @property
     def effort(self) -> str:

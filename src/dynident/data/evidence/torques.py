@@ -1,4 +1,4 @@
-"""What the masses of the robot model say about the torques or currents of a log: unit, sign, rough gain, gravity.
+"""What the masses of the robot model say about the torques or currents of a log: unit, sign, rough gain.
 
 The torque of the robot model is a column beside friction; a joint tells something where that column explains most of
 what friction leaves. Nothing is converted by it: it supports a unit, or stands as the likely answer to a question.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynident.arrays import Array, IntArray
+from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import BRIDGED, FILTERS, Preprocessing, preprocess
 from dynident.errors import DynidentError
@@ -25,13 +25,6 @@ EXPLAINED = 0.5
 
 #: Factor between torques and those of the masses from which a unit is suspected: robot models are off by less.
 OFF = 2.5
-
-#: Angle in degrees between stated gravity and that of the torques from which the mounting is in doubt: the errors of
-#: robot models turn it by less.
-LEAN = 10.0
-
-#: Share of the strongest direction below which the torques do not tell gravity along an axis.
-FAINT = 1e-3
 
 #: Samples a second that are enough for this, and rows at most.
 _RATE, _ROWS = 50.0, 4000
@@ -48,16 +41,11 @@ class TorqueEvidence:
         ratios: Logged torque or current over the robot model's torque, shape (n,).
         shares: Share of what friction leaves of the log that the robot model explains, shape (n,).
         levels: Mean of the log beside the mean of the robot model, by joint: what is constant, shape (n, 2).
-        gravity: Direction of gravity that the torques of the telling joints follow, of the stated size in m/s^2, shape
-            (3,); the stated one where none tells it.
-        lean: Angle between it and the stated gravity, in degrees.
     """
 
     ratios: Array
     shares: Array
     levels: Array
-    gravity: Array
-    lean: float
 
     @property
     def telling(self) -> tuple[bool, ...]:
@@ -86,9 +74,7 @@ def torque_evidence(robot: Robot, time: Array, q: Array, effort: Array, cutoff_h
     dq, described = motion.dq, model.torque(motion, nominal)
     pairs = np.array([_ratio(dq[:, k], described[:, k], torque[:, k]) for k in range(robot.dof)])
     levels = np.column_stack([torque.mean(axis=0), described.mean(axis=0)])
-    telling = np.flatnonzero(pairs[:, 1] >= EXPLAINED)
-    gravity, lean = _gravity(robot, motion, torque, telling)
-    return TorqueEvidence(pairs[:, 0], pairs[:, 1], levels, gravity, lean)
+    return TorqueEvidence(pairs[:, 0], pairs[:, 1], levels)
 
 
 def explained_shares(robot: Robot, time: Array, q: Array, efforts: Sequence[Array], cutoff_hz: float) -> list[float]:
@@ -138,36 +124,6 @@ def _filtered(robot: Robot, time: Array, q: Array, effort: Array, cutoff_hz: flo
     if rows.dq is None or rows.ddq is None or rows.torque is None:
         return None
     return Motion(rows.q, np.asarray(rows.dq), np.asarray(rows.ddq)), np.asarray(rows.torque)
-
-
-def _gravity(robot: Robot, motion: Motion, torque: Array, joints: IntArray) -> tuple[Array, float]:
-    """Return the gravity that the torques of some joints follow under the model's masses, and its angle in degrees.
-
-    The torque is linear in gravity: one column for the stated one and one for 1 m/s^2 more along each axis of the base,
-    beside the friction of each joint, the joints weighted alike. An axis that no torque tells adds nothing.
-    """
-    stated = np.asarray(robot.gravity)
-    size = float(np.linalg.norm(stated))
-    if not size or not len(joints):
-        return stated, 0.0
-    fields = np.vstack([np.zeros(3), np.eye(3)])
-    models = [DynamicModel(robot.with_gravity(field)) for field in fields]
-    still, *pulled = (model.torque(motion, np.asarray(model.nominal())) for model in models)
-    columns, targets = [], []
-    for k in joints:
-        friction = _friction(motion.dq[:, k])
-        along = np.column_stack([each[:, k] - still[:, k] for each in pulled])
-        parts = np.column_stack([still[:, k] + along @ stated, along, torque[:, k]])
-        left = parts - friction @ np.linalg.lstsq(friction, parts, rcond=None)[0]
-        left /= max(float(np.linalg.norm(left[:, -1])), 1e-300)
-        columns.append(left[:, :-1])
-        targets.append(left[:, -1])
-    share, *added = np.linalg.lstsq(np.concatenate(columns), np.concatenate(targets), rcond=FAINT)[0]
-    found = share * stated + added
-    if not np.linalg.norm(found) > 0:
-        return stated, 0.0
-    found *= size / np.linalg.norm(found)
-    return found, float(np.degrees(np.arccos(np.clip(found @ stated / size**2, -1.0, 1.0))))
 
 
 def _friction(dq: Array) -> Array:

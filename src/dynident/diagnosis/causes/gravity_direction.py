@@ -21,6 +21,10 @@ APART = 0.9
 #: gains this much more.
 NEAR, MORE = 0.98, 3.0
 
+#: Gain from which another gravity is the right one, and angle in degrees from which a base is mounted otherwise: a
+#: smaller one is a tilt, which the residual tells with its deviation.
+GAIN, LEAN = 3.0, 10.0
+
 #: Pairs of the parts of the rows: without gravity, and with one along each axis.
 PAIRS = tuple((a, b) for a in range(4) for b in range(a, 4))
 
@@ -84,12 +88,19 @@ class GravityDirection:
         gravity = np.asarray(self._fit.model.robot.gravity)
         size = float(np.linalg.norm(gravity))
         axes = [sign * size * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
-        others = [axis for axis in axes if axis @ gravity <= APART * size**2]
-        start, gain = max(((axis, self.gain(axis)) for axis in others), key=lambda each: each[1])
+        start, gain = self.other_mounting()
         found = [self._refined(gravity, 0.0, size), self._refined(start, gain, size)]
         best, gain = max(found, key=lambda each: each[1])
         plain = [(each, self.gain(each)) for each in (gravity, *axes) if each @ best > NEAR * size**2]
         return max((each for each in plain if each[1] > gain - MORE), key=lambda each: each[1], default=(best, gain))
+
+    def other_mounting(self) -> tuple[Array, float]:
+        """Return the axis of the base, apart from the stated direction, along which gravity explains most; its gain."""
+        gravity = np.asarray(self._fit.model.robot.gravity)
+        size = float(np.linalg.norm(gravity))
+        axes = [sign * size * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
+        others = [axis for axis in axes if axis @ gravity <= APART * size**2]
+        return max(((axis, self.gain(axis)) for axis in others), key=lambda each: each[1])
 
     def _refined(self, axis: Array, gain: float, size: float) -> tuple[Array, float]:
         best, found, step = axis, gain, STEP
@@ -103,6 +114,27 @@ class GravityDirection:
             else:
                 step /= 2
         return best, found
+
+
+def degrees_off(gravity: Array, stated: Array) -> float:
+    """Return the angle in degrees between two gravities (3,), 0 where one of them is none."""
+    size = float(np.linalg.norm(gravity) * np.linalg.norm(stated))
+    return float(np.degrees(np.arccos(np.clip(gravity @ stated / size, -1.0, 1.0)))) if size else 0.0
+
+
+def followed_gravity(fit: QuickFit) -> Array | None:
+    """Return the gravity that the torques follow, shape (3,), in m/s^2: the stated one, unless another explains them.
+
+    None where the log does not tell: another mounting explains it about as well.
+    """
+    stated = np.asarray(fit.model.robot.gravity)
+    if not stated.any():
+        return None
+    free = GravityDirection(fit)
+    best, gain = free.best()
+    if gain > GAIN and degrees_off(best, stated) > LEAN:
+        return best
+    return stated if free.other_mounting()[1] < -GAIN else None
 
 
 def _weight_of_first(fit: QuickFit) -> Array:

@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.data.evidence.torques import LEAN
 from dynident.diagnosis.causes.column_readings import (
     FEEDS,
     GAIN,
@@ -21,7 +20,7 @@ from dynident.diagnosis.causes.column_readings import (
     variance_falls,
 )
 from dynident.diagnosis.causes.couplings import best_coupling
-from dynident.diagnosis.causes.gravity_direction import GravityDirection
+from dynident.diagnosis.causes.gravity_direction import LEAN, GravityDirection, degrees_off
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
 from dynident.diagnosis.causes.quick_fit import QuickFit, Solved
 from dynident.diagnosis.causes.robot_misfit import RobotMisfit, robot_misfit
@@ -217,8 +216,8 @@ def _mountings(fit: QuickFit) -> Iterator[Interpretation]:
         evidence = "the torques contain no gravity: without it,"
         remedy = "log the measured torque with gravity, not the controller's part without it"
         yield Interpretation("torque without gravity", (), without, evidence, remedy, free.reading(np.zeros(3)))
-    angle = float(np.degrees(np.arccos(np.clip(best @ gravity / size**2, -1.0, 1.0))))
-    if gain > GAIN and angle > LEAN:  # a smaller one is a tilt, told with its deviation
+    angle = degrees_off(best, gravity)
+    if gain > GAIN and angle > LEAN:
         text = ", ".join(f"{value + 0.0:.3g}" for value in best)
         evidence = f"with gravity [{text}], {angle:.1f} degrees off the stated one,"
         remedy = f"state how the arm is mounted (gravity: [{text}] in the frame of the base)"
