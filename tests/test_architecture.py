@@ -81,6 +81,56 @@ def test_the_source_has_none_of(figure: str) -> None:
     assert loaded_file("scripts/sizes.py").figures(PACKAGE)[figure] == []
 
 
+#: Files under 60 lines that are neither parts nor ``__init__.py``, and why each stands alone.
+SMALL = {
+    "__main__.py": "what Python runs for -m",
+    "api/estimate_output.py": "of the commands that write an estimate",
+    "api/validate.py": "a verb",
+    "arrays.py": "ground of all wings",
+    "case/draft/stated_units.py": "what files state, apart from what their values say",
+    "case/draft/yaml_words.py": "how YAML is written, apart from what",
+    "cli/merge.py": "a command",
+    "cli/pools.py": "of three commands",
+    "cli/proving.py": "of export and report",
+    "cli/short_help.py": "help, apart from the parser",
+    "data/evidence/positions.py": "one kind of evidence",
+    "data/evidence/rows.py": "one kind of evidence",
+    "data/motor_side.py": "of logs and their streams",
+    "data/preprocessing/_low_pass.py": "of two filters",
+    "data/turns.py": "of reading, drafting, checking and repairing",
+    "excitation/design/bounds/clearance.py": "a bound",
+    "excitation/design/bounds/kinematic.py": "a bound",
+    "excitation/design/bounds/tool_speed.py": "a bound",
+    "identification/consistency/labels.py": "of the estimate and its files",
+    "identification/estimators/_pulled.py": "of the estimators that pull to something",
+    "identification/files/estimate_versions.py": "grows by a function a version",
+    "identification/problem/commanded_motion.py": "of the simulated course and the diagnostics",
+    "identification/problem/thinned_rows.py": "rows of few samples, apart from the stream of all",
+    "identification/residuals/quantiles.py": "in place of a module that loads slowly",
+    "identification/simulated/estimators/clie.py": "an estimator",
+    "identification/simulated/estimators/cloe.py": "an estimator",
+    "identification/simulated/estimators/didim.py": "an estimator",
+    "identification/simulated/estimators/iv.py": "an estimator",
+    "identification/streaming/merge_tree.py": "an algorithm of its own",
+    "model/chain.py": "all that kernels know of a robot",
+    "model/kernels/numpy_source.py": "one of the languages that a traced program is written in",
+    "results/figures/convergence.py": "a figure",
+    "results/figures/friction.py": "a figure",
+    "results/model_export_view.py": "what a command shows, apart from the command",
+    "results/report/article.py": "the article's figures",
+    "results/report/combinations.py": "of sections and the page of a difference",
+    "results/report/judgement.py": "the thresholds of a verdict's words",
+    "results/report/terms.py": "of several sections",
+    "results/verdict.py": "of terminal, report and studio",
+    "studio/child.py": "what the process of a command runs",
+}
+
+
+def test_small_files_stand_alone_for_a_reason() -> None:
+    found = loaded_file("scripts/sizes.py").figures(PACKAGE)["files under 60 lines, no parts and no __init__"]
+    assert {one.split()[0] for one in found} <= set(SMALL)
+
+
 def test_tests_take_no_private_name_of_the_package() -> None:
     """Modules with an underscore are rooms' own files beside parts; a test may import what is public in them."""
     private = []
