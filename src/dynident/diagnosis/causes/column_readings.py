@@ -65,12 +65,12 @@ def feeding(share: Array, z: Array) -> BoolArray:
 
 def torque_orders(fit: QuickFit) -> Iterator[Interpretation]:
     """Yield the orders of the torques under which a log agrees far better, that of the positions kept."""
-    names = fit.model.robot.joint_names
+    names, stated = fit.model.robot.joint_names, fit.solve(fit.shared).score
     for order in _orders(len(names)):
         moved = [i for i, k in enumerate(order) if i != k]
         mixing = np.eye(len(names))[list(order)]
-        solved = fit.solve(fit.triangles.products, mixing)
-        gain = fit.plain.score - solved.score
+        solved = fit.solve(fit.shared, mixing)
+        gain = stated - solved.score
         if gain > GAIN and _explained(fit, solved, mixing, moved):
             how = _in_words(names, order)
             joints = tuple(names[i] for i in moved)

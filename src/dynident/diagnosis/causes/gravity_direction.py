@@ -43,7 +43,8 @@ class GravityDirection:
         joints, size = fit.model.robot.dof, fit.base.count + 2
         self._grams = np.zeros((joints, len(PAIRS), size, size))
         self._sides = np.zeros((joints, 4, size, joints + 1))
-        self._squares = np.zeros((joints, joints + 1, joints + 1))
+        self._squares, self._whole = np.zeros((2, joints, joints + 1, joints + 1))
+        owners, eliminated = np.bincount(np.concatenate(still.columns), minlength=size), np.zeros(size, bool)
         for i in range(joints):
             kept = still.masks[:, i]
             parts = np.zeros((4, int(kept.sum()), size))
@@ -53,10 +54,18 @@ class GravityDirection:
             if i == 0:
                 parts[0, :, -2:] = self._first[kept]
             torques = np.column_stack([still.torque, still.known[:, i]])[kept]
+            self._whole[i] = torques.T @ torques
+            alone = (owners == 1) & parts[0].any(axis=0) & ~parts[1:].any(axis=(0, 1))  # friction
+            basis = np.linalg.qr(parts[0][:, alone])[0]
+            parts -= basis @ (basis.T @ parts)
+            torques -= basis @ (basis.T @ torques)
+            eliminated |= alone
             for place, (a, b) in enumerate(PAIRS):
                 gram = parts[a].T @ parts[b]
                 self._grams[i, place] = gram if a == b else gram + gram.T
             self._sides[i], self._squares[i] = parts.swapaxes(1, 2) @ torques, torques.T @ torques
+        self._grams = self._grams[:, :, ~eliminated][..., ~eliminated]
+        self._sides = self._sides[:, :, ~eliminated]
         self._stated = self._score(np.asarray(fit.model.robot.gravity))
 
     def gain(self, gravity: Array) -> float:
@@ -66,7 +75,8 @@ class GravityDirection:
     def _score(self, gravity: Array) -> float:
         pull = np.concatenate([[1.0], gravity])
         grams = np.tensordot(np.array([pull[a] * pull[b] for a, b in PAIRS]), self._grams, (0, 1))
-        return self._fit.solve(Products(grams, np.tensordot(pull, self._sides, (0, 1)), self._squares)).score
+        sides = np.tensordot(pull, self._sides, (0, 1))
+        return self._fit.solve(Products(grams, sides, self._squares, self._whole)).score
 
     def reading(self, gravity: Array) -> ReadRows:
         """Return the rows of the log with this gravity (3,) in m/s^2."""

@@ -16,7 +16,16 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.diagnosis.causes.quick_fit import BLOCKS, EXACT, FitRows, QuickFit, Solved, halves, weighted_products
+from dynident.diagnosis.causes.quick_fit import EXACT, FitRows, QuickFit, Solved, weighted_products
+
+#: Blocks of a log of which every other one learns.
+BLOCKS = 16
+
+
+def halves(count: int) -> tuple[BoolArray, BoolArray]:
+    """Return every other block of a log's rows and those between, shape (N,) each: one learns, the other judges."""
+    first = (np.arange(count) * BLOCKS // max(count, 1)) % 2 == 0
+    return first, ~first
 
 
 @dataclass(frozen=True)

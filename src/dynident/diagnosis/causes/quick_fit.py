@@ -49,9 +49,6 @@ PASSES = 6
 #: Rows of a joint below which nothing is said.
 FEWEST_ROWS = 30
 
-#: Blocks of a log of which every other one learns.
-BLOCKS = 16
-
 #: Pull to zero, as a share of the strongest column: directions that no row tells stay at zero.
 RIDGE = 1e-11
 
@@ -88,11 +85,13 @@ class Products:
         grams: W_i' W_i, shape (n, size, size).
         sides: W_i' T, shape (n, size, n + 1).
         squares: T' T, shape (n, n + 1, n + 1).
+        whole: The same where columns have been taken out of T; None where ``squares`` are these.
     """
 
     grams: Array
     sides: Array
     squares: Array
+    whole: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -111,6 +110,20 @@ class Triangles:
 
     def __iter__(self) -> Iterator[tuple[IntArray, Array]]:
         return zip(self.columns, self.factors, strict=True)
+
+    @cached_property
+    def shared(self) -> Triangles:
+        """The same rows with the columns that one joint alone has taken out: the residual of a fit is the same."""
+        owners = np.bincount(np.concatenate(self.columns), minlength=self.size)
+        places = np.cumsum(owners > 1) - 1
+        columns, factors = [], []
+        for own, factor in self:
+            alone = owners[own] == 1
+            targets = np.arange(len(own), factor.shape[1])
+            order = np.concatenate([np.flatnonzero(alone), np.flatnonzero(~alone), targets])
+            columns.append(places[own[~alone]])
+            factors.append(triangle_of(factor[:, order])[alone.sum() :, alone.sum() :])
+        return Triangles(tuple(columns), tuple(factors), int(np.sum(owners > 1)))
 
     @cached_property
     def products(self) -> Products:
@@ -228,6 +241,11 @@ class QuickFit:
         return Triangles(rows.columns, factors, self.base.count)
 
     @cached_property
+    def shared(self) -> Products:
+        """Products of the declared reading for scores and variances: no columns that one joint alone has."""
+        return replace(self.triangles.shared.products, whole=self.triangles.products.squares)
+
+    @cached_property
     def plain(self) -> Solved:
         """The fit of the log as the case reads it."""
         return self.solve(self.triangles.products)
@@ -237,7 +255,8 @@ class QuickFit:
         joints = self.model.robot.dof
         mixing = np.eye(joints) if mixing is None else mixing
         taken = np.column_stack([mixing, -np.ones(joints)])  # the known torque is taken off
-        measured = np.einsum("ik,ikl,il->i", mixing, products.squares[:, :-1, :-1], mixing)
+        whole = products.squares if products.whole is None else products.whole
+        measured = np.einsum("ik,ikl,il->i", mixing, whole[:, :-1, :-1], mixing)
         floors = np.maximum(EXACT**2 * measured / self.counts, 1e-300)
         sides = (products.sides @ taken[:, :, None])[:, :, 0]
         squares = np.einsum("ik,ikl,il->i", taken, products.squares, taken)
@@ -297,12 +316,6 @@ class QuickFit:
             scale = float(np.sqrt(np.mean(self.rows.torque[mask, i] ** 2) * np.mean(speed[mask, i] ** 2)))
             share[i], score[i] = power / max(scale, 1e-300), power / deviation
         return share, score
-
-
-def halves(count: int) -> tuple[BoolArray, BoolArray]:
-    """Return every other block of a log's rows and those between, shape (N,) each: one learns, the other judges."""
-    first = (np.arange(count) * BLOCKS // max(count, 1)) % 2 == 0
-    return first, ~first
 
 
 def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Solved:

@@ -108,7 +108,7 @@ def is_sure(fit: QuickFit, scale: JointScale) -> bool:
 def _scale(fit: QuickFit, joint: int, name: str) -> JointScale:
     def logs(x: float) -> Array:
         """Return the log variances of the joints in their own scales at the factor e^x, shape (n,)."""
-        found = np.log(fit.solve(fit.triangles.products, _mixing(fit, joint, x)).variances)
+        found = np.log(fit.solve(fit.shared, _mixing(fit, joint, x)).variances)
         found[joint] -= 2 * x
         return found
 
@@ -121,19 +121,22 @@ def _scale(fit: QuickFit, joint: int, name: str) -> JointScale:
     at_best = logs(best)
     worth = fit.counts / _together(fit, joint, best)
     low, high = (_end(lambda x: float(worth @ (logs(x) - at_best)), best, side) for side in (-1.0, 1.0))
-    gain = float(fit.plain.score - at_best.sum())
+    gain = score(0.0) - float(at_best.sum())
     return JointScale(name, float(np.exp(best)), float(np.exp(low)), float(np.exp(high)), gain)
 
 
 def _refined(score: Callable[[float], float], start: float, step: float) -> float:
-    """Return where the likelihood is largest near a start, by a pattern search (Hooke and Jeeves 1961)."""
+    """Return where the likelihood is largest near a start: steps to the better side, then vertices of parabolas."""
     best, found = start, score(start)
     while step > PRECISION / 2:
-        value, side = min((score(side), side) for side in (best - step, best + step))
-        if value < found:
-            best, found = side, value
-        else:
-            step /= 2
+        low, high = score(best - step), score(best + step)
+        if min(low, high) < found:
+            best, found = (best - step, low) if low < high else (best + step, high)
+            continue
+        vertex = best + 0.5 * step * (low - high) / max(low - 2.0 * found + high, 1e-300)
+        value = score(vertex)
+        best, found = (vertex, value) if value < found else (best, found)
+        step /= 8
     return best
 
 
