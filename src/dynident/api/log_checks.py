@@ -68,7 +68,7 @@ def refuse_faulty(quality: Sequence[Mapping[str, Any]], strict: bool = False) ->
 
 
 def add_causes(error: DynidentError, quality: Sequence[Mapping[str, Any]]) -> None:
-    """Put what the checks have found in the logs of a fit behind the message of its error."""
+    """Put what the checks have found in the logs of a fit before the message of its error."""
     causes = errors_in(quality)
     if causes:
-        error.args = (f"{error}. {SUSPECT} {'; '.join(str(cause) for cause in causes)}",)
+        error.args = (f"{SUSPECT} {'; '.join(str(cause) for cause in causes)}. With that, {error}",)

@@ -18,7 +18,7 @@ from dynident.identification.estimate.validation import Z_95, Validation
 ACCEPTED, NOT_ACCEPTED, NOT_MET, NO_CRITERIA = "accepted", "not accepted", "criteria not met", "no criteria"
 
 #: What is written before findings beside another error.
-SUSPECT = "The log checks found"
+SUSPECT = "the log checks found"
 
 
 @dataclass(frozen=True)
