@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,14 @@ import pytest
 from benchmarks.faults import injections as put
 from benchmarks.faults.trials import Trial, virtual
 
-from dynident.case.case import read_case
+from dynident.case.case import Case, read_case
+from dynident.data.formats import ColumnMap
+from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, joint_scales, other_scales
 from dynident.diagnosis.finding import Finding
+from dynident.model.friction import FRICTION, default_friction
+from dynident.model.robot import Robot
 
 LAST = 5
 
@@ -89,3 +94,14 @@ def test_every_known_scale_of_every_joint_is_found(robot: str, tmp_path: Path) -
             (best, *_) = other_scales(scales_of(put.scaled(clean, times - 1, int(joint)), tmp_path))
             assert best.joint == clean.case.robot.joint_names[joint], times
             assert best.factor * times == pytest.approx(1, abs=0.02), times
+
+
+def test_an_arm_of_one_joint_has_no_scale_and_its_sign_shows(pendulum: Robot, tmp_path: Path) -> None:
+    """It shares no column with another joint; friction that drives it, and its mass, name one cause."""
+    friction = tuple(FRICTION.make(name) for name in default_friction())
+    joints = tuple(replace(joint, damping=2.0, friction=3.0) for joint in pendulum.joints)
+    robot = replace(pendulum, joints=joints)
+    right = virtual(Case(robot, friction, ColumnMap(joints=robot.joint_names), default_preprocessing()))
+    assert not warned(right, tmp_path)
+    (found,) = warned(put.turned(right, ("tau",), 0), tmp_path)
+    assert (found.severity, found.name) == ("error", "torque sign")

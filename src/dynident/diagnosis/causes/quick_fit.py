@@ -339,7 +339,7 @@ def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array,
         gram.flat[:: len(norms) + 1] = diagonal + RIDGE * np.maximum(diagonal, 1e-300 + diagonal.max(initial=0.0))
         factor, info = _POTRF(gram, clean=False)
         side = (1.0 / variances) @ sides
-        beta = np.linalg.solve(gram, side) if info else _POTRS(factor, side)[0]
+        beta = np.linalg.solve(gram, side) if info or not side.size else _POTRS(factor, side)[0]
         left = squares - 2 * sides @ beta + (grams @ beta) @ beta
         variances = np.maximum(left, 0.0) / counts + floors
     return Solved(beta / scale, variances, float(np.sum(np.log(variances))), gram * np.outer(scale, scale))

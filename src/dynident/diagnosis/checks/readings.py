@@ -28,6 +28,9 @@ from dynident.diagnosis.causes.torque_scales import is_sure, other_scales, readi
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 
+#: What a wrong reading of torques makes wrong besides: gravity against the masses of the robot model.
+READING_CONSEQUENCES = (*CONSEQUENCES, "mounting")
+
 #: Relative residual above which a joint is not explained.
 POOR = 0.25
 
@@ -77,7 +80,8 @@ def _reading_finding(found: Sequence[tuple[float, Interpretation]]) -> Finding:
         of = f" ({listed(rival.joints)})" * bool(rival.joints)
         evidence += f"; not distinguishable from {rival.name}{of}: {rival.remedy}"
     numbers = {"gain": gain, **best.numbers}
-    return Finding("error", best.name, listed(best.joints), evidence, best.remedy, numbers, CONSEQUENCES)
+    explains = tuple(name for name in READING_CONSEQUENCES if name != best.name)
+    return Finding("error", best.name, listed(best.joints), evidence, best.remedy, numbers, explains)
 
 
 def _another_robot(misfit: RobotMisfit, fit: QuickFit, severity: Severity) -> Finding:
@@ -130,7 +134,9 @@ def _all_signs(subject: CheckedLog, share: Array, z: Array, fit: QuickFit) -> Fi
     evidence = f"friction drives every joint instead of braking it (z-scores {z.min():.0f} to {z.max():.0f})"
     remedy = "all torques have the wrong sign: negate their columns, or the gains (drives: {JOINT: {gain: ...}})"
     joints = listed(fit.model.robot.joint_names)
-    return Finding("error", "torque sign", joints, evidence, remedy, {"share": float(share.min())}, CONSEQUENCES)
+    return Finding(
+        "error", "torque sign", joints, evidence, remedy, {"share": float(share.min())}, READING_CONSEQUENCES
+    )
 
 
 def _candidates(fit: QuickFit, feeds: BoolArray) -> Iterator[Interpretation]:
