@@ -3,6 +3,8 @@
 ``init`` drafts a case of each set from its robot model and logs; only what the draft asks for is filled in, from the
 table of answers below; the case and the hand-written one then learn from and are tested on the same rows. The error is
 the held-out total relative error, of both under the filter of the hand-written case, and of the draft under its own.
+Beside it stand the parameters of the draft, the share of them that is not significant (an interval that holds zero, or
+no value), and the seconds of the processor that its identification takes.
 
 Needs the logs under the folder that DYNIDENT_DATA names.
 Run: python -m benchmarks.init_cases [CASE...]
@@ -11,8 +13,11 @@ Run: python -m benchmarks.init_cases [CASE...]
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import os
 import tempfile
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,6 +25,7 @@ from pathlib import Path
 from dynident import identify, read_case, validate
 from dynident.case.questions import ASK, MARK, questions_in
 from dynident.cli.main import main as dynident
+from dynident.results.short_answer import not_significant
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"
 
@@ -109,6 +115,9 @@ class Outcome:
         drafted: Under the filter of the hand-written case.
         by_hand: That of the hand-written case.
         cutoff_hz: Cut-off that the draft proposes.
+        parameters: Number of base parameters of the draft.
+        unclear: Share of them that is not significant.
+        seconds: Of the processor, to identify the draft.
     """
 
     asked: int
@@ -117,6 +126,9 @@ class Outcome:
     drafted: float
     by_hand: float
     cutoff_hz: float
+    parameters: int
+    unclear: float
+    seconds: float
 
     @property
     def ratio(self) -> float:
@@ -164,18 +176,24 @@ def outcome_of(name: str, data: Path, folder: Path) -> Outcome:
     target = folder / f"{name}.yaml"
     paths = [str(data / path) for path in of.train]
     tests = ["--test", *(str(data / path) for path in of.test)] if of.test else []
-    if dynident(["init", str(data / of.robot), *paths, *tests, "-o", str(target), "--force", "--json"]):
+    with contextlib.redirect_stdout(io.StringIO()):
+        code = dynident(["init", str(data / of.robot), *paths, *tests, "-o", str(target), "--force", "--json"])
+    if code:
         raise RuntimeError(f"init failed on {name}")
     text = target.read_text(encoding="utf-8")
     target.write_text(answered(text, of.answers), encoding="utf-8")
     hand, draft = read_case(CASES / f"{name}.yaml"), read_case(target)
-    results = []
+    results: list[list[float]] = []
+    seconds, estimates = [], []
     for case in (hand, draft):
         train, test = ([case.read(str(data / path)) for path in paths] for paths in (of.train, of.test))
         if hand.split is not None and not test:
             parts = [hand.split.apply(log) for log in train]
             train, test = [a for a, _ in parts], [b for _, b in parts]
+        begin = time.process_time()
         estimate = identify(case.model, train, case.estimator.name, case.preprocessing)
+        seconds.append(time.process_time() - begin)
+        estimates.append(estimate)
         same = replace(hand.preprocessing, delay_s=estimate.preprocessing.delay_s)
         results.append([validate(estimate, test, how).total_relative_error for how in (None, same)])
     return Outcome(
@@ -185,6 +203,9 @@ def outcome_of(name: str, data: Path, folder: Path) -> Outcome:
         drafted=results[1][1],
         by_hand=results[0][1],
         cutoff_hz=float(str(draft.preprocessing.filter.statement()["cutoff_hz"])),
+        parameters=estimates[1].base.count,
+        unclear=len(not_significant(estimates[1])) / estimates[1].base.count,
+        seconds=seconds[1],
     )
 
 
@@ -194,15 +215,19 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", metavar="CASE", help=f"default: {', '.join(SETS)}")
     options = parser.parse_args()
     data = Path(os.environ["DYNIDENT_DATA"])
-    print("| set | needed | answers | cut-off by hand | drafted | error by hand | drafted | ratio | own filter |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print(
+        "| set | needed | answers | cut-off by hand | drafted | error by hand | drafted | ratio | own filter "
+        "| parameters | not significant | processor |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         for name in options.cases or SETS:
             found = outcome_of(name, data, Path(folder))
             hand = read_case(CASES / f"{name}.yaml").preprocessing.filter.statement()["cutoff_hz"]
             print(
                 f"| {name} | {found.asked} | {found.answered} | {hand:g} Hz | {found.cutoff_hz:g} Hz "
-                f"| {found.by_hand:.3%} | {found.drafted:.3%} | {found.ratio:.3f} | {found.own:.3%} |",
+                f"| {found.by_hand:.3%} | {found.drafted:.3%} | {found.ratio:.3f} | {found.own:.3%} "
+                f"| {found.parameters} | {found.unclear:.0%} | {found.seconds:.1f} s |",
                 flush=True,
             )
 

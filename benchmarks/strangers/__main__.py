@@ -74,15 +74,17 @@ def truly(text: str, stranger: Stranger) -> str:
     return re.sub(r"^friction:\n(?:  .*\n|\n)+", f"friction:\n{parts}", text, count=1, flags=re.M)
 
 
-def logs_of(name: str, stranger: Stranger, folder: Path) -> list[str]:
-    """Write description and logs and return their names."""
+def logs_of(name: str, stranger: Stranger, folder: Path, beyond: float) -> list[str]:
+    """Write description and logs and return their names; the last moves ``beyond`` times as far and as fast."""
     (folder / "robot.urdf").write_text(urdf(name, stranger.bodies))
     truth, (reach, middle) = urdf(name, stranger.bodies, seed=len(name) + 1000), stranger.reach()
     found = []
     for k in range(stranger.learn + 1):
         noise = np.random.default_rng([k, 7])
-        first = stranger.first * (1.2 if k == stranger.learn else 1.0)
-        motion = waves(stranger.bodies, first, 5, 50 + k, reach, middle, stranger.share)
+        is_test = k == stranger.learn
+        first = stranger.first * (1.2 if is_test else 1.0)
+        share = stranger.share * (beyond if is_test else 1.0)
+        motion = waves(stranger.bodies, first, 5, 50 + k, reach * (beyond if is_test else 1.0), middle, share)
         seconds = stranger.seconds * (1.0 if k < stranger.learn else 2 / 3)
         done = run(truth, motion, seconds, stranger.rate, stranger.drives, stranger.gravity)
         size = stranger.noise * np.abs(done.at_motors).max(axis=0)
@@ -98,10 +100,10 @@ def error_of(text: str) -> float:
     return float(json.loads(text)["test"]["total_relative_error"]) if text.strip() else float("nan")
 
 
-def outcome(name: str, stranger: Stranger, folder: Path, short: bool) -> Row:
+def outcome(name: str, stranger: Stranger, folder: Path, short: bool, beyond: float = 1.0) -> Row:
     """Return what comes of a stranger."""
     failed: list[str] = []
-    *train, test = logs_of(name, stranger, folder)
+    *train, test = logs_of(name, stranger, folder, beyond)
     case, learn, held = folder / "case.yaml", [folder / one for one in train], folder / test
     called(failed, "init", folder / "robot.urdf", *learn, "--test", held, "-o", case, *stranger.options)
     draft = case.read_text()
@@ -120,8 +122,9 @@ def outcome(name: str, stranger: Stranger, folder: Path, short: bool) -> Row:
     true = folder / "true.yaml"
     true.write_text(truly(case.read_text(), stranger))
     stated, free = folder / "stated.yaml", folder / "free.yaml"
-    stated.write_text(case.read_text().replace(", choose: width}", "}"))
-    free.write_text(case.read_text().replace("choose: width", "vary: width"))
+    whole = case.read_text().replace("[part, width]", "part")
+    stated.write_text(whole.replace(", choose: width}", "}"))
+    free.write_text(whole.replace("choose: width", "vary: width"))
     ways = {"drafted": (case,), "stated": (stated,), "free": (free,), "true": (true,)} | (
         {} if short else {"auto": (case, "--friction", "auto")}
     )
@@ -154,12 +157,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("robots", nargs="*", choices=[*STRANGERS, []], default=[])
     parser.add_argument("--short", action="store_true", help="no choice of friction, report and export")
+    parser.add_argument("--beyond", type=float, default=1.0, help="range and speed of the test log, times the others'")
     options = parser.parse_args()
     rows = []
     for name in options.robots or STRANGERS:
         with tempfile.TemporaryDirectory() as folder:
             print(f"{name} ...", file=sys.stderr, flush=True)
-            row = outcome(name, STRANGERS[name], Path(folder), options.short)
+            row = outcome(name, STRANGERS[name], Path(folder), options.short, options.beyond)
         rows.append(row)
         print(shown([row]).splitlines()[-1], *(f"  FAILED {text}" for text in row.failed), sep="\n", flush=True)
     print(shown(rows))

@@ -37,7 +37,7 @@ def test_every_key(tmp_path: Path, planar_2r: Robot) -> None:
     found = read_constraints(write(tmp_path, WHOLE), planar_2r)
     assert found.total_mass == ValueRange(4.0, 6.0) and found.fixed == {"Fv[joint1]": 0.5}
     first, second = found.links["link1"], found.links["link2"]
-    assert first.mass.is_fixed and first.mass.low == 3.0 and second.mass == ValueRange(-np.inf, 2.5)
+    assert first.mass.low == first.mass.high == 3.0 and second.mass == ValueRange(-np.inf, 2.5)
     assert first.centre_box is not None and first.centre_box.upper.tolist() == [0.3, 0.1, 0.0]
     assert first.centre_hull is not None and first.centre_hull.shape == (3, 3)
     assert first.body_box is not None and first.body_ellipsoid is not None

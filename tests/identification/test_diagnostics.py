@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dynident.applications.predicted_torque import torque_deviations
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, preprocess
@@ -25,7 +26,6 @@ from dynident.identification.uncertainty.propagation import (
     mass_matrix,
     prediction_deviations,
     standard_covariance,
-    torque_deviations,
 )
 from dynident.identification.uncertainty.trust import TrustOptions
 from dynident.identification.validate import validate

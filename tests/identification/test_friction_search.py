@@ -19,7 +19,7 @@ from dynident.identification.identify import identify
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.friction import alike
 from dynident.identification.selection.friction.alike import same_for_all
-from dynident.identification.selection.friction.column_pool import fit, loss, make_pool
+from dynident.identification.selection.friction.column_pool import PooledLogs, fit, loss
 from dynident.identification.selection.friction.friction_choice import choose_friction
 from dynident.identification.selection.friction.variable_projection import vary_fields
 from dynident.identification.validate import validate
@@ -94,6 +94,9 @@ def test_the_friction_of_each_joint_is_chosen(
     assert other == "Shared friction model" and plain(alike).count("yes") == 1
     assert fields.startswith("Cross-validation of given") and {row[0] for row in widths.rows} == {
         "coulomb, load",
+        "rotor_inertia",
+        "degressive",
+        "load",
         "stribeck",
     }
 
@@ -206,7 +209,7 @@ def test_only_non_linear_fields_vary(planar_2r: Robot, exact_log: MakeLog) -> No
 def test_the_pool_fits_as_least_squares_does(planar_2r: Robot, exact_log: MakeLog) -> None:
     model = DynamicModel(planar_2r, (Coulomb(), Viscous()))
     log = prepared(model, np.array([3.0, 1.0, 2.0, 0.5]), exact_log, noise=0.5)
-    pool = make_pool(model, (Coulomb(), Coulomb(0.1), Viscous()), [log], blocks=4)
+    pool = PooledLogs(model, [log], blocks=4).pool((Coulomb(), Coulomb(0.1), Viscous()))
     assert pool.products.shape[:2] == (4, 2) and pool.rows.sum() == 2 * 2000
     keep = pool.chosen([[0, 2], [0, 2]])
     total = pool.weighted(np.ones(2)).sum(axis=0)

@@ -16,7 +16,7 @@ from dynident.data.preprocessing.as_given import AsGiven
 from dynident.diagnosis.warnings import warnings_of
 from dynident.errors import DescriptionError, NotConsistent, UnknownChoice
 from dynident.identification.build_problem import PriorKnowledge, build_problem
-from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_line, labels_of
+from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.files.estimate_file import read_estimate, summary, write_estimate
 from dynident.identification.files.prior_file import read_prior
@@ -27,6 +27,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Link, Robot
+from dynident.results.short_answer import labels_line
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
 

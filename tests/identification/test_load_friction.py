@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynident.applications.predicted_torque import torque_deviations
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, preprocess
 from dynident.data.preprocessing.as_given import AsGiven
@@ -30,7 +31,7 @@ from dynident.identification.problem.regressor_stream import RegressorStream, mo
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.identification.search.box_search import BoxSearch
 from dynident.identification.selection.friction.load import agrees, with_load, without_load
-from dynident.identification.uncertainty.propagation import mass_matrix, torque_deviations
+from dynident.identification.uncertainty.propagation import mass_matrix
 from dynident.identification.validate import validate
 from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints, ValueRange

@@ -20,7 +20,7 @@ from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.fit import fit
 from dynident.identification.problem.problem import Problem
-from dynident.identification.residuals.bands import bands, bands_of_rows, filter_power
+from dynident.identification.residuals.bands import bands, filter_power
 from dynident.identification.residuals.coloured import (
     Influence,
     Uncertainty,
@@ -31,6 +31,7 @@ from dynident.identification.residuals.coloured import (
 from dynident.identification.residuals.quantiles import chi_square_tail, normal_quantile, normal_share, student_quantile
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.identification.residuals.stretches import stretches
+from dynident.identification.simulated.estimators.kalman import bands_of_rows
 from dynident.identification.uncertainty.bootstrap import BootstrapDraws, automatic_block, block_bootstrap
 from dynident.identification.uncertainty.trust import refit_draws, with_diagnostics
 from dynident.model.reduction import least_squares

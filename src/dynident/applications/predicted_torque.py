@@ -14,7 +14,7 @@ from dynident.errors import LogMismatch
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Z_95
 from dynident.identification.problem.regressor_stream import RegressorStream
-from dynident.identification.uncertainty.propagation import torque_deviations
+from dynident.identification.uncertainty.propagation import covariance_root, prediction_deviations
 
 #: Periods of the cut-off at both ends of a log in which a filter lacks samples.
 SPOILED_PERIODS = 3.0
@@ -105,3 +105,28 @@ def _noise_deviations(
         change = regressor.predict(noisy.log, estimate.beta) - torque
         total += prepared.smooth(change.T).T[prepared.keep] ** 2
     return np.sqrt(total / DRAWS)
+
+
+def torque_deviations(estimate: Estimate, prepared: Prepared) -> Array:
+    """Return the standard deviation of the predicted torque by the parameters' covariance over the kept rows, (N, n).
+
+    The torque is filtered as the measured one is; noise and errors of the model come on top.
+
+    Args:
+        estimate: The estimate.
+        prepared: A preprocessed log.
+
+    Raises:
+        LogMismatch: The log has no velocities or accelerations yet.
+    """
+    regressor, beta = RegressorStream(estimate.model, estimate.base), estimate.beta
+    log = prepared.log
+    if "torque" not in estimate.model.needs:
+        still = replace(prepared, log=replace(log, torque=np.zeros_like(log.q)))  # the measured torque does not count
+        return prediction_deviations(regressor, still, estimate.covariance)
+    # With friction that depends on the load the torque is not linear in beta: slopes by central differences.
+    squares = np.zeros((len(prepared.keep), log.q.shape[1]))
+    for root in covariance_root(estimate.covariance):
+        slope = 0.5 * (regressor.predict(log, beta + root) - regressor.predict(log, beta - root))
+        squares += prepared.smooth(slope.T).T[prepared.keep] ** 2
+    return np.sqrt(squares)

@@ -201,10 +201,9 @@ def _digest(
 def _show(estimate: Estimate, test: Validation | None) -> None:
     from dynident.cli import console, verdicts
     from dynident.diagnosis.warnings import warnings_of
-    from dynident.identification.consistency.labels import labels_line
-    from dynident.identification.selection.cutoff.sensitivity import cutoff_lines
-    from dynident.results.choices import choice_tables
+    from dynident.results.choices import choice_tables, cutoff_lines
     from dynident.results.plausibility import plausibility_lines
+    from dynident.results.short_answer import labels_line
     from dynident.results.text import fits_table, format_number, parameters_table, statement, total_error
 
     model = estimate.model

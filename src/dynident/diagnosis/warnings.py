@@ -10,7 +10,7 @@ import numpy as np
 from dynident.diagnosis.verdict import check_warnings, quality_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
-from dynident.identification.selection.cutoff.sensitivity import sensitivity_warning
+from dynident.identification.problem.choices import CutoffSensitivity
 
 #: Total relative error of the fit above which a model explains too little.
 POOR_FIT = 0.25
@@ -23,6 +23,9 @@ BEYOND_LIMITS = 0.05
 
 #: Condition number with unit columns above which noise decides single parameters.
 POOR_CONDITION = 1000.0
+
+#: Deviations, at the cut-off that knows less, beyond which a parameter that moves so far is worth a warning.
+FAR = 3.0
 
 
 def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str, ...]:
@@ -38,7 +41,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
         found.append(f"relative error {100 * total:.0f} % on the training data: check units, gains and gravity")
     found += _gains(estimate)
     found += _one_sided(estimate)
-    moved = sensitivity_warning(estimate.choices.cutoff_sensitivity)
+    moved = _sensitivity(estimate.choices.cutoff_sensitivity)
     if moved:
         found.append(moved)
     if name := estimate.choices.constraints_not_kept:
@@ -128,3 +131,16 @@ def _torques(validation: Validation) -> dict[str, str]:
                 f"the model explains {share} of its torque variance (R2): check torque signal and friction"
             )
     return {name: f"{name}: {text}" for name, text in found.items()}
+
+
+def _sensitivity(found: CutoffSensitivity | None) -> str:
+    """Return a warning where a parameter moves far with the cut-off, else nothing."""
+    far = [row for row in (found.table if found is not None else ()) if row.beyond_chance > FAR]
+    if found is None or not far:
+        return ""
+    worst = max(far, key=lambda row: row.beyond_chance)
+    return (
+        f"{worst.farthest} moves by {worst.beyond_chance:.2g} of its standard deviations where the cut-off is "
+        f"{worst.cutoff_hz:g} Hz in place of {found.cutoff_hz:g} Hz: the model error (friction, "
+        "flexible joints, time delay) exceeds the stated standard deviations; compare cut-offs, or use cutoff_hz: auto"
+    )

@@ -41,11 +41,6 @@ class ValueRange:
         if not self.low <= self.high or self.low == np.inf or self.high == -np.inf:
             raise BadOption("range", (self.low, self.high), "the lower bound must not be above the upper one")
 
-    @property
-    def is_fixed(self) -> bool:
-        """Whether the range is one value."""
-        return self.low == self.high
-
 
 @dataclass(frozen=True)
 class BoundingBox:

@@ -176,7 +176,8 @@ def _held_out(found: Sequence[FieldChoice]) -> Table:
     )
     note = (
         "Reduction of the mean squared cross-validation residual by the best value. The given value is kept unless "
-        "that is half a per cent and more than chance makes it in one of twenty logs."
+        "that is half a per cent and more than chance makes it in one of twenty logs; of parts without fields of their "
+        "own the shortest list within one standard error of the best is there."
     )
     return Table(columns, rows, note)
 
@@ -205,3 +206,22 @@ def _fields(found: Sequence[FieldEstimate]) -> Table:
         for each in found
     )
     return Table(columns, rows)
+
+
+def cutoff_lines(choices: Choices) -> list[str]:
+    """Return a line on how the cut-off was chosen and one on what it matters, where they are known."""
+    lines = []
+    if choices.cutoff_choice is not None:
+        lines.append(f"cut-off chosen: {choices.cutoff_choice.reason}")
+    found = choices.cutoff_sensitivity
+    if found is not None:
+        own = next(row for row in found.table if row.cutoff_hz == found.cutoff_hz)
+        others = [
+            f"{100 * row.cross_validation_error:.3g} % at {row.cutoff_hz:g} Hz ({row.parameter} moves by "
+            f"{row.largest_change:.2g} std)"
+            for row in found.table
+            if row is not own
+        ]
+        error = f"{100 * own.cross_validation_error:.3g} % at {own.cutoff_hz:g} Hz"
+        lines.append(f"held-out error on blocks of the training data: {error}, {', '.join(others)}")
+    return lines

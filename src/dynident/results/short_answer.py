@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dynident.diagnosis.verdict import Verdict, quality_of
+from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Validation
@@ -144,3 +145,11 @@ def warning_lines(warnings: Sequence[str], width: int) -> list[str]:
 def verdict_line(verdict: Verdict) -> str:
     """Return the verdict, or that the log checks found no error where no criteria are stated."""
     return headline(verdict) or f"no acceptance criteria stated (--accept); {reason_of(verdict)}"
+
+
+def labels_line(estimate: Estimate) -> str:
+    """Return in one line how many standard parameters have which label; empty where there are none."""
+    words = [label.word for label in labels_of(estimate)]
+    counts = [f"{words.count(word)} {word}" for word in (IDENTIFIED, ONLY_COMBINED, FROM_PRIOR)]
+    source = estimate.run.prior
+    return f"standard parameters: {', '.join(counts)}" + (f" ({source})" if source else "") if words else ""

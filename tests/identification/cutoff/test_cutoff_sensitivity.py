@@ -16,12 +16,12 @@ from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.files.estimate_file import read_estimate, summary, write_estimate
 from dynident.identification.identify import identify
-from dynident.identification.selection.cutoff.sensitivity import cutoff_lines
 from dynident.identification.uncertainty.trust import TrustOptions
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
+from dynident.results.choices import cutoff_lines
 
 HOW = replace(default_preprocessing(), filter=Butterworth(6.0))
 

@@ -151,23 +151,29 @@ def _friction(found: Recognised) -> list[str]:
     else:
         coulomb = f"  - coulomb: {{{width}, choose: width}}   # {say}; held-out data may choose another"
     lines = ["friction:", coulomb, "  - viscous", "  - offset"]
-    if not _behind_the_gear(found):
-        rotor = "  - rotor_inertia"
-        if found.effort == "torque" and "torque" not in found.on_motors:
-            text = "does a sensor behind the gear measure the torque? Then take this line out; it comes out small there"
-            lines.append(offered(rotor, text))
-        else:
-            lines.append(f"{rotor}            # of the motors, seen at the joints")
-    lines.append("  - degressive               # gears: sub-linear viscous friction")
+    is_plain_torque = found.effort == "torque" and "torque" not in found.on_motors
+    if not is_plain_torque:
+        lines.append("  - rotor_inertia            # of the motors, seen at the joints")
     if found.is_large:
-        lines.append("  # load: friction that grows with the torque takes several passes; logs this large get one")
-    else:
-        lines += [
-            f"  - load: {{{width}, choose: width}}      # load-dependent friction",
-            f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
-            "   # Stribeck effect: kept only if it improves held-out data",
+        text = "does a sensor behind the gear measure the torque? Then take this line out; it comes out small there"
+        rotor = [offered("  - rotor_inertia", text)] if is_plain_torque and not _behind_the_gear(found) else []
+        return [
+            *lines,
+            *rotor,
+            "  - degressive               # gears: sub-linear viscous friction",
+            "  # load: friction that grows with the torque takes several passes; logs this large get one",
         ]
-    return lines
+    if is_plain_torque and not _behind_the_gear(found):
+        lines.append(
+            "  - rotor_inertia: {choose: part}   # of the motors; like the parts below, only if held-out data ask"
+        )
+    return [
+        *lines,
+        "  - degressive: {choose: part}      # gears: sub-linear viscous friction",
+        f"  - load: {{{width}, choose: [part, width]}}   # load-dependent friction",
+        f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
+        "   # Stribeck effect",
+    ]
 
 
 def _behind_the_gear(found: Recognised) -> bool:

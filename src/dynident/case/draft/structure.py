@@ -20,8 +20,11 @@ from dynident.case.draft.readings import band, cutoff_from
 from dynident.case.draft.signal_units import position_factors, position_unit
 from dynident.data.evidence.positions import STRAYS
 from dynident.data.evidence.rows import time_units
-from dynident.data.evidence.torques import explained_shares
+from dynident.data.evidence.torques import filtered_rows
 from dynident.data.formats.base import UNITS
+from dynident.model.base_parameters import base_parameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
 from dynident.model.robot import Robot
 
 #: Rows that are looked at.
@@ -41,6 +44,9 @@ MOST_SETS = 20
 
 #: Share of a signal that the equations of motion must explain, and the difference below which two are as good.
 EXPLAINED, AS_GOOD = 0.6, 0.1
+
+#: Rows of a fit that only has to tell torques from other columns.
+_FIT_ROWS = 800
 
 _EXPLAINED = "the equations of motion of the robot model"
 
@@ -220,7 +226,7 @@ def _with_effort(
     q = values[:, [told.header.index(name) for name in groups["q"].names]]
     q = q * position_factors(position_unit(q, robot.active, ""), robot.dof)
     cutoff = cutoff_from(band(seconds, q), 1.0 / float(np.median(np.diff(seconds))))
-    shares = explained_shares(robot, seconds, q, [values[:, run] for run in runs], cutoff)
+    shares = _explained_shares(robot, seconds, q, [values[:, run] for run in runs], cutoff)
     ranked = sorted(zip(shares, runs, strict=True), key=lambda item: -item[0])
     if not ranked or not ranked[0][0] >= EXPLAINED:
         return _Efforts(*found)
@@ -347,3 +353,39 @@ def _common_rate(factor: float) -> float:
     """Return the rate of loggers near a factor between positions' steps and velocities; else three digits of it."""
     near = min(RATES, key=lambda rate: abs(np.log(rate / factor)))
     return float(near if abs(near / factor - 1) < 0.02 else f"{factor:.3g}")
+
+
+def _explained_shares(robot: Robot, time: Array, q: Array, efforts: Sequence[Array], cutoff_hz: float) -> list[float]:
+    """Return how well columns follow the equations of motion of the robot model, whatever its inertias.
+
+    Args:
+        robot: With the joints of the columns only.
+        time: In s, shape (N,).
+        q: Positions in rad or m, shape (N, n).
+        efforts: Columns that may be torques or currents, (N, n) each.
+        cutoff_hz: Cut-off of the filter.
+
+    Returns:
+        Share of the variance of each that base parameters, Coulomb and viscous friction and an offset explain, the
+        joints weighted alike; 0 where a log is too poor.
+    """
+    friction = (FRICTION.make("coulomb", {"width": 0.01}), FRICTION.make("viscous"), FRICTION.make("offset"))
+    model = DynamicModel(robot, friction)
+    base = base_parameters(model)
+    shares: list[float] = []
+    columns = grams = np.empty(0)
+    for effort in efforts:
+        rows = filtered_rows(robot, time, q, effort, cutoff_hz)
+        if rows is None:
+            shares.append(0.0)
+            continue
+        kept = slice(None, None, 1 + len(rows[1]) // _FIT_ROWS)
+        if not columns.size:
+            columns = model.regressor(rows[0].rows(kept))[:, :, base.independent].swapaxes(0, 1)
+            grams = columns.swapaxes(1, 2) @ columns
+        torque = rows[1][kept] - rows[1][kept].mean(axis=0)
+        weights = np.where(torque.any(axis=0), 1.0 / np.maximum(np.mean(torque**2, axis=0), 1e-300), 0.0)
+        right = np.einsum("jnb,nj,j->b", columns, torque, weights)
+        solved = np.linalg.lstsq(np.tensordot(weights, grams, 1), right, rcond=1e-12)[0]
+        shares.append(float(right @ solved) / max(len(torque) * float(np.count_nonzero(weights)), 1.0))
+    return shares

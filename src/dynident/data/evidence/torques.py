@@ -6,7 +6,6 @@ what friction leaves. Nothing is converted by it: it supports a unit, or stands 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +14,8 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import BRIDGED, FILTERS, Preprocessing, preprocess
 from dynident.errors import DynidentError
-from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION, Motion
+from dynident.model.friction import Motion
 from dynident.model.robot import Robot
 
 #: Share of the variance left by friction that the robot model must explain where its scale says something.
@@ -28,9 +26,6 @@ OFF = 2.5
 
 #: Samples a second that are enough for this, and rows at most.
 _RATE, _ROWS = 50.0, 4000
-
-#: Rows of a fit that only has to tell torques from other columns.
-_FIT_ROWS = 800
 
 
 @dataclass(frozen=True)
@@ -67,7 +62,7 @@ def torque_evidence(robot: Robot, time: Array, q: Array, effort: Array, cutoff_h
     nominal = model.nominal()
     if nominal is None or not np.any(nominal):
         return None
-    rows = _filtered(robot, time, q, effort, cutoff_hz)
+    rows = filtered_rows(robot, time, q, effort, cutoff_hz)
     if rows is None:
         return None
     motion, torque = rows[0].rows(slice(0, _ROWS)), rows[1][:_ROWS]
@@ -77,43 +72,7 @@ def torque_evidence(robot: Robot, time: Array, q: Array, effort: Array, cutoff_h
     return TorqueEvidence(pairs[:, 0], pairs[:, 1], levels)
 
 
-def explained_shares(robot: Robot, time: Array, q: Array, efforts: Sequence[Array], cutoff_hz: float) -> list[float]:
-    """Return how well columns follow the equations of motion of the robot model, whatever its inertias.
-
-    Args:
-        robot: With the joints of the columns only.
-        time: In s, shape (N,).
-        q: Positions in rad or m, shape (N, n).
-        efforts: Columns that may be torques or currents, (N, n) each.
-        cutoff_hz: Cut-off of the filter.
-
-    Returns:
-        Share of the variance of each that base parameters, Coulomb and viscous friction and an offset explain, the
-        joints weighted alike; 0 where a log is too poor.
-    """
-    friction = (FRICTION.make("coulomb", {"width": 0.01}), FRICTION.make("viscous"), FRICTION.make("offset"))
-    model = DynamicModel(robot, friction)
-    base = base_parameters(model)
-    shares: list[float] = []
-    columns = grams = np.empty(0)
-    for effort in efforts:
-        rows = _filtered(robot, time, q, effort, cutoff_hz)
-        if rows is None:
-            shares.append(0.0)
-            continue
-        kept = slice(None, None, 1 + len(rows[1]) // _FIT_ROWS)
-        if not columns.size:
-            columns = model.regressor(rows[0].rows(kept))[:, :, base.independent].swapaxes(0, 1)
-            grams = columns.swapaxes(1, 2) @ columns
-        torque = rows[1][kept] - rows[1][kept].mean(axis=0)
-        weights = np.where(torque.any(axis=0), 1.0 / np.maximum(np.mean(torque**2, axis=0), 1e-300), 0.0)
-        right = np.einsum("jnb,nj,j->b", columns, torque, weights)
-        solved = np.linalg.lstsq(np.tensordot(weights, grams, 1), right, rcond=1e-12)[0]
-        shares.append(float(right @ solved) / max(len(torque) * float(np.count_nonzero(weights)), 1.0))
-    return shares
-
-
-def _filtered(robot: Robot, time: Array, q: Array, effort: Array, cutoff_hz: float) -> tuple[Motion, Array] | None:
+def filtered_rows(robot: Robot, time: Array, q: Array, effort: Array, cutoff_hz: float) -> tuple[Motion, Array] | None:
     """Return motion and torques of a log on equal steps; None where it is too poor for any."""
     try:
         log = Log(robot.joint_names, time, q, torque=effort)

@@ -45,11 +45,3 @@ def _word(verdict: str, share: float | None) -> str:
     if verdict == COMBINED:
         return ONLY_COMBINED if share is None or share >= HARDLY_DATA else FROM_PRIOR
     return FROM_PRIOR
-
-
-def labels_line(estimate: Estimate) -> str:
-    """Return in one line how many standard parameters have which label; empty where there are none."""
-    words = [label.word for label in labels_of(estimate)]
-    counts = [f"{words.count(word)} {word}" for word in (IDENTIFIED, ONLY_COMBINED, FROM_PRIOR)]
-    source = estimate.run.prior
-    return f"standard parameters: {', '.join(counts)}" + (f" ({source})" if source else "") if words else ""

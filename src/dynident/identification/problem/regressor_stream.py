@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -32,8 +32,8 @@ class RegressorStream:
     """Streams a log into the rows of the base observation matrix, joint by joint, in chunks that stay in the cache.
 
     Where friction depends on the load, ``load`` (b,) are the base parameters whose torque without friction it is.
-    Robots that differ in their gravity alone share code where ``any_gravity`` is stated. With ``only_load`` the rows
-    have the columns that depend on the load, and no others.
+    Robots that differ in their gravity alone share code where ``any_gravity`` is stated. With ``only`` the rows have
+    the columns of friction alone, or those of them that depend on the load.
     """
 
     def __init__(
@@ -42,29 +42,29 @@ class RegressorStream:
         base: BaseParameters,
         load: Array | None = None,
         any_gravity: bool = False,
-        only_load: bool = False,
+        only: Literal["", "friction", "load"] = "",
     ) -> None:
         self.model, self.base, self.load = model, base, load
         inertial = base.independent[base.independent < model.inertial_count]
         self._kernel = JointColumns(model.robot.chain, inertial, any_gravity)
         friction = base.independent[base.independent >= model.inertial_count] - model.inertial_count
         self._drive, self._coefficient = (found[friction] for found in model.terms)
-        self._inertial, self._any_gravity, self._only_load = len(inertial), any_gravity, only_load
+        self._inertial, self._any_gravity, self._only = len(inertial), any_gravity, only
         needing = [("torque" in part.needs) for part in model.friction for _ in part.coefficients]
-        wanted = np.array(needing, dtype=bool)[self._coefficient] | (not only_load)
+        wanted = np.array(needing, dtype=bool)[self._coefficient] | (only != "load")
         coupling = np.asarray(model.robot.coupling)
         self._own: list[IntArray] = []
         columns: list[IntArray] = []
         for i in range(model.robot.dof):
             own = np.flatnonzero((coupling[self._drive, i] != 0) & wanted)
-            heads = self._kernel.columns[i][:0] if only_load else self._kernel.columns[i]
+            heads = self._kernel.columns[i][:0] if only else self._kernel.columns[i]
             self._own.append(own)
             columns.append(np.concatenate([heads, len(inertial) + own]).astype(np.int64))
         self.columns: tuple[IntArray, ...] = tuple(columns)
 
     def of_load(self) -> RegressorStream:
         """Return what makes the columns that depend on the load alone, in the same segments."""
-        return RegressorStream(self.model, self.base, self.load, self._any_gravity, only_load=True)
+        return RegressorStream(self.model, self.base, self.load, self._any_gravity, only="load")
 
     def rows(self, prepared: Prepared) -> tuple[Array, ...]:
         """Return [W_i, tau_i]' of each joint over the kept rows, both sides filtered, shape (K_i + 1, N)."""
@@ -191,10 +191,12 @@ class RegressorStream:
         cut = motion.rows(part)
         blocks = blocks or [np.empty((len(columns) + 1, len(cut.q))) for columns in self.columns]
         heads = [block[: len(found)] for block, found in zip(blocks, self._kernel.columns, strict=True)]
-        if self._only_load:
+        loaded = load is not None and "torque" in self.model.needs
+        if self._only and loaded:
             heads = [np.empty((len(found), len(cut.q))) for found in self._kernel.columns]
-        self._kernel.evaluate(cut.q, cut.dq, cut.ddq, out=heads)
-        if load is not None and "torque" in self.model.needs:
+        if loaded or not self._only:
+            self._kernel.evaluate(cut.q, cut.dq, cut.ddq, out=heads)
+        if load is not None and loaded:
             cut = replace(cut, torque=self._without_friction(cut, heads, load))
         values = self.model.friction_values(cut)
         coupling, coupled = np.asarray(self.model.robot.coupling), self.model.robot.is_coupled

@@ -10,7 +10,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.identification.residuals.row_passes import RowPasses
-from dynident.identification.residuals.stretches import LENGTH, Stretch, stretches
+from dynident.identification.residuals.stretches import Stretch, stretches
 
 #: Frequencies to either side of an average, over the root of the number of those that the filter passes.
 WIDTH = 0.5
@@ -99,17 +99,6 @@ def bands_of(parts: Iterable[Stretch], columns: Sequence[IntArray], size: int) -
         for i, (own, block) in enumerate(zip(columns, stretch.blocks, strict=True)):
             rows[:, i, own] = np.fft.rfft(block, axis=1).T * np.sqrt(stretch.step / count)
         yield Band(stretch.samples, stretch.counting, rows, shape, stretch.step)
-
-
-def bands_of_rows(logs: Iterable[Array]) -> Iterator[Band]:
-    """Yield rows that all count and that no filter has passed, shape (N, n, m) each log, by frequency."""
-    start = 0
-    for rows in logs:
-        for part in np.array_split(np.arange(len(rows)), max(1, round(len(rows) / LENGTH))):
-            found = np.fft.rfft(rows[part], axis=0) / np.sqrt(len(part))
-            counting = np.ones((len(part), rows.shape[1]), bool)
-            yield Band(start + part, counting, found, np.ones(len(found)), 1)
-        start += len(rows)
 
 
 def filter_power(log: Prepared, count: int, every: int) -> Array:

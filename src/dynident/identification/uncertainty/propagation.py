@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import scipy.linalg
 
@@ -59,7 +57,7 @@ def prediction_deviations(regressor: RegressorStream, prepared: Prepared, covari
         prepared: A preprocessed log.
         covariance: Of the base parameters, shape (b, b).
     """
-    roots = [_root(covariance[np.ix_(columns, columns)]) for columns in regressor.columns]
+    roots = [covariance_root(covariance[np.ix_(columns, columns)]) for columns in regressor.columns]
     found = np.empty((len(prepared.keep), len(roots)))
     for part, blocks in regressor.segments(prepared):
         for i, (root, block) in enumerate(zip(roots, blocks, strict=True)):
@@ -67,35 +65,10 @@ def prediction_deviations(regressor: RegressorStream, prepared: Prepared, covari
     return found
 
 
-def _root(covariance: Array) -> Array:
+def covariance_root(covariance: Array) -> Array:
     """Return R with R'R the covariance, shape (b, b); rounding below zero is zero."""
     values, vectors = np.linalg.eigh(covariance)
     return (vectors * np.sqrt(np.maximum(values, 0.0))).T
-
-
-def torque_deviations(estimate: Estimate, prepared: Prepared) -> Array:
-    """Return the standard deviation of the predicted torque by the parameters' covariance over the kept rows, (N, n).
-
-    The torque is filtered as the measured one is; noise and errors of the model come on top.
-
-    Args:
-        estimate: The estimate.
-        prepared: A preprocessed log.
-
-    Raises:
-        LogMismatch: The log has no velocities or accelerations yet.
-    """
-    regressor, beta = RegressorStream(estimate.model, estimate.base), estimate.beta
-    log = prepared.log
-    if "torque" not in estimate.model.needs:
-        still = replace(prepared, log=replace(log, torque=np.zeros_like(log.q)))  # the measured torque does not count
-        return prediction_deviations(regressor, still, estimate.covariance)
-    # With friction that depends on the load the torque is not linear in beta: slopes by central differences.
-    squares = np.zeros((len(prepared.keep), log.q.shape[1]))
-    for root in _root(estimate.covariance):
-        slope = 0.5 * (regressor.predict(log, beta + root) - regressor.predict(log, beta - root))
-        squares += prepared.smooth(slope.T).T[prepared.keep] ** 2
-    return np.sqrt(squares)
 
 
 def mass_matrix(estimate: Estimate, q: Array) -> tuple[Array, Array]:

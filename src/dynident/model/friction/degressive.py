@@ -38,7 +38,7 @@ class Degressive(Friction):
     coefficients: ClassVar = (Coefficient("Fd", "N m", "N", nonnegative=True),)
     ranges: ClassVar = {"exponent": Range(0.2, 0.8)}
     candidates: ClassVar = (SelectionCandidate(70),)
-    shared: ClassVar = SharedUse(4, "gear")  # with load: both are of gears
+    shared: ClassVar = SharedUse(4, "gear", {"choose": ("part",)})  # with load: both are of gears
 
     def __post_init__(self) -> None:
         if not 0 < self.exponent < 1:

@@ -14,7 +14,7 @@ class RotorInertia(Friction):
 
     coefficients: ClassVar = (Coefficient("Ia", "kg m^2", "kg", nonnegative=True, in_simulators="armature"),)
     candidates: ClassVar = (SelectionCandidate(30),)
-    shared: ClassVar = SharedUse(3, "inertia")
+    shared: ClassVar = SharedUse(3, "inertia", {"choose": ("part",)})
 
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         return (at.ddq,)

@@ -13,7 +13,7 @@ from dynident.data.log import Log
 from dynident.data.preprocessing import ROWS_PER_PERIOD, Prepared, preprocess, resample
 from dynident.errors import DynidentError
 from dynident.identification.estimate.estimate import Estimate
-from dynident.identification.problem.choices import Choices, CutoffSensitivity, CutoffTrial
+from dynident.identification.problem.choices import CutoffSensitivity, CutoffTrial
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.block_triangles import BlockTriangles, block_triangles
 from dynident.identification.selection.cutoff.candidates import SAMPLES_PER_HZ, thinned_out
@@ -26,9 +26,6 @@ FOLDS = 5
 
 #: A cut-off above this share of the sampling rate is not tried.
 HIGHEST = 0.4
-
-#: Deviations, at the cut-off that knows less, beyond which a parameter that moves so far is worth a warning.
-FAR = 3.0
 
 
 def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]) -> CutoffSensitivity | None:
@@ -61,38 +58,6 @@ def cutoff_sensitivity(estimate: Estimate, problem: Problem, logs: Sequence[Log]
             continue
     table = tuple(sorted(rows, key=lambda row: row.cutoff_hz))
     return CutoffSensitivity(stated, len(own.blocks), table) if len(table) > 1 else None
-
-
-def cutoff_lines(choices: Choices) -> list[str]:
-    """Return a line on how the cut-off was chosen and one on what it matters, where they are known."""
-    lines = []
-    if choices.cutoff_choice is not None:
-        lines.append(f"cut-off chosen: {choices.cutoff_choice.reason}")
-    found = choices.cutoff_sensitivity
-    if found is not None:
-        own = next(row for row in found.table if row.cutoff_hz == found.cutoff_hz)
-        others = [
-            f"{100 * row.cross_validation_error:.3g} % at {row.cutoff_hz:g} Hz ({row.parameter} moves by "
-            f"{row.largest_change:.2g} std)"
-            for row in found.table
-            if row is not own
-        ]
-        error = f"{100 * own.cross_validation_error:.3g} % at {own.cutoff_hz:g} Hz"
-        lines.append(f"held-out error on blocks of the training data: {error}, {', '.join(others)}")
-    return lines
-
-
-def sensitivity_warning(found: CutoffSensitivity | None) -> str:
-    """Return a warning where a parameter moves far with the cut-off, else nothing."""
-    far = [row for row in (found.table if found is not None else ()) if row.beyond_chance > FAR]
-    if found is None or not far:
-        return ""
-    worst = max(far, key=lambda row: row.beyond_chance)
-    return (
-        f"{worst.farthest} moves by {worst.beyond_chance:.2g} of its standard deviations where the cut-off is "
-        f"{worst.cutoff_hz:g} Hz in place of {found.cutoff_hz:g} Hz: the model error (friction, "
-        "flexible joints, time delay) exceeds the stated standard deviations; compare cut-offs, or use cutoff_hz: auto"
-    )
 
 
 def _blocks(estimate: Estimate, problem: Problem, logs: Sequence[Log], hertz: float) -> BlockTriangles:

@@ -23,6 +23,7 @@ from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.problem.choices import FrictionScore
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cross_validation import cross_validate
+from dynident.identification.selection.friction.friction_choice import as_good
 from dynident.identification.selection.friction.load import problem_of
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
@@ -33,7 +34,6 @@ NOTHING = 5e-3
 
 #: Blocks of rows, each left out once.
 BLOCKS = 10
-
 
 #: Stands for the lists of the drives' own.
 OWN = ("each its own",)
@@ -103,7 +103,7 @@ def same_for_all(
     solved = bool(np.isfinite(held).all())
     gaps = [float(np.std(score - held, ddof=1) / np.sqrt(len(held))) if solved else 0.0 for score in scores]
     best = min(range(1, len(kept)), key=lambda k: means[k], default=0)
-    shortest = next((k for k in range(1, len(kept)) if _as_good(scores[k], scores[best])), best)
+    shortest = next((k for k in range(1, len(kept)) if as_good(scores[k], scores[best], NOTHING)), best)
     pick = shortest if not improves_significantly or means[best] - means[0] <= gaps[best] else 0
     table = (
         FrictionScore(parts, mean, gap, k == pick)
@@ -113,26 +113,23 @@ def same_for_all(
     return replace(model, friction=kept[pick]), tuple(table)
 
 
-def _as_good(score: Array, best: Array) -> bool:
-    """Return whether the held-out errors of blocks (B,) are those of the best list but for next to nothing."""
-    gap = score - best
-    return bool(np.mean(gap) <= min(np.std(gap, ddof=1) / np.sqrt(len(gap)), NOTHING * np.mean(best)))
-
-
 def _alike(parts: Sequence[str], usual: Sequence[Friction], chosen: Sequence[Friction]) -> tuple[Friction, ...]:
     """Return a list for all drives, its parts as in the usual list, else with the options that most drives have."""
     found: list[Friction] = []
     for name in parts:
         own = [part for part in usual if FRICTION.name_of(part) == name]
-        found += own or [_like(name, () if usual else chosen)]
+        found += own or [_like(name, usual or chosen)]
     return tuple(found)
 
 
 def _like(name: str, chosen: Sequence[Friction]) -> Friction:
-    """Return a part for all drives, with the options that most drives were given."""
+    """Return a part for all drives, with the options that most drives were given; else with the width of the others."""
     own = [part for part in chosen if FRICTION.name_of(part) == name]
     if not own:
-        return FRICTION.make(name)
+        part = FRICTION.make(name)
+        width = next((other.dry_width for other in chosen if other.dry_width is not None), None)
+        turns = any(each.width is not None for each in part.candidates)
+        return FRICTION.make(name, {"width": width}) if turns and width is not None else part
     most = max(own, key=lambda part: np.inf if part.joints is None else len(part.joints))
     options = {f.name: getattr(most, f.name) for f in fields(most) if f.name != "joints"}
     return FRICTION.make(name, options)

@@ -9,7 +9,7 @@ compare residuals, and columns that depend on each other are told apart by a rid
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -19,7 +19,7 @@ import scipy.linalg
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.problem import counting_rows
-from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.problem.regressor_stream import RegressorStream, RowSegment
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, State
@@ -29,6 +29,9 @@ _POSV: Any = scipy.linalg.get_lapack_funcs("posv", dtype=np.float64)
 
 #: Ridge in units of a column's square: far above rounding of the products, far below what data say.
 RIDGE = 1e-11
+
+#: Share of a joint's rows that are not among its fastest.
+FASTEST = 0.8
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,8 @@ class ColumnPool:
         products: [W, tau]' [W, tau] of each joint in each block, shape (B, n, c + 1, c + 1).
         rows: Rows of each joint in each block, shape (B, n).
         nonnegative: Which columns have coefficients that physics wants >= 0, shape (c,).
+        fast: Products of the rows in which a joint is among the fastest of its own, shape (n, c + 1, c + 1).
+        fast_rows: Number of them, shape (n,).
     """
 
     parts: tuple[Friction, ...]
@@ -77,6 +82,8 @@ class ColumnPool:
     products: Array
     rows: IntArray
     nonnegative: BoolArray
+    fast: Array
+    fast_rows: IntArray
 
     def weighted(self, weights: Array) -> Array:
         """Return the products of each block over all joints, their rows times the weights (n,): (B, c + 1, c + 1)."""
@@ -86,6 +93,15 @@ class ColumnPool:
         """Return the columns of a model whose drive j has the parts ``sets[j]``."""
         friction = [self.columns[p][j] for j, own in enumerate(sets) for p in own]
         return np.concatenate([np.arange(self.shared), *friction]).astype(np.int64)
+
+    def possible(self, whole: Array, keep: IntArray, always: IntArray) -> IntArray:
+        """Return the columns ``keep`` without those beside ``always`` whose coefficients would have a wrong sign.
+
+        ``whole`` are the products of all rows, shape (c + 1, c + 1).
+        """
+        while (wrong := (fit(whole, keep) < 0) & self.nonnegative[keep] & ~np.isin(keep, always)).any():
+            keep = keep[~wrong]
+        return keep
 
     def weights(self, sets: Sequence[Sequence[int]], passes: int = 4) -> Array:
         """Return the weight of each joint's rows by its own residual in a fit of all blocks, shape (n,)."""
@@ -99,55 +115,160 @@ class ColumnPool:
         return weights
 
 
-def make_pool(
-    model: DynamicModel,
-    parts: Sequence[Friction],
-    logs: Sequence[Prepared],
-    blocks: int = 1,
-    load: Array | None = None,
-    delay_is_free: bool = False,
-) -> ColumnPool:
-    """Read logs once with the columns of all candidate parts on all drives.
+def beyond(whole: Array, fast: Array, keep: IntArray, shared: int) -> float:
+    """Return the sum of squared residuals of the fastest rows, by friction that is fitted to all the others.
+
+    The ``shared`` first columns of ``keep`` stay at their fit of all rows: what is asked is how friction goes on beyond
+    the speeds it is fitted to. ``whole`` and ``fast`` are products of all and of the fastest rows, (c + 1, c + 1).
+    """
+    beta, slow = fit(whole, keep), whole - fast
+    friction = keep[shared:]
+    if len(friction):
+        left = slow.copy()
+        left[:, -1] -= slow[:, keep[:shared]] @ beta[:shared]
+        beta[shared:] = fit(left, friction)
+    return loss(fast, keep, beta)
+
+
+class PooledLogs:
+    """Logs whose rows of the bodies are made once, for many pools of friction columns.
 
     A list of parts is not to earn by what a late torque does, nor another one lose by it: with ``delay_is_free`` every
     fit has a column more, the derivative of the torque by a delay of all logs.
 
     Args:
         model: The robot; its friction is left aside.
-        parts: Candidates; several may be of a kind.
         logs: Preprocessed logs.
         blocks: Into how many stretches all rows are cut, at least one a log. Rows within a period of the filter of a
             cut belong to none.
         load: Standard inertial parameters (10 l,) whose torque loads the drives; None where no part asks.
         delay_is_free: Whether the delay of the torque is free.
     """
-    labelled = tuple(PartCandidate(part, str(k), joints=part.joints) for k, part in enumerate(parts))
-    whole = DynamicModel(model.robot, labelled)
-    rigid = base_parameters(DynamicModel(model.robot))
-    independent = np.concatenate([rigid.independent, np.arange(whole.inertial_count, len(whole.parameters))])
-    count = len(independent)
-    unused = np.zeros((count, len(whole.parameters)))
-    base = BaseParameters(whole.parameters, independent.astype(np.int64), unused, unused.astype(bool), np.ones(count))
-    start = None if load is None else np.append(rigid.from_standard(load), np.zeros(count - rigid.count))
-    regressor = RegressorStream(whole, base, start)
-    products, rows = [], []
-    for log in logs:
-        own = _blocks_of(log, max(1, round(blocks * len(log.keep) / sum(len(each.keep) for each in logs))))
-        found, counted = _products(regressor, log, own, rigid.count if delay_is_free else None)
-        products.append(found)
-        rows.append(counted)
-    drive, column = whole.terms
-    starts = np.cumsum([0, *(len(part.coefficients) for part in parts)])
-    shared = rigid.count + delay_is_free
-    columns = tuple(
-        tuple(
-            shared + np.flatnonzero((drive == j) & (column >= first) & (column < last)) for j in range(model.robot.dof)
+
+    def __init__(
+        self,
+        model: DynamicModel,
+        logs: Sequence[Prepared],
+        blocks: int = 1,
+        load: Array | None = None,
+        delay_is_free: bool = False,
+    ) -> None:
+        self._robot, self._delay_is_free = model.robot, delay_is_free
+        bare = DynamicModel(model.robot)
+        self._rigid = base_parameters(bare)
+        self._start = None if load is None else self._rigid.from_standard(load)
+        self._bodies = RegressorStream(bare, self._rigid)
+        speeds = [np.abs(np.asarray(log.log.dq)[log.keep]) for log in logs]
+        limits = np.quantile(np.concatenate(speeds), FASTEST, axis=0)
+        total = sum(len(log.keep) for log in logs)
+        self._logs = [
+            _PooledLog(
+                log,
+                _blocks_of(log, max(1, round(blocks * len(log.keep) / total))),
+                counting_rows(bare, log),
+                own > limits,
+                self._shared_rows(log),
+            )
+            for log, own in zip(logs, speeds, strict=True)
+        ]
+
+    def _shared_rows(self, log: Prepared) -> list[RowSegment]:
+        """Return the rows of the columns that every fit has, and of the torque."""
+        if not self._delay_is_free:
+            return list(self._bodies.segments(log))
+        slopes = _slopes(log)
+        return [
+            (part, tuple(np.insert(rows, -1, slopes[part, i], axis=0) for i, rows in enumerate(segment)))
+            for part, segment in self._bodies.segments(log)
+        ]
+
+    def pool(self, parts: Sequence[Friction]) -> ColumnPool:
+        """Return the products with the columns of all candidate parts on all drives; several may be of a kind."""
+        labelled = tuple(PartCandidate(part, str(k), joints=part.joints) for k, part in enumerate(parts))
+        whole, rigid = DynamicModel(self._robot, labelled), self._rigid
+        independent = np.concatenate([rigid.independent, np.arange(whole.inertial_count, len(whole.parameters))])
+        count = len(independent)
+        unused = np.zeros((count, len(whole.parameters)))
+        base = BaseParameters(
+            whole.parameters, independent.astype(np.int64), unused, unused.astype(bool), np.ones(count)
         )
-        for first, last in itertools.pairwise(starts)
-    )
-    signs = np.array([base.parameters[k].nonnegative for k in independent])
-    signs = np.insert(signs, rigid.count, [False] * delay_is_free)
-    return ColumnPool(tuple(parts), shared, columns, np.concatenate(products), np.concatenate(rows), signs)
+        start = None if self._start is None else np.append(self._start, np.zeros(count - rigid.count))
+        friction = RegressorStream(whole, base, start, only="friction")
+        later = self._delay_is_free
+        shared, size = rigid.count + later, count + later + 1
+        delay = [rigid.count] if later else []
+        places = [
+            (np.concatenate([own, delay, [size - 1]]).astype(np.int64), extra + later)
+            for own, extra in zip(self._bodies.columns, friction.columns, strict=True)
+        ]
+        found = [log.products(friction.segments(log.log), places, size) for log in self._logs]
+        products, rows, fast, fast_rows = (list(each) for each in zip(*found, strict=True))
+        drive, column = whole.terms
+        starts = np.cumsum([0, *(len(part.coefficients) for part in parts)])
+        columns = tuple(
+            tuple(
+                shared + np.flatnonzero((drive == j) & (column >= first) & (column < last))
+                for j in range(self._robot.dof)
+            )
+            for first, last in itertools.pairwise(starts)
+        )
+        signs = np.insert([base.parameters[k].nonnegative for k in independent], rigid.count, [False] * later)
+        return ColumnPool(
+            tuple(parts),
+            shared,
+            columns,
+            np.concatenate(products),
+            np.concatenate(rows),
+            signs,
+            np.sum(fast, axis=0),
+            np.sum(fast_rows, axis=0),
+        )
+
+
+@dataclass(frozen=True)
+class _PooledLog:
+    """A log with the rows that every pool has.
+
+    Attributes:
+        log: The log.
+        block: Block of each kept row, -1 for none, shape (N,).
+        mask: Which of the rows count for each joint, shape (N, n).
+        fast: In which of them a joint is among the fastest of its own, shape (N, n).
+        segments: The rows of the shared columns and the torque.
+    """
+
+    log: Prepared
+    block: IntArray
+    mask: BoolArray
+    fast: BoolArray
+    segments: list[RowSegment]
+
+    def products(
+        self, friction: Iterable[RowSegment], places: Sequence[tuple[IntArray, IntArray]], size: int
+    ) -> tuple[Array, IntArray, Array, IntArray]:
+        """Return products and rows of each block, and those of the fastest rows.
+
+        Args:
+            friction: Rows of the friction columns in the same segments.
+            places: By joint, the positions of the shared columns with the torque, and of the friction columns.
+            size: Number of all columns, that of the torque among them.
+        """
+        counts, joints = int(self.block.max()) + 1, len(places)
+        found, fast = np.zeros((counts, joints, size, size)), np.zeros((joints, size, size))
+        rows, fast_rows = np.zeros((counts, joints), dtype=np.int64), np.zeros(joints, dtype=np.int64)
+        for (part, shared), (_, added) in zip(self.segments, friction, strict=True):
+            for i, (own, extra) in enumerate(places):
+                values, columns = np.vstack([shared[i], added[i][:-1]]), np.concatenate([own, extra])
+                place = np.ix_(columns, columns)
+                for b in range(counts):
+                    counted = (self.block[part] == b) & self.mask[part, i]
+                    chosen = values[:, counted]
+                    found[b, i][place] += chosen @ chosen.T
+                    rows[b, i] += chosen.shape[1]
+                    chosen = values[:, counted & self.fast[part, i]]
+                    fast[i][place] += chosen @ chosen.T
+                    fast_rows[i] += chosen.shape[1]
+        return found, rows, fast, fast_rows
 
 
 def fit(products: Array, keep: IntArray) -> Array:
@@ -191,27 +312,6 @@ def _blocks_of(log: Prepared, blocks: int) -> IntArray:
     cuts = np.arange(1, blocks) * count / blocks
     away = np.min(np.abs(np.arange(count)[:, None] - cuts), axis=1)
     return np.where(away < min(near, 0.1 * count / blocks), -1, place)
-
-
-def _products(regressor: RegressorStream, log: Prepared, block: IntArray, delay: int | None) -> tuple[Array, IntArray]:
-    """Return products (B, n, c + 1, c + 1) and rows (B, n) of one log, the delay's column at ``delay`` if not None."""
-    counts, size = int(block.max()) + 1, regressor.base.count + (delay is not None) + 1
-    mask = counting_rows(regressor.model, log)
-    slopes = None if delay is None else _slopes(log)
-    found = np.zeros((counts, len(regressor.columns), size, size))
-    rows = np.zeros((counts, len(regressor.columns)), dtype=np.int64)
-    for part, segment in regressor.segments(log):
-        for i, (block_rows, own) in enumerate(zip(segment, regressor.columns, strict=True)):
-            values, columns = block_rows, np.append(own, size - 1)
-            if delay is not None and slopes is not None:
-                values = np.vstack([block_rows, slopes[part, i]])
-                columns = np.concatenate([own + (own >= delay), [size - 1, delay]])
-            place = np.ix_(columns, columns)
-            for b in range(counts):
-                chosen = values[:, (block[part] == b) & mask[part, i]]
-                found[b, i][place] += chosen @ chosen.T
-                rows[b, i] += chosen.shape[1]
-    return found, rows
 
 
 def _slopes(log: Prepared) -> Array:

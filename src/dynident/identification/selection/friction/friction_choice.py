@@ -24,7 +24,7 @@ from dynident.data.preprocessing import Prepared
 from dynident.errors import BrokenPart, LogMismatch
 from dynident.identification.problem.choices import FrictionRecord, FrictionScore
 from dynident.identification.residuals.quantiles import student_quantile
-from dynident.identification.selection.friction.column_pool import ColumnPool, fit, held_out, make_pool
+from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs, fit, held_out
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.variable_projection import vary_fields
 from dynident.model.dynamic_model import DynamicModel
@@ -219,7 +219,7 @@ def _without(own: tuple[int, ...], place: int) -> tuple[int, ...]:
     return own[:place] + own[place + 1 :]
 
 
-def _as_good(scores: Array, others: Array, share: float = np.inf) -> bool:
+def as_good(scores: Array, others: Array, share: float = np.inf) -> bool:
     """Return whether scores of blocks (B,) are within one standard error, and a share, of others, or below."""
     gap = scores - others
     return bool(np.mean(gap) <= min(np.std(gap, ddof=1) / np.sqrt(len(gap)), share * np.mean(others)))
@@ -248,7 +248,8 @@ class _PartSearch:
         usual = dict.fromkeys(kind for kind, part in zip(kinds, parts, strict=True) if part.is_default)
         places = tuple(kinds.index(name) for name in usual)
         start = replace(model, friction=tuple(parts[p] for p in places))
-        pool = make_pool(model, parts, logs, max(BLOCKS, len(logs)), default_load(start, logs), delay_is_free)
+        load = default_load(start, logs)
+        pool = PooledLogs(model, logs, max(BLOCKS, len(logs)), load, delay_is_free).pool(parts)
         if len(pool.products) < 3 or np.min(pool.rows.sum(axis=1)) < 2 * pool.shared:
             rows = int(pool.rows.sum())
             raise LogMismatch(logs[0].log.name, f"{rows} rows are too few to choose friction", "give longer logs")
@@ -285,12 +286,7 @@ class _PartSearch:
 
     def possible(self, sets: Sequence[Sequence[int]]) -> IntArray:
         """Return the columns of lists without those whose coefficients would have a wrong sign in a fit of all rows."""
-        keep = np.sort(self.pool.chosen(sets))
-        while True:
-            wrong = (fit(self._all, keep) < 0) & self.pool.nonnegative[keep] & (keep >= self.pool.shared)
-            if not wrong.any():
-                return keep
-            keep = keep[~wrong]
+        return self.pool.possible(self._all, np.sort(self.pool.chosen(sets)), np.arange(self.pool.shared))
 
     def improve(self, joint: int) -> None:
         """Choose the parts of one drive, those of the others held."""
@@ -304,16 +300,16 @@ class _PartSearch:
                 other = self._best(
                     joint, [new for k in range(len(best[0])) for new in self._longer(joint, _without(best[0], k))]
                 )
-                if other is None or not _as_good(other[1], best[1], NOTHING) or other[0] == best[0]:
+                if other is None or not as_good(other[1], best[1], NOTHING) or other[0] == best[0]:
                     break
-                if _as_good(best[1], other[1], NOTHING) and sorted(best[0]) <= sorted(other[0]):
+                if as_good(best[1], other[1], NOTHING) and sorted(best[0]) <= sorted(other[0]):
                     break
                 best = other
             path.append(best[0])
             scores.append(best[1])
         lowest = int(np.argmin([np.mean(each) for each in scores]))
         errors = [np.std(each - scores[lowest], ddof=1) / np.sqrt(self.blocks) for each in scores]
-        pick = next(k for k, each in enumerate(scores) if _as_good(each, scores[lowest]))
+        pick = next(k for k, each in enumerate(scores) if as_good(each, scores[lowest]))
         self.sets[joint] = path[pick]
         self.steps[joint] = tuple(
             FrictionScore(tuple(label(self.pool.parts[p]) for p in own), float(np.mean(each)), float(error), k == pick)
@@ -336,7 +332,7 @@ class _PartSearch:
         if not found:
             return None
         lowest = min((scores for _, scores in found), key=lambda scores: float(np.mean(scores)))
-        return min((each for each in found if _as_good(each[1], lowest, NOTHING)), key=lambda each: sorted(each[0]))
+        return min((each for each in found if as_good(each[1], lowest, NOTHING)), key=lambda each: sorted(each[0]))
 
     def _fits(self, own: Sequence[int], new: int) -> bool:
         """Return whether a part can stand beside others: not twice the same kind, no rivals."""

@@ -6,10 +6,15 @@ values are compared by what they say about stretches of the logs that the fit ha
 only where its error is smaller than that of the stated one by more than chance makes it look in one of twenty logs
 (Student's t of the differences, block by block). Then it is found to a finer step, in a fit of all rows near it.
 
-A part that ``choose`` names as a whole is held against its absence in the same way, with the best values of its fields;
-where it is taken, all fields are chosen once more beside it. Signs of dry friction that are left to the logs turn over
-one width on the same joints. Where the delay of the torque is to be found as well, it is free in every fit: friction
-shows at reversals, a delay in all that the torque does, so that neither is compared by what the other one does.
+Parts that ``choose`` names as a whole are added one by one, on all their drives at once, as long as that lowers the
+held-out error, and the shortest list within one standard error of the best is kept (Breiman, Friedman, Olshen and Stone
+1984, section 3.4.3). The fastest rows are one more block for them: a part has to go on beyond the speeds of the fit. A
+part with fields of its own beside the width is held against its absence with their best values. Where a part is taken,
+all fields are chosen once more beside it. Signs of dry friction that are left to the logs turn over one width on the
+same joints. Errors of blocks are compared by their ratios: a block of large torques has no more say than others.
+
+Where the delay of the torque is to be found as well, it is free in every fit: friction shows at reversals, a delay in
+all that the torque does, so that neither is compared by what the other one does.
 """
 
 from __future__ import annotations
@@ -24,7 +29,7 @@ from dynident.arrays import Array, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.residuals.quantiles import student_quantile
-from dynident.identification.selection.friction.column_pool import ColumnPool, fit, held_out, loss, make_pool
+from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs, beyond, fit, held_out, loss
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.variable_projection import fastest_of, minimum, spans_of
 from dynident.model.dynamic_model import DynamicModel
@@ -47,6 +52,9 @@ CHANCE = 0.05
 
 #: A value that takes less than this share off the held-out error is not worth another one than the stated.
 NOTHING = 5e-3
+
+#: Least mean squared residual that is told from none, in units of its joint's own.
+TINY = 1e-12
 
 #: Values of a part that is left out, and of one that is there.
 _ABSENT, _THERE = 0.0, 1.0
@@ -79,17 +87,22 @@ def choose_fields(
     Raises:
         BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
     """
-    pieces = [_by_unit(model, part) if part.choose else (part,) for part in model.friction]
+    pieces = [_by_unit(model, part) if set(part.choose or ()) - {WHOLE} else (part,) for part in model.friction]
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
     logs = [log.sparser(ROWS) for log in logs]
     load = default_load(without_optional(model), logs) if "torque" in model.needs else None
-    search = _FieldSearch(model, logs, load, delay_is_free, progress)
+    pooled = PooledLogs(model, logs, max(BLOCKS, len(logs)), load, delay_is_free)
+    search = _FieldSearch(model, pooled, fastest_of(model, logs), progress)
     found = search.fields()
+    decided = search.with_linear_parts()
+    if any(held.value == _THERE for held in decided.values()):
+        found |= search.polished(search.fields())
     for p in search.absent:
-        held = search.with_part(p)
-        if held.value == _THERE:
-            found |= search.polished(search.fields())
-        found[p, WHOLE] = held
+        if p not in decided:
+            decided[p] = search.with_part(p)
+            if decided[p].value == _THERE:
+                found |= search.polished(search.fields())
+    found |= {(p, WHOLE): held for p, held in decided.items()}
     kept = tuple(part for p, part in enumerate(search.model.friction) if p not in search.absent)
     return replace(model, friction=kept), tuple(found[key] for key in sorted(found, key=lambda key: key[0]))
 
@@ -120,17 +133,11 @@ class _FieldSearch:
     """
 
     def __init__(
-        self,
-        model: DynamicModel,
-        logs: Sequence[Prepared],
-        load: Array | None,
-        delay_is_free: bool,
-        progress: Callable[[str], None],
+        self, model: DynamicModel, pooled: PooledLogs, fastest: float, progress: Callable[[str], None]
     ) -> None:
         self.model, self.stated = model, model
         self.absent = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
-        self._logs, self._load, self._delay_is_free, self._progress = logs, load, delay_is_free, progress
-        fastest = fastest_of(model, logs)
+        self._pooled, self._progress = pooled, progress
         self._spans = {
             (p, name): span
             for p, part in enumerate(model.friction)
@@ -159,26 +166,86 @@ class _FieldSearch:
             found[key] = replace(found[key], best=best, value=best)
         return found
 
-    def with_part(self, p: int) -> FieldChoice:
-        """Hold a part against its absence, with the best value of its first field, and put it there if it is better."""
-        part = self.model.friction[p]
-        self._progress(f"friction: {FRICTION.name_of(part)} on held-out samples")
+    def with_linear_parts(self) -> dict[int, FieldChoice]:
+        """Put the absent parts there that have no field of their own beside a width and that held-out rows ask for."""
+        linear = [p for p in self.absent if not self._own_fields(p)]
+        for p in linear:
+            self._share_width(p)
+        present = [p for p in range(len(self.model.friction)) if p not in self.absent]
+        if not linear:
+            return {}
+        named = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in linear))
+        self._progress(f"friction: {named} on held-out samples")
+        pool = self._pooled.pool(self.model.friction)
+        if not (tried := self._lists(pool, present, [()])).tells:
+            return {p: self._told(p, False, None) for p in linear}
+        path, scores = list[tuple[int, ...]]([()]), [tried.errors()[0]]
+        while left := [p for p in linear if p not in path[-1]]:
+            longer = [(*path[-1], p) for p in left]
+            errors = self._lists(pool, present, longer).errors()
+            k = int(np.argmin([np.mean(each) for each in errors]))
+            path.append(longer[k])
+            scores.append(errors[k])
+        lowest = scores[int(np.argmin([np.mean(each) for each in scores]))]
+        gaps = [each - lowest for each in scores]
+        chosen = next(own for own, gap in zip(path, gaps, strict=True) if np.mean(gap) <= max(_share(gap)[1], NOTHING))
+        others = [tuple(q for q in linear if (q in chosen) != (q == p)) for p in linear]
+        first, *errors = self._lists(pool, present, [chosen, *others]).errors()
+        self.absent = tuple(p for p in self.absent if p not in chosen)
+        gaps = [(each - first) * (1.0 if p in chosen else -1.0) for p, each in zip(linear, errors, strict=True)]
+        return {p: self._told(p, p in chosen, own) for p, own in zip(linear, gaps, strict=True)}
+
+    def _told(self, p: int, is_taken: bool, gaps: Array | None) -> FieldChoice:
+        """Return what is said of a part, from the logarithms of the blocks' errors without less those with it (B,)."""
+        part = self.stated.friction[p]
+        about = (FRICTION.name_of(part), part.joints, WHOLE, _ABSENT)
+        if gaps is None:
+            return FieldChoice(*about, _ABSENT, _ABSENT, 0.0, None)
+        gain, error = _share(gaps)
+        return FieldChoice(*about, _THERE if is_taken or gain > 0 else _ABSENT, float(is_taken), gain, error)
+
+    def _own_fields(self, p: int) -> list[str]:
+        """Return the fields of a part that are left to the logs, without the width that it shares."""
+        return [name for own, name in self._spans if own == p and name != "width"]
+
+    def _share_width(self, p: int) -> None:
+        """Give a part the width that those have that it shares it with."""
         for shared in self._group(p, "width") if (p, "width") in self._spans else ():
             if shared not in self.absent:
                 width = self.model.friction[shared].options["width"]
                 self.model = _with_value(self.model, [p], "width", width)
-        name = next((name for own, name in self._spans if own == p and name != "width"), "")
-        grid = np.geomspace(*self._spans[p, name], COARSE) if name else np.ones(1)
-        about = (FRICTION.name_of(part), part.joints, WHOLE, _ABSENT)
+
+    def _lists(self, pool: ColumnPool, present: Sequence[int], added: Sequence[tuple[int, ...]]) -> _Tried:
+        """Return the model with each of some lists of parts beside those that are there."""
+        acts = [set(self.model.drives_of(part)) for part in self.model.friction]
+        drives = range(self.model.robot.dof)
+
+        def columns(extra: Sequence[int]) -> list[list[int]]:
+            return [[p for p in (*present, *extra) if drive in acts[p]] for drive in drives]
+
+        weights = pool.weights(columns(()))
+        tried = _Tried.of(pool, weights, [columns(())])
+        always, whole = tried.keeps[0], tried.held.sum(axis=0)
+        keeps = [pool.possible(whole, np.sort(pool.chosen(columns(extra))), always) for extra in added]
+        return replace(tried, keeps=tuple(keeps))
+
+    def with_part(self, p: int) -> FieldChoice:
+        """Hold a part against its absence, with the best value of its first field, and put it there if it is better."""
+        part = self.model.friction[p]
+        self._progress(f"friction: {FRICTION.name_of(part)} on held-out samples")
+        self._share_width(p)
+        name = self._own_fields(p)[0]
+        grid = np.geomspace(*self._spans[p, name], COARSE)
         tried = self._tried((p,), name, grid)
         if not tried.tells:
-            return FieldChoice(*about, _ABSENT, _ABSENT, 0.0, None)
-        k, gain, error, better = tried.compared()
-        if not better:
-            return FieldChoice(*about, _THERE, _ABSENT, gain, error)
-        self.absent = tuple(other for other in self.absent if other != p)
-        self.model = _with_value(self.model, [p], name, float(grid[k])) if name else self.model
-        return FieldChoice(*about, _THERE, _THERE, gain, error)
+            return self._told(p, False, None)
+        first, *others = tried.errors()
+        k = int(np.argmin([np.mean(each) for each in others]))
+        gaps = first - others[k]
+        if better := _is_better(gaps):
+            self.absent = tuple(other for other in self.absent if other != p)
+            self.model = _with_value(self.model, [p], name, float(grid[k]))
+        return self._told(p, better, gaps)
 
     def _group(self, p: int, name: str) -> tuple[int, ...]:
         """Return the parts whose fields have one value: signs of dry friction on the same joints, stated alike."""
@@ -205,8 +272,10 @@ class _FieldSearch:
         tried = self._tried(there, name, grid)
         if not tried.tells:
             return FieldChoice(*about, stated, stated, 0.0, None)
-        k, gain, error, better = tried.compared()
-        if not better:
+        first, *others = tried.errors(fastest=False)
+        k = int(np.argmin([np.mean(each) for each in others]))
+        gain, error = _share(first - others[k])
+        if not _is_better(first - others[k]):
             return FieldChoice(*about, float(grid[k]), stated, gain, error)
         self.model = _with_value(self.model, there, name, float(grid[k]))
         grid = np.geomspace(grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)], FINE)
@@ -221,9 +290,7 @@ class _FieldSearch:
         parts = [model.friction[p] for p in present]
         options = [{name: float(value)} if name else {} for value in grid]
         stand_ins = [replace(model.friction[p], **each) for each in options for p in group]
-        pool = make_pool(
-            model, [*parts, *stand_ins], self._logs, max(BLOCKS, len(self._logs)), self._load, self._delay_is_free
-        )
+        pool = self._pooled.pool([*parts, *stand_ins])
         acts = [set(model.drives_of(part)) for part in (*parts, *stand_ins)]
 
         def columns(value: int | None) -> list[list[int]]:
@@ -232,52 +299,63 @@ class _FieldSearch:
                 places |= {p: len(parts) + value * len(group) + k for k, p in enumerate(group)}
             return [[place for place in places.values() if drive in acts[place]] for drive in range(model.robot.dof)]
 
-        held = pool.weighted(pool.weights(columns(None)))
-        optional = [p for p in group if p in self.absent]
-        keeps = [np.sort(pool.chosen(columns(value))) for value in (None, *range(len(grid)))]
-        if optional:
-            keeps = [_possible(pool, held.sum(axis=0), keep, keeps[0]) for keep in keeps]
-        return _Tried(held, pool.rows.sum(axis=1), tuple(keeps))
+        tried = _Tried.of(pool, pool.weights(columns(None)), [columns(value) for value in (None, *range(len(grid)))])
+        if any(p in self.absent for p in group):
+            whole, always = tried.held.sum(axis=0), tried.keeps[0]
+            return replace(tried, keeps=tuple(pool.possible(whole, keep, always) for keep in tried.keeps))
+        return tried
 
 
-def _possible(pool: ColumnPool, whole: Array, keep: IntArray, always: IntArray) -> IntArray:
-    """Return the columns of a model without those of an optional part whose coefficients would have a wrong sign."""
-    while True:
-        beta = fit(whole, keep)
-        wrong = (beta < 0) & pool.nonnegative[keep] & ~np.isin(keep, always)
-        if not wrong.any():
-            return keep
-        keep = keep[~wrong]
+def _share(gaps: Array) -> tuple[float, float]:
+    """Return the share that is taken off an error and its standard error, from logarithms of its ratios (B,)."""
+    return float(-np.expm1(-np.mean(gaps))), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
+
+
+def _is_better(gaps: Array) -> bool:
+    """Return whether logarithms of ratios of errors (B,) are above nothing by more than chance."""
+    gain, error = _share(gaps)
+    return gain > max(NOTHING, error * float(student_quantile(1.0 - CHANCE, len(gaps) - 1)))
 
 
 @dataclass(frozen=True)
 class _Tried:
-    """A model with several values of a field, as products of the columns.
+    """A model with several values of a field, or several lists of parts, as products of the columns.
 
     Attributes:
         held: Products of each block, the joints weighted by their residuals in the model, shape (B, c + 1, c + 1).
         rows: Rows of each block, shape (B,).
-        keeps: Columns of the model, and of each value in place of its own.
+        fast: Products of the fastest rows, shape (c + 1, c + 1), and their number.
+        shared: Number of columns that every fit has.
+        keeps: Columns of the model, and of each value or list in place of its own.
     """
 
     held: Array
     rows: IntArray
+    fast: tuple[Array, int]
+    shared: int
     keeps: tuple[IntArray, ...]
+
+    @classmethod
+    def of(cls, pool: ColumnPool, weights: Array, sets: Sequence[Sequence[Sequence[int]]]) -> _Tried:
+        """Return the models whose drives have the parts ``sets[k][drive]``."""
+        fast = np.einsum("i,ikl->kl", weights**2, pool.fast)
+        keeps = tuple(np.sort(pool.chosen(own)) for own in sets)
+        return cls(pool.weighted(weights), pool.rows.sum(axis=1), (fast, int(pool.fast_rows.sum())), pool.shared, keeps)
 
     @property
     def tells(self) -> bool:
         """Whether there are rows enough to hold some out."""
         return len(self.held) >= FEWEST and bool(np.min(self.rows) >= 2 * len(self.keeps[0]))
 
-    def compared(self) -> tuple[int, float, float, bool]:
-        """Return the best value, what it takes off the held-out error, the error of that, and if it is no chance."""
+    def errors(self, fastest: bool = True) -> list[Array]:
+        """Return the logarithms of the held-out errors of each: of the blocks, and of the fastest rows, (B + 1,)."""
         whole = self.held.sum(axis=0)
-        first, *others = (held_out(self.held, whole - self.held, self.rows, keep) for keep in self.keeps)
-        k = int(np.argmin([np.mean(each) for each in others]))
-        gaps = (first - others[k]) / np.mean(first)
-        gain, error = float(np.mean(gaps)), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
-        chance = error * float(student_quantile(1.0 - CHANCE, len(gaps) - 1))
-        return k, gain, error, gain > max(NOTHING, chance)
+        rest, (fast, count) = whole - self.held, self.fast
+        found = [held_out(self.held, rest, self.rows, keep) for keep in self.keeps]
+        if fastest:
+            last = [beyond(whole, fast, keep, self.shared) / max(count, 1) for keep in self.keeps]
+            found = [np.append(each, own) for each, own in zip(found, last, strict=True)]
+        return [np.log(np.maximum(each, TINY)) for each in found]
 
     def finest(self, grid: Array) -> float:
         """Return the value between those of a grid that fits all rows best."""

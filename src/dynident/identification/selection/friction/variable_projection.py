@@ -17,7 +17,7 @@ from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption
 from dynident.identification.problem.choices import FieldEstimate
-from dynident.identification.selection.friction.column_pool import ColumnPool, fit, loss, make_pool
+from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs, fit, loss
 from dynident.identification.selection.friction.load import default_load
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE, Friction
@@ -50,14 +50,14 @@ def vary_fields(
         for p, part in enumerate(model.friction)
         for name, span in spans_of(part, "vary", fastest).items()
     }
-    load = default_load(model, logs) if "torque" in model.needs else None
+    pooled = PooledLogs(model, logs, load=default_load(model, logs) if "torque" in model.needs else None)
     parts = list(model.friction)
     found: dict[tuple[int, str], FieldEstimate] = {}
     for turn in range(ROUNDS):
         progress(f"non-linear friction, round {turn + 1} of {ROUNDS}")
         grids = {key: np.geomspace(*span, VALUES) for key, span in spans.items()}
         tried = [replace(parts[p], **{name: float(x)}) for (p, name), grid in grids.items() for x in grid]
-        pool = make_pool(model, [*parts, *tried], logs, load=load)
+        pool = pooled.pool([*parts, *tried])
         best = _best(model, pool, list(grids.values()), [p for p, _ in grids])
         for key, grid, (value, low, high) in zip(grids, grids.values(), best, strict=True):
             p, name = key

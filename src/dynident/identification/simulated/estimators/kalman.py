@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +17,9 @@ from dynident.identification.problem.estimator import Estimator, Solution
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
 from dynident.identification.problem.regressor_stream import RegressorStream
-from dynident.identification.residuals.bands import bands_of_rows
+from dynident.identification.residuals.bands import Band
 from dynident.identification.residuals.coloured import Influence, Uncertainty, uncertainty_of
+from dynident.identification.residuals.stretches import LENGTH
 from dynident.identification.simulated.course import Course, LoopOptions, course_of
 from dynident.identification.simulated.iteration import start_of
 from dynident.identification.simulated.joint_filter import (
@@ -181,3 +182,14 @@ def _watch(
             course.append((seconds + row / path.rate, beta.tolist()))
 
     return watch
+
+
+def bands_of_rows(logs: Iterable[Array]) -> Iterator[Band]:
+    """Yield rows that all count and that no filter has passed, shape (N, n, m) each log, by frequency."""
+    start = 0
+    for rows in logs:
+        for part in np.array_split(np.arange(len(rows)), max(1, round(len(rows) / LENGTH))):
+            found = np.fft.rfft(rows[part], axis=0) / np.sqrt(len(part))
+            counting = np.ones((len(part), rows.shape[1]), bool)
+            yield Band(start + part, counting, found, np.ones(len(found)), 1)
+        start += len(rows)
