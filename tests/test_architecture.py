@@ -120,7 +120,6 @@ SMALL = {
     "results/report/article.py": "the article's figures",
     "results/report/combinations.py": "of sections and the page of a difference",
     "results/report/judgement.py": "the thresholds of a verdict's words",
-    "results/report/terms.py": "of several sections",
     "results/verdict.py": "of terminal, report and studio",
     "studio/child.py": "what the process of a command runs",
 }

@@ -13,8 +13,9 @@ from typing import Any
 
 def nearest(word: str, choices: Iterable[str], alike: float = 0.5) -> str:
     """Return ``"; did you mean 'x'?"`` for the choice nearest to a mistyped word, or an empty string."""
-    match = difflib.get_close_matches(word, list(choices), n=1, cutoff=alike)
-    return f"; did you mean '{match[0]}'?" if match else ""
+    by_lower = {choice.lower(): choice for choice in choices}
+    match = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=alike)
+    return f"; did you mean '{by_lower[match[0]]}'?" if match else ""
 
 
 class DynidentError(Exception):
@@ -33,9 +34,10 @@ def _restored(kind: type[DynidentError], text: str, facts: Mapping[str, Any]) ->
 class UnknownChoice(DynidentError):
     """A name that is not in a family of parts, or not a joint, link or key that exists."""
 
-    def __init__(self, what: str, name: str, choices: Sequence[str]) -> None:
-        self.what, self.name, self.choices = what, name, tuple(choices)
-        super().__init__(f"no {what} called '{name}'; choose one of: {', '.join(choices)}{nearest(name, choices)}")
+    def __init__(self, what: str, name: str, choices: Sequence[str], aliases: Iterable[str] = ()) -> None:
+        self.what, self.name, self.choices, self.aliases = what, name, tuple(choices), tuple(aliases)
+        near = nearest(name, (*choices, *aliases))
+        super().__init__(f"no {what} called '{name}'; choose one of: {', '.join(choices)}{near}")
 
 
 class BrokenPart(DynidentError):

@@ -145,7 +145,7 @@ class Family(Generic[Part]):
         """
         names, name = self.names(), self.resolve(name)
         if name not in names:
-            raise UnknownChoice(self.noun, name, names)
+            raise UnknownChoice(self.noun, name, names, self.aliases)
         points = added(self.package).get(name, ())
         if points:
             return self._added(points)

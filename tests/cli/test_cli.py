@@ -109,12 +109,38 @@ def test_help_fits_one_screen_has_an_example_and_names_the_help_with_all_options
     assert len(whole.splitlines()) <= 40 or hidden
 
 
-@pytest.mark.parametrize("words", [["identify"], ["list", "robos"], ["identify", "a", "--cutoff", "low"]])
-def test_wrong_usage_exits_with_2(words: list[str], capsys: Capture) -> None:
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["identify"], "missing: CASE|ROBOT, LOG"),
+        (["list", "robos"], "FAMILY robos: no such choice; choose one of: estimators, "),
+        (["list", "ROBOTS"], "; did you mean 'robots'?"),
+        (["identify", "a", "--cutoff", "low"], "--cutoff low: a number is needed"),
+        (["excite", "a", "--harmonics", "2.5"], "--harmonics 2.5: a whole number is needed"),
+        (["export", "a", "--to"], "--to needs a value"),
+    ],
+)
+def test_wrong_usage_is_told_in_words_and_exits_with_2(words: list[str], told: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit) as caught:
         main(words)
     out, err = capsys.readouterr()
-    assert caught.value.code == 2 and out == "" and "usage: dynident" in err
+    first, second = err.splitlines()
+    assert caught.value.code == 2 and out == "" and first.startswith("error: ") and told in first
+    assert second == f"'dynident {words[0]} --help-all' lists all options"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--verison"], "error: no option '--verison'; did you mean '--version'?"),
+        (["identify", "a.yaml", "--split", ""], "error: --split is empty; give its value, or leave it out"),
+        (["validate", "e.json", "a.csv", " "], "error: LOG is empty; give its value, or leave it out"),
+    ],
+)
+def test_an_unknown_option_and_an_empty_value_are_told(words: list[str], told: str, capsys: Capture) -> None:
+    assert main(words) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.splitlines()[0] == told
 
 
 def test_a_mistyped_command_gets_the_nearest_one(capsys: Capture) -> None:
@@ -329,7 +355,7 @@ def test_list(capsys: Capture) -> None:
     for family in FAMILIES:
         shown = answered(capsys, "list", family)
         assert all(part["name"] in shown and part["summary"] for part in data[family])
-    assert "iterations (int, default 10): How often" in answered(capsys, "list", "estimators")
+    assert "iterations (a whole number, default 10): How often" in answered(capsys, "list", "estimators")
 
 
 def test_init_drafts_a_case_that_identify_takes(capsys: Capture, tmp_path: Path) -> None:

@@ -134,7 +134,8 @@ def test_the_list_has_all_exporters(capsys: Capture) -> None:
     assert main(["list", "motion_exporters"]) == 0
     shown = capsys.readouterr().out
     assert (
-        all(f"\n  {name} " in shown for name in MOTION_EXPORTERS.names()) and "lookahead (float, default 0.1)" in shown
+        all(f"\n  {name} " in shown for name in MOTION_EXPORTERS.names())
+        and "lookahead (a number, default 0.1)" in shown
     )
     page = (Path(__file__).resolve().parents[2] / "docs/exports.md").read_text(encoding="utf-8")
     _, _, rest = page.partition("<!-- parts: motion_exporters -->")

@@ -93,6 +93,14 @@ def errors(joints: list[dict[str, object]]) -> dict[str, float]:
     return {str(each["name"]): float(str(each["relative_error"])) for each in joints}
 
 
+def test_a_warning_ends_at_a_whole_clause() -> None:
+    text = "joint2: the model explains 40 % of its variance (R2): check torque signal and friction"
+    assert short_answer.warning_lines([text], 100) == [f"warning: {text}"]
+    assert short_answer.warning_lines([text], 80) == ["warning: joint2: the model explains 40 % of its variance (R2) …"]
+    assert short_answer.warning_lines([text], 60) == ["warning: joint2: the model explains 40 % of its variance …"]
+    assert short_answer.warning_lines([80 * "x"], 20) == ["warning: xxxxxxxxxx…"]
+
+
 def test_warnings_are_one_line_each_and_the_rest_is_counted() -> None:
     lines = short_answer.warning_lines([f"warning number {k} " + 50 * "x" for k in range(7)], 40)
     assert len(lines) == 5 and all(len(line) <= 40 for line in lines)
@@ -106,7 +114,7 @@ def test_plausible_links_and_what_they_cost(folder: Path, capsys: Capture, how: 
         (folder / "case.yaml").write_text(CASE + "bodies: plausible\n")
     words = ("--bodies", "plausible") if how == "flag" else ()
     out = shown(capsys, "--test", "b.csv", *words, "-o", "e.json")
-    assert "links: physically consistent and plausible" in out and "change the test error by" in out
+    assert "links: physically consistent and plausible" in out and "\nplausible links: test error " in out
     told = json.loads(shown(capsys, "--test", "b.csv", *words, "--json"))
     free = json.loads(shown(capsys, "--test", "b.csv", "--bodies", "free", "--json"))
     assert told["test"]["free_bodies_error"] == pytest.approx(free["test"]["total_relative_error"], rel=1e-9)
@@ -142,10 +150,10 @@ def test_bodies_are_for_the_estimator_consistent(folder: Path, capsys: Capture) 
 @pytest.mark.usefixtures("folder")
 def test_a_link_without_size_or_possible_inertia_is_named(folder: Path, capsys: Capture) -> None:
     out = shown(capsys, "--bodies", "plausible")
-    assert "size not known: link2: taken from the nominal centre of mass; give shapes" in out
+    assert "no size known for link2: taken from the nominal centre of mass; give shapes" in out
     assert "no possible nominal inertia" not in out
     robot = json.loads((folder / "arm.json").read_text())
     robot["links"][1]["inertia"] = [0.0, *robot["links"][1]["inertia"][1:]]
     (folder / "arm.json").write_text(json.dumps(robot))
     assert "no possible nominal inertia: link2: a uniform body" in shown(capsys, "--bodies", "plausible")
-    assert "size not known" not in shown(capsys, "--bodies", "free")
+    assert "no size known" not in shown(capsys, "--bodies", "free")

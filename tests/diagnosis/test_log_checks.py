@@ -159,17 +159,20 @@ def test_a_base_on_a_slope_is_named_with_its_own_direction(case: Case, angle: fl
     assert np.linalg.norm(found) == pytest.approx(9.81, rel=0.01)
 
 
+@pytest.mark.parametrize("entry", [-0.8, 0.55, 1.1])
 @pytest.mark.parametrize("at_motors", [False, True])
-def test_a_motor_that_turns_with_another_joint_is_named(case: Case, at_motors: bool, tmp_path: Path) -> None:
-    """The log holds torques of the joints, or those of the motors as if they were the joints'."""
+def test_a_motor_that_turns_with_another_joint_is_named(
+    case: Case, at_motors: bool, entry: float, tmp_path: Path
+) -> None:
+    """The log holds torques of the joints, or those of the motors as if they were the joints'; any entry is found."""
     matrix = np.eye(3)
-    matrix[2, 1] = -0.8
+    matrix[2, 1] = entry
     coupled = virtual(replace(case, robot=case.robot.with_drives({}, matrix)), rate=RATE)
     tau = coupled.columns["tau"]
     log = replace(coupled.with_columns(tau=tau @ np.linalg.inv(matrix) if at_motors else tau), case=case)
     (found,) = (one for one in log.examined(tmp_path).findings if one.severity == "error")
     assert (found.name, found.joint) == ("coupling", ", ".join(case.robot.joint_names[1:]))
-    assert found.numbers["entry 3, 2"] == pytest.approx(-0.8, abs=0.02)
+    assert found.numbers["entry 3, 2"] == pytest.approx(entry, abs=0.02)
     assert ("torque: motor" in found.remedy) == at_motors
 
 

@@ -145,7 +145,8 @@ def test_rows_with_new_columns_of_the_load_are_rows_made_anew(
             for mine, its in zip(one.blocks, other.blocks, strict=True):
                 np.testing.assert_allclose(mine, its, rtol=1e-12, atol=1e-12)
         for mine, its in zip(found.triangles, anew.triangles, strict=True):
-            np.testing.assert_allclose(mine.factor, its.factor, atol=1e-9)
+            products = [np.asarray(each.factor).T @ each.factor for each in (mine, its)]
+            np.testing.assert_allclose(*products, rtol=1e-9, atol=1e-9 * np.max(products[1]))
 
 
 def test_load_on_one_joint_alone_is_identified(spatial_3r: Robot, exact_log: MakeLog) -> None:

@@ -26,6 +26,7 @@ from dynident.results.text import (
     format_number,
     format_percent,
     format_value,
+    in_words,
     label,
     line_up,
     parameters_table,
@@ -33,7 +34,6 @@ from dynident.results.text import (
     plain_value,
     pretty_unit,
     shorten,
-    statement,
     total_error,
 )
 
@@ -208,7 +208,7 @@ def test_fits_table_golden() -> None:
         "<b>longlonglonglonglonglong        0  N      –               –                    –         –         –\n"
         "joint3                          3000  N·m    1.00e-09        0                 >999        -0.5000  -12.5000"
     )
-    assert table.note == "kind butterworth, cutoff_hz 5, order 4, torque same"
+    assert table.note == "kind butterworth, cut-off 5 Hz, order 4, torque same"
     assert len(fits_table(validation(), moving=True).rows) == 2
 
 
@@ -275,6 +275,6 @@ def test_comparison_table_takes_any_rows() -> None:
 
 def test_facts_in_a_line() -> None:
     facts = {"kind": "five_point", "cutoff_hz": None, "box": {"lower": [1, 2.5], "upper": np.array([INF])}, "on": True}
-    assert statement(facts) == "kind five_point, box lower 1, 2.5, upper inf, on yes"
+    assert in_words(facts) == "kind five_point, box lower 1, 2.5, upper inf, on yes"
     assert plain_value(np.int64(3)) == "3"
     assert plain_value(None) == MISSING

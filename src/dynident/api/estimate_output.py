@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dynident.case.acceptance import Acceptance
 from dynident.diagnosis.verdict import verdict_of
 from dynident.diagnosis.warnings import warnings_of
 from dynident.identification.estimate.estimate import Estimate
@@ -14,17 +13,16 @@ from dynident.identification.files import estimate_file
 from dynident.results.nominal import link_changes
 
 
-def summary(estimate: Estimate, test: Validation | None = None, acceptance: Acceptance | None = None) -> dict[str, Any]:
+def summary(estimate: Estimate, test: Validation | None = None) -> dict[str, Any]:
     """Return what ``--json`` prints: documented plain data, relative figures as fractions.
 
     Args:
         estimate: The estimate.
         test: Its figures on data that had no part in the fit.
-        acceptance: The criteria of acceptance; None for those of the fit.
     """
     found = estimate_file.summary(estimate, test, warnings_of(estimate, test))
     links = [change.figures() for change in link_changes(estimate)]
-    return {"verdict": verdict_of(estimate, test, acceptance).figures(), **found, "links": links or None}
+    return {"verdict": verdict_of(estimate, test).figures(), **found, "links": links or None}
 
 
 def write_estimate(estimate: Estimate, path: str | Path, test: Validation | None = None) -> None:

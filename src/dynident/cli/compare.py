@@ -192,7 +192,7 @@ def _with_rank(outcome: Outcome, table: Sequence[Outcome]) -> dict[str, Any]:
 
 def _show(contest: Contest, table: Sequence[Outcome]) -> None:
     from dynident.cli import console
-    from dynident.results.text import comparison_table, statement
+    from dynident.results.text import comparison_table, in_words
     from dynident.studies.comparison.comparison_view import comparison_rows, percent
 
     problem = contest.problem
@@ -201,7 +201,7 @@ def _show(contest: Contest, table: Sequence[Outcome]) -> None:
         f"{problem.model.robot.name}: {problem.model.robot.dof} joints, {problem.base.count} base parameters, "
         f"{problem.samples} samples, {tested} to test on"
     )
-    console.answer(f"filter {statement(problem.logs[0].statement())}\n")
+    console.answer(f"filter {in_words(problem.logs[0].statement())}\n")
     if table:
         rows = [{key: cell for key, cell in row.items() if key != "remark"} for row in comparison_rows(table)]
         console.answer_table(comparison_table(rows))

@@ -199,10 +199,10 @@ def _lines(found: DriveGains) -> dict[str, GainLine]:
 
 def _show(found: DriveGains, section: str, output: str | None) -> None:
     from dynident.cli import console
-    from dynident.results.text import format_number, label, statement
+    from dynident.results.text import format_number, in_words, label
 
     console.answer(f"drive gains by the method '{found.method}'; the scale is set by {found.scale}")
-    console.answer(f"filter {statement(found.filter)}\n")
+    console.answer(f"filter {in_words(found.filter)}\n")
     console.answer_table(_table(found))
     if found.found:
         values = ", ".join(f"{name} {format_number(value, 3)}" for name, value in found.found.items())

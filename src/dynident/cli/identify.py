@@ -204,7 +204,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
     from dynident.results.choices import choice_tables, cutoff_lines
     from dynident.results.plausibility import plausibility_lines
     from dynident.results.short_answer import labels_line
-    from dynident.results.text import fits_table, format_number, parameters_table, statement, total_error
+    from dynident.results.text import fits_table, format_number, in_words, parameters_table, total_error
 
     model = estimate.model
     console.answer(
@@ -212,7 +212,7 @@ def _show(estimate: Estimate, test: Validation | None) -> None:
         f"({estimate.inertial_base_parameters} inertial), {estimate.samples} samples, "
         f"condition number {format_number(estimate.condition_number, 3)} (weighted, unit columns)"
     )
-    console.answer(f"estimator {estimate.estimator}; filter {statement(estimate.train.filter)}\n")
+    console.answer(f"estimator {estimate.estimator}; filter {in_words(estimate.train.filter)}\n")
     console.answer_table(parameters_table(estimate, width=console.NAME_WIDTH))
     for title, validation in (("training data", estimate.train), ("test data", test)):
         if validation is not None:

@@ -12,6 +12,18 @@ import sys
 
 SUMMARY = "the parts to choose from, with their options"
 
+#: Kinds of options in words.
+_KINDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "yes or no",
+    "str": "a word",
+    "None": "none",
+    "tuple[str, ...]": "names",
+    "tuple[float, ...]": "numbers",
+    "tuple[int, ...]": "whole numbers",
+}
+
 FAMILIES = (
     "estimators",
     "friction",
@@ -50,15 +62,29 @@ def run(options: argparse.Namespace) -> int:
     for name, parts in data.items():
         console.answer(f"{name}")
         for part in parts:
-            console.answer(f"  {part['name']:<16} {part['summary']}")
+            also = f" (also: {', '.join(part['also'])})" if part["also"] else ""
+            console.answer(f"  {part['name']:<16} {part['summary']}{also}")
             for option in part["options"] if options.family else []:
                 console.answer(
-                    f"      {option['name']} ({option['kind']}, default {option['default']}): {option['help']}"
+                    f"      {option['name']} ({_kind(option['kind'])}{_default(option['default'])}): {option['help']}"
                 )
         console.answer()
     if not options.family:
         console.answer("'dynident list FAMILY' shows the options of each part")
     return 0
+
+
+def _kind(kind: str) -> str:
+    """Return what values an option takes, in words: ``float | None`` is ``a number, or none``."""
+    found = [_KINDS.get(part.strip(), part.strip()) for part in kind.split(" | ")]
+    return ", or ".join(found)
+
+
+def _default(value: object) -> str:
+    """Return the default of an option in words; empty where it has none."""
+    from dynident.results.text import plain_value
+
+    return "" if value is None or value == "" else f", default {plain_value(value)}"
 
 
 def _parts(name: str) -> list[dict]:
@@ -79,7 +105,10 @@ def _parts(name: str) -> list[dict]:
     if name == "robots":
         robots = [read_robot(robot) for robot in shipped_robots()]
         names = zip(shipped_robots(), robots, strict=True)
-        return [{"name": file, "summary": f"{robot.name}: {robot.dof} joints", "options": []} for file, robot in names]
+        return [
+            {"name": file, "summary": f"{robot.name}: {robot.dof} joints", "also": [], "options": []}
+            for file, robot in names
+        ]
     families = {
         "estimators": ESTIMATORS,
         "friction": FRICTION,
@@ -98,6 +127,7 @@ def _parts(name: str) -> list[dict]:
         {
             "name": part,
             "summary": family.summary(part),
+            "also": [alias for alias, own in family.aliases.items() if own == part],
             "options": [
                 {"name": o.name, "kind": o.kind, "default": o.default, "help": o.help} for o in family.options(part)
             ],

@@ -15,6 +15,7 @@ from collections.abc import MutableMapping, Sequence
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any, TextIO
 
+from dynident.cli.parser import OneLineParser, empty_value
 from dynident.cli.short_help import SHORT, WHOLE, HelpText, shorten_help
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ def build_parser(only: str | None = None, short: bool = False) -> argparse.Argum
     """
     from importlib.metadata import version
 
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog="dynident",
         description=_DESCRIPTION,
         formatter_class=HelpText,
@@ -121,7 +122,12 @@ def _done(words: list[str]) -> int:
     parser = build_parser(words[0] if words and words[0] in COMMANDS else None, short and bool({*SHORT} & set(words)))
     options, unknown = parser.parse_known_args(words)
     if options.command is None:
-        parser.print_help()
+        if unknown:
+            flags = [flag for action in parser._actions for flag in action.option_strings]
+            remark(f"error: no option '{unknown[0]}'{nearest(unknown[0], flags)}")
+            remark("'dynident --help' lists options and commands")
+        else:
+            parser.print_help()
         return 2
     if unknown:
         word = unknown[0].split("=")[0]
@@ -130,6 +136,9 @@ def _done(words: list[str]) -> int:
         remark(f"'dynident {options.command} {WHOLE}' lists all options")
         return 2
 
+    if name := empty_value(_parser_of(parser, options.command), options):
+        remark(f"error: {name} is empty; give its value, or leave it out")
+        return 2
     if sys.stdout is None:
         remark("error: there is no standard output to write the answer to")
         return 1
@@ -145,9 +154,13 @@ def _done(words: list[str]) -> int:
     return code
 
 
-def _actions(parser: argparse.ArgumentParser, command: str) -> list[argparse.Action]:
+def _parser_of(parser: argparse.ArgumentParser, command: str) -> argparse.ArgumentParser:
     (commands,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
-    return commands.choices[command]._actions
+    return commands.choices[command]
+
+
+def _actions(parser: argparse.ArgumentParser, command: str) -> list[argparse.Action]:
+    return _parser_of(parser, command)._actions
 
 
 def _flags(parser: argparse.ArgumentParser, command: str) -> list[str]:

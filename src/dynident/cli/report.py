@@ -82,6 +82,9 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         console.answer_json(_listed(subject, parts, figures, options))
         return 0
+    causes = subject.verdict.causes
+    if causes:
+        console.remark(f"the estimate is not accepted: {causes[0].title}: {causes[0].evidence}", options.quiet)
     console.remark(f"wrote {options.output}", options.quiet)
     if options.figures:
         console.remark(f"wrote {len(figures)} figures into {options.figures}", options.quiet)

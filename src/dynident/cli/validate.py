@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.diagnosis.warnings import warnings_of
     from dynident.files import check_outputs, check_place
     from dynident.identification.files.estimate_file import read_estimate
-    from dynident.results.text import fits_table, statement, total_error
+    from dynident.results.text import fits_table, in_words, total_error
 
     if options.report:
         check_place(options.report)
@@ -68,13 +68,13 @@ def run(options: argparse.Namespace) -> int:
             write_report(options.report, estimate, (test,), command=jobs.repeat_command(), sources=sources)
     optimistic = [f"{name}: this log was used for training, so its metrics are optimistic" for name in seen]
     warnings = [*optimistic, *warnings_of(estimate, test)]
-    verdict = verdict_of(estimate, test, acceptance)
+    verdict = verdict_of(estimate, test, acceptance, is_unseen=not seen)
     if options.json:
-        console.answer_json({**summary(estimate, test, acceptance), "warnings": warnings})
+        console.answer_json({**summary(estimate, test), "verdict": verdict.figures(), "warnings": warnings})
         return verdict.code
     verdicts.show(verdict)
     console.answer(f"{estimate.model.robot.name}: estimator {estimate.estimator}, {test.samples} samples")
-    console.answer(f"filter {statement(test.filter)}\n")
+    console.answer(f"filter {in_words(test.filter)}\n")
     console.answer_table(fits_table(test), f"total relative error {total_error(test)}")
     console.answer()
     console.answer_table(fits_table(test, moving=True), "moving samples only")

@@ -74,6 +74,6 @@ def show_short(
     for line in (table.note, "", *short_answer.summary_lines(estimate, test)):
         if line or line != table.note:
             console.answer(line)
-    for line in short_answer.warning_lines(warnings_of(estimate, test), console.line_width()):
+    for line in () if verdict.causes else short_answer.warning_lines(warnings_of(estimate, test), console.line_width()):
         console.answer(line)
     console.answer(f"all tables: {more}")

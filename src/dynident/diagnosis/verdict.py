@@ -150,6 +150,7 @@ def verdict_of(
     test: Validation | None = None,
     acceptance: Acceptance | None = None,
     quality: Sequence[Mapping[str, Any]] | None = None,
+    is_unseen: bool = True,
 ) -> Verdict:
     """Return the verdict on an estimate.
 
@@ -158,11 +159,13 @@ def verdict_of(
         test: Its comparison with data that had no part in the fit; the criteria then hold there.
         acceptance: The criteria; None for those that its provenance has.
         quality: What the checks found in the logs of the fit; None for what its provenance has.
+        is_unseen: Whether ``test`` had no part in the fit.
     """
     known = quality_of(estimate) if quality is None else quality
     causes = errors_in(known or ())
     stated = Acceptance(estimate.provenance.get("accept") or {}) if acceptance is None else acceptance
-    judged = [_judged(name, limit, estimate, test, known) for name, limit in stated.limits.items()]
+    on = "training data" if test is None or not is_unseen else "test data"
+    judged = [_judged(name, limit, estimate, test, known, on) for name, limit in stated.limits.items()]
     return Verdict(causes, tuple(judged), known is not None)
 
 
@@ -172,8 +175,8 @@ def _judged(
     estimate: Estimate,
     test: Validation | None,
     quality: Sequence[Mapping[str, Any]] | None,
+    on: str,
 ) -> AcceptanceCriterion:
-    on = "training data" if test is None else "test data"
     data = estimate.train if test is None else test
     if name == "consistent":
         reasons = "; ".join(estimate.consistency.reasons[:2])

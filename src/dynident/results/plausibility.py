@@ -25,11 +25,13 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
         lines.append(f"no possible nominal inertia: {names}: a uniform body in its place; correct the robot model")
     if names := ", ".join(map(label, links_without_size(estimate.model.robot))):
         step = "give shapes in the robot model, or body: in the constraints"
-        lines.append(f"size not known: {names}: taken from the nominal centre of mass; {step}")
+        lines.append(f"no size known for {names}: taken from the nominal centre of mass; {step}")
     every = len(facts.fitted) == len(estimate.model.robot.links) > 1
     if names := "all links" if every else ", ".join(map(label, facts.fitted)):
         step = "correct the robot model, or state body: and thickness: in the constraints"
-        lines.append(f"nominal inertia does not fit the link: {names}: the nearest one that fits in its place; {step}")
+        lines.append(
+            f"nominal inertia of {names} does not fit the size of the link: the nearest one that fits is used; {step}"
+        )
     return [line for line in lines if line]
 
 
@@ -45,13 +47,12 @@ def links_without_size(robot: Robot) -> list[str]:
 
 
 def cost_line(test: Validation | None, is_default: bool) -> str:
-    """Return what plausible bodies change the test error by; empty without a test."""
+    """Return the test error with plausible bodies and without their bounds; empty without a test."""
     if test is None or test.free_bodies_error is None or not test.free_bodies_error > 0:
         return ""
-    change = test.total_relative_error / test.free_bodies_error - 1.0
-    error = format_percent(test.free_bodies_error)
+    errors = [format_percent(value) for value in (test.total_relative_error, test.free_bodies_error)]
     links = "plausible links (the default)" if is_default else "plausible links"
-    return f"{links} change the test error by {100 * change:+.1f} % of itself ({error} with --bodies free)"
+    return f"{links}: test error {errors[0]}; with --bodies free {errors[1]}"
 
 
 def contradiction(found: ContradictedBound) -> str:

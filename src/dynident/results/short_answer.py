@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
 
-from dynident.diagnosis.verdict import Verdict, quality_of
+from dynident.diagnosis.verdict import Verdict, errors_in, quality_of
 from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
@@ -17,6 +18,7 @@ from dynident.results.text import (
     Column,
     Table,
     counted,
+    display_width,
     format_number,
     format_percent,
     label,
@@ -62,14 +64,13 @@ def joints_table(estimate: Estimate, test: Validation | None) -> Table:
 
 
 def summary_lines(estimate: Estimate, test: Validation | None) -> list[str]:
-    """Return what the estimate is made of: links, parameters, data, findings of the log checks."""
-    known = [
-        bodies_line(estimate),
-        *plausibility_lines(estimate, test),
-        parameters_line(estimate),
-        data_line(estimate),
-        checks_line(estimate),
-    ]
+    """Return what the estimate is made of: links, parameters, data, findings of the log checks.
+
+    Of one that the log checks speak against links and parameters mean nothing: they are left out.
+    """
+    is_sound = not errors_in(quality_of(estimate) or ())
+    bodies = [bodies_line(estimate), *plausibility_lines(estimate, test), parameters_line(estimate)]
+    known = [*(bodies if is_sound else []), data_line(estimate), checks_line(estimate)]
     return [line for line in (*known, missing_reason(estimate)) if line]
 
 
@@ -131,15 +132,25 @@ def checks_line(estimate: Estimate) -> str:
         names = list(dict.fromkeys(str(each["name"]) for each in found if each["severity"] == severity))
         count = sum(each["severity"] == severity for each in found)
         if count:
-            told.append(f"{counted(count, severity)} ({', '.join(names[:3])}{', …' if len(names) > 3 else ''})")
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            told.append(f"{counted(count, severity)} ({', '.join(names[:3])}{more})")
     return f"log checks: {'; '.join(told) or 'nothing found'}"
 
 
 def warning_lines(warnings: Sequence[str], width: int) -> list[str]:
     """Return warnings of one line each, as many as a screen has room for; the last line counts the rest."""
-    lines = [shorten(f"warning: {text}", width) for text in warnings[:WARNINGS]]
+    lines = [_clauses(f"warning: {text}", width) for text in warnings[:WARNINGS]]
     left = len(warnings) - len(lines)
     return [*lines, f"and {counted(left, 'more warning')}"] if left > 0 else lines
+
+
+def _clauses(text: str, width: int) -> str:
+    """Return as many whole clauses of a text as have room; one that has none is cut."""
+    if display_width(text) <= width:
+        return text
+    ends = [match.start() for match in re.finditer(r"[;:,] |\. | \(", text)]
+    kept = [text[:end] for end in ends if end > len("warning: ") and display_width(text[:end]) < width - 1]
+    return f"{kept[-1]} …" if kept else shorten(text, width)
 
 
 def verdict_line(verdict: Verdict) -> str:

@@ -43,6 +43,20 @@ def label(name: object) -> str:
     return clean(name).strip() or "(no name)"
 
 
+#: Units that a key ends in.
+_UNITS = {"s": "s", "hz": "Hz", "m": "m", "kg": "kg", "rad": "rad", "deg": "°", "nm": "N·m", "percent": "%"}
+
+#: Keys that are more than their words.
+_WORDS = {
+    "active": "active constraints",
+    "cutoff": "cut-off",
+    "delta": "Huber threshold",
+    "seconds": "time [s]",
+    "sha256": "SHA-256",
+    "trim": "cut off at both ends",
+}
+
+
 def display_width(text: str) -> int:
     """Return how many columns of a terminal a text takes: wide characters take two, combining ones none."""
     if text.isascii():
@@ -290,7 +304,7 @@ def fits_table(validation: Validation, moving: bool = False) -> Table:
         Column("R²", numeric=True, detail=True),
     )
     fits = validation.moving if moving else validation.joints
-    return Table(columns, tuple(_fit_row(fit) for fit in fits), statement(validation.filter))
+    return Table(columns, tuple(_fit_row(fit) for fit in fits), in_words(validation.filter))
 
 
 def _fit_row(fit: Fit) -> tuple[str, ...]:
@@ -306,15 +320,28 @@ def _fit_row(fit: Fit) -> tuple[str, ...]:
     )
 
 
-def statement(facts: Mapping[str, Any]) -> str:
-    """Return named facts in one line: ``kind butterworth, cutoff_hz 8, order 4``; those that are None are left out."""
-    return ", ".join(f"{label(key)} {plain_value(value)}" for key, value in facts.items() if value is not None)
+def term(key: object) -> str:
+    """Return a key in words: ``cutoff_hz`` is ``cut-off [Hz]``."""
+    *words, last = label(key).split("_")
+    if not words or last not in _UNITS:
+        return " ".join(_WORDS.get(word, word) for word in (*words, last))
+    return f"{' '.join(_WORDS.get(word, word) for word in words)} [{_UNITS[last]}]"
+
+
+def in_words(facts: Mapping[str, Any]) -> str:
+    """Return named facts in one line: ``kind butterworth, cut-off 8 Hz, order 4``; those that are None are left out."""
+    return ", ".join(_fact(term(key), plain_value(value)) for key, value in facts.items() if value is not None)
+
+
+def _fact(name: str, value: str) -> str:
+    words, _, unit = name.rstrip("]").partition(" [")
+    return f"{words} {value} {unit}".rstrip() if value[:1].isdigit() else f"{words} {value}"
 
 
 def plain_value(value: object) -> str:
     """Return any plain value as text: numbers short, yes and no, MISSING for None, lists with commas."""
     if isinstance(value, Mapping):
-        return statement(value)
+        return in_words(value)
     if isinstance(value, np.ndarray):
         return plain_value(value.tolist())
     if isinstance(value, list | tuple):

@@ -22,8 +22,8 @@ from dynident.identification.problem.regressor_stream import motion_of
 #: Relative residual above which a joint is not explained, so that a coupling of its motor is looked for.
 UNEXPLAINED = 0.1
 
-#: Sizes of the entries of C that are tried, of either sign, for the first one and beside others.
-SIZES, FINE_SIZES = 0.05 * 2.0 ** np.arange(7.0), 0.05 * 1.5 ** np.arange(12.0)
+#: Sizes of the entries of C that are tried, of either sign, for the first one and beside others; 1 is that of bevels.
+SIZES, FINE_SIZES = (np.sort([*0.05 * step ** np.arange(count), 1.0]) for step, count in ((2.0, 7.0), (1.5, 12.0)))
 
 #: Motors of a differential: both turn with both joints.
 DIFFERENTIALS = tuple(np.array([[1.0, a], [-a * b, b]]) for a in (1.0, -1.0) for b in (1.0, -1.0))
@@ -99,15 +99,15 @@ class _Scan:
     def single(self, matrix: Array) -> Iterator[Trial]:
         """Yield the best entry of C at the places where one promises most."""
         sizes = SIZES if np.array_equal(matrix, self.stated) else FINE_SIZES
-        values = np.concatenate([-sizes[::-1], sizes])
-        table = {
-            place: [self.gain(_with(matrix, place, value)) for value in values]
-            for place in self.rows.pairs
-            if not matrix[place]
+        open_places = [place for place in self.rows.pairs if not matrix[place]]
+        tried = {
+            place: np.unique([*-sizes, *sizes, *self.rows.start(matrix, place, self.at_motors)])
+            for place in open_places
         }
-        for place in sorted(table, key=lambda place: -max(table[place]))[:REFINED]:
-            k = int(np.clip(np.argmax(table[place]), 1, len(values) - 2))
-            gain, value = self._refined(matrix, place, values[k - 1 : k + 2])
+        gains = {place: [self.gain(_with(matrix, place, value)) for value in tried[place]] for place in open_places}
+        for place in sorted(open_places, key=lambda place: -max(gains[place]))[:REFINED]:
+            k = int(np.clip(np.argmax(gains[place]), 1, len(tried[place]) - 2))
+            gain, value = self._refined(matrix, place, tried[place][k - 1 : k + 2])
             yield gain, 1, _with(matrix, place, value), (place,)
 
     def differentials(self, matrix: Array) -> Iterator[Trial]:
@@ -187,6 +187,26 @@ class _CoupledRows:
         """Return the filtered torques at the joints, (N, n), if the log's are those, and if they are the motors'."""
         torque = self.fit.rows.torque
         return torque, torque @ np.linalg.solve(self.stated, matrix)
+
+    def start(self, matrix: Array, place: tuple[int, int], at_motors: bool) -> tuple[float, ...]:
+        """Return an entry near the best one, as the peak of a good log is narrow; none where the rows tell none.
+
+        Torques of motors: that of the motor is a column beside those of the joint. Torques of joints: the slope of the
+        motor's torque by the speed of the joint over that by the speed of the motor's own.
+        """
+        motor, joint = place
+        row = joint if at_motors else motor
+        mask, speed = self.fit.rows.masks[:, row], np.asarray(self.fit.rows.prepared.kept.dq)
+        if at_motors:
+            drives = np.linalg.solve(self.stated.T, self.fit.rows.torque.T).T
+            block = np.column_stack([self._block(matrix, row), drives[:, motor]])
+        else:
+            ones = np.ones(len(speed))
+            block = np.column_stack([self._inertial[row], ones, speed[:, motor], speed[:, joint]])
+        target = self.torques(matrix)[int(at_motors)][:, row] - self.fit.rows.known[:, row]
+        *_, before, last = np.linalg.lstsq(block[mask], target[mask])[0]
+        value = -last if at_motors else last / before if before else 0.0
+        return (float(value),) if 0 < abs(value) < 2 * SIZES[-1] else ()
 
     def products(self, matrix: Array, i: int) -> tuple[Array, Array, Array]:
         """Return W_i' W_i of a joint, and W_i' tau_i and tau_i' tau_i of both torques; its motors settle them."""

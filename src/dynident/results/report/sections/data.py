@@ -10,8 +10,7 @@ import numpy as np
 
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Dataset, Subject
-from dynident.results.report.terms import in_words, term
-from dynident.results.text import MISSING, Column, Table, format_number, label, plain_value
+from dynident.results.text import MISSING, Column, Table, format_number, in_words, label, plain_value, term
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ import numpy as np
 
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
-from dynident.results.report.terms import term
-from dynident.results.text import format_number, label, plain_value
+from dynident.results.text import format_number, label, plain_value, term
 
 #: Lists longer than this are counted, not written out.
 _LONG = 12

@@ -11,7 +11,7 @@ from dynident.model.friction import FRICTION, Friction
 from dynident.model.robot import Robot
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Subject
-from dynident.results.text import MISSING, Column, Table, format_given, label, pretty_unit, statement
+from dynident.results.text import MISSING, Column, Table, format_given, in_words, label, pretty_unit
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class RobotSection(ReportSection):
 
 
 def _friction(part: Friction) -> str:
-    options = statement(asdict(part)) if hasattr(part, "__dataclass_fields__") else ""  # type: ignore[call-overload]
+    options = in_words(asdict(part)) if hasattr(part, "__dataclass_fields__") else ""  # type: ignore[call-overload]
     return FRICTION.name_of(part) + (f" ({options})" if options else "")
 
 

@@ -11,8 +11,7 @@ import numpy as np
 from dynident.results.figures import TorqueBands, TorqueSignals, torque_chart
 from dynident.results.report.sections.base import Drawing, ReportSection, drawn, left_out
 from dynident.results.report.subject import MOST_DRAWN, Dataset, Subject
-from dynident.results.report.terms import in_words
-from dynident.results.text import Column, Table, format_number, format_percent, label, pretty_unit
+from dynident.results.text import Column, Table, format_number, format_percent, in_words, label, pretty_unit
 
 #: Bytes of all figures together that go into the numbers behind them; a value takes 8/3.
 _BUDGET = 1_000_000

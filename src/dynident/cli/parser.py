@@ -1,0 +1,67 @@
+"""The parser of the command line: what is wrong in one line of words, with the nearest choice."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from typing import Any, NoReturn
+
+from dynident.cli.short_help import WHOLE
+
+#: What argparse says where arguments, or the value of an option, are missing.
+_MISSING = "the following arguments are required: "
+_NO_VALUE = re.compile(r"argument (?:\S+/)?(?P<flag>-\S+): expected (?:one|at least one) argument")
+
+#: What a value has to be, by the function that reads it.
+_KINDS = {"float": "a number", "int": "a whole number"}
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Says what is wrong with the arguments in one line, and how all options are listed; exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the fault and the flag that lists the options, and exit with 2."""
+        text = message
+        if message.startswith(_MISSING):
+            text = f"missing: {message.removeprefix(_MISSING)}"
+        elif match := _NO_VALUE.match(message):
+            text = f"{match['flag']} needs a value"
+        command = self.prog.partition(" ")[2]
+        flag = WHOLE if command else "--help"
+        print(f"error: {text}\n'{self.prog} {flag}' lists all options", file=sys.stderr)
+        raise SystemExit(2)
+
+    def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
+        try:
+            return super()._get_value(action, arg_string)
+        except argparse.ArgumentError as error:
+            kind = _KINDS.get(getattr(action.type, "__name__", ""), "a number")
+            stated = isinstance(error.__context__, argparse.ArgumentTypeError)
+            text = error.message if stated else f"{kind} is needed"
+            raise argparse.ArgumentError(None, f"{_name(action)} {arg_string}: {text}") from None
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        from dynident.errors import nearest
+
+        if action.choices is None or value in action.choices:
+            return
+        choices = [str(choice) for choice in action.choices]
+        step = f"choose one of: {', '.join(choices)}{nearest(str(value), choices)}"
+        raise argparse.ArgumentError(None, f"{_name(action)} {value}: no such choice; {step}")
+
+
+def _name(action: argparse.Action) -> str:
+    return action.option_strings[-1] if action.option_strings else str(action.metavar or action.dest)
+
+
+def empty_value(parser: argparse.ArgumentParser, options: argparse.Namespace) -> str:
+    """Return the first argument that was given an empty value; empty where there is none."""
+    for action in parser._actions:
+        value = getattr(options, action.dest, action.default)
+        values = value if isinstance(value, list) else [value]
+        if value not in (action.default, action.const) and any(
+            isinstance(each, str) and not each.strip() for each in values
+        ):
+            return _name(action)
+    return ""
