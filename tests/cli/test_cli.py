@@ -18,6 +18,8 @@ from dynident.cli.list_parts import FAMILIES
 from dynident.cli.main import COMMANDS, main
 from dynident.data.formats import write_log
 from dynident.data.log import Log
+from dynident.errors import UnknownChoice
+from dynident.exports.models import MODEL_EXPORTERS
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.model.descriptions.native import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
@@ -356,6 +358,9 @@ def test_list(capsys: Capture) -> None:
         shown = answered(capsys, "list", family)
         assert all(part["name"] in shown and part["summary"] for part in data[family])
     assert "iterations (a whole number, default 10): How often" in answered(capsys, "list", "estimators")
+    assert "(also: simulink)" in answered(capsys, "list", "model_exporters")
+    with pytest.raises(UnknownChoice, match="did you mean 'simulink'"):
+        MODEL_EXPORTERS.get("Simulnk")
 
 
 def test_init_drafts_a_case_that_identify_takes(capsys: Capture, tmp_path: Path) -> None:

@@ -98,6 +98,9 @@ def test_a_fault_leaves_an_estimate_that_is_not_accepted(
     assert main(words) == 4
     shown = capsys.readouterr().out.splitlines()
     assert shown[0].startswith("NOT ACCEPTED: ") and shown[1].startswith(f"error: run.csv: {name}")
+    assert len(shown) <= 25 and not [
+        line for line in shown if line.startswith(("links:", "base parameters:", "warning:"))
+    ]
     estimate = read_estimate("estimate.json")
     (cause,) = answered(capsys, 4, "validate", "estimate.json", "run.csv")["verdict"]["causes"]
     assert cause["name"] == name and cause["log"] == "run.csv" and cause["remedy"]
@@ -107,6 +110,8 @@ def test_a_fault_leaves_an_estimate_that_is_not_accepted(
     assert main(["export", "estimate.json", "--to", "csv", "-o", "out.csv", "--quiet"]) == 1
     assert name in capsys.readouterr().err and not Path("out.csv").exists()
     assert main(["export", "estimate.json", "--to", "csv", "-o", "out.csv", "--quiet", "--force"]) == 0
+    assert main(["report", "estimate.json", "-o", "again.html"]) == 0
+    assert f"the estimate is not accepted: {name}" in capsys.readouterr().err
     with pytest.raises(NotAccepted, match=name):
         export_model(estimate, "csv", "other.csv")
 
@@ -193,6 +198,9 @@ def test_criteria_are_judged_on_the_test_and_go_with_the_estimate(
     assert tight["verdict"]["word"] == "criteria not met" and missed == {"total_error", "interval"}
     (total,) = [each for each in tight["verdict"]["criteria"] if each["criterion"] == "total_error"]
     assert total["value"] == tight["test"]["total_relative_error"] and total["limit"] == 0.001
+    assert total["detail"] == "test data"
+    seen = answered(capsys, 0, "validate", "e.json", "run.csv")["verdict"]["criteria"]
+    assert "training data" in {each["detail"] for each in seen}
 
 
 def test_a_wrong_nominal_model_is_worse_and_the_true_one_is_not(
