@@ -176,6 +176,17 @@ def test_a_motor_that_turns_with_another_joint_is_named(
     assert ("torque: motor" in found.remedy) == at_motors
 
 
+def test_a_coupling_that_is_stated_transposed_is_an_error(case: Case, tmp_path: Path) -> None:
+    """The search comes to entries on both sides of the diagonal whose product is 1, under which C has no inverse."""
+    matrix = np.eye(3)
+    matrix[2, 1] = 1.0
+    log = virtual(replace(case, robot=case.robot.with_drives({}, matrix)), rate=RATE)
+    stated = replace(case, robot=case.robot.with_drives({}, matrix.T))
+    found = replace(log, case=stated).examined(tmp_path).findings
+    (error,) = (one for one in found if one.severity == "error")
+    assert error.name == "coupling" and "coupling: [[1, 0, 0], [0, 1, 0], [0, 1, 1]]" in error.remedy
+
+
 def test_motors_of_a_differential_are_named(case: Case, tmp_path: Path) -> None:
     matrix = np.eye(3)
     matrix[1:, 1:] = [[1, 1], [-1, 1]]

@@ -75,7 +75,7 @@ def _found(scan: _Scan) -> Coupled | None:
     """Return the coupling that is found entry by entry."""
     matrix, entries, best = scan.stated, list[tuple[int, int, float, float]](), 0.0
     while len(entries) < MOST:
-        trials = [*scan.single(matrix), *scan.differentials(matrix)]
+        trials = [*scan.single(matrix), *scan.differentials(matrix), *scan.transposed(matrix)]
         gain, _, tried, places = max(trials, key=lambda trial: trial[:2], default=(0.0, 0, matrix, ()))
         if gain - best < KEPT:
             break
@@ -120,10 +120,18 @@ class _Scan:
                     tried[both] = block
                     yield self.gain(tried), 0, tried, ((joint, motor), (motor, joint), (motor, motor))
 
+    def transposed(self, matrix: Array) -> Iterator[Trial]:
+        """Yield the stated coupling transposed, as it comes out where motors and joints are taken for each other."""
+        if np.array_equal(matrix, self.stated) and not np.array_equal(matrix, matrix.T):
+            new = (matrix.T != 0) & (matrix == 0)
+            yield self.gain(matrix.T), 2, matrix.T.copy(), tuple((int(i), int(j)) for i, j in np.argwhere(new))
+
     def gain(self, matrix: Array) -> float:
         """Return by how much a coupling betters the score, residuals counted in the torques of the log."""
-        scale = abs(float(np.linalg.det(matrix) / np.linalg.det(self.stated))) if self.at_motors else 1.0
-        return self._score - self._solved(matrix).score + 2 * float(np.log(scale)) if scale > 1e-3 else -np.inf
+        scale = abs(float(np.linalg.det(matrix) / np.linalg.det(self.stated)))
+        if scale < 1e-3:  # two motors that turn with both joints alike are one
+            return -np.inf
+        return self._score - self._solved(matrix).score + self.at_motors * 2 * float(np.log(scale))
 
     def relative(self, matrix: Array) -> Array:
         """Return the root mean square of the residual over that of the torque less its mean, shape (n,)."""
