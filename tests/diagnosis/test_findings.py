@@ -172,3 +172,18 @@ def test_the_last_digit_of_joints_at_rest_is_no_second_publisher(trial: Trial, t
     assert told(changed(trial, "dq", one_moves), "cells", tmp_path) == []
     (found,) = told(changed(trial, "dq", lost), "cells", tmp_path)
     assert found.name == "two publishers" and "jumps to zero at 1 rows" in found.evidence
+
+
+@pytest.mark.parametrize(("clock", "fastest", "is_told"), [(20.0, 500.0, True), (20.0, 1.0, False), (1.0, 1e5, False)])
+def test_a_motion_too_slow_for_a_robot_is_in_another_unit_of_time(
+    trial: Trial, clock: float, fastest: float, is_told: bool, tmp_path: Path
+) -> None:
+    """Steps of 0.2 s may be 5 kHz in ms: the speeds tell. A slow motion at 100 Hz is one: nobody records 100 kHz."""
+    robot = trial.case.robot
+    joints = tuple(replace(joint, limits=JointLimits(-3.0, 3.0, velocity=fastest)) for joint in robot.joints)
+    slow = replace(trial, case=replace(trial.case, robot=replace(robot, joints=joints)))
+    slow = slow.with_columns(t=clock * trial.columns["t"])
+    found = [finding for finding in told(slow, "time_steps", tmp_path) if finding.name == "time unit"]
+    assert len(found) == is_told
+    if is_told:
+        assert "5000 samples a second then" in found[0].remedy and "of its speed limit" in found[0].evidence

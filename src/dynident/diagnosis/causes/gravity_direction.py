@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.diagnosis.causes.column_readings import GAIN
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import Products, QuickFit
 from dynident.identification.problem.regressor_stream import RegressorStream
@@ -21,9 +22,9 @@ APART = 0.9
 #: gains this much more.
 NEAR, MORE = 0.98, 3.0
 
-#: Gain from which another gravity is the right one, and angle in degrees from which a base is mounted otherwise: a
-#: smaller one is a tilt, which the residual tells with its deviation.
-GAIN, LEAN = 3.0, 10.0
+#: Angle in degrees from which a base is mounted otherwise: a smaller one is a tilt, which the residual tells with its
+#: deviation.
+LEAN = 10.0
 
 #: Pairs of the parts of the rows: without gravity, and with one along each axis.
 PAIRS = tuple((a, b) for a in range(4) for b in range(a, 4))

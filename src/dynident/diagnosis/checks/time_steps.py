@@ -20,6 +20,12 @@ LONG = 10.0
 #: Share of the median step by which steps scatter (root mean square) before interpolation shows in the derivatives.
 JITTER = 0.5
 
+#: Share of the samples below the speed that counts as a joint's largest.
+FAST = 0.999
+
+#: Largest speed over its limit below which no robot is recorded, and between which it is usual.
+CRAWLS, PLAUSIBLE = 2e-3, (0.02, 1.5)
+
 
 @dataclass(frozen=True)
 class TimeSteps(Check):
@@ -35,21 +41,43 @@ class TimeSteps(Check):
             evidence = f"{log.samples} rows with a time of their own"
             return [Finding("error", "too few rows", "", evidence, "record seconds of motion", {"rows": log.samples})]
         middle = float(np.median(steps))
-        if not is_step(middle):
+        if not is_step(middle) or _is_slow(subject, middle):
             return [_unit(subject, middle)]
         return [*_gaps(subject, middle), *_jitter(steps[steps <= LONG * middle], middle)]
+
+
+def _speed_share(subject: CheckedLog) -> float:
+    """Return the largest speed of a joint over its limit, by the positions; NaN where no joint states one."""
+    log, limits = subject.sound.log, np.array([joint.limits.velocity for joint in subject.case.robot.active])
+    steps = np.diff(log.time)[:, None]
+    speeds = np.abs(np.diff(log.q, axis=0)) / np.where(steps > 0, steps, np.inf)
+    shares = np.nanquantile(speeds, FAST, axis=0) / np.where(np.isfinite(limits) & (limits > 0), limits, np.nan)
+    return float(np.nanmax(shares)) if np.isfinite(shares).any() else float("nan")
+
+
+def _is_slow(subject: CheckedLog, middle: float) -> bool:
+    """Return whether the motion is far too slow for a robot, and that of another unit of the time is not."""
+    unit = subject.raw.columns.units.time
+    usual = [word for word in time_units(middle * UNITS["time"][unit][0][1]) if word != unit]
+    if not usual:
+        return False
+    share = _speed_share(subject)
+    (own, per), (other, each) = (UNITS["time"][word][0] for word in (unit, usual[0]))
+    return share < CRAWLS and PLAUSIBLE[0] <= share * (own * each) / (per * other) <= PLAUSIBLE[1]
 
 
 def _unit(subject: CheckedLog, middle: float) -> Finding:
     unit = subject.raw.columns.units.time
     plain = middle * UNITS["time"][unit][0][1]
-    usual = time_units(plain) or time_units(plain, POSSIBLE_STEPS)
+    usual = [word for word in time_units(plain) or time_units(plain, POSSIBLE_STEPS) if word != unit]
     counter = "of a counter state the sampling rate instead (log: columns: {time: 200 Hz})"
     remedy = f"check the column; {counter}"
     if usual:
         rate = UNITS["time"][usual[0]][0][1] / plain
         remedy = f"state its unit (log: units: {{time: {usual[0]}}}, {rate:.4g} samples a second then); {counter}"
     evidence = f"the median step is {plain:.4g} {unit}, {1 / middle:.4g} samples a second"
+    if is_step(middle):
+        evidence += f"; no joint is faster than {_speed_share(subject):.2%} of its speed limit"
     return Finding("error", "time unit", "", evidence, remedy, {"median_step_s": middle})
 
 
