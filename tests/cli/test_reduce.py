@@ -87,6 +87,27 @@ def test_large_logs_are_reduced_as_a_stream_by_themselves(
     assert "are read into memory: the estimator needs the samples" in capsys.readouterr().err
 
 
+def test_the_first_minutes_of_a_stream_are_checked(
+    capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(case_logs, "LARGE", 10_000)
+    words = ["identify", "--estimator", "wls", "--json"]
+    assert main([*words, "case.yaml"]) == 0
+    verdict = json.loads(capsys.readouterr().out)["verdict"]
+    assert verdict["log_checks_made"] and not verdict["causes"]
+    assert main([*words, "case.yaml", "--no-check"]) == 0
+    assert not json.loads(capsys.readouterr().out)["verdict"]["log_checks_made"]
+    for name in "ab":
+        log = read_case("case.yaml").read(f"{name}.csv")
+        turned = np.asarray(log.torque) * [1.0, -1.0]
+        write_log(Log(log.joints, log.time, log.q, torque=turned), tmp_path / f"{name}.csv")
+    case = Path("case.yaml").read_text().replace("arm.json", str(Path("arm.json").resolve()))
+    (tmp_path / "case.yaml").write_text(case.replace("test: test.csv\n", ""))
+    assert main([*words, str(tmp_path / "case.yaml")]) == 4
+    (cause,) = json.loads(capsys.readouterr().out)["verdict"]["causes"]
+    assert cause["name"] == "torque sign"
+
+
 @pytest.mark.parametrize("split", ["first:0.6", "samples:300:1500,1600:2400"])
 def test_a_case_that_splits_its_logs_has_the_training_parts_reduced(
     capsys: Capture, tmp_path: Path, split: str

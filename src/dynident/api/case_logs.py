@@ -73,27 +73,30 @@ def _check_distinct(train: Sequence[Log], test: Sequence[Log]) -> None:
         seen[log.source.sha256] = log.name
 
 
-def digest_of_large_logs(
-    case: Case, estimator: Estimator, needs_rows: str, progress: Callable[[str], None]
-) -> Digest | None:
-    """Return the logs of a case that are too large for memory, compressed; None where they are read into memory.
+def is_streamed(case: Case, estimator: Estimator, needs_rows: str, progress: Callable[[str], None]) -> bool:
+    """Return whether the logs of a case are too large for memory and can be reduced as a stream.
 
     Args:
         case: The case.
         estimator: What will fit them.
         needs_rows: What else is asked for that needs rows, in words; empty for nothing.
-        progress: Called with each step in words, and why logs are read into memory although they are large.
+        progress: Called with why logs are read into memory although they are large.
+    """
+    size = sum(size_of(str(case.place(name))) for name in case.train)
+    if size <= LARGE:
+        return False
+    why = _why_not_streamed(case, estimator) or (f"{needs_rows} needs the samples" if needs_rows else "")
+    if why:
+        progress(f"logs of {size >> 20} MiB are read into memory: {why}")
+    return not why
+
+
+def reduced_logs(case: Case, progress: Callable[[str], None]) -> Digest:
+    """Return the training logs of a case, reduced as a stream.
 
     Raises:
         DynidentError: Any fault of a log.
     """
-    size = sum(size_of(str(case.place(name))) for name in case.train)
-    if size <= LARGE:
-        return None
-    why = _why_not_streamed(case, estimator) or (f"{needs_rows} needs the samples" if needs_rows else "")
-    if why:
-        progress(f"logs of {size >> 20} MiB are read into memory: {why}")
-        return None
     from dynident.identification.streaming.reduction import reduce_logs
 
     progress("reducing the logs as a stream")

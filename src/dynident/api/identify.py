@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
@@ -40,12 +40,14 @@ class Record:
         command: What was typed, to be repeated; empty for nothing.
         checks: Make the log checks; without them the verdict on the estimate says that they were not made.
         strict: Raise where a finding is at error level, in place of an estimate that is not accepted.
+        quality: Findings that were made before the logs were reduced, as plain data; None for none.
     """
 
     columns: ColumnMap | None = None
     command: str = ""
     checks: bool = True
     strict: bool = False
+    quality: Sequence[Mapping[str, Any]] | None = None
 
 
 def identify(
@@ -136,4 +138,6 @@ def _provenance(case: Case, record: Record) -> dict[str, Any]:
         facts["robot"] = {"path": case.robot_path, "sha256": sha256_of(case.robot_path)}
     if case.accept:
         facts["accept"] = dict(case.accept.limits)
+    if record.quality is not None:
+        facts["log_quality"] = list(record.quality)
     return facts

@@ -56,6 +56,28 @@ def check_logs(
     return [examine_recording(case, recording_of(case, log.ordered(names))).figures() for log in logs]
 
 
+def check_heads(case: Case, progress: Callable[[str], None] = lambda step: None) -> list[dict[str, Any]]:
+    """Return what the checks find in the first minutes of the training logs of a case, too large for memory.
+
+    Args:
+        case: The case, with its logs.
+        progress: Called with the step in words.
+
+    Raises:
+        LogFormatError: An unsound row.
+        LogMismatch: A log lacks a signal or a joint.
+    """
+    from dynident.data.log_places import at_hand
+    from dynident.identification.streaming.one_log import head_of  # few logs are as large
+
+    setup, heads = case.stream_setup(), []
+    progress("log checks of the first minutes")
+    for place in map(str, map(case.place, case.train)):
+        with at_hand(place) as path:
+            heads.append(head_of(setup, path))
+    return check_logs(case, heads)
+
+
 def refuse_faulty(quality: Sequence[Mapping[str, Any]], strict: bool = False) -> None:
     """Refuse logs with findings that leave a fit without a meaning; with ``strict`` those with any at error level.
 

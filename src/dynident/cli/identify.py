@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dynident.case.case import Case
@@ -158,8 +158,9 @@ def _estimate(
         those = " and ".join(name for name in ESTIMATORS.names() if ESTIMATORS.has_option(name, "bodies"))
         raise BadOption("--bodies", options.bodies, f"it is for the estimator {those}; leave one of the two out")
     record = Record(command=jobs.repeat_command(), checks=not options.no_check)
-    digest = _digest(case, options, estimator, progress)
+    digest, quality = _digest(case, options, estimator, progress)
     if digest is not None:
+        record = replace(record, quality=quality)
         return identify(case, digest, estimator, record=record, progress=progress), test_logs(case, digest)
     data = read_data(case)
     folds = DEFAULT_TRUST.folds if options.cross_validate is None else options.cross_validate
@@ -176,18 +177,23 @@ def _estimate(
 
 def _digest(
     case: Case, options: argparse.Namespace, estimator: Estimator, progress: Callable[[str], None]
-) -> Digest | None:
-    """Return the triangles to identify from; None where the logs are read into memory.
+) -> tuple[Digest | None, list[dict[str, Any]] | None]:
+    """Return the triangles to identify from, None where the logs are read into memory, and what the checks found.
 
     Raises:
         DynidentError: Triangles of another model, options that need rows, or any fault of a log.
     """
-    from dynident.api.case_logs import digest_of_file, digest_of_large_logs
+    from dynident.api.case_logs import digest_of_file, is_streamed, reduced_logs
+    from dynident.api.log_checks import check_heads, refuse_faulty
     from dynident.errors import BadOption
 
     if not options.triangles:
         asked = "--bootstrap" * bool(options.bootstrap) or "--cross-validate" * bool(options.cross_validate)
-        return digest_of_large_logs(case, estimator, asked, progress)
+        if not is_streamed(case, estimator, asked, progress):
+            return None, None
+        quality = None if options.no_check else check_heads(case, progress)
+        refuse_faulty(quality or ())
+        return reduced_logs(case, progress), quality
     for given, name in (
         (options.logs, "LOG"),
         (options.bootstrap, "--bootstrap"),
@@ -195,7 +201,7 @@ def _digest(
     ):
         if given:
             raise BadOption(name, given, "it needs the samples of logs, and --from gives QR factors; leave one out")
-    return digest_of_file(case, options.triangles, estimator)
+    return digest_of_file(case, options.triangles, estimator), None
 
 
 def _show(estimate: Estimate, test: Validation | None) -> None:

@@ -65,7 +65,7 @@ def settled(setup: StreamSetup, path: Path, progress: Callable[[str], None]) -> 
     model, preprocessing = setup.model, setup.preprocessing
     if not preprocessing.filter.is_open and preprocessing.delay_s is not None:
         return preprocessing
-    head = _head(setup, path)
+    head = head_of(setup, path)
     setup.check_signals(head)
     preprocessing = with_cutoff(model, [head], preprocessing, progress)[0]
     if preprocessing.delay_s is None:
@@ -75,8 +75,13 @@ def settled(setup: StreamSetup, path: Path, progress: Callable[[str], None]) -> 
     return preprocessing
 
 
-def _head(setup: StreamSetup, path: Path) -> Log:
-    """Return the first minutes of a log."""
+def head_of(setup: StreamSetup, path: Path) -> Log:
+    """Return the first minutes of a log, of the part that trains: two, or fewer where they have more than 2^19 rows.
+
+    Raises:
+        LogFormatError: An unsound row.
+        LogMismatch: The log lacks a signal or a joint.
+    """
     stream, parts, rows = training_part(setup, path), list[Log](), 0
     with closing(stream):
         for block in stream.blocks():
