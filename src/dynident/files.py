@@ -7,7 +7,7 @@ import json
 import os
 import secrets
 import stat
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -90,6 +90,12 @@ def check_place(path: str | os.PathLike[str]) -> tuple[Path, int | None]:
     if not target.parent.is_dir():
         raise FileError(path, f"there is no folder '{Path(path).parent}'", "create it or choose another place")
     return target, _mode_of(target, path)
+
+
+def files_behind(provenance: Mapping[str, Any]) -> list[str]:
+    """Return the files that an estimate was made from, by its provenance: logs, case file and robot model."""
+    logs = [str(log.get("path", "")) for log in provenance.get("logs", ())]
+    return [*logs, *(str(provenance.get(name, {}).get("path", "")) for name in ("case", "robot"))]
 
 
 def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str | Path]) -> None:

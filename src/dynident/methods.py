@@ -20,11 +20,12 @@ class EstimateMethods:
 
     def __repr__(self) -> str:
         own: Any = self
-        error = own.train.total_relative_error
-        return (
-            f"<Estimate of {own.model.robot.name}: {own.base.count} base parameters by {own.estimator}, "
-            f"{'consistent' if own.consistency.consistent else 'physically inconsistent'}, training error {error:.2%}>"
-        )
+        error, verdict = own.train.total_relative_error, verb("diagnosis.verdict", "verdict_of")(self)
+        state = "NOT ACCEPTED, " if verdict.causes else ""
+        state += "consistent" if own.consistency.consistent else "physically inconsistent"
+        count, estimator = own.base.count, own.estimator
+        name = own.model.robot.name
+        return f"<Estimate of {name}: {count} base parameters by {estimator}, {state}, training error {error:.2%}>"
 
     def _repr_html_(self) -> str:
         return verb("results.estimate_summary", "summary_html")(self)

@@ -97,7 +97,7 @@ def test_torques_at_arrays(estimate: di.Estimate) -> None:
 
 
 def test_plots(estimate: di.Estimate, arm: Any) -> None:
-    figure = estimate.plot_torques(di.validate(estimate, arm[1]), joints=["joint2"])
+    figure = estimate.plot_torques(estimate.train, joints=["joint2"])
     drawn = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
     np.testing.assert_allclose(drawn["measured"] - drawn["predicted"], drawn["residual"], atol=1e-12)
     assert len(estimate.plot_torques().axes) == 2
@@ -207,3 +207,65 @@ def test_friction_by_name(arm: Any) -> None:
     assert one == two and one.friction == (di.FRICTION.make("viscous"),)
     assert di.read_case(arm[0], friction="auto").choose_friction
     assert di.read_case(arm[0], friction=["viscous"]).friction == one.friction
+
+
+def test_what_an_estimate_was_made_from_is_not_overwritten(arm: Any, tmp_path: Path) -> None:
+    robot, log = arm
+    place, run = tmp_path / "arm.json", tmp_path / "run.csv"
+    place.write_text(Path(robot).read_text())
+    di.write_log(di.log_of(log, robot), run)
+    estimate = di.identify(str(place), str(run), trust=di.TrustOptions())
+    before = place.read_bytes(), run.read_bytes()
+    for path in (place, run):
+        for write in (
+            estimate.save,
+            lambda path: estimate.export("csv", path),
+            lambda path: di.write_report(path, estimate),
+        ):
+            with pytest.raises(di.DynidentError, match=f"{path.name}: it is an input of this command"):
+                write(path)
+    assert (place.read_bytes(), run.read_bytes()) == before
+
+
+def test_training_data_are_no_test(arm: Any, estimate: di.Estimate) -> None:
+    log = arm[1]
+    with pytest.warns(UserWarning, match="arrays: used for training, so the errors are optimistic"):
+        di.validate(estimate, log)
+    first, rest = di.log_of(log, arm[0]).split(0.7)
+    di.validate(di.identify(arm[0], first, "wls", trust=di.TrustOptions()), rest)  # no warning
+
+
+def test_torques_in_another_unit_are_not_accepted(arm: Any) -> None:
+    robot, log = arm
+    with pytest.warns(UserWarning, match=r"not accepted: .*torque unit: .*units: \{torque: mN m\}"):
+        estimate = di.identify(robot, {**log, "torque": 1000.0 * log["torque"]}, trust=di.TrustOptions())
+    assert ", NOT ACCEPTED, " in repr(estimate)
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (
+            lambda robot, log, estimate: di.identify(robot, log, True),
+            "estimator: bool where a name or a part is wanted",
+        ),
+        (lambda robot, log, estimate: estimate.summary(log), "test: dict where a Validation is wanted"),
+        (lambda robot, log, estimate: list(di.compare(robot, ["ols"], log)), "data: dict where CaseData is wanted"),
+        (lambda robot, log, estimate: di.write_report(estimate, "a.html"), "estimate: str where an Estimate is wanted"),
+        (lambda robot, log, estimate: estimate.plot_torques(joints=0), "joints: 0 where the robot has"),
+        (lambda robot, log, estimate: di.init(robot, log), "logs: dict where a file is wanted"),
+        (lambda robot, log, estimate: di.robot_of("<robot/>"), "robot: the text of a robot model where its file"),
+        (lambda robot, log, estimate: di.identify(robot, {**log, "q": log["q"] + 0j}), "q: complex numbers"),
+    ],
+)
+def test_wrong_calls_name_the_argument(call: Any, told: str, arm: Any, estimate: di.Estimate) -> None:
+    with pytest.raises(di.BadArgument) as caught:
+        call(*arm, estimate)
+    assert told in str(caught.value)
+
+
+def test_columns_of_a_frame_that_stand_there_twice_are_named(arm: Any) -> None:
+    frame = _frame(arm[1])
+    twice = pandas.concat([frame, frame[["q1"]]], axis=1)
+    with pytest.raises(di.BadArgument, match="log: the columns q1 stand there twice"):
+        di.log_of(twice, arm[0])

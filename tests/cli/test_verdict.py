@@ -150,7 +150,10 @@ def test_the_library_returns_the_verdict_and_raises_where_it_is_asked_to(spatial
     recorded(spatial_3r, _turned)
     case = dynident.read_case("case.yaml")
     logs, trust = [case.read("run.csv")], TrustOptions()
-    verdict = dynident.verdict_of(dynident.identify(case.model, logs, "wls", case.preprocessing, trust=trust))
+    with pytest.warns(UserWarning, match=r"not accepted: .*torque sign"):
+        estimate = dynident.identify(case.model, logs, "wls", case.preprocessing, trust=trust)
+    verdict = dynident.verdict_of(estimate)
+    assert "NOT ACCEPTED" in repr(estimate) and "torque sign" in estimate.summary()
     assert (verdict.word, verdict.code) == ("not accepted", 4)
     assert [(cause.name, cause.joint) for cause in verdict.causes] == [("torque sign", "joint2")]
     with pytest.raises(NotAccepted, match="torque sign"):

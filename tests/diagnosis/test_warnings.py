@@ -51,7 +51,8 @@ def test_a_filter_of_the_torque_alone(name: str, warned: bool) -> None:
 
 def test_a_torque_of_the_wrong_sign() -> None:
     model, log = recorded(flip=1)
-    found = warnings_of(identify(model, [log], preprocessing=HOW))
+    with pytest.warns(UserWarning, match="not accepted: .*torque sign"):
+        found = warnings_of(identify(model, [log], preprocessing=HOW))
     assert any("negative correlation" in text for text in found), found
 
 
@@ -73,7 +74,8 @@ def test_a_consistent_fit_that_is_some_tens_of_per_cent_worse_is_no_fault() -> N
 
 def test_positions_beyond_the_limits() -> None:
     model, log = recorded(stretch=57.3)
-    found = warnings_of(identify(model, [log], preprocessing=HOW))
+    with pytest.warns(UserWarning, match="not accepted: .*degrees"):
+        found = warnings_of(identify(model, [log], preprocessing=HOW))
     assert any("limits" in text and "check units" in text for text in found), found
 
 

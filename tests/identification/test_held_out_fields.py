@@ -132,7 +132,7 @@ def test_a_part_that_the_log_asks_for_is_taken_and_its_sign_turns_with_the_other
     taken = {(held.part, held.field): held for held in found}
     assert taken["stribeck", "part"].value == 1.0 and ("coulomb, stribeck", "width") in taken
     ((_, table),) = choice_tables(Choices(chosen_fields=found))
-    assert ("left out", "there", "best") in [(row[3], row[4], row[7]) for row in table.rows]
+    assert ("left out", "there", "in the model") in [(row[3], row[4], row[7]) for row in table.rows]
 
 
 OPTIONAL = (RotorInertia(choose=("part",)), Degressive(choose=("part",)), Load(0.01, choose=("part", "width")))

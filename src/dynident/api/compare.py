@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from dynident.api.case_logs import CaseData, read_data
 from dynident.api.case_options import cut, estimator_of, prior_of
 from dynident.api.given_logs import case_of
-from dynident.api.log_checks import check_logs, refuse_faulty
+from dynident.api.log_checks import check_logs, refuse_faulty, warn_of
 from dynident.case.case import Case
-from dynident.diagnosis.verdict import errors_in
-from dynident.errors import BadOption
+from dynident.errors import BadArgument, BadOption
 from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.estimators import ESTIMATORS
 from dynident.studies.comparison.compare import compare as compare_methods
@@ -44,18 +42,21 @@ def compare(
         strict: Raise after any finding at error level.
 
     Raises:
+        BadArgument: Something else in place of the data.
         DynidentError: Any fault of the case, a log or an option.
         NotAccepted: The unit of the time or a column of a log makes no sense, or with ``strict`` any finding at error
             level.
     """
     case = case_of(case)
     methods = methods_of(case, estimators if isinstance(estimators, str) else ",".join(estimators))
+    if not isinstance(data, CaseData | None):
+        step = "give a case file that names its logs under train and test, or data=CaseData(train, test)"
+        raise BadArgument("data", f"{type(data).__name__} where CaseData is wanted", step)
     data = data or read_data(case)
     if checks:
         quality = check_logs(case, data.train, progress)
         refuse_faulty(quality, strict)
-        for cause in errors_in(quality):
-            warnings.warn(f"not accepted: {cause}", stacklevel=2)
+        warn_of(quality)
     contest = contest_of_case(case, data, truth=truth, progress=progress)
     yield from compare_methods(contest, methods, progress=progress)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from dynident.diagnosis.verdict import verdict_of
 from dynident.diagnosis.warnings import warnings_of
+from dynident.files import check_outputs, files_behind
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.identification.files import estimate_file
@@ -34,12 +35,7 @@ def write_estimate(estimate: Estimate, path: str | Path, test: Validation | None
         test: Its figures on data that had no part in the fit; they go into the summary.
 
     Raises:
-        FileError: The file cannot be written.
+        FileError: The file cannot be written, or the estimate was made from it.
     """
+    check_outputs((str(path),), files_behind(estimate.provenance))
     estimate_file.write_estimate(estimate, path, warnings_of(estimate), test)
-
-
-def files_behind(estimate: Estimate) -> list[str]:
-    """Return the files that an estimate was made from: its logs and its case file."""
-    logs = [str(log.get("path", "")) for log in estimate.provenance.get("logs", ())]
-    return [*logs, str(estimate.provenance.get("case", {}).get("path", ""))]

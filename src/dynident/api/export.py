@@ -13,7 +13,7 @@ from dynident.errors import BadOption, FileError
 from dynident.excitation.design.plan import Plan, read_plan
 from dynident.exports.models import MODEL_EXPORTERS, ModelExport, ModelExporter, export_model
 from dynident.exports.motions import MOTION_EXPORTERS, MotionExport, MotionExporter, Playback, export_motion
-from dynident.files import unreadable
+from dynident.files import check_outputs, files_behind, unreadable
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.files.estimate_file import KIND, read_estimate
 
@@ -70,7 +70,8 @@ def export(
         BadOption: An option that goes with the other kind of subject, or that cannot be.
         NotConsistent: No physically consistent robot has the base parameters of the estimate.
         DescriptionError: The robot model is faulty, or of another robot.
-        FileError: The plan passes a bound, the proof fails, a simulation diverges, or a file cannot be written.
+        FileError: The plan passes a bound, the proof fails, a simulation diverges, a file cannot be written, or the
+            estimate was made from it.
         LogMismatch: The log of the motion does not fit the robot.
     """
     check_target(subject, exporter)
@@ -81,6 +82,7 @@ def export(
         return export_motion(subject, exporter, path, playback, write=write)  # type: ignore[arg-type]
     if playback is not None:
         raise BadOption("playback", playback, "it goes with a plan, not with an estimate")
+    check_outputs((str(path),), files_behind(subject.provenance))
     return export_model(
         subject,
         exporter,  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias, runtime_checkable
@@ -137,7 +138,7 @@ def case_of(subject: Any) -> Case:
     raise BadArgument("subject", f"{_kind(subject)} where a robot is wanted", step)
 
 
-def check_kinds(wanted: Mapping[str, tuple[Any, type, str]]) -> None:
+def check_kinds(wanted: Mapping[str, tuple[Any, Any, str]]) -> None:
     """Refuse an option of another kind than it has; None is left to the default.
 
     Args:
@@ -148,11 +149,16 @@ def check_kinds(wanted: Mapping[str, tuple[Any, type, str]]) -> None:
     """
     for name, (value, kind, line) in wanted.items():
         if value is not None and not isinstance(value, kind):
-            raise BadArgument(name, f"{_kind(value)} where a {kind.__name__} is wanted", f"write {line}")
+            what = getattr(kind, "__name__", "name or a part")
+            raise BadArgument(name, f"{_kind(value)} where a {what} is wanted", f"write {line}")
 
 
 def _log(data: Mapping[str, Any] | DataFrameLike, robot: Robot | None) -> Log:
     names = list(data) if isinstance(data, Mapping) else [str(name) for name in data.columns]
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise BadArgument(
+            "log", f"the columns {', '.join(twice)} stand there twice", "give each column a name of its own"
+        )
     found: dict[str, Any] = {}
     used: set[str] = set()
     for signal in _WORDS:

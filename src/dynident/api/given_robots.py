@@ -49,6 +49,8 @@ def robot_of(subject: RobotLike) -> Robot:
     if isinstance(subject, DynamicModel):
         return subject.robot
     if isinstance(subject, str | Path):
+        if "<" in str(subject):
+            raise BadArgument("robot", "the text of a robot model where its file is wanted", "write it to a file")
         return read_robot(subject)
     reader = _READERS.get((type(subject).__module__.partition(".")[0], type(subject).__name__))
     if reader is None:

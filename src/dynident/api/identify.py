@@ -11,7 +11,7 @@ from dynident.api.case_logs import read_data
 from dynident.api.case_options import estimator_of, prior_of
 from dynident.api.given_logs import LogLike, case_of, check_kinds, logs_of
 from dynident.api.given_robots import RobotLike
-from dynident.api.log_checks import add_causes, check_logs, refuse_faulty
+from dynident.api.log_checks import add_causes, check_logs, refuse_faulty, warn_of
 from dynident.case.case import Case
 from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import Preprocessing
@@ -64,7 +64,7 @@ def identify(
     """Identify the base parameters of a robot from logs, once the log checks have looked at them.
 
     A finding that leaves a fit without a meaning stops it. With any other finding at error level the fit runs, and
-    :func:`verdict_of` of the estimate is ``not accepted`` with the cause; ``record`` says whether that raises.
+    :func:`verdict_of` of the estimate is ``not accepted``, and a Python warning has the cause; ``record`` can raise it.
 
     Args:
         subject: Case, file, model or robot (:func:`robot_of`); ``read_case(path, friction="auto")`` chooses friction.
@@ -86,7 +86,7 @@ def identify(
         PoorExcitation: The logs do not determine all base parameters.
         SolverFailed: The estimator found no checked solution.
     """
-    _check_options(preprocessing, knowledge, trust, record)
+    _check_options(preprocessing, knowledge, trust, record, estimator)
     record, subject = record or Record(), case_of(subject)
     if logs is None and not subject.train and not subject.path:
         raise BadOption("logs", None, "give logs with a model, or a case that names its logs")
@@ -102,10 +102,10 @@ def identify(
     if record.checks:
         provenance["log_quality"] = check_logs(case, logs, progress)
         refuse_faulty(provenance["log_quality"], record.strict)
-    choose = case.choose_friction
-    known: dict[str, Any] = {"knowledge": knowledge, "trust": trust, "progress": progress}
+        warn_of(provenance["log_quality"], record.command)
+    known: dict[str, Any] = {"choose_friction": case.choose_friction, "knowledge": knowledge, "trust": trust}
     try:
-        estimate = identify_model(case.model, logs, part, case.preprocessing, choose_friction=choose, **known)
+        estimate = identify_model(case.model, logs, part, case.preprocessing, progress=progress, **known)
     except DynidentError as error:
         add_causes(error, provenance.get("log_quality", ()))
         raise
@@ -117,7 +117,7 @@ def is_digest(logs: object) -> TypeGuard[Digest]:
     return hasattr(logs, "chunks")
 
 
-def _check_options(preprocessing: object, knowledge: object, trust: object, record: object) -> None:
+def _check_options(preprocessing: object, knowledge: object, trust: object, record: object, estimator: object) -> None:
     line = 'preprocessing=di.Preprocessing(di.FILTERS.make("butterworth", {"cutoff_hz": 5.0}))'
     check_kinds(
         {
@@ -125,6 +125,7 @@ def _check_options(preprocessing: object, knowledge: object, trust: object, reco
             "knowledge": (knowledge, PriorKnowledge, "knowledge=di.PriorKnowledge(constraints, prior)"),
             "trust": (trust, TrustOptions, "trust=di.TrustOptions(diagnose=True, bootstrap=100)"),
             "record": (record, Record, "record=di.Record(strict=True)"),
+            "estimator": (estimator, str | Estimator, 'estimator="wls", or di.ESTIMATORS.make("ridge", {...})'),
         }
     )
 

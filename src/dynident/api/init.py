@@ -10,7 +10,7 @@ from dynident.api.log_checks import case_of_model
 from dynident.case.case_draft import Draft, draft_case, told_gravity
 from dynident.diagnosis.causes.gravity_direction import followed_gravity
 from dynident.diagnosis.causes.quick_fit import quick_fit
-from dynident.errors import BadOption
+from dynident.errors import BadArgument, BadOption
 from dynident.files import resolved
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.threads import one_blas_thread
@@ -51,12 +51,17 @@ def init(
         kind: What is stated of the files of the logs.
 
     Raises:
+        BadArgument: Arrays in place of a file.
         FileError: A file cannot be read.
         DescriptionError: A fault in the robot model.
         LogFormatError: No sound log.
         UnknownChoice: No such profile or format.
         BadOption: A log that is named twice, or a profile or a rate that does not fit.
     """
+    for log in [logs] if isinstance(logs, str | Path | Mapping) else list(logs):
+        if not isinstance(log, str | Path):
+            step = "give the name of a file; arrays need no draft: di.identify(robot, log)"
+            raise BadArgument("logs", f"{type(log).__name__} where a file is wanted", step)
     train, kind = (logs,) if isinstance(logs, str) else tuple(logs), kind or LogKind()
     _check_once((*train, *test))
     draft = draft_case(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -87,6 +88,15 @@ def refuse_faulty(quality: Sequence[Mapping[str, Any]], strict: bool = False) ->
     for cause in errors_in(quality):
         if strict or cause.name in STOPS:
             raise NotAccepted(cause.log, f"{cause.title}: {cause.evidence}", cause.remedy)
+
+
+def warn_of(quality: Sequence[Mapping[str, Any]], command: str = "") -> None:
+    """Give a Python warning, at the line that called the verb, for each finding at error level.
+
+    None where a command was typed: it shows the verdict.
+    """
+    for cause in () if command else errors_in(quality):
+        warnings.warn(f"not accepted: {cause}", stacklevel=3)
 
 
 def add_causes(error: DynidentError, quality: Sequence[Mapping[str, Any]]) -> None:

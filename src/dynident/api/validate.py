@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -26,6 +27,8 @@ def validate(
             logs of the fit were.
         preprocessing: Another preparation than that of the fit.
 
+    A log that the fit has seen is a Python warning.
+
     Raises:
         BadArgument: Something that is no log, or arrays of a wrong shape.
         FileError: A log cannot be read.
@@ -35,8 +38,14 @@ def validate(
     if not isinstance(estimate, Estimate):
         step = "write di.validate(estimate, log); di.read_estimate(path) reads one from a file"
         raise BadArgument("estimate", f"{type(estimate).__name__} where an Estimate is wanted", step)
-    robot = estimate.model.robot
-    return bare.validate(estimate, logs_of(logs, robot, lambda name: read_log(estimate, name)), preprocessing)
+    given = logs_of(logs, estimate.model.robot, lambda name: read_log(estimate, name))
+    trained = {log["sha256"]: tuple(log["steps"]) for log in estimate.provenance.get("logs", ()) if log.get("sha256")}
+    before = [(log.name, log.source.steps, trained.get(log.source.sha256)) for log in given]
+    # the rest of a log that was split has other steps than the part that trained
+    if seen := [name for name, steps, own in before if own is not None and own[: len(steps)] == steps]:
+        text = f"{', '.join(seen)}: used for training, so the errors are optimistic; validate on another log"
+        warnings.warn(text, stacklevel=2)
+    return bare.validate(estimate, given, preprocessing)
 
 
 def read_log(estimate: Estimate, name: str | Path) -> Log:

@@ -85,9 +85,11 @@ def plain_numbers(name: str, values: Any) -> Array:
     """Return values as an array of finite numbers.
 
     Raises:
-        BadArgument: Values that are masked, not numbers, or not finite.
+        BadArgument: Values that are masked, complex, no numbers, or not finite.
     """
     hidden = np.ma.getmaskarray(values) if isinstance(values, np.ma.MaskedArray) else np.zeros(1, dtype=bool)
+    if isinstance(values, np.ndarray) and np.iscomplexobj(values):
+        raise BadArgument(name, "complex numbers", f"give their real part: np.real({name})")
     try:
         array = np.asarray(values, dtype=float)
     except (TypeError, ValueError):

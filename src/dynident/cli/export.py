@@ -140,15 +140,14 @@ def _export_plan(options: argparse.Namespace, plan: Plan) -> int:
 
 
 def _export_model(options: argparse.Namespace, estimate: Estimate) -> int:
-    from dynident.api.estimate_output import files_behind
     from dynident.api.export import export
     from dynident.cli import console, proving
     from dynident.exports.models import MODEL_EXPORTERS, model_export_data
-    from dynident.files import check_outputs
+    from dynident.files import check_outputs, files_behind
 
     part = MODEL_EXPORTERS.make_from_text(options.to, _pairs(options.option))
     robot = str(estimate.provenance.get("robot", {}).get("path", ""))
-    inputs = (options.file, options.description or "", robot, *files_behind(estimate))
+    inputs = (options.file, options.description or "", robot, *files_behind(estimate.provenance))
     check_outputs((options.output,), inputs)
     chosen = options.description
     followed = proving.motion_of(estimate, options) if options.prove or options.motion else None

@@ -96,11 +96,11 @@ def run(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from dynident.api.estimate_output import summary, write_estimate
-    from dynident.api.validate import validate
     from dynident.case.acceptance import with_accept
     from dynident.cli import console, jobs, verdicts
     from dynident.diagnosis.verdict import verdict_of
     from dynident.files import check_outputs, check_place
+    from dynident.identification.validate import validate
 
     for place in filter(None, (options.output, options.report)):
         check_place(place)

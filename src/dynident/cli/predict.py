@@ -42,16 +42,15 @@ def run(options: argparse.Namespace) -> int:
     """Run the command."""
     import numpy as np
 
-    from dynident.api.estimate_output import files_behind
     from dynident.applications.predicted_torque import predict_torque
     from dynident.cli import console
-    from dynident.files import check_outputs, check_place, write_atomically
+    from dynident.files import check_outputs, check_place, files_behind, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
 
     check_place(options.output)
     estimate = read_estimate(options.estimate)
     robot = estimate.model.robot
-    check_outputs((options.output,), (options.estimate, options.log, *files_behind(estimate)))
+    check_outputs((options.output,), (options.estimate, options.log, *files_behind(estimate.provenance)))
     log = _motion(options.log, estimate.columns, robot)
     found = predict_torque(estimate, log.ordered(robot.joint_names))
     write_atomically(options.output, _csv(found))

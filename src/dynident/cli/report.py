@@ -57,10 +57,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.api.estimate_output import files_behind
     from dynident.cli import console, plans
     from dynident.errors import BadOption
-    from dynident.files import check_outputs, check_place, write_atomically
+    from dynident.files import check_outputs, check_place, files_behind, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.results.report.builder import parts_of, report_page
 
@@ -68,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     estimate = read_estimate(options.estimate)
     if options.case and not options.plan:
         raise BadOption("--case", options.case, "it goes with --plan, the motion that is to be checked again")
-    beside = (*files_behind(estimate), options.plan or "", *plans.files_of(options.case))
+    beside = (*files_behind(estimate.provenance), options.plan or "", *plans.files_of(options.case))
     read = (options.estimate, *options.test, options.motion or "", *beside)
     check_outputs((options.output, options.figures), read)
     check_place(options.output)

@@ -45,10 +45,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.applications import logs_of_fit, track
-    from dynident.api.estimate_output import files_behind
     from dynident.applications.tracking import Pace
     from dynident.cli import console
-    from dynident.files import check_outputs, check_place, write_atomically
+    from dynident.files import check_outputs, check_place, files_behind, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
 
     pace = Pace(options.memory, options.window, options.loosen)
@@ -59,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
         estimate = read_estimate(options.estimate)
         names = options.clean or logs_of_fit(estimate)
         if options.output:
-            inputs = (options.estimate, options.log, *names, *files_behind(estimate))
+            inputs = (options.estimate, options.log, *names, *files_behind(estimate.provenance))
             check_outputs((options.output,), inputs)
         followed = track(estimate, options.log, clean=names, rate=options.rate, pace=pace, progress=progress.step)
     found, seconds = followed.found, followed.clean_seconds

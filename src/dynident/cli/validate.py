@@ -32,16 +32,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
     from dynident.api.case_logs import check_unseen, seen_logs
-    from dynident.api.estimate_output import files_behind, summary
-    from dynident.api.validate import read_log, validate
+    from dynident.api.estimate_output import summary
+    from dynident.api.validate import read_log
     from dynident.case.acceptance import Acceptance, with_accept
     from dynident.cli import console, jobs, verdicts
     from dynident.cli.identify import consistency_line
     from dynident.data.split import Split
     from dynident.diagnosis.verdict import verdict_of
     from dynident.diagnosis.warnings import warnings_of
-    from dynident.files import check_outputs, check_place
+    from dynident.files import check_outputs, check_place, files_behind
     from dynident.identification.files.estimate_file import read_estimate
+    from dynident.identification.validate import validate
     from dynident.results.text import fits_table, in_words, total_error
 
     if options.report:
@@ -49,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     with console.progress(3, options.quiet or options.json) as progress:
         progress.step("reading")
         estimate = read_estimate(options.estimate)
-        check_outputs((options.report,), (options.estimate, *options.logs, *files_behind(estimate)))
+        check_outputs((options.report,), (options.estimate, *options.logs, *files_behind(estimate.provenance)))
         acceptance = with_accept(Acceptance(estimate.provenance.get("accept") or {}), options.accept)
         logs = [read_log(estimate, name) for name in options.logs]
         seen = [] if options.split else seen_logs(estimate, logs)

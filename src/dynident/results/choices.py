@@ -163,14 +163,14 @@ def _held_out(found: Sequence[FieldChoice]) -> Table:
         Column("best", numeric=True),
         Column("error reduction", "%", numeric=True),
         Column("std", "%", numeric=True),
-        Column("selected"),
+        Column("used"),
     )
     rows = tuple(
         (
             *_field(each),
             *_values(each),
             *((MISSING, MISSING) if each.error is None else format_value(100.0 * each.gain, 100.0 * each.error)),
-            "given" if each.value == each.stated else "best",
+            _used(each),
         )
         for each in found
     )
@@ -180,6 +180,13 @@ def _held_out(found: Sequence[FieldChoice]) -> Table:
         "own the shortest list within one standard error of the best is there."
     )
     return Table(columns, rows, note)
+
+
+def _used(held: FieldChoice) -> str:
+    """Return which value the model has; of a whole part, whether it is in the model."""
+    if held.field == WHOLE:
+        return "in the model" if held.value else "left out"
+    return "given" if held.value == held.stated else "best"
 
 
 def _values(held: FieldChoice) -> tuple[str, str]:

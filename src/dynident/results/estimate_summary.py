@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from html import escape
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import scipy.special
 
 from dynident.diagnosis.verdict import verdict_of
-from dynident.errors import MissingDependency
+from dynident.errors import BadArgument, MissingDependency
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.results.short_answer import error_lines, summary_lines
@@ -41,7 +42,13 @@ def summary_text(estimate: Estimate, test: Validation | None = None) -> str:
     Args:
         estimate: The estimate.
         test: Its figures on data that had no part in the fit.
+
+    Raises:
+        BadArgument: Something else in place of the figures.
     """
+    if test is not None and not isinstance(test, Validation):
+        step = "give a Validation: estimate.summary(di.validate(estimate, log))"
+        raise BadArgument("test", f"{type(test).__name__} where a Validation is wanted", step)
     facts = [textwrap.fill(line, WIDTH, subsequent_indent="  ") for line in _facts(estimate, test)]
     lines = [*facts, ""]
     for title, validation in (("test data", test), ("training data", estimate.train)):
@@ -58,7 +65,7 @@ def summary_html(estimate: Estimate) -> str:
     return (
         f"<div><b>dynident estimate: {title}</b><ul>{facts}</ul>{_html(_narrow(fits_table(estimate.train)))}"
         f"<details><summary>{estimate.base.count} base parameters</summary>"
-        f"{_html(significance_table(estimate))}</details></div>"
+        f"{_html(significance_table(estimate), [label(name) for name in estimate.base.names])}</details></div>"
     )
 
 
@@ -126,7 +133,10 @@ def _narrow(table: Table) -> Table:
     return Table(tuple(table.columns[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in table.rows))
 
 
-def _html(table: Table) -> str:
+def _html(table: Table, names: Sequence[str] = ()) -> str:
+    """Return a table as HTML; the whole names of its rows show where the pointer is on a row."""
     heads = "".join(f"<th>{escape(heading_text(column))}</th>" for column in table.columns)
-    rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in table.rows)
+    titles = [f' title="{escape(name)}"' for name in names] or [""] * len(table.rows)
+    cells = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in table.rows]
+    rows = "".join(f"<tr{title}>{own}</tr>" for title, own in zip(titles, cells, strict=True))
     return f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>"

@@ -29,9 +29,8 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     every = len(facts.fitted) == len(estimate.model.robot.links) > 1
     if names := "all links" if every else ", ".join(map(label, facts.fitted)):
         step = "correct the robot model, or state body: and thickness: in the constraints"
-        lines.append(
-            f"nominal inertia of {names} does not fit the size of the link: the nearest one that fits is used; {step}"
-        )
+        what = f"the robot model's inertia of {names} is impossible for a link of that size"
+        lines.append(f"{what}: the nearest possible one is the reference; {step}")
     return [line for line in lines if line]
 
 

@@ -11,7 +11,7 @@ from dynident.errors import BadArgument, MissingDependency
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.results.report.sections.friction import friction_torque, standard_parameters
-from dynident.results.text import format_percent, label, pretty_unit
+from dynident.results.text import format_percent, label, pretty_unit, shorten
 
 #: Points of a cloud at most: more are not seen, and are slow to draw.
 MOST_POINTS = 4000
@@ -87,9 +87,11 @@ def plot_parameters(estimate: Estimate) -> Any:
         known = estimate.base.from_standard(nominal) / size
         axis.plot(np.clip(known, -3, 3), place, "x", color="0.5", label="robot model (beyond 3: at the edge)")
     axis.axvline(0.0, color="0.7", linewidth=0.8)
-    axis.set_yticks(place, [f"{label(name)[:40]} [{pretty_unit(unit)}]" for name, unit in _named(estimate)], fontsize=7)
+    axis.set_yticks(
+        place, [f"{shorten(label(name), 40)} [{pretty_unit(unit)}]" for name, unit in _named(estimate)], fontsize=7
+    )
     axis.set_xlim(-3.2, 3.2)
-    axis.set_xlabel("value over its absolute value, or its half width where that is larger")
+    axis.set_xlabel("value, scaled to 1, or to its interval where that is wider")
     axis.legend(fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
     return figure
 
@@ -146,7 +148,8 @@ def _figure(count: int, height: float = HEIGHT, shared: bool = True) -> tuple[An
 
 def _columns(estimate: Estimate, joints: Sequence[str] | None) -> list[int]:
     names = estimate.model.robot.joint_names
-    wanted = names if joints is None else (joints,) if isinstance(joints, str) else tuple(joints)
+    one = isinstance(joints, str) or not isinstance(joints, Sequence | None)
+    wanted = names if joints is None else (joints,) if one else tuple(joints)
     for name in wanted:
         if name not in names:
             raise BadArgument(

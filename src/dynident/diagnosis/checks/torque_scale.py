@@ -17,6 +17,10 @@ from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 from dynident.identification.problem.regressor_stream import motion_of
 
+#: Factor against the masses of the robot model, and correlation with their torque, beyond which the unit is wrong for
+#: certain: no robot model is off by as much.
+FAR_OFF, SURE = 20.0, 0.9
+
 
 @dataclass(frozen=True)
 class TorqueScale(Check):
@@ -91,10 +95,14 @@ def _all_joints(fit: QuickFit) -> list[Finding]:
         return []
     evidence = f"the robot model predicts {1 / ratio:.3g} times the measured torques (correlation {alike:.3f})"
     remedy = (
-        "currents or percent read as torques? name them so (log: columns: current and drives: gain, or log: units: "
-        "torque)"
+        "another unit (log: units: {torque: mN m}), or currents or percent read as torques? name them so (log: "
+        "columns: current and drives: gain)"
     )
-    return [Finding("warning", "torque unit", "", evidence, remedy, {"ratio": ratio, "correlation": alike})]
+    numbers = {"ratio": ratio, "correlation": alike}
+    if not 1 / FAR_OFF < ratio < FAR_OFF and alike > SURE:
+        explains = tuple(name for name in CONSEQUENCES if name != "torque unit")
+        return [Finding("error", "torque unit", "", evidence, remedy, numbers, explains)]
+    return [Finding("warning", "torque unit", "", evidence, remedy, numbers)]
 
 
 def _against_nominal(fit: QuickFit, theta: Array) -> tuple[float, float]:

@@ -76,12 +76,7 @@ def settled(setup: StreamSetup, path: Path, progress: Callable[[str], None]) -> 
 
 
 def head_of(setup: StreamSetup, path: Path) -> Log:
-    """Return the first minutes of a log, of the part that trains: two, or fewer where they have more than 2^19 rows.
-
-    Raises:
-        LogFormatError: An unsound row.
-        LogMismatch: The log lacks a signal or a joint.
-    """
+    """Return the first two minutes of a log, of the part that trains, 2^19 rows at most; any fault of it is raised."""
     stream, parts, rows = training_part(setup, path), list[Log](), 0
     with closing(stream):
         for block in stream.blocks():

@@ -17,8 +17,9 @@ import jinja2
 from markupsafe import Markup
 
 from dynident.data.log import Log, Source
+from dynident.errors import BadArgument
 from dynident.exports.models.proving.followed_motion import MotionProof
-from dynident.files import write_atomically
+from dynident.files import check_outputs, files_behind, write_atomically
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
 from dynident.plugins import added
@@ -81,9 +82,14 @@ def write_report(
 
     Raises:
         BadOption: The plan has other joints than the robot.
-        FileError: The file cannot be written.
+        BadArgument: Something else in place of the estimate.
+        FileError: The file cannot be written, or the estimate was made from it.
         LogMismatch: A validation or a trajectory has other joints than the robot.
     """
+    if not isinstance(estimate, Estimate):
+        step = "write di.write_report(path, estimate)"
+        raise BadArgument("estimate", f"{type(estimate).__name__} where an Estimate is wanted", step)
+    check_outputs((str(path),), files_behind(estimate.provenance))
     page = build_report(
         estimate,
         validations,

@@ -126,10 +126,9 @@ def _like(name: str, chosen: Sequence[Friction]) -> Friction:
     """Return a part for all drives, with the options that most drives were given; else with the width of the others."""
     own = [part for part in chosen if FRICTION.name_of(part) == name]
     if not own:
-        part = FRICTION.make(name)
         width = next((other.dry_width for other in chosen if other.dry_width is not None), None)
-        turns = any(each.width is not None for each in part.candidates)
-        return FRICTION.make(name, {"width": width}) if turns and width is not None else part
+        turns = width is not None and any(each.width is not None for each in FRICTION.get(name).candidates)
+        return FRICTION.make(name, {"width": width} if turns else {})
     most = max(own, key=lambda part: np.inf if part.joints is None else len(part.joints))
     options = {f.name: getattr(most, f.name) for f in fields(most) if f.name != "joints"}
     return FRICTION.make(name, options)

@@ -164,12 +164,13 @@ class PooledLogs:
         self._logs = [
             _PooledLog(
                 log,
-                _blocks_of(log, max(1, round(blocks * len(log.keep) / total))),
-                counting_rows(bare, log),
+                _blocks_of(log, mask, max(1, round(blocks * len(log.keep) / total))),
+                mask,
                 own > limits,
                 self._shared_rows(log),
             )
             for log, own in zip(logs, speeds, strict=True)
+            for mask in [counting_rows(bare, log)]
         ]
 
     def _shared_rows(self, log: Prepared) -> list[RowSegment]:
@@ -301,17 +302,17 @@ def held_out(held: Array, rest: Array, rows: IntArray, keep: IntArray) -> Array:
     return np.array(squares) / np.maximum(rows, 1)
 
 
-def _blocks_of(log: Prepared, blocks: int) -> IntArray:
-    """Return the block of each kept row, -1 for those near a cut, shape (N,)."""
-    count = len(log.keep)
-    place = np.minimum(np.arange(count) * blocks // max(count, 1), blocks - 1)
+def _blocks_of(log: Prepared, mask: BoolArray, blocks: int) -> IntArray:
+    """Return the block of each kept row, -1 for those near a cut, shape (N,): as many rows that count in each."""
+    passed = np.cumsum(mask.sum(axis=1))
+    place = np.minimum((passed - 1).clip(min=0) * blocks // max(passed[-1], 1), blocks - 1)
     bandwidth = log.how.filter.bandwidth()
     if blocks == 1 or bandwidth is None:
         return place
     near = log.log.rate / log.every / bandwidth
-    cuts = np.arange(1, blocks) * count / blocks
-    away = np.min(np.abs(np.arange(count)[:, None] - cuts), axis=1)
-    return np.where(away < min(near, 0.1 * count / blocks), -1, place)
+    cuts = np.append(np.flatnonzero(np.diff(place)) + 1.0, np.inf)
+    away = np.min(np.abs(np.arange(len(place))[:, None] - cuts), axis=1)
+    return np.where(away < min(near, 0.1 * len(place) / blocks), -1, place)
 
 
 def _slopes(log: Prepared) -> Array:

@@ -250,9 +250,10 @@ class _PartSearch:
         start = replace(model, friction=tuple(parts[p] for p in places))
         load = default_load(start, logs)
         pool = PooledLogs(model, logs, max(BLOCKS, len(logs)), load, delay_is_free).pool(parts)
-        if len(pool.products) < 3 or np.min(pool.rows.sum(axis=1)) < 2 * pool.shared:
-            rows = int(pool.rows.sum())
-            raise LogMismatch(logs[0].log.name, f"{rows} rows are too few to choose friction", "give longer logs")
+        rows, needed = int(np.min(pool.rows.sum(axis=1))), 2 * pool.shared
+        if len(pool.products) < 3 or rows < needed:
+            evidence = f"the shortest of {len(pool.rows)} held-out parts has {rows} rows in motion, {needed} are needed"
+            raise LogMismatch(logs[0].log.name, evidence, "give a longer log, or state the friction in place of auto")
         return cls(pool, places)
 
     def improve_all(self, names: Sequence[str], progress: Callable[[str], None]) -> None:
