@@ -156,7 +156,7 @@ def test_one_friction_for_all_is_taken_where_it_is_as_good(
 
 def test_too_short_a_log_chooses_nothing(mixed: DynamicModel, exact_log: MakeLog) -> None:
     log = exact_log(mixed, with_friction(mixed, np.ones(7)), samples=60)
-    with pytest.raises(LogMismatch, match="held-out parts has .* rows in motion, .* are needed; give a longer log"):
+    with pytest.raises(LogMismatch, match=r"held-out parts has .* rows in motion, .* are needed; give a longer log"):
         choose_friction(mixed, [preprocess(log, GIVEN)])
 
 

@@ -197,9 +197,8 @@ class PooledLogs:
         friction = RegressorStream(whole, base, start, only="friction")
         later = self._delay_is_free
         shared, size = rigid.count + later, count + later + 1
-        delay = [rigid.count] if later else []
         places = [
-            (np.concatenate([own, delay, [size - 1]]).astype(np.int64), extra + later)
+            (np.concatenate([own, [rigid.count] * later, [size - 1]]).astype(np.int64), extra + later)
             for own, extra in zip(self._bodies.columns, friction.columns, strict=True)
         ]
         found = [log.products(friction.segments(log.log), places, size) for log in self._logs]
