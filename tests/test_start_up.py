@@ -160,5 +160,5 @@ def test_every_name_at_the_front_door_is_there() -> None:
 
 
 def test_an_unknown_name_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError, match="module 'dynident' has no attribute 'identfy'"):
+    with pytest.raises(AttributeError, match="module 'dynident' has no attribute 'identfy'; did you mean 'identify'"):
         importlib.import_module("dynident").identfy

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from dynident.data.formats import read_log as read_log
     from dynident.data.formats import write_log as write_log
     from dynident.data.log import Log as Log
+    from dynident.data.log import torque_from_current as torque_from_current
     from dynident.data.preprocessing import FILTERS as FILTERS
     from dynident.data.preprocessing import Preprocessing as Preprocessing
     from dynident.data.preprocessing import preprocess as preprocess
@@ -105,7 +106,7 @@ _HOMES = {
     ),
     "case.case": ("Case", "read_case"),
     "data.formats": ("ColumnMap", "Units", "read_log", "write_log"),
-    "data.log": ("Log",),
+    "data.log": ("Log", "torque_from_current"),
     "data.preprocessing": ("FILTERS", "Preprocessing", "preprocess"),
     "diagnosis.verdict": ("Verdict", "verdict_of"),
     "errors": ("BadArgument", "DynidentError"),
@@ -146,7 +147,8 @@ def __getattr__(name: str) -> Any:
         return getattr(import_module(_HOME_OF[name]), name)
     if name == "__version__":
         return import_module("importlib.metadata").version("dynident")
-    raise AttributeError(f"module 'dynident' has no attribute '{name}'")
+    near = import_module("dynident.errors").nearest(name, _HOME_OF, 0.7)
+    raise AttributeError(f"module 'dynident' has no attribute '{name}'{near}")
 
 
 def __dir__() -> list[str]:
