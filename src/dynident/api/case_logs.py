@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dynident.case.case import Case
 from dynident.data.formats import LARGE
-from dynident.data.log import Log
+from dynident.data.log import Log, Source
 from dynident.data.log_places import logs_named, size_of
 from dynident.errors import BadOption, DescriptionError, LogMismatch
 from dynident.identification.estimators import Estimator
@@ -148,10 +148,18 @@ def test_logs(case: Case, digest: Digest) -> tuple[Log, ...]:
     return logs
 
 
-def seen_logs(estimate: Estimate, logs: Sequence[Log]) -> list[str]:
-    """Return the names of logs with the content of one that trained the estimate, whole or in part."""
-    trained = {log.get("sha256") for log in estimate.provenance.get("logs", ())} - {"", None}
-    return [log.name for log in logs if log.source.sha256 in trained]
+def seen_logs(estimate: Estimate, logs: Sequence[Log], parts_apart: bool = False) -> list[str]:
+    """Return the names of logs with the content of one that trained the estimate, whole or in part.
+
+    With ``parts_apart`` the rest of a log that was split is none of them: the steps to it are others.
+    """
+    trained = [(log.get("sha256"), tuple(log.get("steps", ()))) for log in estimate.provenance.get("logs", ())]
+
+    def trains(own: Source) -> bool:
+        steps = [each for sha256, each in trained if sha256 and sha256 == own.sha256]
+        return any(not parts_apart or each[: len(own.steps)] == own.steps for each in steps)
+
+    return [log.name for log in logs if trains(log.source)]
 
 
 def check_unseen(estimate: Estimate, logs: Sequence[Log]) -> None:

@@ -58,11 +58,12 @@ def init(
         UnknownChoice: No such profile or format.
         BadOption: A log that is named twice, or a profile or a rate that does not fit.
     """
-    for log in [logs] if isinstance(logs, str | Path | Mapping) else list(logs):
+    train = (logs,) if isinstance(logs, str | Mapping) else tuple(logs)
+    for log in train:
         if not isinstance(log, str | Path):
             step = "give the name of a file; arrays need no draft: di.identify(robot, log)"
             raise BadArgument("logs", f"{type(log).__name__} where a file is wanted", step)
-    train, kind = (logs,) if isinstance(logs, str) else tuple(logs), kind or LogKind()
+    kind = kind or LogKind()
     _check_once((*train, *test))
     draft = draft_case(
         robot,

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+from dynident.api.case_logs import seen_logs
 from dynident.api.given_logs import LogLike, logs_of
 from dynident.data.log import Log
 from dynident.data.log_of_robot import read_with
@@ -27,7 +28,7 @@ def validate(
             logs of the fit were.
         preprocessing: Another preparation than that of the fit.
 
-    A log that the fit has seen is a Python warning.
+    A log that was used for training gives a Python warning.
 
     Raises:
         BadArgument: Something that is no log, or arrays of a wrong shape.
@@ -39,10 +40,7 @@ def validate(
         step = "write di.validate(estimate, log); di.read_estimate(path) reads one from a file"
         raise BadArgument("estimate", f"{type(estimate).__name__} where an Estimate is wanted", step)
     given = logs_of(logs, estimate.model.robot, lambda name: read_log(estimate, name))
-    trained = {log["sha256"]: tuple(log["steps"]) for log in estimate.provenance.get("logs", ()) if log.get("sha256")}
-    before = [(log.name, log.source.steps, trained.get(log.source.sha256)) for log in given]
-    # the rest of a log that was split has other steps than the part that trained
-    if seen := [name for name, steps, own in before if own is not None and own[: len(steps)] == steps]:
+    if seen := seen_logs(estimate, given, parts_apart=True):
         text = f"{', '.join(seen)}: used for training, so the errors are optimistic; validate on another log"
         warnings.warn(text, stacklevel=2)
     return bare.validate(estimate, given, preprocessing)

@@ -146,8 +146,7 @@ def _export_model(options: argparse.Namespace, estimate: Estimate) -> int:
     from dynident.files import check_outputs, files_behind
 
     part = MODEL_EXPORTERS.make_from_text(options.to, _pairs(options.option))
-    robot = str(estimate.provenance.get("robot", {}).get("path", ""))
-    inputs = (options.file, options.description or "", robot, *files_behind(estimate.provenance))
+    inputs = (options.file, options.description or "", *files_behind(estimate.provenance))
     check_outputs((options.output,), inputs)
     chosen = options.description
     followed = proving.motion_of(estimate, options) if options.prove or options.motion else None

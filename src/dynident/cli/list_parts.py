@@ -10,19 +10,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-SUMMARY = "the parts to choose from, with their options"
+from dynident.cli.parser import KINDS
 
-#: Kinds of options in words.
-_KINDS = {
-    "float": "a number",
-    "int": "a whole number",
-    "bool": "yes or no",
-    "str": "a word",
-    "None": "none",
-    "tuple[str, ...]": "names",
-    "tuple[float, ...]": "numbers",
-    "tuple[int, ...]": "whole numbers",
-}
+SUMMARY = "the parts to choose from, with their options"
 
 FAMILIES = (
     "estimators",
@@ -76,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _kind(kind: str) -> str:
     """Return what values an option takes, in words: ``float | None`` is ``a number, or none``."""
-    found = [_KINDS.get(part.strip(), part.strip()) for part in kind.split(" | ")]
+    found = [KINDS.get(part.strip(), part.strip()) for part in kind.split(" | ")]
     return ", or ".join(found)
 
 

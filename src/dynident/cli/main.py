@@ -123,8 +123,7 @@ def _done(words: list[str]) -> int:
     options, unknown = parser.parse_known_args(words)
     if options.command is None:
         if unknown:
-            flags = [flag for action in parser._actions for flag in action.option_strings]
-            remark(f"error: no option '{unknown[0]}'{nearest(unknown[0], flags)}")
+            remark(f"error: no option '{unknown[0]}'{nearest(unknown[0], _flags(parser))}")
             remark("'dynident --help' lists options and commands")
         else:
             parser.print_help()
@@ -132,7 +131,8 @@ def _done(words: list[str]) -> int:
     if unknown:
         word = unknown[0].split("=")[0]
         kind = "has no option" if word.startswith("-") else "does not take"
-        remark(f"error: '{options.command}' {kind} '{word}'{nearest(word, _flags(parser, options.command), 0.7)}")
+        flags = _flags(_parser_of(parser, options.command))
+        remark(f"error: '{options.command}' {kind} '{word}'{nearest(word, flags, 0.7)}")
         remark(f"'dynident {options.command} {WHOLE}' lists all options")
         return 2
 
@@ -159,17 +159,13 @@ def _parser_of(parser: argparse.ArgumentParser, command: str) -> argparse.Argume
     return commands.choices[command]
 
 
-def _actions(parser: argparse.ArgumentParser, command: str) -> list[argparse.Action]:
-    return _parser_of(parser, command)._actions
-
-
-def _flags(parser: argparse.ArgumentParser, command: str) -> list[str]:
-    return [flag for action in _actions(parser, command) for flag in action.option_strings]
+def _flags(parser: argparse.ArgumentParser) -> list[str]:
+    return [flag for action in parser._actions for flag in action.option_strings]
 
 
 def _by_flag(error: BadOption, parser: argparse.ArgumentParser, options: argparse.Namespace) -> BadOption:
     """Return the error with the flag in place of the option's name in Python, where the flag is what was given."""
-    for action in _actions(parser, options.command):
+    for action in _parser_of(parser, options.command)._actions:
         given = getattr(options, action.dest, action.default) != action.default
         if action.dest == error.option and action.option_strings and (given or error.value is None):
             return error.called(action.option_strings[-1])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import re
-import sys
 from typing import Any, NoReturn
 
 from dynident.cli.short_help import WHOLE
@@ -13,8 +12,17 @@ from dynident.cli.short_help import WHOLE
 _MISSING = "the following arguments are required: "
 _NO_VALUE = re.compile(r"argument (?:\S+/)?(?P<flag>-\S+): expected (?:one|at least one) argument")
 
-#: What a value has to be, by the function that reads it.
-_KINDS = {"float": "a number", "int": "a whole number"}
+#: Kinds of values in words.
+KINDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "yes or no",
+    "str": "a word",
+    "None": "none",
+    "tuple[str, ...]": "names",
+    "tuple[float, ...]": "numbers",
+    "tuple[int, ...]": "whole numbers",
+}
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -22,6 +30,8 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the fault and the flag that lists the options, and exit with 2."""
+        from dynident.cli.console import remark
+
         text = message
         if message.startswith(_MISSING):
             text = f"missing: {message.removeprefix(_MISSING)}"
@@ -29,14 +39,15 @@ class OneLineParser(argparse.ArgumentParser):
             text = f"{match['flag']} needs a value"
         command = self.prog.partition(" ")[2]
         flag = WHOLE if command else "--help"
-        print(f"error: {text}\n'{self.prog} {flag}' lists all options", file=sys.stderr)
+        remark(f"error: {text}")
+        remark(f"'{self.prog} {flag}' lists all options")
         raise SystemExit(2)
 
     def _get_value(self, action: argparse.Action, arg_string: str) -> Any:
         try:
             return super()._get_value(action, arg_string)
         except argparse.ArgumentError as error:
-            kind = _KINDS.get(getattr(action.type, "__name__", ""), "a number")
+            kind = KINDS.get(getattr(action.type, "__name__", ""), "a number")
             stated = isinstance(error.__context__, argparse.ArgumentTypeError)
             text = error.message if stated else f"{kind} is needed"
             raise argparse.ArgumentError(None, f"{_name(action)} {arg_string}: {text}") from None

@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
             write_report(options.report, estimate, (test,), command=jobs.repeat_command(), sources=sources)
     optimistic = [f"{name}: this log was used for training, so its metrics are optimistic" for name in seen]
     warnings = [*optimistic, *warnings_of(estimate, test)]
-    verdict = verdict_of(estimate, test, acceptance, is_unseen=not seen)
+    verdict = verdict_of(estimate, test, acceptance, is_held_out=not seen)
     if options.json:
         console.answer_json({**summary(estimate, test), "verdict": verdict.figures(), "warnings": warnings})
         return verdict.code

@@ -150,7 +150,7 @@ def verdict_of(
     test: Validation | None = None,
     acceptance: Acceptance | None = None,
     quality: Sequence[Mapping[str, Any]] | None = None,
-    is_unseen: bool = True,
+    is_held_out: bool = True,
 ) -> Verdict:
     """Return the verdict on an estimate.
 
@@ -159,12 +159,12 @@ def verdict_of(
         test: Its comparison with data that had no part in the fit; the criteria then hold there.
         acceptance: The criteria; None for those that its provenance has.
         quality: What the checks found in the logs of the fit; None for what its provenance has.
-        is_unseen: Whether ``test`` had no part in the fit.
+        is_held_out: Whether ``test`` had no part in the fit.
     """
     known = quality_of(estimate) if quality is None else quality
     causes = errors_in(known or ())
     stated = Acceptance(estimate.provenance.get("accept") or {}) if acceptance is None else acceptance
-    on = "training data" if test is None or not is_unseen else "test data"
+    on = "training data" if test is None or not is_held_out else "test data"
     judged = [_judged(name, limit, estimate, test, known, on) for name, limit in stated.limits.items()]
     return Verdict(causes, tuple(judged), known is not None)
 

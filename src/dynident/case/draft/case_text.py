@@ -154,21 +154,20 @@ def _friction(found: Recognised) -> list[str]:
     is_plain_torque = found.effort == "torque" and "torque" not in found.on_motors
     if not is_plain_torque:
         lines.append("  - rotor_inertia            # of the motors, seen at the joints")
+    may_have_rotor = is_plain_torque and not _behind_the_gear(found)
     if found.is_large:
         text = "does a sensor behind the gear measure the torque? Then take this line out; it comes out small there"
-        rotor = [offered("  - rotor_inertia", text)] if is_plain_torque and not _behind_the_gear(found) else []
         return [
             *lines,
-            *rotor,
+            *([offered("  - rotor_inertia", text)] if may_have_rotor else []),
             "  - degressive               # gears: sub-linear viscous friction",
             "  # load: friction that grows with the torque takes several passes; logs this large get one",
         ]
-    if is_plain_torque and not _behind_the_gear(found):
-        lines.append(
-            "  - rotor_inertia: {choose: part}   # of the motors; like the parts below, only if held-out data ask"
-        )
+    if may_have_rotor:
+        lines.append("  - rotor_inertia: {choose: part}   # of the motors")
     return [
         *lines,
+        "  # parts with choose: part are kept only if they improve held-out data",
         "  - degressive: {choose: part}      # gears: sub-linear viscous friction",
         f"  - load: {{{width}, choose: [part, width]}}   # load-dependent friction",
         f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"

@@ -176,13 +176,20 @@ class _FieldSearch:
             return {}
         named = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in linear))
         self._progress(f"friction: {named} on held-out samples")
-        pool = self._pooled.pool(self.model.friction)
-        if not (tried := self._lists(pool, present, [()])).tells:
+        pool, own = self._pooled.pool(self.model.friction), self._drives(present)
+        tried = _Tried.of(pool, pool.weights(own), [own])
+        if not tried.tells:
             return {p: self._told(p, False, None) for p in linear}
-        path, scores = list[tuple[int, ...]]([()]), [tried.errors()[0]]
+        whole = tried.held.sum(axis=0)
+
+        def errors_of(added: Sequence[tuple[int, ...]]) -> list[Array]:
+            sets = (np.sort(pool.chosen(self._drives((*present, *extra)))) for extra in added)
+            return replace(tried, keeps=tuple(pool.possible(whole, keep, tried.keeps[0]) for keep in sets)).errors()
+
+        path, scores = list[tuple[int, ...]]([()]), errors_of([()])
         while left := [p for p in linear if p not in path[-1]]:
             longer = [(*path[-1], p) for p in left]
-            errors = self._lists(pool, present, longer).errors()
+            errors = errors_of(longer)
             k = int(np.argmin([np.mean(each) for each in errors]))
             path.append(longer[k])
             scores.append(errors[k])
@@ -190,7 +197,7 @@ class _FieldSearch:
         gaps = [each - lowest for each in scores]
         chosen = next(own for own, gap in zip(path, gaps, strict=True) if np.mean(gap) <= max(_share(gap)[1], NOTHING))
         others = [tuple(q for q in linear if (q in chosen) != (q == p)) for p in linear]
-        first, *errors = self._lists(pool, present, [chosen, *others]).errors()
+        first, *errors = errors_of([chosen, *others])
         self.absent = tuple(p for p in self.absent if p not in chosen)
         gaps = [(each - first) * (1.0 if p in chosen else -1.0) for p, each in zip(linear, errors, strict=True)]
         return {p: self._told(p, p in chosen, own) for p, own in zip(linear, gaps, strict=True)}
@@ -215,19 +222,10 @@ class _FieldSearch:
                 width = self.model.friction[shared].options["width"]
                 self.model = _with_value(self.model, [p], "width", width)
 
-    def _lists(self, pool: ColumnPool, present: Sequence[int], added: Sequence[tuple[int, ...]]) -> _Tried:
-        """Return the model with each of some lists of parts beside those that are there."""
-        acts = [set(self.model.drives_of(part)) for part in self.model.friction]
-        drives = range(self.model.robot.dof)
-
-        def columns(extra: Sequence[int]) -> list[list[int]]:
-            return [[p for p in (*present, *extra) if drive in acts[p]] for drive in drives]
-
-        weights = pool.weights(columns(()))
-        tried = _Tried.of(pool, weights, [columns(())])
-        always, whole = tried.keeps[0], tried.held.sum(axis=0)
-        keeps = [pool.possible(whole, np.sort(pool.chosen(columns(extra))), always) for extra in added]
-        return replace(tried, keeps=tuple(keeps))
+    def _drives(self, parts: Sequence[int]) -> list[list[int]]:
+        """Return which of some parts each drive has."""
+        acts = {p: set(self.model.drives_of(self.model.friction[p])) for p in parts}
+        return [[p for p in parts if drive in acts[p]] for drive in range(self.model.robot.dof)]
 
     def with_part(self, p: int) -> FieldChoice:
         """Hold a part against its absence, with the best value of its first field, and put it there if it is better."""
