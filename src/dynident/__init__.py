@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dynident.api.applications import symbolic_model as symbolic_model
     from dynident.api.compare import compare as compare
     from dynident.api.demo import run_demo as run_demo
     from dynident.api.estimate_output import write_estimate as write_estimate
@@ -86,6 +87,7 @@ if TYPE_CHECKING:
     from dynident.simulation.virtual_robot import simulate as simulate
 
 _HOMES = {
+    "api.applications": ("symbolic_model",),
     "api.demo": ("run_demo",),
     "api.compare": ("compare",),
     "api.estimate_output": ("write_estimate",),

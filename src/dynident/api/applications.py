@@ -9,15 +9,19 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from dynident.api.given_robots import RobotLike, robot_of
 from dynident.api.validate import read_log
 from dynident.applications.monitor import MomentumObserver, Monitor, Monitored, calibrated, run_monitor
 from dynident.applications.monitor.signals import signals_of
+from dynident.applications import symbolic
 from dynident.applications.payload import BeforeRun, CarriedLoad, identify_payload
 from dynident.applications.tracking import Pace, Tracked, thresholds_of, tracked
+from dynident.case.case import Case
 from dynident.data.log import Log
 from dynident.errors import LogMismatch
 from dynident.files import sha256_of
 from dynident.identification.estimate.estimate import Estimate
+from dynident.model.dynamic_model import DynamicModel
 
 Named = Log | str | Path
 
@@ -162,3 +166,19 @@ def logs_of_fit(estimate: Estimate) -> list[str]:
 
 def _read(estimate: Estimate, logs: Sequence[Named]) -> list[Log]:
     return [log if isinstance(log, Log) else read_log(estimate, log) for log in logs]
+
+
+def symbolic_model(subject: RobotLike | Case | Estimate) -> symbolic.SymbolicModel:
+    """Return regressor, gravity torque and base parameters of an arm of up to three joints as SymPy expressions.
+
+    Args:
+        subject: A dynamic model, a case or an estimate, with its friction; a robot in any form that :func:`robot_of`
+            takes, without friction.
+
+    Raises:
+        MissingDependency: SymPy is not installed (extra ``symbolic``).
+        BadOption: An arm of more than three joints.
+        BadArgument: Something else.
+    """
+    owner = subject.model if isinstance(subject, Case | Estimate) else subject
+    return symbolic.symbolic_model(owner if isinstance(owner, DynamicModel) else robot_of(owner))

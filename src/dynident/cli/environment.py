@@ -39,6 +39,7 @@ EXTRAS = {
     "studio": "3-D view of the studio",
     "plot": "matplotlib: plots of an estimate in Python",
     "pandas": "estimates as pandas frames",
+    "symbolic": "SymPy: equations of small arms as expressions",
 }
 
 #: Modules that packages are imported as, where the name is another one.

@@ -6,6 +6,7 @@ passes a bound is shown and then refused, with exit code 1. --html draws joints,
 
   dynident inspect robot.urdf
   dynident inspect er16 --friction coulomb viscous
+  dynident inspect arm.urdf --symbolic gravity
   dynident inspect case.yaml --json
   dynident inspect plan.json --case case.yaml --html plan.html
 """
@@ -16,6 +17,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dynident.applications.symbolic import SymbolicModel
     from dynident.model.base_parameters import BaseParameters
     from dynident.model.dynamic_model import DynamicModel
     from dynident.model.robot import Robot
@@ -29,6 +31,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "case", metavar="CASE|ROBOT|PLAN", help="case file, robot model, built-in example robot, or a plan"
     )
     parser.add_argument("--friction", nargs="*", metavar="NAME", help="friction parts; none: inertial parameters only")
+    parser.add_argument(
+        "--symbolic",
+        nargs="+",
+        choices=("gravity", "regressor"),
+        metavar="WHAT",
+        help="print gravity, regressor or both as SymPy expressions, of an arm of up to 3 joints",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     parser.add_argument("--quiet", action="store_true", help="no remarks")
     plan = parser.add_argument_group("of a plan")
@@ -60,6 +69,8 @@ def _run_plan(options: argparse.Namespace) -> int:
 
     if options.friction is not None:
         raise BadOption("--friction", options.friction, "a plan knows the friction it was designed with; leave it out")
+    if options.symbolic:
+        raise BadOption("--symbolic", options.symbolic, "it goes with a robot or a case, not with a plan")
     if options.html:
         check_outputs((options.html,), (options.case, *plans.files_of(options.plan_case), options.model or ""))
         check_place(options.html)
@@ -103,13 +114,62 @@ def _run_robot(options: argparse.Namespace) -> int:
     base = base_parameters(case.model)
     inertial = base_parameters(case.model, inertial_only=True)
     exact = _exact_count(case.model)
+    equations = _equations(case.model, options.symbolic) if options.symbolic else None
     if options.json:
-        console.answer_json({**_data(case.robot, base, inertial), "exact_base_parameters": exact})
+        data = {**_data(case.robot, base, inertial), "exact_base_parameters": exact}
+        console.answer_json(data if equations is None else {**data, "symbolic": _texts(equations, options.symbolic)})
         return 0
     _show(case.robot, base, inertial)
     if exact is not None:
         console.answer(f"\nexact count by the geometry of the joints: {exact}, {_agreement(base, exact)}")
+    if equations is not None:
+        _show_equations(equations, options.symbolic)
     return 0
+
+
+def _equations(model: DynamicModel, chosen: list[str]) -> SymbolicModel:
+    from dynident.applications.symbolic import symbolic_model
+    from dynident.errors import BadOption
+
+    try:
+        return symbolic_model(model)
+    except BadOption as problem:
+        raise BadOption("--symbolic", " ".join(chosen), problem.step) from problem
+
+
+def _texts(equations: SymbolicModel, chosen: list[str]) -> dict[str, Any]:
+    """Return the expressions by name in the syntax of SymPy: gravity by joint, the regressor by joint and column."""
+    found: dict[str, Any] = {"base_parameters": list(map(equations.text, equations.combinations))}
+    if "gravity" in chosen:
+        found["gravity"] = list(map(equations.text, equations.gravity))
+    if "regressor" in chosen:
+        rows = equations.regressor.tolist()
+        found["regressor"] = [list(map(equations.text, row)) for row in rows]
+    return found
+
+
+def _show_equations(equations: SymbolicModel, chosen: list[str]) -> None:
+    from dynident.cli import console
+    from dynident.results.text import label
+
+    texts, names = _texts(equations, chosen), equations.model.robot.joint_names
+    if "gravity" in chosen:
+        console.answer(
+            "\ngravity torque; beta1 is the base parameter 1 of the table, q1 the position of the first joint:"
+        )
+        for name, text in zip(names, texts["gravity"], strict=True):
+            console.answer(f"  {label(name)}: {text}")
+    if "regressor" in chosen:
+        console.answer("\nregressor Y[joint, base parameter] of torque = Y beta; entries that are not there are zero:")
+        for joint, row in enumerate(texts["regressor"], start=1):
+            for column, text in enumerate(row, start=1):
+                if text != "0":
+                    console.answer(f"  Y[{joint}, {column}] = {text}")
+    if equations.weak_terms:
+        console.answer(
+            f"\n{equations.weak_terms} terms of Y have a coefficient below 1e-4 of the largest of their entry. The robot\n"
+            "model rounds an angle, such as 1.5708 for a right one: write it with all digits, and they go."
+        )
 
 
 def _agreement(base: BaseParameters, exact: int) -> str:
