@@ -19,6 +19,7 @@ NOT_RUN = {
     "README.md": (1, "installation: .ci/run does it in a fresh environment"),
     "docs/adding-a-part.md": (1, "another project: tests/guest is one, which tests/trust/test_guest_parts.py runs"),
     "docs/benchmark.md": (4, "hours: tests/cli/test_benchmark_command.py runs a short one"),
+    "docs/derivations.md": (2, "needs SymPy: tests/applications/test_symbolic.py"),
     "docs/drive-gains.md": (4, "logs of the reader's robot, real logs: tests/cli/test_gains_command.py"),
     "docs/exports.md": (1, "needs ROS"),
     "docs/fleet.md": (1, "logs of several robots: tests/cli/test_fleet_and_track.py"),
