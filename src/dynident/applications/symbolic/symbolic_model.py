@@ -114,7 +114,7 @@ def symbolic_model(subject: DynamicModel | Robot) -> SymbolicModel:
     if joints > MOST_JOINTS:
         step = (
             f"{model.robot.name} has {joints} joints, and expressions are written for {MOST_JOINTS} at most: lock the "
-            "others (locked: in the case file, Robot.locked in Python), or export functions: dynident export --to casadi"
+            "others (locked: in the case file, Robot.locked in Python), or export functions: export --to casadi"
         )
         raise BadOption("symbolic", model.robot.name, step)
     sympy, base = sympy_module(), base_parameters(model)
