@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from dynident.api.given_robots import RobotLike, robot_of
 from dynident.api.validate import read_log
+from dynident.applications import symbolic
 from dynident.applications.monitor import MomentumObserver, Monitor, Monitored, calibrated, run_monitor
 from dynident.applications.monitor.signals import signals_of
-from dynident.applications import symbolic
 from dynident.applications.payload import BeforeRun, CarriedLoad, identify_payload
 from dynident.applications.tracking import Pace, Tracked, thresholds_of, tracked
 from dynident.case.case import Case
