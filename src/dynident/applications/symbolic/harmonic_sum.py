@@ -20,7 +20,7 @@ from dynident.model.kernels.trace import Node, TracedProgram
 _DECIMALS = 12
 
 
-class Term(NamedTuple):
+class Harmonic(NamedTuple):
     """What a coefficient multiplies: exp(i frequencies . q) times the powers of the variables."""
 
     frequencies: tuple[float, ...]
@@ -35,7 +35,7 @@ class HarmonicSum:
         terms: Coefficient of each term; zero where a term is left out.
     """
 
-    terms: Mapping[Term, complex]
+    terms: Mapping[Harmonic, complex]
 
     def __add__(self, other: HarmonicSum) -> HarmonicSum:
         found = dict(self.terms)
@@ -47,12 +47,12 @@ class HarmonicSum:
         return HarmonicSum({term: -value for term, value in self.terms.items()})
 
     def __mul__(self, other: HarmonicSum) -> HarmonicSum:
-        found: dict[Term, complex] = {}
+        found: dict[Harmonic, complex] = {}
         for one, value in self.terms.items():
             for two, factor in other.terms.items():
                 turned = (a + b for a, b in zip(one.frequencies, two.frequencies, strict=True))
                 powers = (a + b for a, b in zip(one.powers, two.powers, strict=True))
-                term = Term(tuple(round(k, _DECIMALS) + 0.0 for k in turned), tuple(powers))
+                term = Harmonic(tuple(round(k, _DECIMALS) + 0.0 for k in turned), tuple(powers))
                 found[term] = found.get(term, 0.0) + value * factor
         return HarmonicSum(found)
 
@@ -96,7 +96,7 @@ class Harmonics:
         if node.source is not None:
             place = self.ARRAYS.index(node.source.array) * self.joints + node.source.entry
             powers = tuple(int(k == place) for k in range(len(self._plain)))
-            return HarmonicSum({Term(self._still, powers): 1.0})
+            return HarmonicSum({Harmonic(self._still, powers): 1.0})
         if node.operation == "const":
             return self._constant(node.value)
         if node.operation in ("sin", "cos"):
@@ -108,7 +108,7 @@ class Harmonics:
         return _RULES[node.operation](*operands)
 
     def _constant(self, value: complex) -> HarmonicSum:
-        return HarmonicSum({Term(self._still, self._plain): value})
+        return HarmonicSum({Harmonic(self._still, self._plain): value})
 
     def _turning(self, angle: HarmonicSum) -> tuple[HarmonicSum, HarmonicSum]:
         """Return exp(i angle) and exp(-i angle) of an angle that is a constant and multiples of positions."""
@@ -121,7 +121,7 @@ class Harmonics:
         both = []
         for sign in (1.0, -1.0):
             turned = tuple(round(sign * rate, _DECIMALS) + 0.0 for rate in rates)
-            both.append(HarmonicSum({Term(turned, self._plain): complex(np.exp(1j * sign * shift))}))
+            both.append(HarmonicSum({Harmonic(turned, self._plain): complex(np.exp(1j * sign * shift))}))
         return both[0], both[1]
 
 
