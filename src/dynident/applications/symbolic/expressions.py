@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from dynident.applications.symbolic.harmonic_sum import Harmonics, HarmonicSum
+from dynident.applications.symbolic.harmonic_sum import HarmonicEvaluator, HarmonicSum
 from dynident.arrays import Array
 from dynident.errors import MissingDependency
 from dynident.model.kernels.trace import Node, TracedProgram
@@ -58,7 +58,7 @@ def expression_of(subject: HarmonicSum, symbols: Mapping[str, tuple[Any, ...]]) 
         symbols: Symbols of ``q``, ``dq`` and ``ddq``.
     """
     sympy = sympy_module()
-    variables = [symbol for array in Harmonics.ARRAYS for symbol in symbols[array]]
+    variables = [symbol for array in HarmonicEvaluator.ARRAYS for symbol in symbols[array]]
     groups: dict[tuple[int, ...], dict[tuple[float, ...], complex]] = {}
     for term, value in subject.terms.items():
         groups.setdefault(term.powers, {})[term.frequencies] = value

@@ -67,7 +67,7 @@ class HarmonicSum:
         return sum(abs(value) < floor for value in self.terms.values())
 
 
-class Harmonics:
+class HarmonicEvaluator:
     """Runs traced programs of a robot with n joints over harmonic sums; variables are q, dq and ddq of all joints.
 
     Attributes:

@@ -20,7 +20,7 @@ from dynident.applications.symbolic.expressions import (
     symbols_of,
     sympy_module,
 )
-from dynident.applications.symbolic.harmonic_sum import Harmonics
+from dynident.applications.symbolic.harmonic_sum import HarmonicEvaluator
 from dynident.errors import BadOption
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
@@ -118,13 +118,13 @@ def symbolic_model(subject: DynamicModel | Robot) -> SymbolicModel:
         )
         raise BadOption("symbolic", model.robot.name, step)
     sympy, base = sympy_module(), base_parameters(model)
-    symbols = {array: symbols_of(array, joints) for array in Harmonics.ARRAYS}
+    symbols = {array: symbols_of(array, joints) for array in HarmonicEvaluator.ARRAYS}
     table = sympy.zeros(joints, base.count)
     weak = 0
     chosen = base.independent.tolist()
     traced = TracedChain(model.robot.chain)
     bodies = [column for column in chosen if column < model.inertial_count]
-    for slot, value in Harmonics(joints).run(traced.trace.program(traced.regressor(bodies))).items():
+    for slot, value in HarmonicEvaluator(joints).run(traced.trace.program(traced.regressor(bodies))).items():
         entry = value.without(ROUNDING)
         weak += entry.count_below(_WEAK)
         joint, column = divmod(slot, model.inertial_count)
