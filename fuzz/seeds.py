@@ -102,7 +102,7 @@ def _log(samples: int = ROWS, rate: float = 100.0) -> Log:
 
 
 def _robot(folder: Path) -> Robot:
-    from dynident.model.descriptions import read_robot
+    from dynident.robot_files import read_robot
 
     (folder / "arm.urdf").write_text(URDF)
     return read_robot(folder / "arm.urdf")
@@ -128,7 +128,7 @@ def _texts(folder: Path, *texts: str) -> list[Path]:
 
 def robot_json(folder: Path) -> list[Path]:
     """Write robots in the library's own form."""
-    from dynident.model.descriptions.native import robot_to_dict
+    from dynident.model.documents.robot_data import robot_to_dict
 
     (folder / "a.json").write_text(json.dumps(robot_to_dict(_robot(folder))))
     return [folder / "a.json"]

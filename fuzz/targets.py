@@ -65,7 +65,7 @@ class Target:
 
 
 def _robot(path: Path) -> object:
-    from dynident.model.descriptions import read_robot
+    from dynident.robot_files import read_robot
 
     return read_robot(path)
 
@@ -170,7 +170,7 @@ def _triangles(path: Path) -> object:
     return read_digest(path)
 
 
-_MODEL = ("dynident.model.descriptions", "dynident.model.documents", "dynident.model.friction")
+_MODEL = ("dynident.robot_files", "dynident.model.documents", "dynident.model.friction")
 _SAVED = ("dynident.identification.files.saved_values", "dynident.data.preprocessing", *_MODEL)
 
 TARGETS: Mapping[str, Target] = {

@@ -1,4 +1,4 @@
-"""Derive model/robots/er16.yaml: a physically consistent ER-16 whose joints 1-3 come close to the torques of Table 2.
+"""Derive the built-in er16.yaml: a physically consistent ER-16 whose joints 1-3 come close to the torques of Table 2.
 
 Table 2 of the article is no possible robot, and it says nothing of links 4-6. This script looks for six possible
 bodies:
@@ -11,7 +11,7 @@ bodies:
 3. That optimum has masses at their bounds and leaves some parameters open. So among all robots with a misfit up to 2 %
    above it, the one is taken whose bodies are closest to plausible ones: least sum of |P - P0|^2 / m0^2.
 
-Usage: python scripts/derive_er16.py            rewrites src/dynident/model/robots/er16.yaml and prints what was reached
+Usage: python scripts/derive_er16.py      rewrites src/dynident/robot_files/robots/er16.yaml and prints what was reached
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from dynident.errors import SolverFailed
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.files import write_atomically
 from dynident.model.base_parameters import base_parameters
-from dynident.model.descriptions.dh import modified_pose
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
@@ -37,11 +36,12 @@ from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import PSEUDO_BASIS, Inertia
 from dynident.model.reduction import triangle_of
 from dynident.model.robot import Joint, Link, Robot
+from dynident.robot_files.formats.dh import modified_pose
 from dynident.studies import er16_article as article
 
 clarabel: Any = clarabel_module  # it ships no types
 
-TARGET = Path(__file__).resolve().parent.parent / "src/dynident/model/robots/er16.yaml"
+TARGET = Path(__file__).resolve().parent.parent / "src/dynident/robot_files/robots/er16.yaml"
 
 #: Smallest eigenvalue of each P in shares of its trace; the solver keeps a little more, which rounding may take.
 MARGIN, KEPT_MARGIN = 1e-3, 1.02e-3

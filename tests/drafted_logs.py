@@ -14,7 +14,7 @@ from dynident.arrays import Array
 from dynident.case.case import Case, read_case
 from dynident.case.case_draft import Draft
 from dynident.case.questions import ASK, MARK
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.robot import Robot

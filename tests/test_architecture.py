@@ -121,6 +121,8 @@ SMALL = {
     "results/report/combinations.py": "of sections and the page of a difference",
     "results/report/judgement.py": "the thresholds of a verdict's words",
     "results/verdict.py": "of terminal, report and studio",
+    "robot_files/formats/base.py": "base of the family",
+    "robot_files/rotations.py": "of several formats",
     "studio/child.py": "what the process of a command runs",
 }
 

@@ -25,9 +25,9 @@ from dynident.excitation.trajectories import TRAJECTORIES
 from dynident.exports.models import MODEL_EXPORTERS
 from dynident.exports.motions import MOTION_EXPORTERS
 from dynident.identification.estimators import ESTIMATORS
-from dynident.model.descriptions.base import DESCRIPTIONS
 from dynident.model.friction import FRICTION
 from dynident.plugins import Family
+from dynident.robot_files.formats.base import DESCRIPTIONS
 from dynident.simulation.controllers import CONTROLLERS
 
 ROOT = Path(inspect.getfile(dynident)).parent

@@ -31,8 +31,8 @@ from dynident.identification.files.estimate_versions import SUMMARY_2
 from dynident.identification.streaming.estimate import identify_digest
 from dynident.identification.streaming.triangle_file import read_digest
 from dynident.identification.validate import validate
-from dynident.model.descriptions import read_robot
 from dynident.model.friction import Motion
+from dynident.robot_files import read_robot
 from dynident.studies.benchmark.real_sets import read_scoreboard
 from dynident.studies.benchmark.records import Records
 from dynident.studies.comparison.truth import read_truth

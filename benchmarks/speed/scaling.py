@@ -28,12 +28,12 @@ from dynident.data.log import Log
 from dynident.identification.problem.problem import make_problem
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.base_parameters import base_parameters
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Joint, Link, Robot, rotation_about
 from dynident.results.figures.chart import Across, Line, Plot, chart
 from dynident.results.figures.files import figure_file
+from dynident.robot_files import read_robot
 
 PLACE, FIGURES = RESULTS / "scaling.json", ROOT / "docs/figures"
 SAMPLES = (10_000, 100_000, 1_000_000, 10_000_000, 100_000_000)

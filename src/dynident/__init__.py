@@ -66,7 +66,6 @@ if TYPE_CHECKING:
     from dynident.model.base_parameters import BaseParameters as BaseParameters
     from dynident.model.base_parameters import base_parameters as base_parameters
     from dynident.model.body_constraints import Constraints as Constraints
-    from dynident.model.descriptions import read_robot as read_robot
     from dynident.model.dynamic_model import DynamicModel as DynamicModel
     from dynident.model.friction import FRICTION as FRICTION
     from dynident.model.friction import Motion as Motion
@@ -76,6 +75,7 @@ if TYPE_CHECKING:
     from dynident.model.robot import Link as Link
     from dynident.model.robot import Robot as Robot
     from dynident.results.report import write_report as write_report
+    from dynident.robot_files import read_robot as read_robot
     from dynident.simulation.cell import Cell as Cell
     from dynident.simulation.cell_simulation import simulate_cell as simulate_cell
     from dynident.simulation.controllers import CONTROLLERS as CONTROLLERS
@@ -129,12 +129,12 @@ _HOMES = {
     "identification.uncertainty.trust": ("TrustOptions",),
     "model.base_parameters": ("BaseParameters", "base_parameters"),
     "model.body_constraints": ("Constraints",),
-    "model.descriptions": ("read_robot",),
     "model.dynamic_model": ("DynamicModel",),
     "model.friction": ("FRICTION", "Motion"),
     "model.inertia": ("Inertia",),
     "model.robot": ("Joint", "JointLimits", "Link", "Robot"),
     "results.report": ("write_report",),
+    "robot_files": ("read_robot",),
     "simulation.cell": ("Cell",),
     "simulation.cell_simulation": ("simulate_cell",),
     "simulation.controllers": ("CONTROLLERS",),

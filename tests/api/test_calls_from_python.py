@@ -14,7 +14,7 @@ import pandas
 import pytest
 
 import dynident as di
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 
 FRICTION = [0.3, 0.1, 0.2, -0.1]
 SHAPES = r"q: shape \(2, 1200\) where \(1200, 2\) is wanted; write q\.T"

@@ -19,7 +19,7 @@ from dynident.data.log import Log
 from dynident.diagnosis.warnings import warnings_of
 from dynident.errors import BadOption
 from dynident.identification.uncertainty.trust import TrustOptions
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Robot
 
 CASE = """case: 1

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from dynident.model.descriptions import read_robot
 from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
 
 
 @pytest.fixture(scope="session")

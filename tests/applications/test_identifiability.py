@@ -14,9 +14,9 @@ from dynident.applications.identifiability import structure
 from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.model.base_parameters import COMBINED, IDENTIFIABLE, base_parameters
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Joint, Robot, rotation_about
+from dynident.robot_files import read_robot
 
 FRICTIONS = ((), ("rotor_inertia",), ("coulomb", "viscous", "offset", "rotor_inertia"))
 SIDES = np.vstack([np.eye(3), -np.eye(3)])

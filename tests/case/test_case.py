@@ -21,7 +21,7 @@ from dynident.data.preprocessing import Preprocessing, default_preprocessing
 from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.data.preprocessing.five_point import FivePoint
 from dynident.errors import BadOption, DescriptionError, DynidentError, FileError, LogMismatch
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.offset import Offset
 from dynident.model.friction.viscous import Viscous

@@ -19,8 +19,8 @@ from dynident.case.draft import readings
 from dynident.case.draft.recognise import cutoff_of
 from dynident.data.formats import Units
 from dynident.errors import BadOption, DescriptionError, FileError, LogFormatError, UnknownChoice
-from dynident.model.descriptions import read_robot
 from dynident.model.robot import Drive, Robot
+from dynident.robot_files import read_robot
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import pytest
 from drafted_logs import joints_called, moved, named, read, write_log, write_robot
 from dynident.arrays import Array
 from dynident.case.case_draft import draft_case
-from dynident.model.descriptions import read_robot
 from dynident.model.robot import Drive, Robot
+from dynident.robot_files import read_robot
 
 UR = tuple(f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3"))
 

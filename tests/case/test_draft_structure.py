@@ -11,8 +11,8 @@ from drafted_logs import moved, read, write_robot
 from dynident.arrays import Array
 from dynident.case.case_draft import Draft, draft_case
 from dynident.case.draft.structure import structure_of
-from dynident.model.descriptions import read_robot
 from dynident.model.robot import Drive, Robot
+from dynident.robot_files import read_robot
 
 NOISE = np.random.default_rng(3)
 

@@ -9,7 +9,7 @@ import pytest
 from dynident.case.case import read_case
 from dynident.case.drives_text import GainLine, case_with_drives, drives_section, stated_drives
 from dynident.errors import DescriptionError
-from dynident.model.descriptions import read_robot
+from dynident.robot_files import read_robot
 
 ROBOT = read_robot("generic-scara")
 CASE = """# a case

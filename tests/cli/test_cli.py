@@ -21,7 +21,7 @@ from dynident.data.log import Log
 from dynident.errors import UnknownChoice
 from dynident.exports.models import MODEL_EXPORTERS
 from dynident.identification.files.estimate_file import read_estimate
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.offset import Offset

@@ -22,7 +22,7 @@ from dynident.identification.estimators.wls import WLS
 from dynident.identification.files.estimate_file import write_estimate
 from dynident.identification.identify import identify
 from dynident.identification.problem.problem import Problem
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous

@@ -14,7 +14,7 @@ import pytest
 from dynident.cli.main import main
 from dynident.data.formats import write_log
 from dynident.data.log import Log
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.offset import Offset

@@ -15,7 +15,7 @@ from dynident.data.log import Log
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.identification.problem.method_run import recorded_run
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Robot

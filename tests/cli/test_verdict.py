@@ -22,7 +22,7 @@ from dynident.errors import NotAccepted
 from dynident.exports.models import export_model
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.identification.uncertainty.trust import TrustOptions
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
 

@@ -13,10 +13,10 @@ from dynident.excitation.trajectories import TRAJECTORIES
 from dynident.exports.models import MODEL_EXPORTERS
 from dynident.exports.motions import MOTION_EXPORTERS
 from dynident.identification.estimators import ESTIMATORS
-from dynident.model.descriptions.base import DESCRIPTIONS
 from dynident.model.friction import FRICTION
 from dynident.plugins import Family
 from dynident.results.report.sections import SECTIONS
+from dynident.robot_files.formats.base import DESCRIPTIONS
 from dynident.simulation.controllers import CONTROLLERS
 
 FAMILIES: dict[str, Family[Any]] = {

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.errors import DescriptionError
-from dynident.model.descriptions import read_robot
-from dynident.model.descriptions.base import DESCRIPTIONS
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
+from dynident.robot_files.formats.base import DESCRIPTIONS
 
 PARTS = DESCRIPTIONS.names()
 

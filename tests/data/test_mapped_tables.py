@@ -13,7 +13,7 @@ from dynident.case.case_draft import draft_case
 from dynident.case.draft.column_groups import split_time
 from dynident.data.formats import ColumnMap, Units, read_log, stream_log
 from dynident.errors import BadOption, LogFormatError
-from dynident.model.descriptions import read_robot
+from dynident.robot_files import read_robot
 
 TIME = "stamp.sec s + stamp.nanosec ns"
 

@@ -30,10 +30,10 @@ from dynident.diagnosis.checks.saturation import flat_share, limit_share
 from dynident.diagnosis.finding import SEVERITIES
 from dynident.diagnosis.recording import read_recording
 from dynident.diagnosis.repair import repair, sortable, wraps
-from dynident.model.descriptions import read_robot
 from dynident.model.friction import FRICTION, default_friction
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
 
 #: Half the samples a second of the benchmark.
 RATE = 100.0

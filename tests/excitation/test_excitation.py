@@ -23,12 +23,12 @@ from dynident.excitation.design.plan import Plan
 from dynident.excitation.design.prior import Prior
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.model.base_parameters import base_parameters
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import JointLimits, Robot
+from dynident.robot_files import read_robot
 from dynident.studies import er16_article as article
 
 FRICTION = ("coulomb", "viscous", "offset")

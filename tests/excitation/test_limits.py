@@ -12,9 +12,9 @@ from dynident.excitation.design.limits import MotionLimits, check_limits, limits
 from dynident.excitation.design.rest_to_rest import RestToRest
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.excitation.trajectories.quintic import Quintic
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import JointLimits, Robot
+from dynident.robot_files import read_robot
 
 NONE = np.full(2, np.inf)
 

@@ -88,7 +88,9 @@ def absent(wing: str) -> bool:
 
 if __name__ == "__main__":
     if "--alone" in sys.argv:
-        assert all(map(absent, ("api", "case", "simulation", "excitation", "diagnosis", "results", "cli")))
+        assert all(
+            map(absent, ("api", "case", "robot_files", "simulation", "excitation", "diagnosis", "results", "cli"))
+        )
         assert "iv" not in ESTIMATORS.names()
         try:
             ESTIMATORS.make("iv")

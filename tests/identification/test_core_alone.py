@@ -21,7 +21,6 @@ GROUND = (
     "methods.py",
     "files.py",
     "file_versions.py",
-    "robot_catalogue.py",
     "errors.py",
     "arrays.py",
 )
@@ -29,8 +28,9 @@ GROUND = (
 #: The room of identification that simulates, and is no part of the core.
 SIMULATED = SOURCE / "identification" / "simulated"
 
-#: Lines that the core may have: somebody has to read them.
-LINES = 31_000
+#: Lines that the core may have: somebody has to read them. It was 31,000 before the readers of robot files went to a
+#: wing of their own (1,105 lines); what the core has stood at 29,895 then.
+LINES = 30_700
 
 
 def _run(folder: Path, *words: str, package: Path | None = None) -> dict[str, object]:

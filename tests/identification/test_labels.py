@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynident.case.prior_file import read_prior
 from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing
 from dynident.data.preprocessing.as_given import AsGiven
@@ -19,7 +20,6 @@ from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.consistency.labels import FROM_PRIOR, IDENTIFIED, ONLY_COMBINED, labels_of
 from dynident.identification.estimators.consistent import Consistent
 from dynident.identification.files.estimate_file import read_estimate, summary, write_estimate
-from dynident.identification.files.prior_file import read_prior
 from dynident.identification.identify import identify
 from dynident.identification.problem.prior import BodyPrior
 from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange

@@ -21,11 +21,11 @@ from dynident.data.formats import FORMATS, read_log, write_log, written_columns
 from dynident.data.log import Log
 from dynident.errors import LogFormatError
 from dynident.exports.models import export_model
-from dynident.model.descriptions import read_robot
-from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
+from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.inertia import Inertia
+from dynident.robot_files import read_robot
 
 NUMBERS = st.floats(-1e12, 1e12, allow_subnormal=False)
 SHARED = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -23,11 +23,11 @@ from dynident.model.base_parameters import (
     base_parameters,
     remainders,
 )
-from dynident.model.descriptions import read_robot
-from dynident.model.descriptions.dh import read_dh
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.robot import Joint, Link, Robot, rotation_about
+from dynident.robot_files import read_robot
+from dynident.robot_files.formats.dh import read_dh
 
 # Table 1 of the article: alpha, a, d and offset of each joint, modified DH.
 ER16 = (

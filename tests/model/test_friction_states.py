@@ -10,9 +10,9 @@ from dynident.data.log import Log
 from dynident.errors import BadOption
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.base_parameters import base_parameters
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
+from dynident.robot_files import read_robot
 from presliding import Presliding
 
 PART = Presliding(fine=0.02, coarse=0.2)

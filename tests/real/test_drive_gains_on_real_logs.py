@@ -15,7 +15,7 @@ from dynident.cli.main import main
 from dynident.diagnosis.checks import examine
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
-from dynident.model.descriptions import read_robot
+from dynident.robot_files import read_robot
 
 pytestmark = pytest.mark.battery
 

@@ -11,13 +11,13 @@ from true_parameters import with_friction
 
 from dynident.errors import BadOption, SolverFailed, UnknownChoice
 from dynident.excitation.trajectories.fourier import FourierSeries
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Drive, Joint, Link, Robot
+from dynident.robot_files import read_robot
 from dynident.simulation.cell import Cell
 from dynident.simulation.cell_simulation import simulate_cell
 from dynident.simulation.controllers import CONTROLLERS

@@ -13,13 +13,13 @@ from dynident.data.log import torque_from_current
 from dynident.errors import BadOption, NotConsistent, SolverFailed, UnknownChoice
 from dynident.excitation.trajectories.fourier import FourierSeries
 from dynident.excitation.trajectories.quintic import Quintic
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Drive, Joint, JointLimits, Link, Mimic, Robot
+from dynident.robot_files import read_robot
 from dynident.simulation.controllers.pd import Pd
 from dynident.simulation.virtual_robot import Noise, Timing, simulate
 from dynident.studies.er16_article import BETA_1, LOCKED, PERIOD

@@ -11,12 +11,12 @@ from dynident.data.preprocessing.butterworth import Butterworth
 from dynident.errors import BadOption, NotConsistent
 from dynident.excitation.trajectories.rest_fourier import RestFourier
 from dynident.identification.estimators.wls import WLS
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.offset import Offset
 from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import Inertia
+from dynident.robot_files import read_robot
 from dynident.simulation.cell import Cell
 from dynident.simulation.controllers import CONTROLLERS
 from dynident.simulation.effects import Effort, Encoder, Payload, Recorder, Tilt

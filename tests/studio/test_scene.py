@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dynident import Inertia, read_robot
-from dynident.model.descriptions.base import shipped_robots
 from dynident.model.robot import rotation_about
+from dynident.robot_files import shipped_robots
 from dynident.studio.kinds import kind_of
 from dynident.studio.preview import curves, decimated
 from dynident.studio.scene import ellipsoid, scene_of

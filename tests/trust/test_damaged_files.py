@@ -172,7 +172,7 @@ def test_json_that_is_none_is_refused_by_name(name: str, text: str, tmp_path: Pa
     from dynident.excitation.design.plan import read_plan
     from dynident.exports.models.writing.document import read_document
     from dynident.identification.files.estimate_file import read_estimate
-    from dynident.model.descriptions import read_robot
+    from dynident.robot_files import read_robot
 
     def search(path: Path) -> object:
         return DesignCheckpoint(str(path), {}, 1).read()
@@ -288,7 +288,7 @@ def test_counts_add_up_from_one_run_to_the_next(tmp_path: Path, monkeypatch: pyt
 
 def test_names_that_are_too_long_for_the_system_are_no_files(tmp_path: Path) -> None:
     from dynident.case.case import read_case
-    from dynident.model.descriptions import read_robot
+    from dynident.robot_files import read_robot
 
     long, case = "r" * 5000, tmp_path / "case.yaml"
     for read in (read_case, read_robot, read_log):

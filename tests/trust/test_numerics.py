@@ -20,7 +20,7 @@ from dynident.data.formats import write_log
 from dynident.data.log import Log
 from dynident.identification.estimators import ESTIMATORS
 from dynident.identification.files.estimate_file import read_estimate
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.robot import Robot

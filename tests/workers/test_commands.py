@@ -14,7 +14,7 @@ from dynident.case.case import read_case
 from dynident.cli.main import main
 from dynident.data.formats import write_log
 from dynident.data.log import Log
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Robot
 
 Capture = pytest.CaptureFixture[str]

@@ -26,12 +26,12 @@ from dynident.identification.problem.problem import make_problem
 from dynident.identification.search.colony import search
 from dynident.identification.search.landscape import absolute_landscape, box_optimum, square_landscape
 from dynident.model.base_parameters import base_parameters
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.reduction import least_squares
+from dynident.robot_files import read_robot
 from dynident.studies import er16_article as article
 
 REPEATS = 2

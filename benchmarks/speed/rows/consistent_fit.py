@@ -20,10 +20,10 @@ from dynident.identification.consistency.consistent_fit import consistent_fit, p
 from dynident.identification.consistency.program import Program
 from dynident.identification.problem.prior import natural_scale
 from dynident.model.base_parameters import BaseParameters, base_parameters
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import PSEUDO_BASIS
 from dynident.model.reduction import Reduced, triangle_of
+from dynident.robot_files import read_robot
 
 ROWS, NOISE, REPEATS = 12_000, 5.0, 7
 SOLVER, WHOLE, CVXPY = (

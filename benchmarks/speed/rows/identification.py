@@ -21,10 +21,10 @@ from dynident.data.preprocessing import Prepared, Preprocessing, preprocess
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.base_parameters import BaseParameters, base_parameters
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.reduction import least_squares, reduce
+from dynident.robot_files import read_robot
 
 SAMPLES, REPEATS = 25_000, 5
 HERE, LOOP, PIVOTED = "streamed triangles", "Pinocchio loop, lstsq, QR", "the same and pivoted QR of all columns"

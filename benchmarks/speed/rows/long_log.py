@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.speed.rows.identification import as_taken, noisy_log, streamed
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.base_parameters import base_parameters
-from dynident.model.descriptions import read_robot
+from dynident.robot_files import read_robot
 from dynident.model.dynamic_model import DynamicModel
 
 def status(key):

@@ -17,9 +17,9 @@ from benchmarks.speed.arms import as_pinocchio
 from benchmarks.speed.harness import Line, Record
 from dynident.arrays import Array
 from dynident.excitation.trajectories.fourier import FourierSeries
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
 from dynident.simulation.cell import Cell
 from dynident.simulation.cell_simulation import simulate_cell
 from dynident.simulation.controllers import CONTROLLERS

@@ -18,9 +18,9 @@ import numpy as np
 
 from benchmarks.speed.harness import Line, Record, Times
 from dynident.excitation.trajectories.fourier import FourierSeries
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
+from dynident.robot_files import read_robot
 
 REPEATS = 9
 COMMAND = [sys.executable, "-c", "from dynident.cli.main import entry_point; entry_point()"]

@@ -106,7 +106,7 @@ def prior_of(case: Case) -> BodyPrior | None:
     """
     if not case.prior:
         return None
-    from dynident.identification.files.prior_file import read_prior  # few cases need it
+    from dynident.case.prior_file import read_prior  # few cases need it
 
     return read_prior(case.find(case.prior), case.robot, case.locked)
 

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from dynident.arrays import Array
 from dynident.errors import BadArgument
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
+from dynident.robot_files import read_robot
 
 #: A robot: a value, a file or a name, a ``pinocchio.Model``, a ``mujoco.MjModel`` or ``MjSpec``.
 RobotLike: TypeAlias = Any

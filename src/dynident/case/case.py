@@ -32,7 +32,6 @@ from dynident.errors import FileError
 from dynident.file_versions import Document, FileVersions, renamed
 from dynident.files import unreadable
 from dynident.model.body_constraints import BODIES, Constraints
-from dynident.model.descriptions import read_robot
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
 from dynident.model.documents.strict_yaml import load_yaml
@@ -40,6 +39,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, default_friction
 from dynident.model.robot import Drive, Robot
 from dynident.plugins import Family
+from dynident.robot_files import read_robot
 
 if TYPE_CHECKING:
     from dynident.case.cell_section import CellSetup

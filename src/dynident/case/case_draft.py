@@ -28,7 +28,7 @@ from dynident.data.formats._clocked_table import with_clock, with_sum
 from dynident.data.preprocessing import BRIDGED, SPLIT
 from dynident.data.profiles import PROFILES
 from dynident.errors import BadOption, DynidentError, LogFormatError
-from dynident.model.descriptions import read_robot
+from dynident.robot_files import read_robot
 
 #: Rows by which two columns of a time are told to be one.
 _FIRST_ROWS = 1 << 12

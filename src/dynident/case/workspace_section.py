@@ -20,11 +20,11 @@ from dynident.excitation.collision.workspace import (
     frame_of,
 )
 from dynident.files import expanded
-from dynident.model.descriptions.base import rotation_from_rpy
 from dynident.model.documents.numbers import check_name, shown
 from dynident.model.documents.sections import Section
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule
+from dynident.robot_files.rotations import rotation_from_rpy
 
 KEYS = (
     "floor",

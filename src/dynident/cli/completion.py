@@ -93,8 +93,8 @@ def _commands(parser: argparse.ArgumentParser) -> dict[str, OptionChoices]:
 
 
 def _choices(name: str, parser: argparse.ArgumentParser) -> OptionChoices:
-    from dynident.model.descriptions.base import shipped_robots
     from dynident.plugins import part_names
+    from dynident.robot_files import shipped_robots
 
     options: list[str] = []
     values: dict[str, tuple[str, ...]] = {}

@@ -87,9 +87,8 @@ def _parts(name: str) -> list[dict]:
     from dynident.exports.models import MODEL_EXPORTERS
     from dynident.exports.motions import MOTION_EXPORTERS
     from dynident.identification.estimators import ESTIMATORS
-    from dynident.model.descriptions import read_robot
-    from dynident.model.descriptions.base import shipped_robots
     from dynident.model.friction import FRICTION
+    from dynident.robot_files import read_robot, shipped_robots
     from dynident.simulation.controllers import CONTROLLERS
 
     if name == "robots":

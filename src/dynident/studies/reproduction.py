@@ -30,12 +30,12 @@ from dynident.identification.estimators.wls import WLS
 from dynident.identification.fit import fit
 from dynident.identification.validate import validate
 from dynident.model.base_parameters import BaseParameters, base_parameters
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
 from dynident.simulation.virtual_robot import Noise, Timing, simulate
 from dynident.studies.er16_article import (
     BETA_1,

@@ -16,8 +16,8 @@ from dynident.data.formats.base import UNITS
 from dynident.data.profiles import pattern_names
 from dynident.data.profiles.base import MARKS
 from dynident.errors import BadOption, DynidentError
-from dynident.model.descriptions import read_robot
 from dynident.model.documents.strict_yaml import load_yaml
+from dynident.robot_files import read_robot
 from dynident.studio.orders import QUANTITIES, SIGNALS
 
 #: Keys under ``log`` that a mapping replaces.

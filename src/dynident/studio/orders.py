@@ -77,7 +77,7 @@ class Asked:
 
     def robot(self, key: str) -> str:
         """Return the name of a file of the session, or of a robot that ships."""
-        from dynident.model.descriptions.base import shipped_robots
+        from dynident.robot_files import shipped_robots
 
         name = self._text(key)
         return name if name in shipped_robots() and name not in self.folder.names() else self.file(key)

@@ -76,7 +76,7 @@ def studio(port: int = 0, work: str | Path | None = None, max_upload_mb: float =
 
 def _warm_up() -> None:
     """Import what the first view needs while the browser opens."""
-    from dynident.model.descriptions import read_robot
+    from dynident.robot_files import read_robot
     from dynident.studio import scene, views
 
     scene.scene_of(read_robot(views.choices()["robots"][0]), Path())

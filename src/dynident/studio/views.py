@@ -35,7 +35,7 @@ MAX_TEXT = 1_000_000
 def choices() -> dict[str, Any]:
     """Return the names of the parts that the page offers; the parts themselves are not imported."""
     from dynident.data.formats.base import UNITS
-    from dynident.model.descriptions.base import shipped_robots
+    from dynident.robot_files import shipped_robots
     from dynident.studio.orders import QUANTITIES, SIGNALS
 
     found: dict[str, Any] = {key: list(part_names(*folders)) for key, folders in _FAMILIES.items()}
@@ -59,8 +59,7 @@ def robot_view(folder: Folder, name: str) -> dict[str, Any]:
     Raises:
         DynidentError: No such file, or a fault of it.
     """
-    from dynident.model.descriptions import read_robot
-    from dynident.model.descriptions.base import shipped_robots
+    from dynident.robot_files import read_robot, shipped_robots
     from dynident.studio.scene import scene_of
 
     if name in shipped_robots() and name not in folder.names():
@@ -107,7 +106,7 @@ def motion_view(folder: Folder, name: str, case: str) -> dict[str, Any]:
         DynidentError: No such file, or a fault of it.
     """
     from dynident.case.case import case_of_robot
-    from dynident.model.descriptions.base import shipped_robots
+    from dynident.robot_files import shipped_robots
     from dynident.studio.preview import motion_of_log, motion_of_plan
 
     path = folder.find(name)

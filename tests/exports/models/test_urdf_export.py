@@ -14,9 +14,9 @@ from dynident.data.log import Log
 from dynident.errors import DescriptionError
 from dynident.exports.models import MODEL_EXPORTERS, export_model
 from dynident.identification.estimate.estimate import Estimate
-from dynident.model.descriptions.urdf import read_urdf
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
+from dynident.robot_files.formats.urdf import read_urdf
 
 LOCKED = {"grip": 0.04}
 

@@ -29,7 +29,7 @@ from dynident.identification.streaming.merge_tree import MergeTree
 from dynident.identification.streaming.one_log import Checkpoint
 from dynident.identification.streaming.reduction import Standing, reduce_logs
 from dynident.identification.streaming.triangle_file import merged_file, read_digest, write_digest
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Robot
 from dynident.workers.dask_pool import DaskPool
 from dynident.workers.pool import Done, Pool

@@ -28,7 +28,7 @@ from dynident.identification.streaming.reduction import reduce_logs
 from dynident.identification.streaming.time_scan import StreamedMedian
 from dynident.identification.streaming.triangle_file import check_case
 from dynident.model.base_parameters import base_parameters
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Robot
 
 MakeLog = Callable[..., Log]

@@ -30,7 +30,7 @@ from dynident.identification.streaming.estimate import identify_digest
 from dynident.identification.streaming.one_log import Checkpoint
 from dynident.identification.streaming.reduction import reduce_logs
 from dynident.identification.streaming.triangle_file import check_case, merged_file, read_digest, write_digest
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Robot
 
 

@@ -10,11 +10,11 @@ import llvmlite.binding as llvm
 import numpy as np
 import pytest
 
-from dynident.model.descriptions import read_robot
 from dynident.model.kernels import code_files, compiled
 from dynident.model.kernels.code_files import KEPT, WORTH_KEEPING, kept_code
 from dynident.model.kernels.emit import llvm_assembly
 from dynident.model.kernels.generated import compiled_quantity
+from dynident.robot_files import read_robot
 
 LONG = "; a comment\n" * WORTH_KEEPING
 

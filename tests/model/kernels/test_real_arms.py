@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynident.model.descriptions import read_robot
 from dynident.model.kernels import batched
 from dynident.model.kernels.batched import JointColumns
+from dynident.robot_files import read_robot
 
 DATA = Path(os.environ.get("DYNIDENT_DATA", Path(__file__).resolve().parents[4] / "shared" / "data"))
 ARMS = (

@@ -19,7 +19,7 @@ from dynident.case.draft.signal_units import position_factors
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.data.evidence.torques import agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
-from dynident.model.descriptions.base import shipped_robots
+from dynident.robot_files import shipped_robots
 
 #: Logs that are described one by one at the head of the file.
 _MOST_LOGS = 12

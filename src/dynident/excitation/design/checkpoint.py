@@ -18,7 +18,7 @@ from dynident.excitation.design.finishing import FinishingCandidate
 from dynident.excitation.design.start import StartResult
 from dynident.file_versions import FileVersions
 from dynident.files import DAMAGE, read_json, write_atomically
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.friction import FRICTION
 
 KIND = "dynident search"

@@ -8,7 +8,7 @@ from typing import Any
 
 from dynident.data.formats import ColumnMap, Units
 from dynident.data.preprocessing import FILTERS, Preprocessing
-from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
+from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from dynident.case.case import Case, read_case
 from dynident.case.case_values import guarded, texts
+from dynident.case.prior_file import read_prior
 from dynident.data.log import Log
 from dynident.data.preprocessing import FILTERS
 from dynident.data.split import Split
@@ -20,7 +21,6 @@ from dynident.files import sha256_of, unreadable
 from dynident.identification.build_problem import PriorKnowledge, build_problem
 from dynident.identification.estimators import ESTIMATORS
 from dynident.identification.files.estimate_file import plain
-from dynident.identification.files.prior_file import read_prior
 from dynident.model.documents.sections import Section
 from dynident.model.documents.strict_yaml import load_yaml
 from dynident.studies.benchmark.runner import failed

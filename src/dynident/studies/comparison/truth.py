@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.case.prior_file import is_estimate, read_prior
 from dynident.errors import DescriptionError
 from dynident.files import is_json_of, read_json
-from dynident.identification.files.prior_file import is_estimate, read_prior
-from dynident.model.descriptions import read_robot
 from dynident.model.dynamic_model import DynamicModel
+from dynident.robot_files import read_robot
 from dynident.simulation.truth import KIND, VERSIONS
 
 

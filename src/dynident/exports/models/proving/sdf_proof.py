@@ -15,10 +15,10 @@ from dynident.exports.models.subject.drives import drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.sdf_text import base_name
-from dynident.model.descriptions.base import rotation_from_rpy
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Drive, Joint, Link, Mimic, Robot
+from dynident.robot_files.rotations import rotation_from_rpy
 
 
 def sdf_by_reader(subject: Identified, path: Path, states: StateSet) -> Reloaded:

@@ -17,10 +17,10 @@ from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet, states_of
 from dynident.exports.models.writing.document import read_document
 from dynident.exports.models.writing.placement import place
-from dynident.model.descriptions.urdf import read_urdf, read_urdf_bodies
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
+from dynident.robot_files.formats.urdf import read_urdf, read_urdf_bodies
 
 _WHAT = "bodies, damping, Coulomb friction"
 

@@ -19,7 +19,7 @@ from dynident.file_versions import FileVersions
 from dynident.files import DAMAGE, unreadable
 from dynident.identification.consistency.labels import labels_of
 from dynident.identification.estimate.estimate import Estimate
-from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
+from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 

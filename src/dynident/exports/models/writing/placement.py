@@ -10,9 +10,9 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.errors import DescriptionError
 from dynident.exports.models.subject.identified import Identified
-from dynident.model.descriptions._tree import Connection
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Joint, Robot, rotation_about
+from dynident.robot_files.tree import Connection
 
 #: Largest difference between a pose of the file and one of the model, in m and as entries of a rotation.
 SAME = 1e-9

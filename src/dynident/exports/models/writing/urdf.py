@@ -25,10 +25,10 @@ from dynident.exports.models.writing.xml_edit import (
     with_attributes,
 )
 from dynident.exports.models.writing.xml_text import along, checked_names, number, numbers, roll_pitch_yaw, unused_name
-from dynident.model.descriptions.urdf import read_urdf_bodies
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Joint, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
+from dynident.robot_files.formats.urdf import read_urdf_bodies
 
 
 def written_urdf(subject: Identified, drives: Drives, lump: bool) -> tuple[bytes, tuple[str, ...]]:

@@ -8,11 +8,12 @@ from typing import ClassVar, Final, Literal, final
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.descriptions.base import Description, rotation_from_rpy
 from dynident.model.documents.sections import LIMITS, Section, read_coupling, read_drive, read_limits
 from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.inertia import Inertia
 from dynident.model.robot import STANDARD_GRAVITY, Frame, Joint, Link, Robot
+from dynident.robot_files.formats.base import Description
+from dynident.robot_files.rotations import rotation_from_rpy
 
 _ROBOT: Final = ("name", "convention", "gravity", "joints", "tool", "coupling", "note")
 _JOINT: Final = (

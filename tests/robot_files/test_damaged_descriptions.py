@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.errors import DescriptionError
-from dynident.model.descriptions import base, read_robot
-from dynident.model.descriptions.native import robot_to_dict
-from dynident.model.descriptions.urdf import read_urdf
+from dynident.model.documents.robot_data import robot_to_dict
+from dynident.robot_files import read_robot, reading
+from dynident.robot_files.formats.urdf import read_urdf
 
 URDF = """<?xml version="1.0"?>
 <robot name="arm">
@@ -50,7 +50,7 @@ def test_nothing_but_a_description_error(name: str, data: st.DataObject) -> None
         start = data.draw(st.integers(0, len(text)))
         text = text[:start] + data.draw(st.sampled_from(PIECES)) + text[start + data.draw(st.integers(0, 12)) :]
     try:
-        robot = base.DESCRIPTIONS.get(name)().read("damaged", text.encode())
+        robot = reading.DESCRIPTIONS.get(name)().read("damaged", text.encode())
     except DescriptionError as problem:
         assert str(problem).isprintable()
     else:

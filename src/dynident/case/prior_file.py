@@ -12,9 +12,9 @@ from dynident.errors import DescriptionError, UnknownChoice
 from dynident.files import is_json_of
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.identification.problem.prior import BodyPrior
-from dynident.model.descriptions import read_robot
 from dynident.model.parameters import inertial_parameters
 from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
 
 #: By how much link frames of prior and robot may differ, in m and in entries of rotation matrices.
 _APART = 1e-4

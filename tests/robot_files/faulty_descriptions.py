@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dynident.errors import DescriptionError
-from dynident.model.descriptions import read_robot
+from dynident.robot_files import read_robot
 
 #: What to replace by what (None: the whole file), and the message after the file name.
 Fault = tuple[str | None, str | bytes, str]

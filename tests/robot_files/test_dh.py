@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.arrays import Array
-from dynident.model.descriptions.dh import modified_pose, read_dh, standard_pose
 from dynident.model.documents.numbers import Place, expression
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot, joint_pose
+from dynident.robot_files.formats.dh import modified_pose, read_dh, standard_pose
 
 TABLE = """\
 name: arm

@@ -12,13 +12,14 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import nearest
-from dynident.model.descriptions._tree import Connection, assemble
-from dynident.model.descriptions._xml import Element, parse_urdf
-from dynident.model.descriptions.base import Description, rotation_from_rpy
 from dynident.model.documents.numbers import Place, check_name, check_order, decimal, shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import JointLimits, Mimic, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from dynident.robot_files.formats.base import Description
+from dynident.robot_files.rotations import rotation_from_rpy
+from dynident.robot_files.tree import Connection, assemble
+from dynident.robot_files.urdf_elements import Element, parse_urdf
 
 _KINDS: Final[dict[str, Literal["fixed", "revolute", "prismatic"]]] = {
     "fixed": "fixed",

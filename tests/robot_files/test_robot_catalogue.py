@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dynident.errors import FileError
-from dynident.model.descriptions import read_robot
+from dynident.robot_files import read_robot
 from two_joint_arm import URDF
 
 #: The package in small: a module clones its repository as the real ones do, unless the cache has it.
@@ -81,7 +81,7 @@ def test_nothing_is_fetched(package: Path) -> None:
 
 def test_without_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    monkeypatch.setattr("dynident.robot_catalogue.find_spec", lambda name: None)
+    monkeypatch.setattr("dynident.robot_files.robot_catalogue.find_spec", lambda name: None)
     with pytest.raises(FileError, match="pip install robot_descriptions; robot_descriptions pull panda_description"):
         read_robot("panda_description")
 

@@ -11,9 +11,9 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.model.descriptions.urdf import read_urdf
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot, joint_pose, rotation_about
+from dynident.robot_files.formats.urdf import read_urdf
 
 DATA = Path(os.environ.get("DYNIDENT_DATA", Path(__file__).resolve().parents[4] / "shared" / "data"))
 #: Pinocchio's order of the ten, as positions in ours: m, m c, Ixx, Ixy, Iyy, Ixz, Iyz, Izz.

@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynident.errors import DescriptionError
-from dynident.model.descriptions import read_robot, shipped_robots
-from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
+from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
+from dynident.robot_files import read_robot, shipped_robots
 
 number = st.floats(-1e6, 1e6)
 positive = st.floats(1e-6, 1e6)

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from dynident.errors import DescriptionError, DynidentError, FileError
-from dynident.model.descriptions import base, read_robot, shipped_robots
-from dynident.model.descriptions.native import robot_to_dict
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.plugins import Family
+from dynident.robot_files import read_robot, reading, shipped_robots
 
 URDF = """<robot name="arm"><link name="a"/><link name="b"/>
 <joint name="j" type="revolute"><parent link="a"/><child link="b"/></joint></robot>"""
@@ -31,10 +31,10 @@ def failure(path: str | Path) -> str:
 
 
 def test_the_formats_are_a_family() -> None:
-    assert isinstance(base.DESCRIPTIONS, Family)
-    assert base.DESCRIPTIONS.names() == ("dh", "native", "urdf")
-    for name in base.DESCRIPTIONS.names():
-        assert base.DESCRIPTIONS.get(name).suffixes
+    assert isinstance(reading.DESCRIPTIONS, Family)
+    assert reading.DESCRIPTIONS.names() == ("dh", "native", "urdf")
+    for name in reading.DESCRIPTIONS.names():
+        assert reading.DESCRIPTIONS.get(name).suffixes
 
 
 @pytest.mark.parametrize("name", ["arm.urdf", "arm.URDF", "arm.xml", "arm.yaml", "arm"])
@@ -104,7 +104,7 @@ def test_empty(name: str, data: bytes) -> None:
 
 def test_too_large(monkeypatch: pytest.MonkeyPatch) -> None:
     with Path("arm.urdf").open("wb") as stream:
-        stream.truncate(base.MAX_BYTES + 1)
+        stream.truncate(reading.MAX_BYTES + 1)
     assert failure("arm.urdf") == "arm.urdf: it is larger than 20 MB; give the model of one robot"
 
 

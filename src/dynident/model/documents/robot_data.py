@@ -1,20 +1,18 @@
-"""The robot as plain data, exactly: the form in which files of dynident carry it, and JSON on its own."""
+"""The robot as plain data, exactly: the form in which files of dynident carry it."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Final, Literal, final
+from dataclasses import fields
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from dynident.errors import DescriptionError
 from dynident.file_versions import FileVersions
-from dynident.model.descriptions._shapes import read_rotation, read_shapes, shapes_to_list
-from dynident.model.descriptions.base import Description
-from dynident.model.documents.numbers import Place, check_name, shown
+from dynident.model.documents.numbers import check_name, shown
 from dynident.model.documents.sections import LIMITS, Section, read_coupling, read_drive, read_limits
+from dynident.model.documents.shape_data import read_rotation, read_shapes, shapes_to_list
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, Joint, Link, Mimic, Robot
 
@@ -32,21 +30,6 @@ _JOINT: Final = (
 _DRIVE: Final = tuple(item.name for item in fields(Drive))
 _MIMIC: Final = tuple(item.name for item in fields(Mimic))
 _FRAME: Final = ("link", "rotation", "translation")
-
-
-@final
-@dataclass(frozen=True)
-class Native(Description):
-    """The JSON of dynident, exact to the last bit; an infinite limit is null, inertia is ten numbers as in ``TEN``.
-
-    The keys ``shapes`` and ``base_shapes`` are there where the robot has some.
-    """
-
-    suffixes: ClassVar[tuple[str, ...]] = (".json",)
-
-    def read(self, path: object, data: bytes) -> Robot:
-        """Return the robot of a JSON file; see :class:`Description`."""
-        return robot_from_dict(_load_json(path, data), path)
 
 
 def robot_to_dict(robot: Robot) -> dict[str, Any]:
@@ -215,29 +198,3 @@ def _check_names(top: Section, joints: tuple[Joint, ...]) -> None:
         if joint.mimic is not None and joint.mimic.joint not in leaders:
             evidence = f"{shown(joint.mimic.joint)} is no joint that moves on its own"
             raise top.place(f"joints.{i}.mimic.joint").error(evidence, "name one that does")
-
-
-def _load_json(path: object, data: bytes) -> object:
-    def refuse(word: str) -> float:
-        raise Place(path).error(f"{word} is no number in JSON", "write null for a limit that is not known")
-
-    def mapping(pairs: list[tuple[str, object]]) -> dict[str, object]:
-        found: dict[str, object] = {}
-        for key, value in pairs:
-            if key in found:
-                raise Place(path).error(f"the key {shown(key)} is there twice", "keep one of the two")
-            found[key] = value
-        return found
-
-    try:
-        return json.loads(data, parse_constant=refuse, object_pairs_hook=mapping)
-    except json.JSONDecodeError as problem:
-        step = "give a robot that dynident has written"
-        raise Place(path, f"line {problem.lineno}").error(f"not JSON ({problem.msg})", step) from problem
-    except (ValueError, RecursionError) as problem:
-        reason = "a number of too many digits"
-        if isinstance(problem, RecursionError):
-            reason = "nested too deep"
-        elif isinstance(problem, UnicodeDecodeError):
-            reason = "not UTF-8 text"
-        raise Place(path).error(f"not JSON ({reason})", "give a robot that dynident has written") from problem

@@ -1,49 +1,21 @@
-"""A robot model format, and read_robot: from a file, or the name of a robot that ships, to a Robot."""
+"""read_robot: from a file, or the name of a robot that ships, to a Robot."""
 
 from __future__ import annotations
 
 import os
-from abc import ABC, abstractmethod
 from importlib import resources
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Final
 
-import numpy as np
-import numpy.typing as npt
-
-from dynident.arrays import Array
 from dynident.errors import DescriptionError, FileError, nearest
 from dynident.model.robot import Robot
-from dynident.plugins import Family
-from dynident.robot_catalogue import ENDING, catalogued_file
+from dynident.robot_files.formats.base import DESCRIPTIONS, Description
+from dynident.robot_files.robot_catalogue import ENDING, catalogued_file
 
 MAX_BYTES: Final = 20_000_000
 
-_SHIPPED: Final = "dynident.model.robots"
+_SHIPPED: Final = "dynident.robot_files.robots"
 _SPACE: Final = b"\xef\xbb\xbf \t\r\n"  # with the byte order mark of UTF-8
-
-
-class Description(ABC):
-    """A format of robot models.
-
-    Attributes:
-        suffixes: Endings of its file names, with the dot.
-        opening: First visible bytes of every file of the format; empty where it has no mark.
-    """
-
-    suffixes: ClassVar[tuple[str, ...]]
-    opening: ClassVar[bytes] = b""
-
-    @abstractmethod
-    def read(self, path: object, data: bytes) -> Robot:
-        """Return the robot that the bytes of a file describe; ``path`` is what messages call the file.
-
-        Raises:
-            DescriptionError: Any fault of the file.
-        """
-
-
-DESCRIPTIONS: Final = Family("dynident.model.descriptions", Description, "robot model format")
 
 
 def read_robot(path: str | Path) -> Robot:
@@ -74,18 +46,6 @@ def shipped_robots() -> tuple[str, ...]:
     """Return the names of the robots that ship with dynident, sorted; each is a choice for :func:`read_robot`."""
     files = (entry.name for entry in resources.files(_SHIPPED).iterdir())
     return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
-
-
-def rotation_from_rpy(rpy: npt.ArrayLike) -> Array:
-    """Return R = Rz(yaw) Ry(pitch) Rx(roll) for (roll, pitch, yaw) in rad, shape (3,) -> (3, 3) (URDF's order)."""
-    (sr, sp, sy), (cr, cp, cy) = np.sin(rpy), np.cos(rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
 
 
 def _bytes(file: Path) -> bytes:

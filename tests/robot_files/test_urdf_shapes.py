@@ -10,12 +10,12 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.errors import DescriptionError
-from dynident.model.descriptions import read_robot
-from dynident.model.descriptions.native import robot_from_dict, robot_to_dict
-from dynident.model.descriptions.urdf import read_urdf
+from dynident.model.documents.robot_data import robot_from_dict, robot_to_dict
 from dynident.model.kernels.batched import link_poses
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from dynident.robot_files import read_robot
+from dynident.robot_files.formats.urdf import read_urdf
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
 

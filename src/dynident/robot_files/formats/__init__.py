@@ -1,0 +1,1 @@
+"""Formats of robot models, one per file: the only files that know a format."""

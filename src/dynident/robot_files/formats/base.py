@@ -1,0 +1,32 @@
+"""A robot model format: from the bytes of a file to a Robot."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar, Final
+
+from dynident.model.robot import Robot
+from dynident.plugins import Family
+
+
+class Description(ABC):
+    """A format of robot models.
+
+    Attributes:
+        suffixes: Endings of its file names, with the dot.
+        opening: First visible bytes of every file of the format; empty where it has no mark.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]]
+    opening: ClassVar[bytes] = b""
+
+    @abstractmethod
+    def read(self, path: object, data: bytes) -> Robot:
+        """Return the robot that the bytes of a file describe; ``path`` is what messages call the file.
+
+        Raises:
+            DescriptionError: Any fault of the file.
+        """
+
+
+DESCRIPTIONS: Final = Family("dynident.robot_files.formats", Description, "robot model format")
