@@ -9,7 +9,6 @@ import pytest
 
 from dynident.arrays import Array
 from dynident.excitation.trajectories.fourier import FourierSeries
-from dynident.model import robots
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
@@ -18,7 +17,7 @@ from dynident.model.friction.viscous import Viscous
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
-from dynident.robot_files import read_robot
+from dynident.robot_files import read_robot, robots
 from dynident.robot_files.formats.dh import read_dh
 from dynident.studies import er16_article as article
 from loaded_file import loaded_file
