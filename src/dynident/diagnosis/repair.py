@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.data.evidence.rows import same_as_before
+from dynident.case.evidence.rows import same_as_before
 from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn
 from dynident.diagnosis.recording import Recording

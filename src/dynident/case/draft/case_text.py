@@ -17,7 +17,7 @@ from dynident.case.draft.recognise import cutoff_of, facts_of
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.signal_units import position_factors
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
-from dynident.data.evidence.torques import agrees
+from dynident.case.evidence.torques import agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
 from dynident.robot_files import shipped_robots
 

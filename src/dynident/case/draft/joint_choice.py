@@ -9,7 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.draft.column_groups import Group
-from dynident.data.evidence.positions import is_within
+from dynident.case.evidence.positions import is_within
 from dynident.model.robot import Joint, Robot
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.evidence.positions import STILL, travel
-from dynident.data.evidence.rows import same_as_before
+from dynident.case.evidence.positions import STILL, travel
+from dynident.case.evidence.rows import same_as_before
 from dynident.data.formats import LogFormat, LogTable, open_log
 from dynident.data.formats._table import MIN_SAMPLES
 from dynident.data.preprocessing import longest_step

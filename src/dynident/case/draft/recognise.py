@@ -32,9 +32,9 @@ from dynident.case.draft.stated_units import (
 )
 from dynident.case.draft.structure import ROWS, structure_of
 from dynident.case.draft.yaml_words import listed, quoted
-from dynident.data.evidence.positions import STILL, strays, travel
-from dynident.data.evidence.torques import torque_evidence
-from dynident.data.evidence.velocities import is_near, velocity_pair
+from dynident.case.evidence.positions import STILL, strays, travel
+from dynident.case.evidence.torques import torque_evidence
+from dynident.case.evidence.velocities import is_near, velocity_pair
 from dynident.data.formats import LogTable
 from dynident.data.formats._clocked_table import SUM, TimedTable, with_clock
 from dynident.data.formats.base import UNITS

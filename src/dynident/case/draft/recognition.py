@@ -14,7 +14,7 @@ from dynident.case.draft.profile_fit import ProfileFit
 from dynident.case.draft.readings import LogReading
 from dynident.case.draft.signal_units import SignalUnit
 from dynident.case.draft.structure import TableStructure
-from dynident.data.evidence.torques import TorqueEvidence, agrees
+from dynident.case.evidence.torques import TorqueEvidence, agrees
 from dynident.data.log import Log
 from dynident.model.robot import Robot
 

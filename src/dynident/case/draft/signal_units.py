@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.evidence.positions import is_plausible
-from dynident.data.evidence.rows import time_units
-from dynident.data.evidence.torques import agrees
+from dynident.case.evidence.positions import is_plausible
+from dynident.case.evidence.rows import time_units
+from dynident.case.evidence.torques import agrees
 from dynident.data.formats.base import UNITS
 from dynident.model.robot import Joint
 

@@ -18,9 +18,9 @@ from dynident.case.draft.column_groups import Group
 from dynident.case.draft.column_words import Meaning
 from dynident.case.draft.readings import band, cutoff_from
 from dynident.case.draft.signal_units import position_factors, position_unit
-from dynident.data.evidence.positions import STRAYS
-from dynident.data.evidence.rows import time_units
-from dynident.data.evidence.torques import filtered_rows
+from dynident.case.evidence.positions import STRAYS
+from dynident.case.evidence.rows import time_units
+from dynident.case.evidence.torques import filtered_rows
 from dynident.data.formats.base import UNITS
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.data.evidence.positions import LARGEST_TURN, STILL, is_plausible, is_within, travel
+from dynident.case.evidence.positions import LARGEST_TURN, STILL, is_plausible, is_within, travel
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, listed
 

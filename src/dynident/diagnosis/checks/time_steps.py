@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.data.evidence.rows import POSSIBLE_STEPS, is_step, time_units
+from dynident.case.evidence.rows import POSSIBLE_STEPS, is_step, time_units
 from dynident.data.formats._units import UNITS
 from dynident.data.preprocessing import gap_remedy, longest_step
 from dynident.diagnosis.checks.base import Check, CheckedLog

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.data.evidence.torques import EXPLAINED, agrees, scale_against
+from dynident.case.evidence.torques import EXPLAINED, agrees, scale_against
 from dynident.diagnosis.causes.column_readings import variance_falls
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, other_scales

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.data.evidence.velocities import VelocityPair, is_near, velocity_pair
+from dynident.case.evidence.velocities import VelocityPair, is_near, velocity_pair
 from dynident.data.log import Log
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, listed

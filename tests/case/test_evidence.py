@@ -9,10 +9,10 @@ import pytest
 
 from dynident.case.case import read_case
 from dynident.case.draft.signal_units import position_unit, time_unit, torque_unit
-from dynident.data.evidence.positions import is_plausible, is_within, strays, travel
-from dynident.data.evidence.rows import POSSIBLE_STEPS, is_step, same_as_before, time_units
-from dynident.data.evidence.torques import agrees, scale_against
-from dynident.data.evidence.velocities import is_near, velocity_pair
+from dynident.case.evidence.positions import is_plausible, is_within, strays, travel
+from dynident.case.evidence.rows import POSSIBLE_STEPS, is_step, same_as_before, time_units
+from dynident.case.evidence.torques import agrees, scale_against
+from dynident.case.evidence.velocities import is_near, velocity_pair
 from dynident.model.robot import JointLimits
 
 TIME = np.arange(2000) / 200.0
