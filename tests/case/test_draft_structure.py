@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from drafted_logs import moved, read, write_robot
+from dynident.api.given_logs import log_of
 from dynident.arrays import Array
 from dynident.case.case_draft import Draft, draft_case
 from dynident.case.draft.structure import structure_of
+from dynident.errors import BadArgument
 from dynident.model.robot import Drive, Robot
 from dynident.robot_files import read_robot
 
@@ -44,7 +46,8 @@ LAYOUTS = {
     "q dq tau": lambda m: blocks(m["time"], m["q"], m["dq"], m["torque"]),
     "tau dq q": lambda m: blocks(m["time"], m["torque"], m["dq"], m["q"]),
     "q dq ddq tau": lambda m: blocks(m["time"], m["q"], m["dq"], m["ddq"], m["torque"]),
-    "counter first": lambda m: blocks(np.arange(len(m["time"])), m["time"], m["q"], m["dq"], m["torque"]),
+    "tau ddq dq q": lambda m: blocks(m["time"], m["torque"], m["ddq"], m["dq"], m["q"]),
+    "counter first": lambda m: blocks(np.arange(float(len(m["time"]))), m["time"], m["q"], m["dq"], m["torque"]),
     "two rests": lambda m: blocks(m["q"], m["dq"], m["torque"], m["time"], 0 * m["time"]),
     "joint by joint": lambda m: joint_by_joint(m["time"], m["q"], m["dq"], m["torque"]),
     "no velocities": lambda m: blocks(m["time"], m["q"], m["torque"]),
@@ -111,3 +114,51 @@ def test_torques_of_no_robot_are_not_taken(arm: Robot, motion: dict[str, Array],
     other = np.random.default_rng(0).standard_normal(motion["torque"].shape)
     draft = drafted(arm, blocks(motion["time"], motion["q"], motion["dq"], other), tmp_path)
     assert [one.text.partition(" in N m")[0] for one in draft.needed] == ["the measured joint torques"]
+
+
+def test_a_stated_rate_is_the_time_of_positions_without_velocities(
+    arm: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    np.savetxt(tmp_path / "run.csv", blocks(motion["q"], motion["torque"]), delimiter=",")
+    rate = 1.0 / float(np.median(np.diff(motion["time"])))
+    robot = write_robot(tmp_path / "arm.json", arm)
+    draft = draft_case(robot, str(tmp_path / "run.csv"), tmp_path, rate_hz=round(rate, 6))
+    assert draft.needed == ()
+    case = read(draft, tmp_path)
+    np.testing.assert_allclose(np.asarray(case.read(case.train[0]).torque), motion["torque"])
+
+
+def test_columns_of_some_joints_are_as_many_as_have_derivatives(
+    arm: Robot, motion: dict[str, Array], tmp_path: Path
+) -> None:
+    some = {name: motion[name][:, 1:] for name in ("q", "dq", "torque")}
+    draft = drafted(arm, blocks(motion["time"], some["q"], some["dq"], some["torque"]), tmp_path)
+    sources = draft.recognition.sources
+    count = arm.dof - 1
+    assert [int(name[1:]) for name in sources["q"].columns] == list(range(2, 2 + count))
+    assert [int(name[1:]) for name in sources["dq"].columns] == list(range(2 + count, 2 + 2 * count))
+    last = f"c{1 + 3 * count}"
+    told = sources["torque"].columns[-1] if "torque" in sources else draft.recognition.likely_effort
+    assert last in told
+    assert any("joints" in one.text for one in draft.questions)
+
+
+def test_one_array_is_drafted_and_proposed_to_python(tmp_path: Path) -> None:
+    arm = read_robot("er16")
+    motion = dict(moved(arm))
+    motion["dq"] = np.gradient(motion["q"], motion["time"], axis=0)
+    values = blocks(motion["time"], motion["q"], motion["dq"], motion["torque"])
+    np.save(tmp_path / "run.npy", values)
+    draft = draft_case(write_robot(tmp_path / "arm.json", arm), str(tmp_path / "run.npy"), tmp_path)
+    assert draft.needed == ()
+    case = read(draft, tmp_path)
+    np.testing.assert_allclose(case.read(case.train[0]).q, motion["q"])
+    n = arm.dof
+    with pytest.raises(BadArgument, match="equations of motion of the robot model explain") as raised:
+        log_of(values, arm)  # type: ignore[arg-type]
+    assert f'{{"time": log[:, 0], "q": log[:, 1:{1 + n}], "torque": log[:, {1 + 2 * n}:{1 + 3 * n}]}}' in str(
+        raised.value
+    )
+    noise = np.random.default_rng(1).standard_normal(values.shape)
+    with pytest.raises(BadArgument, match="dynident init ROBOT FILE"):
+        log_of(noise, arm)  # type: ignore[arg-type]

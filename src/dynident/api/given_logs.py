@@ -16,6 +16,7 @@ from dynident.api.log_checks import case_of_model
 from dynident.applications.states import motion_of_arrays, plain_numbers
 from dynident.arrays import Array
 from dynident.case.case import Case, read_case
+from dynident.case.draft.structure import structure_of
 from dynident.data.formats import ColumnMap
 from dynident.data.log import Log, Source
 from dynident.data.log_of_robot import with_meaning
@@ -81,6 +82,8 @@ def log_of(data: LogLike, robot: RobotLike | None = None) -> Log:
         from dynident.data.formats import read_log
 
         return read_log(data, None if known is None else ColumnMap(joints=known.joint_names))
+    if known is not None and isinstance(data, np.ndarray):
+        raise _unnamed("log", data, known)
     if not isinstance(data, Mapping | DataFrameLike):
         raise BadArgument("log", f"{_kind(data)} where a log is wanted", f"write {EXAMPLE}, or give a file")
     log = _log(data, known)
@@ -110,6 +113,8 @@ def logs_of(data: Any, robot: Robot, read: Callable[[str | Path], Log], argument
     )
     if not one and not isinstance(data, Iterable):
         raise BadArgument(argument, f"{_kind(data)} where logs are wanted", f"write {EXAMPLE}, or give files")
+    if isinstance(data, np.ndarray):
+        raise _unnamed(argument, data, robot)
     several: list[Any] = [data] if one else list(data)  # type: ignore[arg-type]
     if any(isinstance(each, np.ndarray | float | int | list) for each in several):
         raise BadArgument(argument, f"{_kind(data)} of numbers where logs are wanted", f"write {EXAMPLE}")
@@ -117,6 +122,31 @@ def logs_of(data: Any, robot: Robot, read: Callable[[str | Path], Log], argument
     if any(log.source.path == ARRAYS and log.torque is None for log in found):
         raise BadArgument(argument, "neither torques nor currents with drive gains", f"write {EXAMPLE}")
     return found
+
+
+def _unnamed(argument: str, data: Any, robot: Robot) -> BadArgument:
+    """Return the error for an array of columns without names; its step has what their values say they are."""
+    evidence = f"{_kind(data)} of numbers without names"
+    if data.ndim != 2 or data.dtype.kind not in "fiu":
+        return BadArgument(argument, evidence, f"write {EXAMPLE}")
+    told = structure_of(robot, [f"column {k}" for k in range(data.shape[1])], np.asarray(data, dtype=float))
+    signals = {"time": told.time, **{name: group.names for name, group in told.groups.items() if name != "dq"}}
+    if not told.time or "torque" not in told.groups or told.rivals:
+        step = "numpy.save it, and dynident init ROBOT FILE.npy asks what its columns are"
+        return BadArgument(argument, evidence, f"write {EXAMPLE}; or {step}")
+    parts = [f'"{name}": log[:, {_indices(columns)}]' for name, columns in signals.items()]
+    why = f"by their values: {told.evidence['q']}, and of the torques {told.evidence['torque']}"
+    return BadArgument(argument, f"{evidence}; {why}", f"write {{{', '.join(parts)}}} in SI units if that is right")
+
+
+def _indices(columns: str | Sequence[str]) -> str:
+    """Return numbers of columns as an index of NumPy: one, a slice, or a list."""
+    if isinstance(columns, str):
+        return columns.split()[1]
+    numbers = [int(name.split()[1]) for name in columns]
+    step = numbers[1] - numbers[0] if len(numbers) > 1 else 1
+    end = numbers[-1] + 1
+    return f"{numbers[0]}:{end}" if step == 1 else f"{numbers[0]}:{end}:{step}"
 
 
 def case_of(subject: Any) -> Case:

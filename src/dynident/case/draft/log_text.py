@@ -76,15 +76,22 @@ def _profile_gaps(found: Recognised) -> list[str]:
         lines += ["  units:", asked("    position", note, told.text)]
     torque = found.units.get("torque")
     if found.drivers_differ and torque is not None and not torque.certain:
-        effort = found.sources["torque"]
-        names = quoted(effort.pattern) if effort.pattern else listed(effort.columns)
         note = (
-            f"the unit of {effort.shown()} (N m, mN m, N, percent, permille), drivers differ: {torque.why}; where they "
-            f"are motor currents, write columns: {{torque: none, current: {names}}} in place of units, and gains "
-            "(drives: {JOINT: {gain: ...}})"
+            f"the unit of {found.sources['torque'].shown()} (N m, mN m, N, percent, permille), drivers differ: "
+            f"{torque.why}{_or_currents(found, 'columns: ')}"
         )
         lines += [*(["  units:"] if "  units:" not in lines else []), asked("    torque", note)]
     return lines
+
+
+def _or_currents(found: Recognised, key: str = "") -> str:
+    """Return what to write where columns of torques are motor currents."""
+    effort = found.sources["torque"]
+    names = quoted(effort.pattern) if effort.pattern else listed(effort.columns)
+    return (
+        f"; where they are motor currents, write {key}{{torque: none, current: {names}}} in place of units, and gains "
+        "(drives: {JOINT: {gain: ...}})"
+    )
 
 
 def _columns(found: Recognised) -> list[str]:
@@ -169,8 +176,16 @@ def _units(found: Recognised) -> list[str]:
         else:
             signal = {"time": "time", "position": "q", "torque": "torque"}.get(key, key)
             what = found.time if key == "time" else found.sources[signal].shown()
-            lines.append(asked(f"    {key}", f"the unit of {what} ({choices[key]}): {told.why}", told.text))
+            other = _other_kind(found, key) if found.structure is not None else ""
+            lines.append(asked(f"    {key}", f"the unit of {what} ({choices[key]}): {told.why}{other}", told.text))
     return lines if len(lines) > 1 else []
+
+
+def _other_kind(found: Recognised, key: str) -> str:
+    """Return what else columns without names may be whose unit is asked."""
+    if key == "torque":
+        return _or_currents(found)
+    return "; or they are motor positions before the gears: then state side and gear_ratio" if key == "position" else ""
 
 
 def _unseen(key: str, choices: str) -> str:

@@ -130,11 +130,12 @@ def _by_structure(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recogn
     """Return what the values of columns without telling names say, and the tables, with the rate that they have."""
     if len(found.header) <= found.robot.dof:
         return found, tables
+    header = (found.time, *found.header) if found.is_clocked else found.header
     try:
-        values = next(tables[0].batches(found.header, ROWS), np.empty((0, len(found.header))))
+        values = next(tables[0].batches(header, ROWS), np.empty((0, len(header))))
     except LogFormatError:  # some column holds words
         return found, tables
-    told = structure_of(found.robot, found.header, values, "" if found.is_clocked else found.time)
+    told = structure_of(found.robot, header, values, found.time)
     if "q" not in told.groups:
         return replace(found, time=found.time or told.time), tables
     sources = {
@@ -148,8 +149,11 @@ def _by_structure(found: Recognised, tables: Sequence[LogTable]) -> tuple[Recogn
         time, is_clocked = f"{np.format_float_positional(told.rate_hz, trim='-')} Hz", True
         tables = [with_clock(table, time, told.rate_hz) for table in tables]
     rivals = {signal: groups for signal, groups in told.rivals.items() if signal != "q"}
-    joints = choose_joints(found.robot, told.groups["q"], np.zeros((1, found.robot.dof)))
-    found = replace(found, time=time, is_clocked=is_clocked, sources=sources, rivals=rivals, joints=joints)
+    joints = choose_joints(found.robot, told.groups["q"], np.zeros((1, told.groups["q"].count)))
+    likely = listed(told.likely_effort) if told.likely_effort else ""
+    found = replace(
+        found, likely_effort=likely, time=time, is_clocked=is_clocked, sources=sources, rivals=rivals, joints=joints
+    )
     return replace(found, left_out=left_out, structure=told), tables
 
 

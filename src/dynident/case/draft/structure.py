@@ -16,6 +16,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.case.draft.column_groups import Group
 from dynident.case.draft.column_words import Meaning
+from dynident.case.draft.derivative_columns import ALIKE, MOVE, derivatives, joint_count, less_line, runs_of
+from dynident.case.draft.joint_choice import choose_joints
 from dynident.case.draft.readings import band, cutoff_from
 from dynident.case.draft.signal_units import position_factors, position_unit
 from dynident.case.evidence.positions import STRAYS
@@ -30,14 +32,8 @@ from dynident.model.robot import Robot
 #: Rows that are looked at.
 ROWS = 1 << 15
 
-#: Correlation of positions and integrated velocities from which one is called the derivative of the other.
-DERIVATIVE = 0.98
-
-#: How far the joints' factors between them may differ from their median: they have one clock.
-ALIKE = 0.05
-
-#: Share of the steps of a time that may not run forward, and of a signal's columns that have to move.
-STANDS, MOVE = 0.001, 0.5
+#: Share of the steps of a time that may not run forward.
+STANDS = 0.001
 
 #: Sets of columns that are tried as positions with each other one as torques, where no velocities tell them.
 MOST_SETS = 20
@@ -90,6 +86,8 @@ class TableStructure:
         evidence: What speaks for each signal.
         rivals: Columns that fit a signal as well.
         left_out: Signals that are recognised and not read, and why.
+        likely_effort: Columns that are as many as the positions and may be torques, where no model tells them; empty
+            for none.
     """
 
     time: str = ""
@@ -99,22 +97,14 @@ class TableStructure:
     evidence: Mapping[str, str] = field(default_factory=dict)
     rivals: Mapping[str, tuple[Group, ...]] = field(default_factory=dict)
     left_out: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class _Derivative:
-    """Columns ``of`` whose derivative by the row's time the columns ``by`` are, times a factor."""
-
-    of: tuple[int, ...]
-    by: tuple[int, ...]
-    factor: float
+    likely_effort: tuple[str, ...] = ()
 
 
 def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str = "") -> TableStructure:
     """Return what the values of columns say.
 
     Args:
-        robot: Whose joints stand in the columns in the order of the chain.
+        robot: Whose joints stand in the columns in the order of the chain: all of them, or some in a row.
         header: Names of the columns, which say nothing.
         values: Their first rows, shape (N, len(header)).
         time: Column of the time where its name tells it.
@@ -125,16 +115,23 @@ def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str =
     place = header.index(time) if time else _time_column(values)
     clock = np.arange(len(values), dtype=float) if place is None else values[:, place]
     usable = [k for k in range(len(header)) if k != place]
-    runs = _runs(usable, count)
-    if len(values) < 50 or not runs or np.any(np.diff(clock) <= 0):
-        return TableStructure("" if place is None else header[place])
+    runs = runs_of(usable, count)
+    nothing = TableStructure("" if place is None else header[place])
+    if len(values) < 50 or len(usable) < 2 or np.any(np.diff(clock) <= 0):
+        return nothing
     told = _Names(header)
-    found = TableStructure("" if place is None else header[place])
-    pairs = _derivatives(clock, values, runs)
-    followed = {pair.by for pair in pairs}
-    firsts = {pair.of: pair for pair in pairs if pair.of not in followed}
+    pairs = derivatives(clock, values, runs)
+    if not pairs and place is not None:
+        without = _without_velocities(robot, clock, values, told, nothing)
+        if without.groups:
+            return without
+    if not pairs and (fewer := joint_count(clock, values, usable, count)):
+        runs = runs_of(usable, fewer)
+        pairs = derivatives(clock, values, runs)
+    followed = {k for pair in pairs for k in pair.by}
+    firsts = {pair.of: pair for pair in pairs if followed.isdisjoint(pair.of)}
     if not firsts:
-        return _without_velocities(robot, clock, values, told, found) if place is not None else found
+        return nothing
     positions = _same_motion(values, list(firsts))
     first = _measured(clock, values, positions)
     velocity = firsts[first]
@@ -157,8 +154,22 @@ def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str =
     known = {k for run in (*positions, *(pair.by for pair in pairs), second) for k in run}
     seconds = clock / (rate or _clock_unit(velocity.factor))
     efforts = [run for run in runs if not known.intersection(run)]
-    all_told = _with_effort(robot, seconds, values, efforts, told, (groups, evidence, rivals))
-    return TableStructure(found.time, rate, rate_why, all_told.groups, all_told.evidence, all_told.rivals, left_out)
+    moving = _moving(robot, groups["q"], values[:, first])
+    if moving is None:
+        sets = _whole_sets([k for k in usable if k not in known], len(first))
+        likely = told.group("torque", sets[0]).names if len(sets) == 1 else ()
+        return TableStructure(nothing.time, rate, rate_why, groups, evidence, rivals, left_out, likely)
+    all_told = _with_effort(moving, seconds, values, efforts, told, (groups, evidence, rivals))
+    return TableStructure(nothing.time, rate, rate_why, all_told.groups, all_told.evidence, all_told.rivals, left_out)
+
+
+def _moving(robot: Robot, group: Group, q: Array) -> Robot | None:
+    """Return the robot with the joints of the positions' columns, q (N, k) as they stand there; None for unknown."""
+    names = choose_joints(robot, group, q).names
+    if not names:
+        return None
+    others = [name for name in robot.joint_names if name not in names]
+    return robot.locked(dict.fromkeys(others, 0.0)) if others else robot
 
 
 def _without_velocities(
@@ -174,7 +185,7 @@ def _without_velocities(
     seconds = clock * UNITS["time"][units[0]][0][0] / UNITS["time"][units[0]][0][1]
     tried = []
     for of in runs:
-        moves = np.any(_less_line(clock, values[:, of]), axis=0)
+        moves = np.any(less_line(clock, values[:, of]), axis=0)
         if np.mean(moves) < MOVE or not position_unit(values[:, of], robot.active, "").words:
             continue
         others = [run for run in runs if not set(run) & set(of)]
@@ -241,22 +252,6 @@ def _with_effort(
     return _Efforts(groups, evidence, rivals, best)
 
 
-def _runs(columns: Sequence[int], count: int) -> list[tuple[int, ...]]:
-    """Return sets of ``count`` columns that may be one signal: side by side, or every k-th one."""
-    there, last = set(columns), max(columns, default=-1)
-    found: dict[tuple[int, ...], None] = {}
-    for stride in range(1, 1 + last // max(count - 1, 1)):
-        for start in range(last + 1 - stride * (count - 1)):
-            run = tuple(range(start, start + stride * count, stride))
-            if there.issuperset(run) and (stride == 1 or count > 1):
-                found.setdefault(run)
-    return list(found)
-
-
-def _stride(run: tuple[int, ...]) -> int:
-    return run[1] - run[0] if len(run) > 1 else 1
-
-
 def _whole_sets(columns: Sequence[int], count: int) -> list[tuple[int, ...]]:
     """Return sets of ``count`` columns that follow each other without a rest: block by block, or joint by joint."""
     sets, rest = divmod(len(columns), count)
@@ -281,48 +276,6 @@ def _time_column(values: Array) -> int | None:
         if spread < best or place is None:
             best, place = spread, k
     return place
-
-
-def _derivatives(clock: Array, values: Array, runs: Sequence[tuple[int, ...]]) -> list[_Derivative]:
-    """Return the runs of which one is the derivative of the other, column by column with one factor.
-
-    Integrals are compared, straight lines taken off: noise and coarse encoders hardly matter then, and a sensor's
-    offset not at all.
-    """
-    steps = np.diff(clock)[:, None]
-    areas = np.concatenate(
-        [np.zeros((1, values.shape[1])), np.cumsum(0.5 * (values[1:] + values[:-1]) * steps, axis=0)]
-    )
-    own, areas = _less_line(clock, values), _less_line(clock, areas)
-    sizes = np.linalg.norm(own, axis=0), np.linalg.norm(areas, axis=0)
-    product = own.T @ areas
-    with np.errstate(divide="ignore", invalid="ignore"):
-        correlation = product / np.outer(*sizes)
-        factor = product / (sizes[0] ** 2)[:, None]
-    close = (correlation > DERIVATIVE) & (factor > 0)
-    starts: dict[int, dict[int, tuple[int, ...]]] = {}
-    for run in runs:
-        starts.setdefault(_stride(run), {})[run[0]] = run
-    found = []
-    for of in runs:
-        moving = np.flatnonzero(sizes[0][list(of)] > 1e-3 * sizes[0][list(of)].max()).tolist()
-        if len(moving) < MOVE * len(of):
-            continue
-        followers = np.flatnonzero(close[of[moving[0]]]) - moving[0] * _stride(of)
-        for by in (starts[_stride(of)].get(start, of) for start in followers.tolist()):
-            pairs = tuple(np.array([(of[k], by[k]) for k in moving]).T)
-            middle = float(np.median(factor[pairs]))
-            alike = np.abs(factor[pairs] / max(middle, 1e-300) - 1) < ALIKE
-            if not set(of) & set(by) and np.all(close[pairs]) and np.all(alike):
-                found.append(_Derivative(of, by, middle))
-    return found
-
-
-def _less_line(clock: Array, values: Array) -> Array:
-    """Return columns less the straight line of each over the time; zero where they are one but for rounding."""
-    line = np.column_stack([np.ones(len(clock)), (clock - clock.mean()) / np.ptp(clock)])
-    left = values - line @ (np.linalg.pinv(line) @ values)
-    return np.where(np.linalg.norm(left, axis=0) > 1e-9 * np.linalg.norm(values, axis=0), left, 0.0)
 
 
 def _same_motion(values: Array, runs: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:

@@ -1,4 +1,4 @@
-"""Logs as NumPy archives: vectors and arrays (N, n) by name."""
+"""Logs as NumPy archives, vectors and arrays (N, n) by name, and as one bare array."""
 
 from __future__ import annotations
 
@@ -38,14 +38,17 @@ _DAMAGE = (
 class Npz(LogFormat):
     """NumPy archive (numpy.savez): t (N,), q (N, n), tau (N, n); the columns of an array q are called q1, ..., qn.
 
-    Objects and pickles are refused, and so are archives that unpack to more than they should.
+    Objects and pickles are refused, and so are archives that unpack to more than they should. One array alone
+    (numpy.save, .npy) is the columns c1, ..., ck.
     """
 
-    suffixes: ClassVar = (".npz",)
+    suffixes: ClassVar = (".npz", ".npy")
 
     def open(self, path: str | Path) -> ArrayTable:
         """Return the table; see :meth:`LogFormat.open`."""
         digest = checked_file(path, MAX_BYTES)
+        if str(path).lower().endswith(".npy"):
+            return _bare(path, digest)
         try:
             with zipfile.ZipFile(path) as archive:
                 members = archive.infolist()
@@ -72,11 +75,27 @@ class Npz(LogFormat):
 
     def write(self, log: Log, path: str | Path) -> None:
         """Write t (N,) and one array (N, n) per signal; see :meth:`LogFormat.write`."""
+        if str(path).lower().endswith(".npy"):
+            raise LogFormatError(path, None, "one array has no names of signals", "write an archive, .npz")
         written_table(log)  # refuses what is not finite
         arrays = {NUMBERED[name]: values for name, values in log.signals().items()}
         content = io.BytesIO()
         np.savez_compressed(content, t=log.time, **arrays)  # type: ignore[arg-type]
         write_atomically(path, content.getvalue())
+
+
+def _bare(path: str | Path, digest: str) -> ArrayTable:
+    """Return the table of one array, which stays on the disk; its columns are c1, ..., ck."""
+    try:
+        array = npy.open_memmap(path, mode="r")
+    except _DAMAGE as error:
+        raise LogFormatError(path, None, f"no NumPy array of numbers ({error})", _STEP) from error
+    shapes = {"c": array.shape} if array.dtype.kind in "fiub" else {}
+    places, count = columns_of(path, shapes, number_vectors=True)
+    how = "NumPy array"
+    return ArrayTable(
+        path=str(path), sha256=digest, header=tuple(places), how=how, places=places, load=lambda _: array, rows=count
+    )
 
 
 def _shape(path: str | Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[int, ...] | None:
