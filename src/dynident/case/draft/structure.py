@@ -142,13 +142,12 @@ def structure_of(robot: Robot, header: Sequence[str], values: Array, time: str =
         rivals["q"] = tuple(told.group("q", run) for run in (first, *others))
         evidence["q"] += f"; they follow {' and '.join(map(told.shown, others))} in time, as measured ones do"
     groups["dq"] = told.group("dq", velocity.by)
+    shown = f"the derivative of {told.shown(first)}"
     rate, rate_why = 0.0, ""
     if place is None:
         rate = _common_rate(velocity.factor)
-        rate_why = f"samples a second by which {told.shown(velocity.by)} are the derivative of {told.shown(first)}"
-        evidence["dq"] = rate_why
-    else:
-        evidence["dq"] = f"{velocity.factor:.4g} times the derivative of {told.shown(first)} by the time's column"
+        rate_why = f"samples a second by which {told.shown(velocity.by)} are {shown}"
+    evidence["dq"] = rate_why or f"{velocity.factor:.4g} times {shown} by the time's column"
     second = next((pair.by for pair in pairs if pair.of == velocity.by), ())
     left_out = {"ddq": f"{told.shown(second)}: the derivative of {told.shown(velocity.by)}"} if second else {}
     known = {k for run in (*positions, *(pair.by for pair in pairs), second) for k in run}
