@@ -67,7 +67,11 @@ def measure() -> Record:
 
 
 def process(words: list[str], environment: dict[str, str]) -> tuple[float, float]:
-    """Return the wall clock and the time of the processor of one process, its children included."""
+    """Return the wall clock and the time of the processor of one process, its children included.
+
+    Python's byte code may be kept: an installed package, and all that the peers import, has it.
+    """
+    environment = {name: value for name, value in environment.items() if name != "PYTHONDONTWRITEBYTECODE"}
     before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     subprocess.run(words, env=environment, check=True, capture_output=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

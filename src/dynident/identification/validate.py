@@ -15,6 +15,7 @@ from dynident.identification.estimate.envelope import departure_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import NominalErrors, Validation, compare_torques
+from dynident.identification.problem.kept_rows import kept_rows
 from dynident.identification.problem.problem import Problem, counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.uncertainty.propagation import prediction_deviations
@@ -39,7 +40,11 @@ def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
     prepared = [preprocess(log.ordered(estimate.model.robot.joint_names), preprocessing) for log in logs]
     found = validate_prepared(estimate.model, estimate.base, prepared, estimate.beta)
     regressor = RegressorStream(estimate.model, estimate.base, estimate.beta)
-    deviations = [prediction_deviations(regressor, log, estimate.covariance) for log in prepared]
+    kept = kept_rows(regressor, prepared)
+    deviations = [
+        prediction_deviations(regressor, log, estimate.covariance, kept and kept.of_log(k))
+        for k, log in enumerate(prepared)
+    ]
     known = estimate.train.nominal
     nominal = None if known is None else nominal_errors(estimate.model, estimate.base, prepared, known.friction)
     bodies = Plausibility.of(estimate.run)
@@ -49,7 +54,10 @@ def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
     found = replace(found, deviations=np.concatenate(deviations), noise=estimate.joint_deviations, nominal=nominal)
     if estimate.envelope is None:
         return found
-    parts = [regressor.triangles(log, np.ones((len(log.keep), len(log.log.joints)), bool)) for log in prepared]
+    parts = [
+        regressor.triangles(log, np.ones((len(log.keep), len(log.log.joints)), bool), kept and kept.segments[k])
+        for k, log in enumerate(prepared)
+    ]
     triangles = [first.merged(rest) for first, *rest in zip(*parts, strict=True)]
     logs_seen = [log.kept for log in prepared]
     return replace(found, departure=departure_of(estimate.envelope, logs_seen, triangles, estimate.covariance))

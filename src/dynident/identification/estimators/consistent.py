@@ -14,7 +14,6 @@ from dynident.identification.consistency.consistent_fit import (
     ConsistentFit,
     Metric,
     consistent_fit,
-    judged,
     run_of,
     scale_of,
     scaled_data,
@@ -91,7 +90,7 @@ class Consistent(Estimator):
             """Fit within the same bounds and with the same pull, which counts as many rows as the data."""
             data, target = scaled_data(problem.base, reduced, scale)
             share = rows / max(reduced.rows, 1)
-            return judged(solve_program(program.on(data, target, share)), scale).theta
+            return solve_program(program.on(data, target, share)).candidate.phi * scale.parameters
 
         return fit
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -42,6 +43,10 @@ class KeptRows:
     def are_of(self, logs: Sequence[Prepared], base: BaseParameters, load: Array | None) -> bool:
         """Return whether these are the rows of the very logs, base parameters and load."""
         return self.has_logs(logs) and self.regressor.base is base and self.regressor.load is load
+
+    def of_log(self, number: int) -> Iterator[RowSegment]:
+        """Yield the segments of one of the logs."""
+        return chain.from_iterable(self.segments[number])
 
     def updated(self, regressor: RegressorStream) -> KeptRows | None:
         """Return the rows of a model that differs in its load, or in friction that depends on the load beside these.

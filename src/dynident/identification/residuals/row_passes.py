@@ -7,7 +7,8 @@ holds one segment. Residuals and weights, n numbers a sample, are always kept.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from itertools import chain
@@ -19,7 +20,7 @@ import numpy.typing as npt
 from dynident.arrays import Array, BoolArray
 from dynident.identification.problem.problem import Problem
 from dynident.identification.problem.regressor_stream import Segments
-from dynident.model.reduction import CHUNK, Triangle, absorber
+from dynident.model.reduction import CHUNK, Triangle, absorb, absorber
 from dynident.model.threads import one_blas_thread
 
 #: Bytes of rows that are kept between passes.
@@ -57,6 +58,7 @@ class RowPasses:
         self._stored: list[Segment] | None = [] if size <= kept else None
         if self._stored is not None and problem.kept is not None:
             self._stored = list(self._made(chain.from_iterable(parts) for parts in problem.kept.segments))
+        self._pieces: dict[tuple[int, int], tuple[Triangle, ...]] = {}
 
     def __iter__(self) -> Iterator[Segment]:
         if self._stored:
@@ -143,3 +145,44 @@ class RowPasses:
             Triangle(own, np.triu(factor), int(np.count_nonzero(counted[:, i])))
             for i, (own, factor) in enumerate(zip(self.columns, factors, strict=True))
         )
+
+    def intervals(self, edges: Sequence[int]) -> list[tuple[Triangle, ...]]:
+        """Return the triangle of each joint over the samples between each two edges that count.
+
+        What is asked for is kept: intervals that consist of earlier ones are merged, the rows are not read again.
+
+        Args:
+            edges: Ascending positions in the samples of all logs.
+        """
+        wanted = list(itertools.pairwise(edges))
+        known = {edge for piece in self._pieces for edge in piece}
+        if not (self._pieces and known.issuperset(edges)):
+            self._pieces |= dict(zip(wanted, self._reduced(wanted), strict=True))
+        found: list[tuple[Triangle, ...]] = []
+        for first, stop in wanted:
+            inside = [own for piece, own in sorted(self._pieces.items()) if first <= piece[0] and piece[1] <= stop]
+            exact = self._pieces.get((first, stop))
+            found.append(exact or tuple(one.merged(rest) for one, *rest in zip(*inside, strict=True)))
+        return found
+
+    def _reduced(self, wanted: Sequence[tuple[int, int]]) -> list[tuple[Triangle, ...]]:
+        sizes = [len(own) + 1 for own in self.columns]
+        factors: list[list[Array]] = [[np.zeros((size, size), order="F") for size in sizes] for _ in wanted]
+        with self.one_thread():
+            for segment in self:
+                place = segment.samples
+                for own, (first, stop) in zip(factors, wanted, strict=True):
+                    for start in range(max(first, place.start), min(stop, place.stop), CHUNK):
+                        part = slice(start, min(start + CHUNK, stop, place.stop))
+                        counted = self.counting[part]
+                        cut = slice(part.start - place.start, part.stop - place.start)
+                        for i, block in enumerate(segment.blocks):
+                            rows = block[:, cut] if counted[:, i].all() else block[:, cut][:, counted[:, i]]
+                            own[i] = absorb(own[i], np.array(rows, order="C").T)
+        return [
+            tuple(
+                Triangle(columns, np.triu(factor), int(rows))
+                for columns, factor, rows in zip(self.columns, own, self.counting[a:z].sum(axis=0), strict=True)
+            )
+            for own, (a, z) in zip(factors, wanted, strict=True)
+        ]

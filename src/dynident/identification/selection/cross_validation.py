@@ -149,22 +149,24 @@ def _fold(
 
 
 def _by_log(problem: Problem, passes: RowPasses) -> list[tuple[str, tuple[Triangle, ...]]]:
-    edges = np.cumsum([0, *[len(log.keep) for log in problem.logs]])
-    return [
-        (log.log.name, _between(passes, int(a), int(b)))
-        for log, a, b in zip(problem.logs, edges[:-1], edges[1:], strict=True)
-    ]
+    names = [log.log.name for log in problem.logs]
+    return list(zip(names, passes.intervals(edges_of_logs(problem)), strict=True))
 
 
 def _blocks(problem: Problem, passes: RowPasses, folds: int) -> list[tuple[str, tuple[Triangle, ...]]]:
-    edges = np.linspace(0, problem.samples, folds + 1).round().astype(int)
-    return [(f"rows {a + 1} to {b}", _between(passes, int(a), int(b))) for a, b in itertools.pairwise(edges)]
+    edges = edges_of_parts(problem, folds)
+    names = [f"rows {a + 1} to {b}" for a, b in itertools.pairwise(edges)]
+    return list(zip(names, passes.intervals(edges), strict=True))
 
 
-def _between(passes: RowPasses, first: int, stop: int) -> tuple[Triangle, ...]:
-    chosen = np.zeros(passes.counting.shape)
-    chosen[first:stop] = 1.0
-    return passes.triangles(chosen)
+def edges_of_logs(problem: Problem) -> list[int]:
+    """Return where each log begins in the samples of all, and the last one ends."""
+    return list(itertools.accumulate((len(log.keep) for log in problem.logs), initial=0))
+
+
+def edges_of_parts(problem: Problem, count: int) -> list[int]:
+    """Return the edges of ``count`` parts of the samples of all logs, of equal length."""
+    return [int(edge) for edge in np.linspace(0, problem.samples, count + 1).round()]
 
 
 def _square(triangles: Sequence[Triangle], beta: Array) -> float:

@@ -16,7 +16,12 @@ from dynident.identification.residuals.bands import bands
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.residuals.quantiles import chi_square_tail
 from dynident.identification.residuals.row_passes import RowPasses
-from dynident.identification.selection.cross_validation import CrossValidation, cross_validate
+from dynident.identification.selection.cross_validation import (
+    CrossValidation,
+    cross_validate,
+    edges_of_logs,
+    edges_of_parts,
+)
 from dynident.model.reduction import Reduced, least_squares
 
 if TYPE_CHECKING:
@@ -151,6 +156,8 @@ def diagnose(
         refit: See :func:`cross_validate`.
     """
     passes = RowPasses(problem)
+    logs = edges_of_logs(problem) if folds and len(problem.logs) > 1 else []
+    passes.intervals(sorted({*edges_of_parts(problem, PARTS), *edges_of_parts(problem, max(folds, 1)), *logs}))
     residual, deviations = passes.residuals(beta), problem.joint_deviations(beta)
     factors = correlation_factors(passes.by_log(residual), problem.masks)
     reduced = problem.reduced(1.0 / deviations)
@@ -232,11 +239,7 @@ def constancy_of(problem: Problem, passes: RowPasses, residual: Array) -> Array:
 def _influence(problem: Problem, passes: RowPasses, beta: Array, weights: Array, factors: Array) -> tuple[Array, Array]:
     """Return leverage and Cook's distance (Cook 1977) of parts of the logs, from triangles without each of them."""
     whole = least_squares(problem.reduced(weights))
-    edges = np.linspace(0, problem.samples, PARTS + 1).round().astype(int)
-    chosen = [np.zeros(passes.counting.shape) for _ in range(PARTS)]
-    for own, a, b in zip(chosen, edges[:-1], edges[1:], strict=True):
-        own[a:b] = 1.0
-    parts = [passes.triangles(own) for own in chosen]
+    parts = passes.intervals(edges_of_parts(problem, PARTS))
     reduced = problem.reduced(weights)
     mean = float(np.average(factors, weights=np.maximum(problem.counts, 1)))
     leverage, cook = np.zeros(PARTS), np.full(PARTS, np.nan)

@@ -13,7 +13,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.problem.choices import GainUncertainty
 from dynident.identification.problem.prior import PULL
 from dynident.identification.problem.problem import Problem
-from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.problem.regressor_stream import RegressorStream, Segments
 from dynident.identification.residuals.row_passes import RowPasses
 from dynident.model.friction import Motion
 from dynident.model.reduction import least_squares
@@ -49,17 +49,20 @@ def standard_covariance(estimate: Estimate, problem: Problem, pull: float = PULL
     return 0.5 * (found + found.T)
 
 
-def prediction_deviations(regressor: RegressorStream, prepared: Prepared, covariance: Array) -> Array:
+def prediction_deviations(
+    regressor: RegressorStream, prepared: Prepared, covariance: Array, made: Segments | None = None
+) -> Array:
     """Return the standard deviation of the filtered torque by the parameters' covariance over the kept rows, (N, n).
 
     Args:
         regressor: Of the model, with the estimate as its load.
         prepared: A preprocessed log.
         covariance: Of the base parameters, shape (b, b).
+        made: The rows of the log, where they are there already.
     """
     roots = [covariance_root(covariance[np.ix_(columns, columns)]) for columns in regressor.columns]
     found = np.empty((len(prepared.keep), len(roots)))
-    for part, blocks in regressor.segments(prepared):
+    for part, blocks in made or regressor.segments(prepared):
         for i, (root, block) in enumerate(zip(roots, blocks, strict=True)):
             found[part, i] = np.linalg.norm(root @ block[:-1], axis=0)
     return found

@@ -69,7 +69,13 @@ def with_diagnostics(
     found: dict[str, Any] = diagnose(problem, estimator, estimate.beta, folds, refit).figures()
     found["bootstrap"] = _bootstrap(estimate, problem, refit, draws) if draws else None
     regressor = RegressorStream(estimate.model, estimate.base, estimate.beta)
-    spread = np.concatenate([prediction_deviations(regressor, log, estimate.covariance) for log in problem.logs])
+    kept = problem.kept
+    spread = np.concatenate(
+        [
+            prediction_deviations(regressor, log, estimate.covariance, kept and kept.of_log(k))
+            for k, log in enumerate(problem.logs)
+        ]
+    )
     return replace(
         estimate,
         diagnostics=found,
