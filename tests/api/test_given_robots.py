@@ -94,13 +94,20 @@ def test_a_joint_follows_as_an_equality_says() -> None:
         ("<freejoint/>", "", "'joint1' has more than one degree of freedom; give the model of an arm on a fixed base"),
         ('<joint type="ball"/>', "", "more than one degree of freedom"),
         ("", "", "a model without moving joints"),
+        ("<joint/>", "MUSCLE", "the actuator biceps is a muscle, .*; replace muscles by motors"),
+        ("<joint/>", "FLEX", r"1 flexible bodies \(flex\); remove them from the model"),
         ('<joint/><body name="c"><joint/><geom size=".1"/></body>', '<weld body1="b" body2="c"/>', "no linear one of"),
     ],
 )
 def test_models_of_mujoco_that_are_no_arm(body: str, end: str, told: str) -> None:
     mujoco = pytest.importorskip("mujoco")
     tree = f'<worldbody><body name="b"><geom size=".1"/>{body}</body></worldbody>'
-    text = f"<mujoco>{tree}<equality>{end}</equality></mujoco>"
+    ends = {
+        "MUSCLE": '<actuator><muscle name="biceps" joint="j" lengthrange="0 1"/></actuator>',
+        "FLEX": """<deformable><flex name="f" dim="1" body="b b" vertex="0 0 0 0.1 0 0" element="0 1"/></deformable>""",
+    }
+    tree = tree.replace("<joint/>", '<joint name="j"/>') if end in ends else tree
+    text = f"<mujoco>{tree}{ends.get(end) or f'<equality>{end}</equality>'}</mujoco>"
     with pytest.raises(di.BadArgument, match=told):
         di.robot_of(mujoco.MjModel.from_xml_string(text))
 
@@ -146,12 +153,48 @@ def test_a_model_of_pinocchio_has_its_torques() -> None:
     np.testing.assert_allclose(torques(robot, q, dq, ddq), expected, atol=1e-9)
 
 
+def test_a_joint_of_pinocchio_follows_another() -> None:
+    pin = pytest.importorskip("pinocchio")
+    free = pin.Model()
+    for k, kind in enumerate([pin.JointModelRX(), pin.JointModelPY(), pin.JointModelRZ()]):
+        number = free.addJoint(k, kind, pin.SE3.Random(), f"j{k}")
+        free.appendBodyToJoint(number, pin.Inertia.Random(), pin.SE3.Random())
+    model = pin.transformJointIntoMimic(free, 1, 3, -0.6, 0.2)
+    robot = di.robot_of(model)
+    assert robot.joint_names == ("j0", "j1") and robot.joints[2].mimic == di.robot_of(model).joints[2].mimic
+    q, dq, ddq = states(2)
+    data = model.createData()
+    expected = [pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq, strict=True)]
+    np.testing.assert_allclose(torques(robot, q, dq, ddq), expected, atol=1e-9)
+
+
+def test_a_model_of_pinocchio_with_one_joint() -> None:
+    pin = pytest.importorskip("pinocchio")
+    model = pin.Model()
+    number = model.addJoint(0, pin.JointModelRY(), pin.SE3.Random(), "only")
+    model.appendBodyToJoint(number, pin.Inertia.Random(), pin.SE3.Random())
+    q, dq, ddq = states(1)
+    data = model.createData()
+    expected = [pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq, strict=True)]
+    np.testing.assert_allclose(torques(di.robot_of(model), q, dq, ddq), expected, atol=1e-9)
+
+
 def test_models_of_pinocchio_that_are_no_arm() -> None:
     pin = pytest.importorskip("pinocchio")
-    with pytest.raises(
-        di.BadArgument, match="is a JointModelFreeFlyer with 6 degrees of freedom; build the model with"
-    ):
+    told = "is a JointModelFreeFlyer with 6 degrees of freedom; build the model on a fixed base"
+    with pytest.raises(di.BadArgument, match=told):
         di.robot_of(pin.buildSampleModelHumanoid())
+    composite = pin.JointModelComposite()
+    composite.addJoint(pin.JointModelRX(), pin.SE3.Random())
+    for kind, told in (
+        (composite, "joint 'j' is a JointModelComposite with 1 degree of freedom; add its joints to the model one by"),
+        (pin.JointModelHX(0.1), "joint 'j' is a JointModelHX, which turns and slides at once; build the model with"),
+        (pin.JointModelSpherical(), "joint 'j' is a JointModelSpherical with 3 degrees of freedom"),
+    ):
+        model = pin.Model()
+        model.addJoint(0, kind, pin.SE3.Identity(), "j")
+        with pytest.raises(di.BadArgument, match=told):
+            di.robot_of(model)
 
 
 @pytest.mark.parametrize("value", [3, None, SimpleNamespace(joints=[])])

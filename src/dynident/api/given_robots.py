@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -23,6 +23,9 @@ RobotLike: TypeAlias = Any
 #: Types of joints and of equality constraints of MuJoCo (mjtJoint, mjtEq).
 _SLIDE, _HINGE, _EQUALITY_OF_JOINTS = 2, 3, 2
 
+#: Muscles of MuJoCo: their activation (mjtDyn) and their gain (mjtGain).
+_MUSCLE, _MUSCLE_GAIN = 4, 2
+
 #: From here on a limit stands for none.
 _NO_LIMIT = 1e20
 
@@ -31,16 +34,16 @@ def robot_of(subject: RobotLike) -> Robot:
     """Return a robot from a file, a name, or a model of Pinocchio or MuJoCo.
 
     Of a ``pinocchio.Model`` and a ``mujoco.MjModel`` are read: the tree of joints with one degree of freedom, inertias,
-    gravity, limits, armature (as known rotor inertia), damping and Coulomb friction, named frames, and of MuJoCo the
-    linear equality of two joints (as a joint that follows another). Shapes are not read. ``note`` of the robot names
-    what has a torque in MuJoCo and none here: springs, gravity compensation, tendons, fluids.
+    gravity, limits, armature (as known rotor inertia), damping and Coulomb friction, named frames, and joints that
+    follow another one (mimic of Pinocchio, the linear equality of two joints of MuJoCo). Shapes are not read. ``note``
+    of the robot names what has a torque in MuJoCo and none here: springs, gravity compensation, tendons, fluids.
 
     Args:
         subject: A file or a name as :func:`read_robot` takes it, a ``pinocchio.Model``, its ``RobotWrapper``, a
             ``mujoco.MjModel`` or ``mujoco.MjSpec``, a :class:`DynamicModel`; a :class:`Robot` as it is.
 
     Raises:
-        BadArgument: Something else, or a model with other joints or with loops.
+        BadArgument: Something else, or a model with other joints, with loops, muscles or flexible bodies.
         FileError: No such file or name.
         DescriptionError: A fault in a file.
     """
@@ -101,42 +104,16 @@ def _from_pinocchio(model: Any) -> Robot:
     import pinocchio  # pyright: ignore[reportMissingImports]
 
     pin: Any = pinocchio
-    data = model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
     parts, base = _Parts(), "universe"
     bodies: dict[int, str] = {}
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY:
             bodies.setdefault(int(frame.parentJoint), frame.name)
+    leaders = dict(zip(map(int, model.mimicking_joints), map(int, model.mimicked_joints), strict=True))
     for number in range(1, model.njoints):
-        joint, name = model.joints[number], str(model.names[number])
-        columns = pin.getJointJacobian(model, data, number, pin.LOCAL)[:, joint.idx_v : joint.idx_v + joint.nv]
-        slides, turns = np.linalg.norm(columns[:3]), np.linalg.norm(columns[3:])
-        if joint.nv != 1 or min(slides, turns) > 1e-9:
-            evidence = f"joint '{name}' is a {joint.shortname()} with {joint.nv} degrees of freedom"
-            step = "build the model without a free base and without mimic, with revolute and prismatic joints"
-            raise BadArgument("robot", evidence, step)
-        place = model.jointPlacements[number]
         body = model.inertias[number]
-        at = joint.idx_v
-        bounded = joint.nq == 1
-        limits = JointLimits(
-            lower=_bound(model.lowerPositionLimit[joint.idx_q], -np.inf) if bounded else -np.inf,
-            upper=_bound(model.upperPositionLimit[joint.idx_q]) if bounded else np.inf,
-            velocity=_bound(model.velocityLimit[at]),
-            effort=_bound(model.effortLimit[at]),
-        )
-        kind: Literal["revolute", "prismatic"] = "revolute" if turns > slides else "prismatic"
-        axis = columns[3:, 0] if turns > slides else columns[:3, 0]
-        drive = Drive(rotor_inertia=float(model.armature[at]))
-        parent = int(model.parents[number]) - 1
         inertia = Inertia.from_centre_of_mass(body.mass, body.lever, body.inertia)
-        damping, friction = float(model.damping[at]), float(model.friction[at])
-        moved = Joint(
-            name, kind, parent, place.rotation, place.translation, axis, limits, drive,
-            damping=damping, friction=friction,
-        )  # fmt: skip
-        parts.add(bodies.get(number, name), inertia, moved)
+        parts.add(bodies.get(number, str(model.names[number])), inertia, _pinocchio_joint(pin, model, number, leaders))
     for frame in model.frames:
         if frame.type != pin.FrameType.JOINT and frame.name != base:
             place = frame.placement
@@ -146,7 +123,70 @@ def _from_pinocchio(model: Any) -> Robot:
     return parts.robot(model.name, base, model.gravity.linear, "read from a model of Pinocchio")
 
 
+def _pinocchio_joint(pin: Any, model: Any, number: int, leaders: Mapping[int, int]) -> Joint:
+    """Return a joint; one that follows another (JointModelMimic) has no limits, drive and friction of its own.
+
+    Raises:
+        BadArgument: A joint of another kind, by its name.
+    """
+    joint, name, place = model.joints[number], str(model.names[number]), model.jointPlacements[number]
+    kind, at = joint.shortname(), joint.idx_v
+    free = joint.nv if number not in leaders else 1
+    if kind == "JointModelComposite" or free != 1:
+        evidence = f"joint '{name}' is a {kind} with {free} degree{'s' * (free != 1)} of freedom"
+        step = (
+            "add its joints to the model one by one, each with a body"
+            if kind == "JointModelComposite"
+            else "build the model on a fixed base, with revolute and prismatic joints"
+        )
+        raise BadArgument("robot", evidence, step)
+    follow = None
+    if number in leaders:
+        own = joint.extract()
+        follow = Mimic(str(model.names[leaders[number]]), float(own.scaling), float(own.offset))
+    turn, slide = _unit_motion(pin, model, number, leaders.get(number, number), follow)
+    if min(np.linalg.norm(turn), np.linalg.norm(slide)) > 1e-9:
+        step = "build the model with revolute and prismatic joints"
+        raise BadArgument("robot", f"joint '{name}' is a {kind}, which turns and slides at once", step)
+    is_hinge = np.linalg.norm(turn) > np.linalg.norm(slide)
+    hinge: Literal["revolute", "prismatic"] = "revolute" if is_hinge else "prismatic"
+    axis = turn if is_hinge else slide
+    if follow is not None:
+        return Joint(name, hinge, int(model.parents[number]) - 1, place.rotation, place.translation, axis, mimic=follow)
+    bounded = joint.nq == 1
+    limits = JointLimits(
+        lower=_bound(model.lowerPositionLimit[joint.idx_q], -np.inf) if bounded else -np.inf,
+        upper=_bound(model.upperPositionLimit[joint.idx_q]) if bounded else np.inf,
+        velocity=_bound(model.velocityLimit[at]),
+        effort=_bound(model.effortLimit[at]),
+    )
+    return Joint(
+        name, hinge, int(model.parents[number]) - 1, place.rotation, place.translation, axis, limits,
+        Drive(rotor_inertia=float(model.armature[at])),
+        damping=float(model.damping[at]),
+        friction=float(model.friction[at]),
+    )  # fmt: skip
+
+
+def _unit_motion(pin: Any, model: Any, number: int, moved: int, follow: Mimic | None) -> tuple[Array, Array]:
+    """Return how a joint turns and slides over its first unit, each (3,): the logarithm of its pose at position 1.
+
+    Args:
+        pin: The module pinocchio.
+        model: Its model.
+        number: The joint.
+        moved: The joint that is moved: itself, or its leader.
+        follow: How it follows its leader, or None.
+    """
+    data, ahead = model.createData(), np.zeros(model.nv)
+    ahead[model.joints[moved].idx_v] = 1.0 if follow is None else (1.0 - follow.offset) / follow.multiplier
+    pin.forwardKinematics(model, data, pin.integrate(model, pin.neutral(model), ahead))
+    motion = pin.log6(model.jointPlacements[number].actInv(data.liMi[number]))
+    return np.array(motion.angular), np.array(motion.linear)
+
+
 def _from_mujoco(model: Any) -> Robot:
+    _check_bodies(model)
     parts = _Parts()
     places: list[tuple[int, Array, Array]] = [(-1, np.eye(3), np.zeros(3))]  # of each body
     for number in range(1, model.nbody):
@@ -159,6 +199,22 @@ def _from_mujoco(model: Any) -> Robot:
     _tie(model, parts)
     name = bytes(model.names).split(b"\0", 1)[0].decode("utf-8", "replace")
     return parts.robot(name, model.body(0).name or "world", model.opt.gravity, _note(model))
+
+
+def _check_bodies(model: Any) -> None:
+    """Refuse what moves a model beside its joints.
+
+    Raises:
+        BadArgument: A muscle, or a flexible body.
+    """
+    for number in range(model.nu):
+        if model.actuator_dyntype[number] == _MUSCLE or model.actuator_gaintype[number] == _MUSCLE_GAIN:
+            name = model.actuator(number).name or f"number {number}"
+            evidence = f"the actuator {name} is a muscle, whose force depends on its length and speed"
+            raise BadArgument("robot", evidence, "replace muscles by motors: torques of joints are identified")
+    if model.nflex:
+        evidence = f"{model.nflex} flexible bodies (flex)"
+        raise BadArgument("robot", evidence, "remove them from the model: links are rigid")
 
 
 def _add_body(model: Any, number: int, carrier: tuple[int, Array, Array], parts: _Parts) -> tuple[int, Array, Array]:
