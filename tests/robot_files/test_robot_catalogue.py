@@ -22,13 +22,21 @@ print("a line that is no path")
 """
 
 
+#: Fixes the link of a file that is included.
+_FIXED = (
+    '<joint name="fixed" type="fixed"><parent link="fore"/><child link="from_package"/><origin xyz="0 0 0"/></joint>'
+)
+
+
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A package robot_descriptions whose cache has the repository of its robots."""
     for name, text in {
         "robot_descriptions/__init__.py": "",
         "robot_descriptions/arm_description.py": _MODULE + 'URDF_PATH = _cache + "/arm/arm.urdf"\n',
-        "robot_descriptions/hand_description.py": _MODULE + 'XACRO_PATH = _cache + "/arm/hand.xacro"\n',
+        "robot_descriptions/hand_description.py": _MODULE
+        + 'XACRO_PATH = _cache + "/arm/hand.xacro"\nXACRO_ARGS = {"speed": "7"}\n'
+        + 'XACRO_PACKAGE_PATHS = {"parts": _cache + "/arm/inside"}\n',
         "robot_descriptions/leg_mj_description.py": _MODULE + 'MJCF_PATH = _cache + "/arm/leg.xml"\n',
         "git/__init__.py": "class Repo:\n    @staticmethod\n    def clone_from(*_): open('cloned', 'w').close()\n",
         "cache/arm/arm.urdf": URDF,
@@ -60,7 +68,6 @@ def test_a_file_of_that_name_goes_first(package: Path) -> None:
     ("name", "told"),
     [
         ("amr_description", "one of the 3 robots of robot_descriptions; .*; did you mean 'arm_description'"),
-        ("hand_description", r"has it as xacro; expand it .*: xacro .*/cache/arm/hand\.xacro > robot\.urdf"),
         (
             "leg_mj_description",
             r'as MJCF, not as URDF; .*di\.robot_of\(mujoco\.MjModel\.from_xml_path\(".*leg\.xml"\)\)',
@@ -70,6 +77,21 @@ def test_a_file_of_that_name_goes_first(package: Path) -> None:
 def test_names_that_give_no_urdf(name: str, told: str, package: Path) -> None:
     with pytest.raises(FileError, match=told):
         read_robot(name)
+
+
+def test_a_xacro_with_the_arguments_and_packages_of_the_catalogue(package: Path) -> None:
+    pytest.importorskip("xacro", reason="xacro files need the package xacro (extra xacro)")
+    (package / "cache/arm/inside").mkdir()
+    (package / "cache/arm/inside/speed.xacro").write_text('<robot><link name="from_package"/></robot>')
+    macro = '<xacro:arg name="speed" default="1"/><xacro:include filename="$(find parts)/speed.xacro"/>'
+    text = URDF.replace("<robot ", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" ', 1)
+    text = text.replace(">", f">{macro}", 1) if not text.startswith("<?") else text
+    text = text.replace('velocity="3"', 'velocity="$(arg speed)"', 1)
+    text = text.replace("</robot>", _FIXED + "</robot>")
+    (package / "cache/arm/hand.xacro").write_text(text)
+    found = read_robot("hand_description")
+    assert found.joints[0].limits.velocity == 7.0 and "from_package" in found.frames
+    assert read_robot("hand_description speed:=2").joints[0].limits.velocity == 2.0
 
 
 def test_nothing_is_fetched(package: Path) -> None:

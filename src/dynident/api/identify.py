@@ -23,6 +23,7 @@ from dynident.identification.estimators import Estimator
 from dynident.identification.identify import identify as identify_model
 from dynident.identification.uncertainty.trust import TrustOptions
 from dynident.model.dynamic_model import DynamicModel
+from dynident.robot_files.xacro import split_arguments
 
 if TYPE_CHECKING:
     from dynident.identification.streaming.digest import Digest
@@ -135,8 +136,9 @@ def _provenance(case: Case, record: Record) -> dict[str, Any]:
     facts: dict[str, Any] = {"command": record.command} if record.command else {}
     if case.path:
         facts["case"] = {"path": case.path, "sha256": sha256_of(case.path)}
-    if Path(case.robot_path).is_file():
-        facts["robot"] = {"path": case.robot_path, "sha256": sha256_of(case.robot_path)}
+    file, arguments = split_arguments(case.robot_path)
+    if Path(file).is_file():
+        facts["robot"] = {"path": file, "sha256": sha256_of(file)} | ({"arguments": arguments} if arguments else {})
     if case.accept:
         facts["accept"] = dict(case.accept.limits)
     if record.quality is not None:

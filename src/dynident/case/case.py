@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dynident.case.acceptance import CRITERIA, Acceptance, acceptance_of
-from dynident.case.case_values import find_file, find_robot, guarded, part_of, texts
+from dynident.case.case_values import find_file, guarded, part_of, robot_named, texts
 from dynident.case.constraints_file import KEYS as CONSTRAINT_KEYS
 from dynident.case.constraints_file import constraints_of
 from dynident.case.log_section import read_columns
@@ -238,7 +238,7 @@ def _read_case(path: str | Path, open_gains: bool) -> Case:
     if isinstance(value, dict) and not {"case", "robot"} & value.keys():
         return case_of_robot(str(path))  # a DH table, or meant to be one
     top = Section.versioned(path, value, _KEYS, lines, VERSIONS)
-    robot_path = str(find_robot(top.text("robot"), str(path)))
+    robot_path = robot_named(top, str(path))
     full = read_robot(robot_path)
     choose = top.has("friction") and top.value("friction") == AUTO
     robot, locked = _robot(top, full)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
@@ -11,6 +11,7 @@ from dynident.errors import DescriptionError, DynidentError, FileError
 from dynident.files import expanded
 from dynident.model.documents.numbers import Place
 from dynident.model.documents.sections import Section
+from dynident.robot_files.xacro import split_arguments, with_arguments
 
 Made = TypeVar("Made")
 
@@ -104,3 +105,24 @@ def find_robot(name: str, case: str) -> Path:
         unset = "" if data else f", or name the folder of the data in {DATA_VARIABLE}, which is not set"
         raise FileError(found, f"there is no such file {places}", f"check the path{unset}")
     return found
+
+
+def robot_named(top: Section, case: str) -> str:
+    """Return the robot of a case file as :func:`read_robot` takes it: a text, or ``{file: ..., arguments: {...}}``.
+
+    Raises:
+        DescriptionError: Neither of these.
+        FileError: It is named with a folder, and is nowhere.
+    """
+    if not isinstance(top.value("robot"), Mapping):
+        name, arguments = split_arguments(top.text("robot"))
+        return with_arguments(str(find_robot(name, case)), arguments)
+    section = top.section("robot", ("file", "arguments"))
+    arguments = {}
+    if section.has("arguments"):
+        values = section.value("arguments")
+        if not isinstance(values, Mapping):
+            raise section.place("arguments").error("a mapping (name: value) is needed", "write 'name: value' lines")
+        inner = section.section("arguments", tuple(map(str, values)))
+        arguments = {str(name): inner.text(str(name)) for name in values}
+    return with_arguments(str(find_robot(section.text("file"), case)), arguments)

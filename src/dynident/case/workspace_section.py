@@ -24,7 +24,9 @@ from dynident.model.documents.numbers import check_name, shown
 from dynident.model.documents.sections import Section
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule
+from dynident.robot_files.mesh_files import package_folders
 from dynident.robot_files.rotations import rotation_from_rpy
+from dynident.robot_files.xacro import split_arguments
 
 KEYS = (
     "floor",
@@ -52,7 +54,8 @@ _CAPSULE = ("start", "end", "radius")
 def read_workspace(top: Section, robot: Robot, robot_path: str) -> Workspace | None:
     """Return the workspace of a case file; None where it states none.
 
-    Mesh files are looked for beneath the folder of the robot model and those under ``mesh_folders``.
+    Mesh files are looked for beneath the folder of the robot model, those under ``mesh_folders``, and the ROS packages
+    that the robot model names.
 
     Args:
         top: The whole case.
@@ -89,7 +92,7 @@ def read_workspace(top: Section, robot: Robot, robot_path: str) -> Workspace | N
             section.number("joint_radius") if section.has("joint_radius") else None,
             _shapes(section, robot),
             section.number("tool_speed", np.inf, unbounded=True),
-            _folders(section, str(top.path), robot_path),
+            _folders(section, str(top.path), robot, robot_path),
         ),
     )
     for i, pair in enumerate(found.ignore, start=1):
@@ -160,11 +163,13 @@ def _pairs(section: Section) -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def _folders(section: Section, case: str, robot_path: str) -> tuple[str, ...]:
-    """Return the folders of mesh files: that of the robot model, then the stated ones, beside the case file."""
-    found = [str(Path(robot_path).parent)] if os.path.isfile(robot_path) else []
+def _folders(section: Section, case: str, robot: Robot, robot_path: str) -> tuple[str, ...]:
+    """Return the folders of mesh files: that of the robot model, the stated ones, those of ROS packages it names."""
+    file, _ = split_arguments(robot_path)
+    found = [str(Path(file).parent)] if os.path.isfile(file) else []
+    packages = [str(folder) for folder in package_folders(robot, file)]
     if not section.has("mesh_folders"):
-        return tuple(found)
+        return (*found, *packages)
     value = section.value("mesh_folders")
     for name in [value] if isinstance(value, str) else value if isinstance(value, list) else [None]:
         if not isinstance(name, str):
@@ -173,7 +178,7 @@ def _folders(section: Section, case: str, robot_path: str) -> tuple[str, ...]:
         if not os.path.isdir(folder):
             raise section.place("mesh_folders").error(f"no folder {folder}", "write it beside the case file")
         found.append(str(folder))
-    return tuple(found)
+    return (*found, *packages)
 
 
 def robot_with_limits(top: Section, robot: Robot) -> Robot:

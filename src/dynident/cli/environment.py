@@ -40,6 +40,7 @@ EXTRAS = {
     "plot": "matplotlib: plots of an estimate in Python",
     "pandas": "estimates as pandas frames",
     "symbolic": "SymPy: equations of small arms as expressions",
+    "xacro": "robot models as xacro",
 }
 
 #: Modules that packages are imported as, where the name is another one.

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dynident.applications.symbolic import SymbolicModel
+    from dynident.case.case import Case
     from dynident.model.base_parameters import BaseParameters
     from dynident.model.dynamic_model import DynamicModel
     from dynident.model.robot import Robot
@@ -120,6 +121,7 @@ def _run_robot(options: argparse.Namespace) -> int:
         console.answer_json(data if equations is None else {**data, "symbolic": _texts(equations, options.symbolic)})
         return 0
     _show(case.robot, base, inertial)
+    _show_meshes(case)
     if exact is not None:
         console.answer(f"\nexact count by the geometry of the joints: {exact}, {_agreement(base, exact)}")
     if equations is not None:
@@ -256,6 +258,24 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
         for owner, symbols in lost.items():
             console.answer(f"  {label(owner)}: {' '.join(symbols)}")
     _show_weak(base)
+
+
+def _show_meshes(case: Case) -> None:
+    """Say where mesh files are missing: clearance checks need them, identification does not."""
+    from dynident.cli import console
+    from dynident.results.text import label
+    from dynident.robot_files.mesh_files import mesh_count, missing_meshes
+    from dynident.robot_files.xacro import split_arguments
+
+    folders = case.workspace.mesh_folders if case.workspace is not None else ()
+    missing = missing_meshes(case.robot, split_arguments(case.robot_path)[0], folders)
+    if missing:
+        console.answer(
+            f"\n{len(missing)} of {mesh_count(case.robot)} collision meshes are missing, which clearance checks of\n"
+            "motions need; name their folders under workspace.mesh_folders, or in ROS_PACKAGE_PATH:"
+        )
+        for mesh in missing:
+            console.answer(f"  {label(mesh.link)}: {label(mesh.file)}, {label(mesh.reason)}")
 
 
 def _show_weak(base: BaseParameters) -> None:

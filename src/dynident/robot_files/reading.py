@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Final
 
-from dynident.errors import DescriptionError, FileError, nearest
+from dynident.errors import BadOption, DescriptionError, FileError, nearest
 from dynident.model.robot import Robot
 from dynident.robot_files.formats.base import DESCRIPTIONS, Description
-from dynident.robot_files.robot_catalogue import ENDING, catalogued_file
+from dynident.robot_files.robot_catalogue import ENDING, CataloguedFile, catalogued_file
+from dynident.robot_files.xacro import expand, is_xacro, split_arguments
 
 MAX_BYTES: Final = 20_000_000
 
@@ -21,25 +23,61 @@ _SPACE: Final = b"\xef\xbb\xbf \t\r\n"  # with the byte order mark of UTF-8
 def read_robot(path: str | Path) -> Robot:
     """Read a robot model: a URDF, a DH table in YAML, the JSON of dynident, or a robot that ships, by name.
 
-    The format follows from the first visible character (``<`` is XML) and then from the ending of the file name.
+    The format follows from the first visible character (``<`` is XML) and then from the ending of the file name. Macros
+    of xacro are expanded by the package xacro (extra ``xacro``).
 
     Args:
-        path: The file, or a name from :func:`shipped_robots` or of the package robot_descriptions (from its cache,
-            such as ``panda_description``); a file of that name goes first.
+        path: The file, a xacro with its arguments as ``arm.urdf.xacro NAME:=VALUE ...``, or a name from
+            :func:`shipped_robots` or of the package robot_descriptions (from its cache, such as
+            ``panda_description``); a file of that name goes first.
 
     Raises:
         FileError: No such file or robot, no regular file, not readable, or larger than 20 MB.
         DescriptionError: A fault in the robot model.
+        BadOption: Arguments of a file that is no xacro.
+        MissingDependency: A xacro, and the package xacro is not installed.
     """
-    file = Path(path)
     name = str(path)
-    if not os.path.isfile(file) and name in shipped_robots():
+    if not os.path.isfile(name) and name in shipped_robots():
         data = (resources.files(_SHIPPED) / f"{name}.yaml").read_bytes()
         return _format(f"{name}.yaml", ".yaml", data).read(f"{name}.yaml", data)
-    if name.endswith(ENDING) and not os.path.exists(file):
-        path = file = catalogued_file(name)
-    data = _bytes(file)
-    return _format(path, file.suffix.lower(), data).read(path, data)
+    found = robot_text(path)
+    robot = _format(found.called, found.path.suffix.lower(), found.data).read(found.called, found.data)
+    return replace(robot, note="; ".join([robot.note, *found.notes])) if found.notes else robot
+
+
+@dataclass(frozen=True)
+class RobotText:
+    """The bytes of a robot model, macros expanded.
+
+    Attributes:
+        path: Its file.
+        data: Its bytes; of a xacro those of the URDF that it stands for.
+        called: What messages call it.
+        is_expanded: Whether it is a xacro.
+        notes: Warnings of xacro.
+    """
+
+    path: Path
+    data: bytes
+    called: str
+    is_expanded: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def robot_text(path: str | Path) -> RobotText:
+    """Return the bytes of a robot model, named as for :func:`read_robot`, errors as there; no built-in robots."""
+    name, arguments = split_arguments(str(path))
+    entry = CataloguedFile(Path(name))
+    if name.endswith(ENDING) and not os.path.exists(name):
+        entry = catalogued_file(name)
+    data = _bytes(entry.path)
+    if is_xacro(entry.path, data):
+        done = expand(entry.path, {**entry.arguments, **arguments}, entry.packages)
+        return RobotText(entry.path, done.data, f"{entry.path} (expanded)", True, done.notes)
+    if arguments:
+        raise BadOption("robot", str(path), f"{name} is no xacro: it has no arguments")
+    return RobotText(entry.path, data, str(entry.path))
 
 
 def shipped_robots() -> tuple[str, ...]:

@@ -6,11 +6,15 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import iter_modules
+from typing import Any
 
 from dynident.errors import FileError, nearest
+from dynident.robot_files.formats.base import DESCRIPTIONS
 
 #: How the names of the package end.
 ENDING = "_description"
@@ -22,13 +26,28 @@ import git
 def refuse(*_, **__): raise FileNotFoundError("not in the cache")
 git.Repo.init = git.Repo.clone_from = os.makedirs = shutil.rmtree = refuse  # the cache stays as it is
 module = __import__("robot_descriptions." + sys.argv[1], fromlist=["REPOSITORY_PATH"])
-files = {name: getattr(module, name, "") for name in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH")}
-print("\\n" + json.dumps(files))
+names = ("URDF_PATH", "XACRO_PATH", "XACRO_ARGS", "XACRO_PACKAGE_PATHS", "MJCF_PATH")
+print("\\n" + json.dumps({name: getattr(module, name, "") for name in names}))
 """
 
 
-def catalogued_file(name: str) -> Path:
-    """Return the URDF that the package robot_descriptions has of a robot in its cache.
+@dataclass(frozen=True)
+class CataloguedFile:
+    """A file in the cache of robot_descriptions.
+
+    Attributes:
+        path: The file.
+        arguments: Arguments of a xacro file.
+        packages: Folders of the ROS packages that it names.
+    """
+
+    path: Path
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    packages: Mapping[str, str] = field(default_factory=dict)
+
+
+def catalogued_file(name: str) -> CataloguedFile:
+    """Return the URDF, xacro or MJCF that the package robot_descriptions has of a robot in its cache.
 
     The cache is the folder ``ROBOT_DESCRIPTIONS_CACHE``, else ``~/.cache/robot_descriptions``.
 
@@ -36,7 +55,7 @@ def catalogued_file(name: str) -> Path:
         name: Name of the module, such as ``panda_description``.
 
     Raises:
-        FileError: The package is not installed, has no such robot or no URDF of it, or its cache does not have it.
+        FileError: The package is not installed, has no such robot or no file of it, or its cache does not have it.
     """
     spec = find_spec("robot_descriptions")
     if spec is None:
@@ -52,12 +71,14 @@ def catalogued_file(name: str) -> Path:
     if done.returncode:
         evidence = "the cache of robot_descriptions does not have this robot at its commit"
         raise FileError(name, evidence, f"fetch it with: {_pull(name)}")
-    files: dict[str, str] = json.loads(done.stdout.rsplit("\n", 2)[-2])
+    files: dict[str, Any] = json.loads(done.stdout.rsplit("\n", 2)[-2])
     if files["URDF_PATH"]:
-        return Path(files["URDF_PATH"])
+        return CataloguedFile(Path(files["URDF_PATH"]))
     if files["XACRO_PATH"]:
-        step = f"expand it with the program xacro and give the URDF: xacro {files['XACRO_PATH']} > robot.urdf"
-        raise FileError(name, "robot_descriptions has it as xacro", step)
+        arguments = {key: str(value) for key, value in (files["XACRO_ARGS"] or {}).items()}
+        return CataloguedFile(Path(files["XACRO_PATH"]), arguments, files["XACRO_PACKAGE_PATHS"] or {})
+    if files["MJCF_PATH"] and "mjcf" in DESCRIPTIONS.names():
+        return CataloguedFile(Path(files["MJCF_PATH"]))
     step = f'in Python, with MuJoCo: di.robot_of(mujoco.MjModel.from_xml_path("{files["MJCF_PATH"]}"))'
     raise FileError(name, "robot_descriptions has it as MJCF, not as URDF", step)
 

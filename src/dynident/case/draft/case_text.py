@@ -20,6 +20,7 @@ from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, q
 from dynident.case.evidence.torques import agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
 from dynident.robot_files import shipped_robots
+from dynident.robot_files.xacro import split_arguments, with_arguments
 
 #: Logs that are described one by one at the head of the file.
 _MOST_LOGS = 12
@@ -57,6 +58,12 @@ class Files:
         """Return a path relative to the folder of the case file."""
         return Path(os.path.relpath(path, self.folder)).as_posix()
 
+    @property
+    def robot_named(self) -> str:
+        """The robot as the case file names it, with the arguments of a xacro."""
+        file, arguments = split_arguments(self.robot)
+        return with_arguments(file if file in shipped_robots() else self.relative(file), arguments)
+
 
 def case_text(found: Recognised, files: Files, remarks: Sequence[str]) -> str:
     """Return the text of the case file.
@@ -69,7 +76,7 @@ def case_text(found: Recognised, files: Files, remarks: Sequence[str]) -> str:
     lines = [
         *_head(found, files, remarks),
         f"case: {VERSIONS.current}",
-        f"robot: {quoted(files.robot if files.robot in shipped_robots() else files.relative(files.robot))}",
+        f"robot: {quoted(files.robot_named)}",
         *_gravity(found),
         *_joints(found),
         *drive_lines(found),

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import BadOption
+from dynident.errors import BadOption, FileError
 from dynident.excitation.collision.workspace import Workspace, frame_of, link_names
 from dynident.model.covering import covering_capsules
-from dynident.model.meshes import mesh_points
+from dynident.model.meshes import mesh_file, mesh_points
 from dynident.model.robot import Robot
-from dynident.model.shapes import Capsule, Shape
+from dynident.model.shapes import Capsule, Mesh, Shape
 
 
 def robot_capsules(robot: Robot, workspace: Workspace) -> tuple[tuple[Capsule, ...], ...]:
@@ -29,6 +29,7 @@ def robot_capsules(robot: Robot, workspace: Workspace) -> tuple[tuple[Capsule, .
         MissingDependency: A mesh in a format that needs the pin extra.
     """
     names = link_names(robot)
+    _check_meshes(robot, workspace)
     added: list[list[Capsule]] = [[] for _ in names]
     for name, capsules in workspace.shapes.items():
         frame = frame_of(robot, name)
@@ -49,6 +50,28 @@ def robot_capsules(robot: Robot, workspace: Workspace) -> tuple[tuple[Capsule, .
         capsule = Capsule(np.zeros(3), workspace.tool.offset, workspace.tool.radius)
         added[frame.link + 1].append(capsule.moved(frame.rotation, frame.translation))
     return tuple((*first, *second) for first, second in zip(own, added, strict=True))
+
+
+def _check_meshes(robot: Robot, workspace: Workspace) -> None:
+    """Refuse a robot whose mesh files are not all there.
+
+    Raises:
+        FileError: Mesh files of links without stated shapes are missing; the message names each.
+    """
+    missing: dict[str, FileError] = {}
+    for name, shapes in [(robot.base, robot.base_shapes), *((link.name, link.shapes) for link in robot.links)]:
+        meshes = (shape for shape in shapes if isinstance(shape, Mesh) and name not in workspace.shapes)
+        for mesh in meshes:
+            try:
+                mesh_file(mesh.file, workspace.mesh_folders)
+            except FileError as problem:
+                missing[f"{mesh.file} of {name}"] = problem
+    if len(missing) == 1:
+        raise next(iter(missing.values()))
+    if missing:
+        where = ", ".join(workspace.mesh_folders) or "no folder at all"
+        step = "name the folders that hold them (the packages', for package://) under workspace.mesh_folders"
+        raise FileError(robot.name, f"{len(missing)} mesh files are not beneath {where}: {', '.join(missing)}", step)
 
 
 def _covered(shapes: Sequence[Shape], workspace: Workspace) -> list[Capsule]:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dynident.errors import DynidentError, FileError
-from dynident.files import sha256_of, unreadable
+from dynident.errors import DynidentError
+from dynident.files import sha256_of
 from dynident.identification.estimate.estimate import Estimate
-
-#: Largest description that is read.
-MAX_BYTES = 20_000_000
+from dynident.robot_files.reading import robot_text
+from dynident.robot_files.xacro import with_arguments
 
 
 @dataclass(frozen=True)
@@ -42,20 +41,21 @@ def find_source(estimate: Estimate, path: str | Path | None) -> OwnDescription |
 
     Raises:
         FileError: The file given cannot be read.
+        DescriptionError: It is a xacro that cannot be expanded.
     """
     if path is not None:
-        return OwnDescription(Path(path), _bytes(Path(path)))
+        return _own(str(path))
     facts = estimate.provenance.get("robot")
     if isinstance(facts, dict) and _unchanged(facts):
-        return OwnDescription(Path(facts["path"]), _bytes(Path(facts["path"])), f"robot model: {facts['path']}")
+        return _own(with_arguments(facts["path"], facts.get("arguments", {})), f"robot model: {facts['path']}")
     case = estimate.provenance.get("case")
     if not isinstance(case, dict) or not _unchanged(case):
         return None
     from dynident.case.case import read_case
 
     try:
-        found = Path(read_case(case["path"]).robot_path)
-        return OwnDescription(found, _bytes(found), f"robot model: {found}, named by {case['path']}")
+        found = read_case(case["path"]).robot_path
+        return _own(found, f"robot model: {found}, named by {case['path']}")
     except DynidentError:  # a shipped robot, a file that was moved: there is nothing to go back into
         return None
 
@@ -68,12 +68,10 @@ def _unchanged(facts: dict[str, str]) -> bool:
         return False
 
 
-def _bytes(path: Path) -> bytes:
-    try:
-        with path.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise unreadable(path, error) from error
-    if len(data) > MAX_BYTES:
-        raise FileError(path, f"it is larger than {MAX_BYTES // 1_000_000} MB", "give the model of one robot")
-    return data
+def _own(name: str, note: str = "") -> OwnDescription:
+    """Return a robot model; of a xacro the URDF that it stands for."""
+    found = robot_text(name)
+    if found.is_expanded:
+        told = f"{found.path} is a xacro, whose numbers are expressions: it is not changed, its expanded URDF is"
+        note = f"{note}; {told}" if note else told
+    return OwnDescription(Path(found.called), found.data, note)

@@ -1,0 +1,83 @@
+"""Where the mesh files of a robot model are: folders of the ROS packages that it names, and which files are missing."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from dynident.errors import FileError
+from dynident.model.meshes import mesh_file
+from dynident.model.robot import Robot
+from dynident.model.shapes import Mesh
+from dynident.robot_files.ros_packages import package_folder, places_searched
+
+_PACKAGE: Final = re.compile(r"(?:package|model)://([^/]+)/", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class MissingMesh:
+    """A mesh file that is not where the robot model says.
+
+    Attributes:
+        link: The link that it belongs to.
+        file: Its name in the robot model.
+        reason: Why it was not found.
+    """
+
+    link: str
+    file: str
+    reason: str
+
+
+def package_folders(robot: Robot, robot_file: str | Path) -> tuple[Path, ...]:
+    """Return the folders of the ROS packages that mesh files are named by, where they are found.
+
+    Args:
+        robot: The robot.
+        robot_file: Its robot model, beside which packages are looked for first.
+    """
+    near = robot_file if os.path.isfile(robot_file) else None
+    names = {match[1] for _, mesh in _meshes(robot) if (match := _PACKAGE.match(mesh.file))}
+    found = (package_folder(name, near) for name in sorted(names))
+    return tuple(folder for folder in found if folder is not None)
+
+
+def missing_meshes(robot: Robot, robot_file: str | Path, folders: Sequence[str | Path] = ()) -> list[MissingMesh]:
+    """Return the mesh files of a robot that are not there, one by one.
+
+    Args:
+        robot: The robot.
+        robot_file: Its robot model.
+        folders: Further folders that hold meshes.
+    """
+    roots = [Path(robot_file).parent, *folders, *package_folders(robot, robot_file)]
+    found: dict[tuple[str, str], MissingMesh] = {}
+    for link, mesh in _meshes(robot):
+        if (link, mesh.file) not in found and not _is_there(mesh, roots):
+            package = _PACKAGE.match(mesh.file)
+            is_known = package is None or package_folder(package[1], robot_file) is not None
+            reason = "no such file" if is_known else f"no package {package[1] if package else ''} {places_searched()}"
+            found[link, mesh.file] = MissingMesh(link, mesh.file, reason)
+    return list(found.values())
+
+
+def mesh_count(robot: Robot) -> int:
+    """Return how many mesh files a robot model names."""
+    return len({mesh.file for _, mesh in _meshes(robot)})
+
+
+def _meshes(robot: Robot) -> Iterator[tuple[str, Mesh]]:
+    for name, shapes in [(robot.base, robot.base_shapes), *((link.name, link.shapes) for link in robot.links)]:
+        yield from ((name, shape) for shape in shapes if isinstance(shape, Mesh))
+
+
+def _is_there(mesh: Mesh, roots: Sequence[Path]) -> bool:
+    try:
+        mesh_file(mesh.file, roots)
+    except FileError:
+        return False
+    return True
