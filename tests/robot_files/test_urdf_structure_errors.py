@@ -61,11 +61,6 @@ CASES: dict[str, Fault] = {
         "line 1: not XML (unknown encoding: no-such); save the file as UTF-8",
     ),
     "root": (None, '<sdf version="1.6"></sdf>', "line 1: the file begins with <sdf>, not with <robot>; give a URDF"),
-    "xacro element": (
-        '<link name="base"/>',
-        '<xacro:arm prefix=""/>',
-        ("line 3: <xacro:arm> makes this a xacro file, not a URDF; expand it first: xacro file.xacro > file.urdf"),
-    ),
     "xacro value": (
         '"0 0 0.3"',
         '"0 0 ${h}"',

@@ -154,6 +154,9 @@ def test_arguments_of_other_files(workspace: Path) -> None:
         read_robot("arm.urdf length:=1")
     with pytest.raises(BadOption, match="state the argument a once"):
         read_robot("arm.urdf a:=1 a:=2")
+    Path("macro.urdf").write_text(URDF.replace("</robot>", '<xacro:arm prefix=""/></robot>'))
+    with pytest.raises(DescriptionError, match=r"macro\.urdf: .*unbound prefix"):  # a macro makes any file a xacro
+        read_robot("macro.urdf")
     Path("arm.xacro").write_text(URDF)  # without macros it is read as it is
     assert read_robot("arm.xacro").note == "read from arm.xacro"
 
