@@ -84,7 +84,8 @@ def _refuse(compiler: Compiler, folder: Path, found: str) -> None:
     """Refuse what the compiler has said of a source; where it builds nothing at all, that is the reason."""
     if found:
         least = folder / "least.c"
-        least.write_text("#include <math.h>\n#include <stdio.h>\nint main(void) { return 0; }\n", encoding="ascii")
+        text = "#include <math.h>\n#include <stdio.h>\nint main(void) { return 0; }\n"
+        least.write_text(text, encoding="ascii", newline="\n")
         if why := _compile(compiler, folder, least, folder / "least.exe"):
             raise NoCompilerRuns(f"it cannot build the smallest program ({why})")
         raise ValueError(f"the C compiler refuses it: {found}")

@@ -182,8 +182,8 @@ class Folder:
                 break
             except FileExistsError:
                 with suppress(OSError):
-                    if time.time() - place.stat().st_mtime > LEFT_BEHIND:
-                        place.rmdir()  # of a studio that was killed
+                    if abs(time.time() - place.stat().st_mtime) > LEFT_BEHIND:
+                        place.rmdir()  # of a studio that was killed, perhaps before the clock was set back
                 time.sleep(0.05)
         else:
             raise FileError(name, "another studio is writing it", "try again")

@@ -60,11 +60,14 @@ class History:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._file = folder / f".studio-{time.time_ns()}.jsonl"
+        known = sorted(folder.glob(".studio-*.jsonl"))
+        latest = max((int(file.stem[8:]) for file in known if file.stem[8:].isdecimal()), default=0)
+        # After those that are known, also where the clock was set back meanwhile.
+        self._file = folder / f".studio-{max(time.time_ns(), latest + 1)}.jsonl"
         self._edits: list[Edit] = []
         self._lock = threading.Lock()
         self.runs: list[Run] = []
-        for file in sorted(folder.glob(".studio-*.jsonl"))[-SESSIONS:]:
+        for file in known[-SESSIONS:]:
             self._read(file)
 
     def wrote(self, edit: Edit) -> None:
@@ -94,15 +97,16 @@ class History:
 
     def _append(self, entry: dict[str, Any]) -> None:
         with self._lock, suppress(OSError):  # a full disk: the session goes on, what follows it does not know this
-            with open(self._file, "a", encoding="utf-8") as out:
-                out.write(json.dumps(entry) + "\n")
+            with open(self._file, "a", encoding="utf-8", newline="\n") as out:
+                out.write(f"\n{json.dumps(entry)}\n")  # where the disk was full, half of a line may stand before
 
     def _read(self, file: Path) -> None:
         """Take what an earlier session did; its numbers follow those that are known."""
         entries: list[dict[str, Any]] = []
-        with suppress(OSError, ValueError):  # where a session was killed, its last line may be half of one
-            for line in file.read_text(encoding="utf-8").splitlines():
-                entries.append(json.loads(line))
+        with suppress(OSError):
+            for line in file.read_bytes().splitlines():
+                with suppress(ValueError):  # where a session was killed or the disk was full, it may be half of one
+                    entries.append(json.loads(line))
         numbers = {0: len(self.runs)}
         with suppress(KeyError, TypeError, ValueError, AttributeError):  # written by something else
             for entry in sorted((entry for entry in entries if "verb" in entry), key=lambda one: int(one["number"])):

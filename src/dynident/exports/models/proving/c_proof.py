@@ -123,14 +123,14 @@ def run_header(
     for name, value in values.items():
         text = text.replace(f"@{name}@", value)
     source = folder / "dynident_driver.c"
-    source.write_text(text, encoding="ascii")
+    source.write_text(text, encoding="ascii", newline="\n")
     program = build_program(compiler, folder, source, "driver")
     inputs = [motion.q, motion.dq, motion.ddq, *([motion.temperature] if motion.temperature is not None else [])]
     given, taken = folder / "states.bin", folder / "torques.bin"
     np.stack(inputs, axis=1).astype(np.float64).tofile(given)
     run_program([str(program), str(given), str(taken)], folder)
     test = folder / "dynident_self_test.c"
-    test.write_text(f'#define {prefix.upper()}_SELF_TEST\n#include "{copy.name}"\n', encoding="ascii")
+    test.write_text(f'#define {prefix.upper()}_SELF_TEST\n#include "{copy.name}"\n', encoding="ascii", newline="\n")
     run_program([str(build_program(compiler, folder, test, "self_test"))], folder)
     found = np.fromfile(taken).reshape(-1, 4, motion.q.shape[1])
     if len(found) != len(motion.q):

@@ -108,7 +108,7 @@ def _by_calls(
         task, given, taken = folder / "unit.json", folder / "unit_states.bin", folder / "unit_torques.bin"
         facts = {"library": str(library), "token": unit.token, "exchange": exchange}
         facts |= {"inputs": unit.of(kinds, size), "outputs": unit.of(asked, size)}
-        task.write_text(json.dumps(facts), encoding="utf-8")
+        task.write_text(json.dumps(facts), encoding="utf-8", newline="\n")
         np.ascontiguousarray(rows, dtype=np.float64).tofile(given)
         command = [sys.executable, "-I", fmu_caller.__file__, str(task), str(given), str(taken)]
         found = subprocess.run(command, capture_output=True, timeout=PATIENCE, check=False)
