@@ -52,7 +52,8 @@ def test_a_lock_that_a_killed_studio_left_before_the_clock_was_set_back_is_given
     (tmp_path / "case.yaml").write_text("old", encoding="utf-8")
     folder, lock = Folder(tmp_path), tmp_path / ".case.yaml.writing"
     lock.mkdir()
-    os.utime(lock, (time.time() + 1e5,) * 2)
+    ahead = time.time() + 1e5
+    os.utime(lock, (ahead, ahead))
     folder.write("case.yaml", "new", sha256_of(tmp_path / "case.yaml"))
     assert (tmp_path / "case.yaml").read_text(encoding="utf-8") == "new"
     assert not lock.exists()
