@@ -11,7 +11,7 @@ from dynident import read_robot
 from dynident.model.body_constraints import DIRECTIONS, NEAREST, BodyConstraints, Constraints, Ellipsoid, ValueRange
 from dynident.model.inertia import Inertia
 from dynident.model.plausible import LEAST_DENSITY, bounding_ellipsoid, link_points, plausible_constraints, uniform_body
-from dynident.model.robot import rotation_about
+from dynident.model.robot import Robot, rotation_about
 from dynident.model.shapes import Box
 
 
@@ -60,6 +60,31 @@ def test_the_size_of_a_link_without_shapes() -> None:
     radius = -0.4 - points[:, 2].min()
     length = max(0.4, np.linalg.norm(robot.joints[1].translation))
     assert np.pi * radius**2 * (length + 4 / 3 * radius) == pytest.approx(300.0 / LEAST_DENSITY)
+
+
+def _held_by_its_bounds(robot: Robot, body: Inertia) -> bool:
+    """Return whether the first link may have a body, and that of the robot model is this one."""
+    robot = replace(robot, links=(replace(robot.links[0], inertia=body), *robot.links[1:]))
+    known = plausible_constraints(robot).links[robot.links[0].name]
+    assert known.body_ellipsoid is not None
+    quadrics = [known.body_ellipsoid.quadric, *known.body_ellipsoid.slabs(known.reach)]
+    thin = body.pseudo - known.thickness**2 * body.mass * np.diag([1.0, 1, 1, 0])
+    return min(float(np.sum(q * body.pseudo)) for q in quadrics) > 0 and np.linalg.eigvalsh(thin)[0] > 0
+
+
+def test_a_nominal_body_that_can_be_a_link_is_within_its_own_bounds() -> None:
+    """Uniform ellipsoids far from the frames: as dense as links are, and as thick as their length asks for."""
+    robot = read_robot("generic-6r")
+    for semi_axes, density, can_be in (
+        (np.array([0.3, 0.2, 0.25]), 300.0, True),
+        (np.array([0.1, 0.6, 0.1]), 700.0, True),
+        (np.array([0.9, 0.8, 0.9]), 10.0, False),
+        (np.array([0.002, 0.5, 0.4]), 5000.0, False),
+    ):
+        mass = density * 4 / 3 * np.pi * np.prod(semi_axes)
+        about = mass / 5 * np.diag(np.sum(semi_axes**2) - semi_axes**2)
+        body = Inertia.from_centre_of_mass(float(mass), np.array([0.0, 0.4, 0.1]), about)
+        assert _held_by_its_bounds(robot, body) == can_be
 
 
 def test_bounds_of_a_robot_hold_its_points_and_bodies_as_large() -> None:

@@ -16,7 +16,7 @@ SHAPES: tuple[Shape, ...] = (
     Capsule(X, Y, 0.2),
     Box(np.array([0.1, 0.2, 0.3]), TURN, Y),
     Cylinder(0.1, 0.4, TURN, Z),
-    Mesh("a.stl", np.array([0.001, 0.001, -0.001]), TURN, X),
+    Mesh("a.stl", np.array([0.001, 0.001, -0.001]), TURN, X, points=np.array([X, Y])),
 )
 
 

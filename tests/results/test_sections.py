@@ -102,6 +102,17 @@ def test_the_verdict_on_a_good_model(case: tuple[Estimate, Validation]) -> None:
     ]
 
 
+@pytest.mark.parametrize(("limit", "tones"), [(0.5, ["good"] * 3), (0.01, ["fair"] * 3)])
+def test_an_estimate_that_misses_its_criteria_is_not_praised(
+    case: tuple[Estimate, Validation], limit: float, tones: list[str]
+) -> None:
+    subject = known_to(with_errors(case, 0.03, [0.04]), [])
+    stated = {**subject.estimate.provenance, "accept": {"total_error": limit}}
+    found = context("verdict", replace(subject, estimate=replace(subject.estimate, provenance=stated)))
+    assert [answer.tone for answer in found["answers"]] == tones
+    assert ("very good" in found["sentences"][0]) == (tones[0] == "good")
+
+
 def test_the_verdict_says_what_the_rows_at_rest_do(case: tuple[Estimate, Validation]) -> None:
     subject = with_errors(case, 0.03, [0.3])
     (test,) = subject.tests

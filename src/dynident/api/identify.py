@@ -13,6 +13,7 @@ from dynident.api.given_logs import LogLike, case_of, check_kinds, logs_of
 from dynident.api.given_robots import RobotLike
 from dynident.api.log_checks import add_causes, check_logs, refuse_faulty, warn_of
 from dynident.case.case import Case
+from dynident.case.mesh_bounds import with_mesh_points
 from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import Preprocessing
 from dynident.errors import BadOption, DynidentError
@@ -95,6 +96,10 @@ def identify(
     part = estimator_of(case) if estimator is None else estimator
     knowledge = knowledge or PriorKnowledge(case.constraints, prior_of(case))
     provenance = _provenance(case, record)
+    robot, faults = with_mesh_points(case.robot, case.robot_path, case.workspace.mesh_folders if case.workspace else ())
+    case = replace(case, robot=robot)
+    if faults:
+        provenance["meshes"] = [fault.figures() for fault in faults]
     if is_digest(logs):
         from dynident.identification.streaming.estimate import identify_digest
 

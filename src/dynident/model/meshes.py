@@ -17,6 +17,9 @@ from dynident.model.shapes import Mesh
 #: Largest mesh file that is read, in bytes.
 MAX_BYTES: Final = 100_000_000
 
+#: Number of directions in which the outermost points of a mesh are taken: neighbours are about 5 degrees apart.
+DIRECTIONS: Final = 1000
+
 _SCHEME: Final = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+)://(.*)", re.DOTALL)
 _BINARY_HEAD, _BINARY_FACE = 84, 50
 
@@ -29,6 +32,19 @@ def mesh_points(mesh: Mesh, folders: Sequence[str | Path]) -> Array:
         MissingDependency: Neither STL, nor coal (which comes with pin) installed.
     """
     return np.unique(mesh_triangles(mesh, folders).reshape(-1, 3), axis=0)
+
+
+def outermost(points: Array) -> Array:
+    """Return those of points (k, 3) that are furthest in one of many directions, shape (m, 3).
+
+    Directions of a Fibonacci lattice (Gonzalez 2010): their hull is that of all points but for 0.2 % of its extent.
+    """
+    turn = np.arange(DIRECTIONS) + 0.5
+    height, angle = 1.0 - 2.0 * turn / DIRECTIONS, np.pi * (1.0 + np.sqrt(5.0)) * turn
+    across = np.sqrt(1.0 - height**2)
+    directions = np.stack([across * np.cos(angle), across * np.sin(angle), height])
+    furthest = [np.argmax(points @ part, axis=0) for part in np.array_split(directions, 20, axis=1)]
+    return points[np.unique(np.concatenate(furthest))]
 
 
 def mesh_triangles(mesh: Mesh, folders: Sequence[str | Path]) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.model.body_constraints import DIRECTIONS, BodyConstraints, Constraints, Ellipsoid, ValueRange
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Robot
+from dynident.model.robot import Link, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 
 #: Radius of a link without shapes as a share of the length to its children, and the least radius, in m.
@@ -17,6 +17,10 @@ RADIUS_SHARE, LEAST_RADIUS = 0.15, 0.04
 
 #: Least mean density of a link with its motors and hollow spaces, in kg/m^3: its nominal mass takes up that volume.
 LEAST_DENSITY = 1000.0
+
+#: Least mean density of the body of equal density with a nominal inertia: of a long tube, 500 kg/m^3, whose matter at
+#: its surface and ends makes it look up to sqrt(5) times as large.
+LOOK_DENSITY = 500.0 / np.sqrt(5.0)
 
 #: Least radius of gyration about any axis through the centre of mass, as a share of the extent of the link.
 GYRATION_SHARE = 0.05
@@ -36,9 +40,10 @@ _DIRECTIONS = np.vstack([DIRECTIONS, -DIRECTIONS])
 def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Constraints:
     """Return bounds of plausible bodies; what ``stated`` says about a link or the total stands in their place.
 
-    The ellipsoid holds the link's collision shapes; without shapes, or with meshes among them, balls about the frame of
-    the link, those of its children, the named frames on it and the nominal centre of mass. Matter as far as the minimum
-    thickness from every plane is further than sqrt(2) times that from every axis.
+    The ellipsoid holds the link's collision shapes; without shapes, or with a mesh that is not read, balls about the
+    frame of the link, those of its children, the named frames on it and the nominal centre of mass, and the nominal
+    body as far as it can be a link. Matter as far as the minimum thickness from every plane is further than sqrt(2)
+    times that from every axis.
     """
     known = stated or Constraints()
     masses = [link.inertia.mass if link.inertia is not None else 0.0 for link in robot.links]
@@ -73,9 +78,8 @@ def link_points(robot: Robot, index: int) -> Array:
     without frames reaches as far beyond its nominal centre of mass as its frame lies before it.
     """
     link, own = robot.links[index], robot.joints[index]
-    parts = [_shape_points(shape) for shape in link.shapes]
-    if parts and all(len(part) for part in parts):
-        return np.concatenate(parts)
+    if len(points := shape_points(link)):
+        return points
     children = [joint.translation for joint in robot.joints if joint.parent == index]
     children += [frame.translation for frame in robot.frames.values() if frame.link == index]
     places = [np.zeros(3), *children, -own.axis * (own.axis @ own.rotation.T @ own.translation)]
@@ -89,15 +93,37 @@ def link_points(robot: Robot, index: int) -> Array:
         ball = 4.0 / 3.0 * np.pi  # of a capsule as long: ball r^3 + pi r^2 length
         roots = np.roots([ball, np.pi * length, 0.0, -mass / LEAST_DENSITY])
         radius = max(radius, float(np.max(roots[np.isreal(roots)].real)))
-    return _balls(np.array(places), radius)
+    return np.vstack([_balls(np.array(places), radius), _nominal_points(link.inertia)])
+
+
+def shape_points(link: Link) -> Array:
+    """Return points whose hull is about the shapes of a link, shape (k, 3), in m; none with an unread mesh."""
+    parts = [_points_of(shape) for shape in link.shapes]
+    return np.concatenate(parts) if parts and all(map(len, parts)) else np.zeros((0, 3))
+
+
+def _nominal_points(body: Inertia | None) -> Array:
+    """Return points of the ellipsoid of equal density of a nominal body as far as it can be a link, shape (k, 3), in m.
+
+    Its longer axes are cut to the least thickness that plausible bodies of their length have, and all to the least mean
+    density that links have: a body that is both as it stands is all in its own bounds.
+    """
+    if body is None or not body.is_consistent():
+        return np.zeros((0, 3))
+    centre = body.centre_of_mass
+    sizes, axes = np.linalg.eigh(body.pseudo[:3, :3] / body.mass - np.outer(centre, centre))
+    semi_axes = np.sqrt(5.0 * np.maximum(sizes, 0.0))
+    semi_axes = np.minimum(semi_axes, semi_axes[0] / (GYRATION_SHARE * np.sqrt(10.0)))
+    density = body.mass / max(4.0 / 3.0 * np.pi * float(np.prod(semi_axes)), 1e-300)
+    return centre + _DIRECTIONS * min(1.0, (density / LOOK_DENSITY) ** (1.0 / 3.0)) * semi_axes @ axes.T
 
 
 def _balls(centres: Array, radius: float) -> Array:
     return (np.atleast_2d(centres)[:, None, :] + radius * _DIRECTIONS).reshape(-1, 3)
 
 
-def _shape_points(shape: Shape) -> Array:
-    """Return points of a shape's surface, shape (k, 3); none of a mesh, whose file is not read."""
+def _points_of(shape: Shape) -> Array:
+    """Return points of a shape's surface, shape (k, 3); none of a mesh that nobody has read."""
     if isinstance(shape, Sphere):
         return _balls(shape.centre, shape.radius)
     if isinstance(shape, Capsule):
@@ -109,7 +135,7 @@ def _shape_points(shape: Shape) -> Array:
         return (0.5 * _DIRECTIONS[np.all(_DIRECTIONS != 0, axis=1)] * np.sqrt(3) * box) @ shape.rotation.T + (
             shape.translation
         )
-    return np.zeros((0, 3))
+    return np.zeros((0, 3)) if shape.points is None else shape.points @ shape.rotation.T + shape.translation
 
 
 def bounding_ellipsoid(points: Array, tolerance: float = 0.05) -> Ellipsoid:

@@ -150,12 +150,14 @@ class Mesh:
         scale: What the file's coordinates are multiplied by to be in m, shape (3,); a negative one mirrors.
         rotation: Orientation in the link frame, shape (3, 3).
         translation: Position in the link frame, shape (3,), in m.
+        points: Outermost points of the file once it is read, scaled, in the mesh's own frame, shape (k, 3), in m.
     """
 
     file: str
     scale: Array = field(default_factory=lambda: np.ones(3))
     rotation: Array = field(default_factory=lambda: np.eye(3))
     translation: Array = field(default_factory=lambda: np.zeros(3))
+    points: Array | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "scale", frozen(self.scale, (3,), "scale"))
@@ -165,7 +167,7 @@ class Mesh:
 
     def moved(self, rotation: npt.ArrayLike, translation: npt.ArrayLike) -> Mesh:
         """Return the shape seen from a frame in which this frame is placed at (rotation, translation)."""
-        return Mesh(self.file, self.scale, *_placed(self, rotation, translation))
+        return Mesh(self.file, self.scale, *_placed(self, rotation, translation), self.points)
 
 
 Shape: TypeAlias = Sphere | Capsule | Box | Cylinder | Mesh

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import TOTAL_MASS, ContradictedBound, Plausibility
 from dynident.identification.estimate.validation import Validation
+from dynident.model.plausible import shape_points
 from dynident.model.robot import Robot
 from dynident.results.text import format_number, format_percent, label
 
@@ -26,6 +29,7 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     if names := ", ".join(map(label, links_without_size(estimate.model.robot))):
         step = "give shapes in the robot model, or body: in the constraints"
         lines.append(f"no size known for {names}: taken from the nominal centre of mass; {step}")
+    lines += mesh_lines(estimate.provenance.get("meshes") or ())
     every = len(facts.fitted) == len(estimate.model.robot.links) > 1
     if names := "all links" if every else ", ".join(map(label, facts.fitted)):
         step = "correct the robot model, or state body: and thickness: in the constraints"
@@ -34,13 +38,21 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
     return [line for line in lines if line]
 
 
+def mesh_lines(faults: Sequence[Mapping[str, str]]) -> list[str]:
+    """Return which meshes say nothing about the size of their link, and why: the first in full."""
+    if not faults:
+        return []
+    first, names = faults[0], ", ".join(label(fault["link"]) for fault in faults)
+    return [f"size of {names} from frames, not from meshes ({label(first['evidence'])}); {first['remedy']}"]
+
+
 def links_without_size(robot: Robot) -> list[str]:
     """Return the links without shapes, children and named frames away from their own frame."""
     found = []
     for i, link in enumerate(robot.links):
         places = [joint.translation for joint in robot.joints if joint.parent == i]
         places += [frame.translation for frame in robot.frames.values() if frame.link == i]
-        if not link.shapes and not np.any(places):
+        if not len(shape_points(link)) and not np.any(places):
             found.append(link.name)
     return found
 

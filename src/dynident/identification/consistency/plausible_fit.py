@@ -52,7 +52,7 @@ from dynident.identification.residuals.covariance import correlation_of
 from dynident.identification.residuals.quantiles import chi_square_quantile
 from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
 from dynident.model.inertia import PSEUDO_BASIS
-from dynident.model.plausible import plausible_constraints, uniform_body
+from dynident.model.plausible import plausible_constraints, shape_points, uniform_body
 from dynident.model.robot import Robot
 from dynident.model.threads import one_blas_thread
 
@@ -346,7 +346,7 @@ def _tested(bounds: Constraints, problem: Problem) -> list[tuple[str, str]]:
     """Return the bounds that data may contradict: masses, and sizes that neither shapes nor the user state."""
     stated = problem.constraints.links
     own = {name for name, body in stated.items() if body.body_ellipsoid is not None or body.body_box is not None}
-    sizes = [link.name for link in problem.model.robot.links if not link.shapes and link.name not in own]
+    sizes = [link.name for link in problem.model.robot.links if not len(shape_points(link)) and link.name not in own]
     return [(name, "mass") for name in _ranges(bounds)] + [(name, "size") for name in sizes]
 
 

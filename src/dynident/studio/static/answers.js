@@ -23,7 +23,7 @@ export function validated(found) {
   const fitted = test.nominal?.joints_friction_fitted;
   const rows = test.joints.map((joint, k) => [name(joint.name), ...(fitted ? [percent(fitted[k])] : []), percent(joint.relative_error), number(joint.rmse, 3), pretty(joint.unit), number(joint.r2, 3)]);
   const head = ["joint", ...(fitted ? [num("robot model, friction fitted")] : []), num("identified"), num("RMS error"), "unit", num("R²")];
-  return [tiles([percent(test.total_relative_error), `test error of the torque; training error ${percent(found.train.total_relative_error)}`, found.verdict.causes.length ? "fair" : grade(test.total_relative_error)],
+  return [tiles([percent(test.total_relative_error), `test error of the torque; training error ${percent(found.train.total_relative_error)}`, ["accepted", "no criteria"].includes(found.verdict.word) ? grade(test.total_relative_error) : "fair"],
     [percent(found.extrapolation?.outside), "of the samples outside the training range", found.extrapolation?.beyond_training_range ? "bad" : "good"]),
     warnings(found.warnings), table(head, rows, { label: "relative torque error by joint" })];
 }

@@ -60,7 +60,7 @@ class VerdictSection(ReportSection):
     def context(self, subject: Subject) -> dict[str, Any]:
         estimate, judged = subject.estimate, subject.verdict
         answers = [_prediction(subject), _consistency(estimate), _knowledge(estimate)]
-        if judged.causes:  # figures of a fit to faulty logs praise nothing
+        if judged.word not in _TONES:  # figures of an estimate that is not accepted praise nothing
             answers = [replace(answer, tone=_WITHOUT_PRAISE.get(answer.tone, answer.tone)) for answer in answers]
         shown = _worst_data(subject)
         return {
@@ -149,7 +149,7 @@ def _about_prediction(subject: Subject) -> list[str]:
     if not subject.held_out:
         return [f"The training error is {format_percent(train)} of the measured torque.", _untested(subject)]
     worst = _worst(subject)
-    graded = "" if subject.verdict.causes else f": {grade(worst)}"
+    graded = f": {grade(worst)}" if subject.verdict.word in _TONES else ""
     said = [f"The test error is {format_percent(worst)} of the measured torque{graded}."]
     tests = [dataset.validation for dataset in subject.held_out]
     moving = max((test.moving_relative_error for test in tests if test.rests), default=np.nan)

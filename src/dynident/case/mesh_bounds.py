@@ -1,0 +1,87 @@
+"""Meshes of the links as bounds of their bodies: found beside the robot model, read, and checked for their size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from dynident.errors import FileError, MissingDependency
+from dynident.model.meshes import mesh_points, outermost
+from dynident.model.plausible import extent_of, link_points
+from dynident.model.robot import Robot
+from dynident.model.shapes import Mesh
+
+#: Extent of a mesh over that of the frames of its link from which its unit is another: half way to 1000 in logarithms.
+WRONG_UNIT = float(np.sqrt(1000.0))
+
+
+@dataclass(frozen=True)
+class MeshFault:
+    """A mesh that says nothing about the size of its link.
+
+    Attributes:
+        link: The link.
+        evidence: What is wrong with which file.
+        remedy: What to do.
+    """
+
+    link: str
+    evidence: str
+    remedy: str
+
+    def figures(self) -> dict[str, Any]:
+        """Return the fault as plain data."""
+        return asdict(self)
+
+
+def with_mesh_points(robot: Robot, robot_path: str, folders: Sequence[str] = ()) -> tuple[Robot, tuple[MeshFault, ...]]:
+    """Return the robot with the outermost points of its meshes, and the meshes without.
+
+    A link with a faulty mesh keeps the size that its frames give.
+
+    Args:
+        robot: The robot.
+        robot_path: Its file: meshes are looked for beneath its folder, and in the package around it that they name.
+        folders: Other folders.
+    """
+    links, faults = [], []
+    for i, link in enumerate(robot.links):
+        try:
+            shapes = tuple(
+                _with_points(robot, i, shape, robot_path, folders) if isinstance(shape, Mesh) else shape
+                for shape in link.shapes
+            )
+            links.append(replace(link, shapes=shapes))
+        except (FileError, MissingDependency) as error:
+            evidence, _, remedy = str(error).rpartition("; ")
+            faults.append(MeshFault(link.name, evidence, remedy))
+            links.append(link)
+    return replace(robot, links=tuple(links)), tuple(faults)
+
+
+def _with_points(robot: Robot, index: int, mesh: Mesh, robot_path: str, folders: Sequence[str]) -> Mesh:
+    beside = [Path(robot_path).parent] if Path(robot_path).is_file() else []
+    points = outermost(mesh_points(mesh, [*beside, *_packages(mesh.file, beside), *folders]))
+    bare = replace(robot.links[index], shapes=())
+    frames = replace(robot, links=(*robot.links[:index], bare, *robot.links[index + 1 :]))
+    size, usual = extent_of(points), extent_of(link_points(frames, index))
+    if not usual / WRONG_UNIT < size < usual * WRONG_UNIT:
+        scale, unit = (0.001, "millimetres") if size > usual else (1000.0, "metres, with a scale for millimetres")
+        evidence = f"it is {size:.3g} m large where the frames of {bare.name} are {usual:.2g} m apart: in {unit}?"
+        raise FileError(mesh.file, evidence, f'write scale="{scale:g} {scale:g} {scale:g}" at the mesh')
+    return replace(mesh, points=points)
+
+
+def _packages(name: str, beside: Sequence[Path]) -> list[Path]:
+    """Return the folders around the robot model, or beside one of those, that are called as a package in a URI."""
+    scheme, _, rest = name.partition("://")
+    parts = PurePosixPath(rest).parts
+    if scheme != "package" or not parts:
+        return []
+    around = [folder for own in beside for folder in own.resolve().parents]
+    found = [folder if folder.name == parts[0] else folder / parts[0] for folder in around]
+    return [folder for folder in found if folder.is_dir()][:1]
