@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from dynident.model.meshes import mesh_points, outermost
 from dynident.model.plausible import extent_of, link_points
 from dynident.model.robot import Robot
 from dynident.model.shapes import Mesh
+from dynident.robot_files.mesh_files import package_folders
 
 #: Extent of a mesh over that of the frames of its link from which its unit is another: half way to 1000 in logarithms.
 WRONG_UNIT = float(np.sqrt(1000.0))
@@ -45,15 +46,16 @@ def with_mesh_points(robot: Robot, robot_path: str, folders: Sequence[str] = ())
 
     Args:
         robot: The robot.
-        robot_path: Its file: meshes are looked for beneath its folder, and in the package around it that they name.
+        robot_path: Its file: meshes are looked for beneath its folder, and in the ROS packages that they name.
         folders: Other folders.
     """
+    beside = [Path(robot_path).parent] if Path(robot_path).is_file() else []
+    places = [*beside, *package_folders(robot, robot_path), *folders]
     links, faults = [], []
     for i, link in enumerate(robot.links):
         try:
             shapes = tuple(
-                _with_points(robot, i, shape, robot_path, folders) if isinstance(shape, Mesh) else shape
-                for shape in link.shapes
+                _with_points(robot, i, shape, places) if isinstance(shape, Mesh) else shape for shape in link.shapes
             )
             links.append(replace(link, shapes=shapes))
         except (FileError, MissingDependency) as error:
@@ -63,9 +65,8 @@ def with_mesh_points(robot: Robot, robot_path: str, folders: Sequence[str] = ())
     return replace(robot, links=tuple(links)), tuple(faults)
 
 
-def _with_points(robot: Robot, index: int, mesh: Mesh, robot_path: str, folders: Sequence[str]) -> Mesh:
-    beside = [Path(robot_path).parent] if Path(robot_path).is_file() else []
-    points = outermost(mesh_points(mesh, [*beside, *_packages(mesh.file, beside), *folders]))
+def _with_points(robot: Robot, index: int, mesh: Mesh, folders: Sequence[str | Path]) -> Mesh:
+    points = outermost(mesh_points(mesh, folders))
     bare = replace(robot.links[index], shapes=())
     frames = replace(robot, links=(*robot.links[:index], bare, *robot.links[index + 1 :]))
     size, usual = extent_of(points), extent_of(link_points(frames, index))
@@ -74,14 +75,3 @@ def _with_points(robot: Robot, index: int, mesh: Mesh, robot_path: str, folders:
         evidence = f"it is {size:.3g} m large where the frames of {bare.name} are {usual:.2g} m apart: in {unit}?"
         raise FileError(mesh.file, evidence, f'write scale="{scale:g} {scale:g} {scale:g}" at the mesh')
     return replace(mesh, points=points)
-
-
-def _packages(name: str, beside: Sequence[Path]) -> list[Path]:
-    """Return the folders around the robot model, or beside one of those, that are called as a package in a URI."""
-    scheme, _, rest = name.partition("://")
-    parts = PurePosixPath(rest).parts
-    if scheme != "package" or not parts:
-        return []
-    around = [folder for own in beside for folder in own.resolve().parents]
-    found = [folder if folder.name == parts[0] else folder / parts[0] for folder in around]
-    return [folder for folder in found if folder.is_dir()][:1]
