@@ -23,6 +23,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from dynident import identify, read_case, validate
+from dynident.case.case import Case
 from dynident.case.questions import ASK, MARK, questions_in
 from dynident.cli.main import main as dynident
 from dynident.results.short_answer import not_significant
@@ -161,6 +162,29 @@ def answered(text: str, answers: Mapping[str, str]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def drafted(name: str, data: Path, folder: Path) -> tuple[str, Case]:
+    """Return the draft of a set as it is written, and the case that it is with the answers.
+
+    Args:
+        name: Of the set.
+        data: Folder with the sets.
+        folder: Where the drafted case is written.
+
+    Raises:
+        RuntimeError: ``init`` failed.
+    """
+    of, target = SETS[name], folder / f"{name}.yaml"
+    paths = [str(data / path) for path in of.train]
+    tests = ["--test", *(str(data / path) for path in of.test)] if of.test else []
+    with contextlib.redirect_stdout(io.StringIO()):
+        code = dynident(["init", str(data / of.robot), *paths, *tests, "-o", str(target), "--force", "--json"])
+    if code:
+        raise RuntimeError(f"init failed on {name}")
+    text = target.read_text(encoding="utf-8")
+    target.write_text(answered(text, of.answers), encoding="utf-8")
+    return text, read_case(target)
+
+
 def outcome_of(name: str, data: Path, folder: Path) -> Outcome:
     """Return how the draft of a set compares with its hand-written case.
 
@@ -173,20 +197,12 @@ def outcome_of(name: str, data: Path, folder: Path) -> Outcome:
         RuntimeError: ``init`` failed.
     """
     of = SETS[name]
-    target = folder / f"{name}.yaml"
-    paths = [str(data / path) for path in of.train]
-    tests = ["--test", *(str(data / path) for path in of.test)] if of.test else []
-    with contextlib.redirect_stdout(io.StringIO()):
-        code = dynident(["init", str(data / of.robot), *paths, *tests, "-o", str(target), "--force", "--json"])
-    if code:
-        raise RuntimeError(f"init failed on {name}")
-    text = target.read_text(encoding="utf-8")
-    target.write_text(answered(text, of.answers), encoding="utf-8")
-    hand, draft = read_case(CASES / f"{name}.yaml"), read_case(target)
+    text, draft = drafted(name, data, folder)
+    hand = read_case(CASES / f"{name}.yaml")
     results: list[list[float]] = []
     seconds, estimates = [], []
     for case in (hand, draft):
-        train, test = ([case.read(str(data / path)) for path in paths] for paths in (of.train, of.test))
+        train, test = ([case.read(str(data / path)) for path in own] for own in (of.train, of.test))
         if hand.split is not None and not test:
             parts = [hand.split.apply(log) for log in train]
             train, test = [a for a, _ in parts], [b for _, b in parts]

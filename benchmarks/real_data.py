@@ -1,22 +1,29 @@
 """Accuracy on real logs: each case in examples/cases by weighted and by consistent least squares, as a Markdown table.
 
 Needs the logs under the folder that DYNIDENT_DATA names.
-Run: python -m benchmarks.real_data [CASE...] [--friction auto]
+Run: python -m benchmarks.real_data [CASE...] [--friction auto | drafted]
+
+With ``drafted`` the model is the one that ``init`` drafts, with an unknown delay as in a draft, on the rows and at the
+cut-off of the hand-written case.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.init_cases import drafted
 from dynident import read_case, validate
+from dynident.case.case import Case
 from dynident.data.preprocessing import FILTERS
 from dynident.data.split import Split
 from dynident.identification.identify import identify
-from dynident.model.friction import FRICTION
+from dynident.model.friction import FRICTION, Friction
 
 CASES = Path(__file__).resolve().parent.parent / "examples" / "cases"
 
@@ -58,6 +65,12 @@ def how_of(case, change):
     return replace(how, trim_s=change.get("trim_s", how.trim_s), delay_s=change.get("delay_s", how.delay_s))
 
 
+def drafts(name: str) -> Case:
+    """Return the case that ``init`` drafts for the logs of a set."""
+    with tempfile.TemporaryDirectory() as folder:
+        return drafted(name, Path(os.environ["DYNIDENT_DATA"]), Path(folder))[1]
+
+
 def moving_error(validation) -> float:
     """Return |residual| / |torque| over all joints and the rows in which they move."""
     fits = [fit for fit in validation.moving if fit.samples and fit.relative_error > 0]
@@ -69,19 +82,24 @@ def moving_error(validation) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("cases", nargs="*", metavar="CASE", help="default: all")
-    parser.add_argument("--friction", choices=("given", "auto"), default="given")
+    parser.add_argument("--friction", choices=("given", "auto", "drafted"), default="given")
     options = parser.parse_args()
     print("| case | data | estimator | train | test | test, moving | RMSE against the unfiltered torque | consistent |")
     print("|---|---|---|---|---|---|---|---|")
     for name, data, change in RUNS:
         if options.cases and name not in options.cases:
             continue
-        case = read_case(CASES / f"{name}.yaml")
-        train, test = data_of(case, change)
+        case = hand = read_case(CASES / f"{name}.yaml")
         how, choose = how_of(case, change), options.friction == "auto"
-        more = tuple(FRICTION.make(part) for part in change.get("friction") or ())
-        model = replace(case.model, friction=(*case.friction, *more))
-        for estimator in ("wls", "consistent"):
+        if options.friction == "drafted":
+            case, how = drafts(name), replace(how, delay_s=None)
+            model = case.model
+            train, test = data_of(replace(case, split=hand.split, train=hand.train, test=hand.test), change)
+        else:
+            more = tuple(FRICTION.make(part) for part in change.get("friction") or ())
+            model = replace(case.model, friction=(*case.friction, *more))
+            train, test = data_of(case, change)
+        for estimator in ("wls", "consistent") if options.friction != "drafted" else ("consistent",):
             estimate = identify(model, train, estimator, how, choose_friction=choose)
             found = validate(estimate, test) if test else None
             errors = " ".join(f"{fit.rmse_unfiltered:.3g}" for fit in (found or estimate.train).joints)
@@ -93,6 +111,14 @@ def main() -> None:
             print(
                 f"| {name} | {data} | {estimator} | {fit} | {held_out} | {moving} | {errors} | {verdict} |", flush=True
             )
+            if options.friction != "given":
+                print(f"    {list(map(label, estimate.model.friction))}", flush=True)
+
+
+def label(part: Friction) -> str:
+    """Return a part with the fields that may be chosen."""
+    fields = ", ".join(f"{name} {value:.3g}" for name, value in part.options.items() if name in part.ranges)
+    return FRICTION.name_of(part) + f" ({fields})" * bool(fields)
 
 
 def percent(fraction: float) -> str:

@@ -15,6 +15,8 @@ from dynident.model.friction.asymmetric import Asymmetric
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
+from dynident.model.friction.load_directional import LoadDirectional
+from dynident.model.friction.load_stribeck import LoadStribeck
 from dynident.model.friction.offset import Offset
 from dynident.model.friction.periodic import Periodic
 from dynident.model.friction.polynomial import Polynomial
@@ -124,6 +126,22 @@ def test_two_directions_with_one_level_are_coulomb_friction(dq: Array) -> None:
 def test_load_is_coulomb_friction_times_the_torque(dq: Array, torque: Array) -> None:
     found = Load(0.05).columns(Motion(dq, dq, dq, torque=torque))
     np.testing.assert_allclose(found, np.abs(torque)[..., None] * Coulomb(0.05).columns(motion(dq)))
+
+
+@given(SIGNAL, SIGNAL, st.floats(0.05, 1.0))
+def test_loss_of_load_fades_with_speed_and_depends_on_the_direction_of_the_power(
+    dq: Array, torque: Array, velocity: float
+) -> None:
+    at = Motion(dq, dq, dq, torque=torque)
+    found = LoadStribeck(velocity, 0.05).columns(at)[..., 0]
+    expected = np.abs(torque) * np.tanh(dq / 0.05) * np.exp(-((dq / velocity) ** 2))
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    forth, back = np.moveaxis(LoadDirectional(velocity, 0.05).columns(at), -1, 0)
+    np.testing.assert_allclose(forth + back, found, atol=1e-12)
+    driving = torque * dq > 0
+    np.testing.assert_array_equal(forth[~driving], 0.0)
+    np.testing.assert_array_equal(back[driving], 0.0)
+    assert np.all(forth * dq >= 0) and np.all(back * dq >= 0)
 
 
 @given(SIGNAL, st.floats(0.5, 100.0))

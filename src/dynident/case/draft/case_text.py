@@ -179,6 +179,8 @@ def _friction(found: Recognised) -> list[str]:
         f"  - load: {{{width}, choose: [part, width]}}   # load-dependent friction",
         f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
         "   # Stribeck effect",
+        f"  - load_stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity]}}   # the same of load",
+        "  - presliding: {choose: [part, length]}   # friction that builds up over a distance after reversals",
     ]
 
 

@@ -8,10 +8,13 @@ only where its error is smaller than that of the stated one by more than chance 
 
 Parts that ``choose`` names as a whole are added one by one, on all their drives at once, as long as that lowers the
 held-out error, and the shortest list within one standard error of the best is kept (Breiman, Friedman, Olshen and Stone
-1984, section 3.4.3). The fastest rows are one more block for them: a part has to go on beyond the speeds of the fit. A
-part with fields of its own beside the width is held against its absence with their best values. Where a part is taken,
-all fields are chosen once more beside it. Signs of dry friction that are left to the logs turn over one width on the
-same joints. Errors of blocks are compared by their ratios: a block of large torques has no more say than others.
+1984, section 3.4.3). A field that a part has beside the width is that which fits the rows of the fit best, block by
+block anew, so that the held-out rows have no part in it (variable projection, Golub and Pereyra 1973). The fastest
+rows, those of the largest torques and those of the farthest positions are left out in turn as well: a part whose error
+beyond the range of its fit grows by more than that of a block does by chance is not added. Where a part is taken, all
+other fields are chosen once more beside it. Signs of dry friction that are left to the logs turn over one width on the
+same joints. Errors are compared by their ratios, joint by joint: a block or a drive of large torques has no more say
+than others.
 
 Where the delay of the torque is to be found as well, it is free in every fit: friction shows at reversals, a delay in
 all that the torque does, so that neither is compared by what the other one does.
@@ -22,6 +25,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -29,7 +33,7 @@ from dynident.arrays import Array, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.residuals.quantiles import student_quantile
-from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs, beyond, fit, held_out, loss
+from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs, fit, fit_inside, loss, losses
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.variable_projection import fastest_of, minimum, spans_of
 from dynident.model.dynamic_model import DynamicModel
@@ -94,14 +98,9 @@ def choose_fields(
     pooled = PooledLogs(model, logs, max(BLOCKS, len(logs)), load, delay_is_free)
     search = _FieldSearch(model, pooled, fastest_of(model, logs), progress)
     found = search.fields()
-    decided = search.with_linear_parts()
+    decided = search.with_parts()
     if any(held.value == _THERE for held in decided.values()):
         found |= search.polished(search.fields())
-    for p in search.absent:
-        if p not in decided:
-            decided[p] = search.with_part(p)
-            if decided[p].value == _THERE:
-                found |= search.polished(search.fields())
     found |= {(p, WHOLE): held for p, held in decided.items()}
     kept = tuple(part for p, part in enumerate(search.model.friction) if p not in search.absent)
     return replace(model, friction=kept), tuple(found[key] for key in sorted(found, key=lambda key: key[0]))
@@ -166,41 +165,80 @@ class _FieldSearch:
             found[key] = replace(found[key], best=best, value=best)
         return found
 
-    def with_linear_parts(self) -> dict[int, FieldChoice]:
-        """Put the absent parts there that have no field of their own beside a width and that held-out rows ask for."""
-        linear = [p for p in self.absent if not self._own_fields(p)]
-        for p in linear:
-            self._share_width(p)
-        present = [p for p in range(len(self.model.friction)) if p not in self.absent]
-        if not linear:
+    def with_parts(self) -> dict[int, FieldChoice]:
+        """Put the absent parts there that held-out rows ask for, each with the best value of its first own field."""
+        absent = self.absent
+        if not absent:
             return {}
-        named = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in linear))
+        named = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in absent))
         self._progress(f"friction: {named} on held-out samples")
-        pool, own = self._pooled.pool(self.model.friction), self._drives(present)
-        tried = _Tried.of(pool, pool.weights(own), [own])
-        if not tried.tells:
-            return {p: self._told(p, False, None) for p in linear}
-        whole = tried.held.sum(axis=0)
+        present = [p for p in range(len(self.model.friction)) if p not in absent]
+        stand_ins = {p: self._alternatives(p) for p in absent}
+        kinds = [part for p in absent for part in stand_ins[p]]
+        pool = self._pooled.pool([*(self.model.friction[p] for p in present), *kinds])
+        acts = [set(self.model.drives_of(part)) for part in pool.parts]
+        ends = np.cumsum([len(present), *(len(stand_ins[p]) for p in absent)])
+        places = {p: range(a, b) for p, (a, b) in zip(absent, itertools.pairwise(ends.tolist()), strict=True)}
 
-        def errors_of(added: Sequence[tuple[int, ...]]) -> list[Array]:
-            sets = (np.sort(pool.chosen(self._drives((*present, *extra)))) for extra in added)
-            return replace(tried, keeps=tuple(pool.possible(whole, keep, tried.keeps[0]) for keep in sets)).errors()
+        def drives(added: Sequence[int]) -> list[list[int]]:
+            own = [*range(len(present)), *added]
+            return [[k for k in own if drive in acts[k]] for drive in range(self.model.robot.dof)]
+
+        tried = _Tried.of(pool, pool.weights(drives(())), [drives(())])
+        if not tried.tells:
+            return {p: self._told(p, False, None) for p in absent}
+        whole, always = tried.whole, tried.families[0][0]
+
+        def family(added: Sequence[int]) -> list[IntArray]:
+            """Return the columns with some stand-ins, the last one free to be another value of its part."""
+            other = next((own for own in places.values() if added and added[-1] in own), [])
+            sets = (drives((*added[:-1], k)) for k in other) if added else [drives(())]
+            return [pool.possible(whole, np.sort(pool.chosen(own)), always) for own in sets]
+
+        def best(added: Sequence[int]) -> tuple[int, ...]:
+            """Return stand-ins, the last one with the value that fits all rows best."""
+            losses = [loss(whole, keep, fit(whole, keep)) for keep in family(added)]
+            own = next(own for own in places.values() if added[-1] in own)
+            return (*added[:-1], own[int(np.argmin(losses))])
+
+        def errors_of(added: Sequence[Sequence[int]]) -> list[Array]:
+            return replace(tried, families=tuple(family(own) for own in added)).errors()
+
+        def owner(k: int) -> int:
+            return next(p for p, own in places.items() if k in own)
 
         path, scores = list[tuple[int, ...]]([()]), errors_of([()])
-        while left := [p for p in linear if p not in path[-1]]:
-            longer = [(*path[-1], p) for p in left]
+        while left := [p for p in absent if p not in map(owner, path[-1])]:
+            longer = [(*path[-1], places[p][0]) for p in left]
             errors = errors_of(longer)
-            k = int(np.argmin([np.mean(each) for each in errors]))
-            path.append(longer[k])
+            going = [k for k, each in enumerate(errors) if _goes_on(scores[-1] - each, tried.blocks)]
+            if not going:
+                break
+            k = min(going, key=lambda k: float(np.mean(errors[k][: tried.blocks])))
+            path.append(best(longer[k]))
             scores.append(errors[k])
+        scores = [each[: tried.blocks] for each in scores]
         lowest = scores[int(np.argmin([np.mean(each) for each in scores]))]
         gaps = [each - lowest for each in scores]
         chosen = next(own for own, gap in zip(path, gaps, strict=True) if np.mean(gap) <= max(_share(gap)[1], NOTHING))
-        others = [tuple(q for q in linear if (q in chosen) != (q == p)) for p in linear]
+        taken = {owner(k): k for k in chosen}
+        others = [tuple(k for k in chosen if k != taken[p]) if p in taken else (*chosen, places[p][0]) for p in absent]
         first, *errors = errors_of([chosen, *others])
-        self.absent = tuple(p for p in self.absent if p not in chosen)
-        gaps = [(each - first) * (1.0 if p in chosen else -1.0) for p, each in zip(linear, errors, strict=True)]
-        return {p: self._told(p, p in chosen, own) for p, own in zip(linear, gaps, strict=True)}
+        for p, k in taken.items():
+            self.model = replace(self.model, friction=_put(self.model.friction, p, pool.parts[k]))
+        self.absent = tuple(p for p in absent if p not in taken)
+        gaps = [(each - first) * (1.0 if p in taken else -1.0) for p, each in zip(absent, errors, strict=True)]
+        gaps = [own[: tried.blocks] for own in gaps]
+        return {p: self._told(p, p in taken, own) for p, own in zip(absent, gaps, strict=True)}
+
+    def _alternatives(self, p: int) -> list[Friction]:
+        """Return a part that is absent with the width that it shares, once for each value of its first own field."""
+        self._share_width(p)
+        part = self.model.friction[p]
+        fields = self._own_fields(p)
+        if not fields:
+            return [part]
+        return [replace(part, **{fields[0]: float(x)}) for x in np.geomspace(*self._spans[p, fields[0]], COARSE)]
 
     def _told(self, p: int, is_taken: bool, gaps: Array | None) -> FieldChoice:
         """Return what is said of a part, from the logarithms of the blocks' errors without less those with it (B,)."""
@@ -221,29 +259,6 @@ class _FieldSearch:
             if shared not in self.absent:
                 width = self.model.friction[shared].options["width"]
                 self.model = _with_value(self.model, [p], "width", width)
-
-    def _drives(self, parts: Sequence[int]) -> list[list[int]]:
-        """Return which of some parts each drive has."""
-        acts = {p: set(self.model.drives_of(self.model.friction[p])) for p in parts}
-        return [[p for p in parts if drive in acts[p]] for drive in range(self.model.robot.dof)]
-
-    def with_part(self, p: int) -> FieldChoice:
-        """Hold a part against its absence, with the best value of its first field, and put it there if it is better."""
-        part = self.model.friction[p]
-        self._progress(f"friction: {FRICTION.name_of(part)} on held-out samples")
-        self._share_width(p)
-        name = self._own_fields(p)[0]
-        grid = np.geomspace(*self._spans[p, name], COARSE)
-        tried = self._tried((p,), name, grid)
-        if not tried.tells:
-            return self._told(p, False, None)
-        first, *others = tried.errors()
-        k = int(np.argmin([np.mean(each) for each in others]))
-        gaps = first - others[k]
-        if better := _is_better(gaps):
-            self.absent = tuple(other for other in self.absent if other != p)
-            self.model = _with_value(self.model, [p], name, float(grid[k]))
-        return self._told(p, better, gaps)
 
     def _group(self, p: int, name: str) -> tuple[int, ...]:
         """Return the parts whose fields have one value: signs of dry friction on the same joints, stated alike."""
@@ -270,10 +285,13 @@ class _FieldSearch:
         tried = self._tried(there, name, grid)
         if not tried.tells:
             return FieldChoice(*about, stated, stated, 0.0, None)
-        first, *others = tried.errors(fastest=False)
+        first, *others = tried.errors(outer=False)
         k = int(np.argmin([np.mean(each) for each in others]))
+        is_projected = part.is_optional and name == (self._own_fields(there[0]) or [""])[0]
+        if is_projected:
+            k = int(np.argmin(tried.losses()))
         gain, error = _share(first - others[k])
-        if not _is_better(first - others[k]):
+        if not is_projected and not _is_better(first - others[k]):
             return FieldChoice(*about, float(grid[k]), stated, gain, error)
         self.model = _with_value(self.model, there, name, float(grid[k]))
         grid = np.geomspace(grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)], FINE)
@@ -298,15 +316,29 @@ class _FieldSearch:
             return [[place for place in places.values() if drive in acts[place]] for drive in range(model.robot.dof)]
 
         tried = _Tried.of(pool, pool.weights(columns(None)), [columns(value) for value in (None, *range(len(grid)))])
-        if any(p in self.absent for p in group):
-            whole, always = tried.held.sum(axis=0), tried.keeps[0]
-            return replace(tried, keeps=tuple(pool.possible(whole, keep, always) for keep in tried.keeps))
-        return tried
+        stated = [k for k, p in enumerate(present) if not model.friction[p].is_optional]
+        always = pool.chosen([[k for k in stated if drive in acts[k]] for drive in range(model.robot.dof)])
+        whole = tried.whole
+        return replace(tried, families=tuple([pool.possible(whole, keep, always)] for (keep,) in tried.families))
+
+
+def _put(parts: Sequence[Friction], place: int, part: Friction) -> tuple[Friction, ...]:
+    """Return parts with another one at a place."""
+    return tuple(part if p == place else other for p, other in enumerate(parts))
 
 
 def _share(gaps: Array) -> tuple[float, float]:
     """Return the share that is taken off an error and its standard error, from logarithms of its ratios (B,)."""
     return float(-np.expm1(-np.mean(gaps))), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
+
+
+def _goes_on(gaps: Array, blocks: int) -> bool:
+    """Return whether errors of outer rows, those after the blocks, grow by no more than that of a block does by chance.
+
+    ``gaps`` are logarithms of ratios of errors of the blocks and of the outer rows (B + 3,), above 0 where they fall.
+    """
+    chance = float(np.std(gaps[:blocks], ddof=1) * student_quantile(1.0 - CHANCE, blocks - 1))
+    return bool(np.min(gaps[blocks:]) >= -(NOTHING + chance))
 
 
 def _is_better(gaps: Array) -> bool:
@@ -320,43 +352,74 @@ class _Tried:
     """A model with several values of a field, or several lists of parts, as products of the columns.
 
     Attributes:
-        held: Products of each block, the joints weighted by their residuals in the model, shape (B, c + 1, c + 1).
-        rows: Rows of each block, shape (B,).
-        fast: Products of the fastest rows, shape (c + 1, c + 1), and their number.
+        held: Products of each block and joint, weighted by its residuals in the model, shape (B, n, c + 1, c + 1).
+        rows: Rows of them, shape (B, n).
+        outer: Products of the outer rows of each kind and joint, shape (3, n, c + 1, c + 1), and their rows.
         shared: Number of columns that every fit has.
-        keeps: Columns of the model, and of each value or list in place of its own.
+        families: Columns of the model, and of each value or list in place of its own; of several sets that is meant
+            which fits the rows of a fit best.
     """
 
     held: Array
     rows: IntArray
-    fast: tuple[Array, int]
+    outer: tuple[Array, IntArray]
     shared: int
-    keeps: tuple[IntArray, ...]
+    families: tuple[Sequence[IntArray], ...]
 
     @classmethod
     def of(cls, pool: ColumnPool, weights: Array, sets: Sequence[Sequence[Sequence[int]]]) -> _Tried:
         """Return the models whose drives have the parts ``sets[k][drive]``."""
-        fast = np.einsum("i,ikl->kl", weights**2, pool.fast)
-        keeps = tuple(np.sort(pool.chosen(own)) for own in sets)
-        return cls(pool.weighted(weights), pool.rows.sum(axis=1), (fast, int(pool.fast_rows.sum())), pool.shared, keeps)
+        own = (weights**2)[:, None, None]
+        families = tuple([np.sort(pool.chosen(each))] for each in sets)
+        return cls(pool.products * own, pool.rows, (pool.outer * own, pool.outer_rows), pool.shared, families)
+
+    @cached_property
+    def whole(self) -> Array:
+        """Products of all rows, shape (c + 1, c + 1)."""
+        return self.held.sum(axis=(0, 1))
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return len(self.held)
 
     @property
     def tells(self) -> bool:
         """Whether there are rows enough to hold some out."""
-        return len(self.held) >= FEWEST and bool(np.min(self.rows) >= 2 * len(self.keeps[0]))
+        return len(self.held) >= FEWEST and bool(np.min(self.rows.sum(axis=1)) >= 2 * len(self.families[0][0]))
 
-    def errors(self, fastest: bool = True) -> list[Array]:
-        """Return the logarithms of the held-out errors of each: of the blocks, and of the fastest rows, (B + 1,)."""
-        whole = self.held.sum(axis=0)
-        rest, (fast, count) = whole - self.held, self.fast
-        found = [held_out(self.held, rest, self.rows, keep) for keep in self.keeps]
-        if fastest:
-            last = [beyond(whole, fast, keep, self.shared) / max(count, 1) for keep in self.keeps]
-            found = [np.append(each, own) for each, own in zip(found, last, strict=True)]
-        return [np.log(np.maximum(each, TINY)) for each in found]
+    def errors(self, outer: bool = True) -> list[Array]:
+        """Return the logarithms of the held-out errors of each, the mean of the joints: of blocks and outer rows."""
+        found = [
+            [self._fold(family, *fold) for fold in zip(self.held, self.rows, strict=True)] for family in self.families
+        ]
+        for family, errors in zip(self.families, found, strict=True) if outer else ():
+            errors += [self._fold(family, *fold, is_outer=True) for fold in zip(*self.outer, strict=True)]
+        return [np.array(errors) for errors in found]
+
+    def _fold(self, family: Sequence[IntArray], own: Array, rows: IntArray, is_outer: bool = False) -> float:
+        """Return the logarithm of the error of some rows, by a fit of the others with the columns that suit it best."""
+        left = own.sum(axis=0)
+        seen = self.whole - left
+        fits = [
+            fit_inside(self.whole, left, keep, self.shared)
+            if is_outer
+            else (beta := fit(seen, keep), loss(seen, keep, beta))
+            for keep in family
+        ]
+        best = int(np.argmin([value for _, value in fits]))
+        return _mean_log(losses(own, family[best], fits[best][0]), rows)
+
+    def losses(self) -> Array:
+        """Return the sum of squared residuals of all rows for each but the model itself."""
+        return np.array([loss(self.whole, keep, fit(self.whole, keep)) for (keep,) in self.families[1:]])
 
     def finest(self, grid: Array) -> float:
         """Return the value between those of a grid that fits all rows best."""
-        whole = self.held.sum(axis=0)
-        losses = np.array([loss(whole, keep, fit(whole, keep)) for keep in self.keeps[1:]])
-        return minimum(np.log(grid), losses, float(np.sum(self.rows)))[0]
+        return minimum(np.log(grid), self.losses(), float(np.sum(self.rows)))[0]
+
+
+def _mean_log(squares: Array, rows: IntArray) -> float:
+    """Return the mean of the logarithms of the joints' mean squares, from sums (n,): each joint has the same say."""
+    some = rows > 0
+    return float(np.mean(np.log(np.maximum(squares[some] / rows[some], TINY)))) if some.any() else 0.0

@@ -1,0 +1,70 @@
+"""Friction that builds up over a distance after each reversal: a spring that slips."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.model.friction.base import (
+    Coefficient,
+    Friction,
+    Inputs,
+    Motion,
+    Number,
+    Range,
+    SharedUse,
+    State,
+    check_positive,
+    larger,
+    smaller,
+)
+from dynident.model.kernels.jit import compiled
+
+
+@dataclass(frozen=True)
+class Presliding(Friction):
+    """Presliding friction Fp z / length, z' = dq while |z| < length: a Prandtl-Ishlinskii stop operator.
+
+    One element of the generalised Maxwell slip model (Al-Bender, Lampaert and Swevers 2005): after a reversal friction
+    changes from one level to the other over twice the length, however slow the motion is. ``coulomb`` beside it is the
+    share of dry friction that changes at once. Over any closed motion it loses work.
+
+    Attributes:
+        length: Distance in rad (or m) over which the drive moves before the element slips.
+    """
+
+    length: float = 3e-3
+
+    coefficients: ClassVar = (Coefficient("Fp", "N m", "N", nonnegative=True),)
+    ranges: ClassVar = {"length": Range(3e-4, 0.1)}
+    shared: ClassVar = SharedUse(8, "optional", {"choose": ("part", "length")})
+
+    def __post_init__(self) -> None:
+        check_positive(self.length, "length", "a distance in rad, at least the resolution of the encoder,")
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        return (State("z", "rad", "m", -self.length, self.length),)
+
+    def terms(self, at: Inputs) -> tuple[Number, ...]:
+        return (at.state[0] / self.length,)
+
+    def update(self, at: Inputs) -> tuple[Number, ...]:
+        return (smaller(larger(at.state[0] + at.moved, -self.length), self.length),)
+
+    def states_along(self, motion: Motion, step: float, start: float = 0.0) -> Array:
+        return _stops(np.ascontiguousarray(motion.q), self.length, start)[..., None]
+
+
+@compiled
+def _stops(q: Array, length: float, start: float) -> Array:
+    """Return the deflection of the element along positions (N, n), from ``start`` on."""
+    found = np.empty_like(q)
+    found[0] = start
+    for k in range(1, len(q)):
+        for j in range(q.shape[1]):
+            found[k, j] = min(max(found[k - 1, j] + q[k, j] - q[k - 1, j], -length), length)
+    return found
