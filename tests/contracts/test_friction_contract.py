@@ -70,8 +70,17 @@ def test_a_part_goes_to_another_process_after_its_use(part: Friction, motion: Mo
 def test_nonnegative_friction_never_drives(part: Friction, motion: Motion) -> None:
     """A coefficient >= 0 takes energy out (a rotor's inertia, in kg, only stores it) and none while standing.
 
-    With equal coefficients the motion back is braked like the motion forth.
+    With equal coefficients the motion back is braked like the motion forth. Of a part that remembers this holds for a
+    motion that comes back to where it was, with all that is remembered.
     """
+    if part.states:
+        time = np.linspace(0.0, 4.0, 4001)[:, None] * [1.0, 1.3, 2.0]
+        turning = Motion(
+            *(np.pi ** np.arange(3)[:, None, None] * np.sin(np.pi * time + np.pi / 2 * np.arange(3)[:, None, None]))
+        )
+        found = part.columns(replace(turning, state=part.states_along(turning, 1e-3)))[2000:, 0, :]
+        assert np.all(np.sum(found * turning.dq[2000:, :1], axis=0) >= 0)
+        return
     found, turned = part.columns(motion), part.columns(replace(motion, dq=-motion.dq))
     brakes = [c.nonnegative and not c.unit.startswith("kg") for c in part.coefficients]
     assert np.all(found[..., brakes] * motion.dq[..., None] >= 0)

@@ -16,7 +16,7 @@ def motion(seed: int = 0) -> Motion:
     """Return a motion away from standstill, where a smoothed sign is smooth on the scale of a difference."""
     generator = np.random.default_rng(seed)
     q, dq, ddq, torque = generator.uniform(0.01, 1.0, (4, 30, 3)) * generator.choice([-1.0, 1.0], (4, 30, 3))
-    return Motion(q, dq, ddq, torque, temperature=25.0 + q)
+    return Motion(q, dq, ddq, torque, temperature=25.0 + q, state=0.1 * q[..., None])
 
 
 def differences(part: Friction, at: Motion) -> list[Array]:

@@ -193,10 +193,6 @@ def test_a_late_torque_is_no_wider_sign(planar_2r: Robot, exact_motion: Callable
     for late in (False, True):
         _, (width,) = choose_fields(asked, rows(log), delay_is_free=late)
         assert (width.value > 0.03 and width.gain > 0.1) if not late else (width.value == 0.02 and width.gain < 0.01)
-    asked = replace(asked, friction=(*asked.friction, FADING))
-    estimate = identify(asked, [log], "wls", replace(GIVEN, delay_s=None))
-    assert [type(part) for part in estimate.model.friction] == [Coulomb, Viscous]
-    assert estimate.choices.delays[0].applied == pytest.approx(0.008, abs=2e-4)
 
 
 def test_the_delay_is_found_again_with_the_friction_that_was_chosen(

@@ -180,7 +180,6 @@ def _friction(found: Recognised) -> list[str]:
         f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
         "   # Stribeck effect",
         f"  - load_stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity]}}   # the same of load",
-        "  - presliding: {choose: [part, length]}   # friction that builds up over a distance after reversals",
     ]
 
 
