@@ -294,7 +294,7 @@ def losses(products: Array, keep: IntArray, beta: Array) -> Array:
     """Return the sums of squared residuals (n,) of coefficients of the columns ``keep``, as :func:`loss`."""
     found = np.append(beta, -1.0)
     place = np.append(keep, products.shape[-1] - 1)
-    return np.einsum("k,ikl,l->i", found, products[np.ix_(range(len(products)), place, place)], found, optimize=True)
+    return np.einsum("k,ikl,l->i", found, products[:, place[:, None], place], found, optimize=True)
 
 
 def held_out(held: Array, rest: Array, rows: IntArray, keep: IntArray) -> Array:
