@@ -49,7 +49,7 @@ class AddedParts:
         sets = _sets(model, pool.parts, range(len(present)))
         return cls(model, pool, len(present), stand_ins, HeldOutErrors.of(pool, pool.weights(sets), [sets]))
 
-    def chosen(self) -> tuple[dict[int, Friction], dict[int, Array]]:
+    def chosen(self) -> tuple[Mapping[int, Friction], Mapping[int, Array]]:
         """Return the parts that are taken, and of each how its absence raises the logarithm of the blocks' errors."""
         path, scores = list[tuple[int, ...]]([()]), self._errors([()])
         blocks = self.tried.blocks
