@@ -40,7 +40,11 @@ class AddedParts:
 
     @classmethod
     def over(
-        cls, model: DynamicModel, pooled: PooledLogs, present: Sequence[Friction], others: Mapping[int, Sequence[Friction]]
+        cls,
+        model: DynamicModel,
+        pooled: PooledLogs,
+        present: Sequence[Friction],
+        others: Mapping[int, Sequence[Friction]],
     ) -> AddedParts:
         """Return parts that are there, and stand-ins of each part that may be added."""
         pool = pooled.pool([*present, *itertools.chain(*others.values())])
