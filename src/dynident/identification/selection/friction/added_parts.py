@@ -15,7 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs, fit, loss
-from dynident.identification.selection.friction.held_out_errors import NOTHING, HeldOutErrors, goes_on, share_of
+from dynident.identification.selection.friction.held_out_errors import NOTHING, FoldErrors, goes_on, share_of
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction
 
@@ -36,7 +36,7 @@ class AddedParts:
     pool: ColumnPool
     present: int
     stand_ins: Mapping[int, range]
-    tried: HeldOutErrors
+    tried: FoldErrors
 
     @classmethod
     def over(
@@ -51,7 +51,7 @@ class AddedParts:
         ends = np.cumsum([len(present), *map(len, others.values())]).tolist()
         stand_ins = {p: range(a, b) for p, (a, b) in zip(others, itertools.pairwise(ends), strict=True)}
         sets = _sets(model, pool.parts, range(len(present)))
-        return cls(model, pool, len(present), stand_ins, HeldOutErrors.of(pool, pool.weights(sets), [sets]))
+        return cls(model, pool, len(present), stand_ins, FoldErrors.of(pool, pool.weights(sets), [sets]))
 
     def chosen(self) -> tuple[Mapping[int, Friction], Mapping[int, Array]]:
         """Return the parts that are taken, and of each how its absence raises the logarithm of the blocks' errors."""

@@ -30,7 +30,7 @@ TINY = 1e-12
 
 
 @dataclass(frozen=True)
-class HeldOutErrors:
+class FoldErrors:
     """A model with several values of a field, or several lists of parts, as products of the columns.
 
     Attributes:
@@ -49,7 +49,7 @@ class HeldOutErrors:
     families: tuple[Sequence[IntArray], ...]
 
     @classmethod
-    def of(cls, pool: ColumnPool, weights: Array, sets: Sequence[Sequence[Sequence[int]]]) -> HeldOutErrors:
+    def of(cls, pool: ColumnPool, weights: Array, sets: Sequence[Sequence[Sequence[int]]]) -> FoldErrors:
         """Return the models whose drives have the parts ``sets[k][drive]``."""
         own = (weights**2)[:, None, None]
         families = tuple([np.sort(pool.chosen(each))] for each in sets)

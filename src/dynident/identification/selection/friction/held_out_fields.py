@@ -27,7 +27,7 @@ from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.selection.friction.added_parts import AddedParts
 from dynident.identification.selection.friction.column_pool import PooledLogs
-from dynident.identification.selection.friction.held_out_errors import HeldOutErrors, is_better, share_of
+from dynident.identification.selection.friction.held_out_errors import FoldErrors, is_better, share_of
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.variable_projection import fastest_of, spans_of
 from dynident.model.dynamic_model import DynamicModel
@@ -237,7 +237,7 @@ class _FieldSearch:
         self.model = _with_value(self.model, there, name, best)
         return FieldChoice(*about, best, best, gain, error)
 
-    def _tried(self, group: Sequence[int], name: str, grid: Array) -> HeldOutErrors:
+    def _tried(self, group: Sequence[int], name: str, grid: Array) -> FoldErrors:
         """Return the model with values of a field of some parts; of one that is absent, it with each beside itself."""
         model = self.model
         present = [p for p in range(len(model.friction)) if p not in self.absent]
@@ -253,7 +253,7 @@ class _FieldSearch:
                 places |= {p: len(parts) + value * len(group) + k for k, p in enumerate(group)}
             return [[place for place in places.values() if drive in acts[place]] for drive in range(model.robot.dof)]
 
-        tried = HeldOutErrors.of(
+        tried = FoldErrors.of(
             pool, pool.weights(columns(None)), [columns(value) for value in (None, *range(len(grid)))]
         )
         stated = [k for k, p in enumerate(present) if not model.friction[p].is_optional]
