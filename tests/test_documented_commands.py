@@ -34,7 +34,7 @@ NOT_RUN = {
     "docs/packaging.md": (3, "installation, and what is installed here: tests/cli/test_environment.py"),
     "docs/payload.md": (1, "a log with a load: tests/cli/test_use_commands.py"),
     "docs/report.md": (1, "the demo: tests/cli/test_cli.py"),
-    "docs/robot-models.md": (2, "needs xacro: tests/robot_files/test_xacro.py"),
+    "docs/robot-models.md": (3, "needs xacro, USD: tests/robot_files/test_xacro.py, test_usd.py"),
     "docs/scale.md": (3, "a cluster and a bucket: tests/workers"),
     "docs/selftest.md": (1, "a plan: tests/cli/test_selftest_command.py"),
     "docs/studio.md": (2, "installation, a browser: tests/studio"),

@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from dynident.exports.motions import Playback as Playback
     from dynident.exports.objects import mujoco_spec as mujoco_spec
     from dynident.exports.objects import pinocchio_model as pinocchio_model
+    from dynident.exports.usd_layer import write_usd_layer as write_usd_layer
     from dynident.identification.build_problem import PriorKnowledge as PriorKnowledge
     from dynident.identification.build_problem import build_problem as build_problem
     from dynident.identification.estimate.estimate import Estimate as Estimate
@@ -120,6 +121,7 @@ _HOMES = {
     "exports.models": ("MODEL_EXPORTERS",),
     "exports.motions": ("MOTION_EXPORTERS", "Playback"),
     "exports.objects": ("mujoco_spec", "pinocchio_model"),
+    "exports.usd_layer": ("write_usd_layer",),
     "identification.build_problem": ("PriorKnowledge", "build_problem"),
     "identification.estimate.estimate": ("Estimate",),
     "identification.estimate.validation": ("Validation",),

@@ -41,10 +41,11 @@ EXTRAS = {
     "pandas": "estimates as pandas frames",
     "symbolic": "SymPy: equations of small arms as expressions",
     "xacro": "robot models as xacro",
+    "usd": "robot models in USD",
 }
 
 #: Modules that packages are imported as, where the name is another one.
-MODULES = {"pyyaml": "yaml", "pin": "pinocchio"}
+MODULES = {"pyyaml": "yaml", "pin": "pinocchio", "usd-core": "pxr"}
 
 #: Endings of compiled code: numba's index and code, and the machine code of robots.
 _CODE = (".nbi", ".nbc", ".dynident-code")

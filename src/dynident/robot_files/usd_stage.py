@@ -1,0 +1,408 @@
+"""The rigid bodies and joints of a USD stage, by the schema UsdPhysics, without a simulator.
+
+Source: OpenUSD, schema ``usdPhysics`` (rigid bodies, mass, joints, articulations, drives). Lengths are in units of
+``metersPerUnit``, masses in units of ``kilogramsPerUnit``, angles of joints in degrees. A joint has a frame on each of
+its two bodies (``localPos``, ``localRot``); it is at zero where the two coincide, wherever the bodies are drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import DescriptionError, MissingDependency
+from dynident.model.documents.numbers import Place
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Drive, JointLimits
+from dynident.robot_files.tree import Connection
+
+#: Name of what does not move.
+WORLD: Final = "world"
+
+#: Joints that are read, by the names of their prim types.
+_KINDS: Final[Mapping[str, Literal["fixed", "revolute", "prismatic"]]] = {
+    "PhysicsFixedJoint": "fixed",
+    "PhysicsRevoluteJoint": "revolute",
+    "PhysicsPrismaticJoint": "prismatic",
+}
+
+#: Largest deviation from 1 of the scale of a body.
+_SCALE: Final = 1e-6
+
+#: Endings of files that a stage is composed of; textures and materials may be missing.
+_LAYERS: Final = (".usd", ".usda", ".usdc", ".usdz")
+
+#: Gravity of a scene that states none, in m/s^2.
+_GRAVITY: Final = 9.81
+
+
+@dataclass(frozen=True)
+class StageUnits:
+    """Units of a stage.
+
+    Attributes:
+        length: m in its unit of length.
+        mass: kg in its unit of mass.
+    """
+
+    length: float
+    mass: float
+
+    @property
+    def inertia(self) -> float:
+        """Kg m^2 in its unit of moments of inertia, and N m in its unit of torque."""
+        return self.mass * self.length**2
+
+
+@dataclass(frozen=True)
+class StageBody:
+    """A rigid body of a stage.
+
+    Attributes:
+        prim: Path of its prim.
+        inertia: About the origin and in the axes of its link frame; None where the stage does not state all of it.
+        shift: Origin of its link frame in the frame of the prim, shape (3,), in m: where its joint turns.
+    """
+
+    prim: str
+    inertia: Inertia | None
+    shift: Array
+
+
+@dataclass(frozen=True)
+class StageParts:
+    """What a stage holds of a robot.
+
+    Attributes:
+        name: Name of the robot.
+        bodies: The bodies by name, with their link frames; what does not move is not among them.
+        connections: The joints, each towards the body that is farther from the world.
+        drives: Known rotor inertias by joint.
+        gravity: Gravity in the frame of the world, shape (3,), in m/s^2.
+        units: Its units.
+        notes: What is not read.
+    """
+
+    name: str
+    bodies: Mapping[str, StageBody]
+    connections: tuple[Connection, ...]
+    drives: Mapping[str, Drive]
+    gravity: Array
+    units: StageUnits
+    notes: tuple[str, ...] = ()
+
+    @property
+    def inertias(self) -> dict[str, Inertia | None]:
+        """Inertia of each body about its link frame, the world first."""
+        return {WORLD: None, **{name: body.inertia for name, body in self.bodies.items()}}
+
+
+def pxr_module(name: str) -> Any:
+    """Return a module of OpenUSD.
+
+    Raises:
+        MissingDependency: It is not installed.
+    """
+    import importlib
+
+    try:
+        return importlib.import_module(f"pxr.{name}")
+    except ImportError as problem:
+        raise MissingDependency("a robot model in USD", "usd-core", "usd") from problem
+
+
+def read_stage(path: str | Path) -> StageParts:
+    """Return bodies and joints of the stage in a file.
+
+    Raises:
+        MissingDependency: OpenUSD (usd-core) is not installed.
+        DescriptionError: No stage, a missing layer, or something that is no arm on a fixed base.
+    """
+    return _StageReader(path, open_stage(path)).parts()
+
+
+def open_stage(path: str | Path) -> Any:
+    """Return the ``Usd.Stage`` of a file with all layers that it names.
+
+    Raises:
+        MissingDependency: OpenUSD (usd-core) is not installed.
+        DescriptionError: It cannot be opened, or a layer is missing.
+    """
+    engine, utilities = pxr_module("Usd"), pxr_module("UsdUtils")
+    trap = pxr_module("Tf")
+    try:
+        stage = engine.Stage.Open(str(path))
+    except trap.ErrorException as problem:
+        reason = " ".join(str(problem).split("--")[-1].split())[:200]
+        raise DescriptionError(path, "", f"not USD ({reason})", "export the stage again") from problem
+    _, _, unresolved = utilities.ComputeAllDependencies(str(path))
+    missing = [str(name) for name in unresolved if str(name).lower().endswith(_LAYERS)]
+    if missing:
+        evidence = f"{len(missing)} layers are missing: {', '.join(missing)}"
+        raise DescriptionError(path, "", evidence, "put them where the stage names them, or flatten it (usdcat -f)")
+    return stage
+
+
+@dataclass(frozen=True)
+class _Side:
+    """The frame of a joint on one of its bodies: name of the body, rotation, translation in m."""
+
+    body: str
+    rotation: Array
+    translation: Array
+
+
+@dataclass
+class _StageReader:
+    path: str | Path
+    stage: Any
+    notes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        geometry, physics = pxr_module("UsdGeom"), pxr_module("UsdPhysics")
+        self.physics, self.geometry = physics, geometry
+        length = float(geometry.GetStageMetersPerUnit(self.stage))
+        self.units = StageUnits(length, float(physics.GetStageKilogramsPerUnit(self.stage)))
+        self.transforms = geometry.XformCache()
+        prims = list(self.stage.Traverse(pxr_module("Usd").TraverseInstanceProxies()))
+        self.rigid = {str(p.GetPath()): p for p in prims if p.HasAPI(physics.RigidBodyAPI)}
+        self.joints = [p for p in prims if p.IsA(physics.Joint)]
+        self.scenes = [p for p in prims if p.IsA(physics.Scene)]
+        self.body_names = self._names(list(self.rigid.values()))
+        self.joint_names = self._names(self.joints)
+
+    @staticmethod
+    def _names(prims: list[Any]) -> dict[str, str]:
+        """Return names of prims by path: their own, or the path where two are called the same."""
+        each = [prim.GetName() for prim in prims]
+        return {
+            str(prim.GetPath()): name if each.count(name) == 1 and name != WORLD else str(prim.GetPath())
+            for prim, name in zip(prims, each, strict=True)
+        }
+
+    def parts(self) -> StageParts:
+        if not self.rigid:
+            step = "export it with physics: links need PhysicsRigidBodyAPI and joints"
+            raise DescriptionError(self.path, "", "no prim has the schema PhysicsRigidBodyAPI", step)
+        for prim in self.rigid.values():
+            self._check_body(prim)
+        edges = list(self._edges())
+        connections, drives, shifts = self._tree(edges)
+        bodies = {}
+        for key, prim in self.rigid.items():
+            name = self.body_names[key]
+            inertia = self._inertia(prim)
+            moved = None if inertia is None else inertia.moved(np.eye(3), -shifts[name])
+            bodies[name] = StageBody(key, moved, shifts[name])
+        default = self.stage.GetDefaultPrim()
+        name = default.GetName() if default else Path(str(self.path)).stem
+        return StageParts(
+            name, bodies, tuple(connections), drives, self._gravity(), self.units, tuple(dict.fromkeys(self.notes))
+        )
+
+    def _place(self, prim: Any) -> Place:
+        return Place(self.path, f"prim {prim.GetPath()}")
+
+    def _check_body(self, prim: Any) -> None:
+        matrix = np.array(self.transforms.GetLocalToWorldTransform(prim))
+        scale = np.linalg.norm(matrix[:3, :3], axis=1)
+        if np.abs(scale - 1.0).max() > _SCALE or np.linalg.det(matrix[:3, :3]) < 0:
+            told = ", ".join(f"{value:.6g}" for value in scale)
+            raise self._place(prim).error(f"the body is scaled by ({told})", "apply the scale to its geometry")
+        body = self.physics.RigidBodyAPI(prim)
+        if body.GetRigidBodyEnabledAttr().Get() is False or body.GetKinematicEnabledAttr().Get():
+            raise self._place(prim).error("the body is kinematic, or not enabled", "make it a dynamic rigid body")
+
+    def _edges(self) -> Iterator[tuple[Any, str, _Side, _Side]]:
+        """Yield prim, kind and both sides of each joint."""
+        for prim in self.joints:
+            joint, place = self.physics.Joint(prim), self._place(prim)
+            if joint.GetJointEnabledAttr().Get() is False:
+                self.notes.append(f"the joint {self.joint_names[str(prim.GetPath())]} is not enabled and not read")
+                continue
+            kind = str(prim.GetTypeName())
+            if kind not in _KINDS:
+                step = "write it with PhysicsRevoluteJoint, PhysicsPrismaticJoint and PhysicsFixedJoint"
+                raise place.error(f"a joint of the type {kind} is not read", step)
+            if joint.GetExcludeFromArticulationAttr().Get():
+                raise place.error(
+                    "it closes a loop (excludeFromArticulation)", "remove it: loops of bodies are not read"
+                )
+            if any("MimicJoint" in str(schema) for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()):
+                raise place.error("it follows another joint (a mimic joint of PhysX)", "remove that, or lock the joint")
+            sides = (self._side(prim, joint, 0), self._side(prim, joint, 1))
+            if sides[0].body == sides[1].body:
+                raise place.error(f"it joins {sides[0].body} with itself", "name two bodies in physics:body0 and body1")
+            yield prim, kind, *sides
+
+    def _side(self, prim: Any, joint: Any, number: int) -> _Side:
+        """Return the frame of a joint on one of its bodies, or in the world."""
+        targets = (joint.GetBody0Rel() if number == 0 else joint.GetBody1Rel()).GetTargets()
+        place = self._place(prim)
+        if len(targets) > 1:
+            raise place.error(f"physics:body{number} has {len(targets)} targets", "name one body")
+        position = (joint.GetLocalPos0Attr() if number == 0 else joint.GetLocalPos1Attr()).Get()
+        turn = (joint.GetLocalRot0Attr() if number == 0 else joint.GetLocalRot1Attr()).Get()
+        quaternion = np.array([turn.GetReal(), *turn.GetImaginary()], dtype=float)
+        length = float(np.linalg.norm(quaternion))
+        if not abs(length - 1.0) < 1e-3:
+            raise place.error(f"physics:localRot{number} has length {length:.4g}, not 1", "write a unit quaternion")
+        rotation, translation = rotation_of(quaternion / length), np.array(position, dtype=float)
+        if not targets:
+            return _Side(WORLD, rotation, translation * self.units.length)
+        target = self.stage.GetPrimAtPath(targets[0])
+        if not target:
+            raise place.error(f"physics:body{number} names {targets[0]}, which is not there", "name a body of it")
+        owner = target
+        while owner and str(owner.GetPath()) not in self.rigid and not owner.IsPseudoRoot():
+            owner = owner.GetParent()
+        matrix = np.array(self.transforms.GetLocalToWorldTransform(target))
+        is_body = str(owner.GetPath()) in self.rigid
+        if is_body:
+            matrix = matrix @ np.linalg.inv(np.array(self.transforms.GetLocalToWorldTransform(owner)))
+        translation = translation @ matrix[:3, :3] + matrix[3, :3]
+        directions = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=1)[:, None]
+        name = self.body_names[str(owner.GetPath())] if is_body else WORLD
+        return _Side(name, directions.T @ rotation, translation * self.units.length)
+
+    def _tree(
+        self, edges: list[tuple[Any, str, _Side, _Side]]
+    ) -> tuple[list[Connection], dict[str, Drive], dict[str, Array]]:
+        """Return the joints from the world outwards, rotor inertias, and where the link frame of each body is."""
+        shifts: dict[str, Array] = {WORLD: np.zeros(3)}
+        connections: list[Connection] = []
+        drives: dict[str, Drive] = {}
+        waiting = list(edges)
+        while ready := [edge for edge in waiting if edge[2].body in shifts or edge[3].body in shifts]:
+            prim, kind, first, second = ready[0]
+            waiting.remove(ready[0])
+            if first.body in shifts and second.body in shifts:
+                step = "remove one joint of the loop: loops of bodies are not read"
+                raise self._place(prim).error(f"it closes a loop between {first.body} and {second.body}", step)
+            is_forward = first.body in shifts
+            near, far = (first, second) if is_forward else (second, first)
+            shifts[far.body] = far.translation if kind != "PhysicsFixedJoint" else np.zeros(3)
+            connection, drive = self._connection(prim, near, far, shifts, 1.0 if is_forward else -1.0)
+            connections.append(connection)
+            if drive is not None:
+                drives[connection.name] = drive
+        lost = sorted(set(self.body_names.values()) - set(shifts))
+        if lost:
+            step = "fix the base to the world by a PhysicsFixedJoint without physics:body0; remove bodies of the scene"
+            evidence = f"{lost[0]} and {len(lost) - 1} more bodies are" if len(lost) > 1 else f"{lost[0]} is"
+            raise DescriptionError(self.path, "", f"{evidence} not joined to the world: the base floats", step)
+        return connections, drives, shifts
+
+    def _connection(
+        self, prim: Any, near: _Side, far: _Side, shifts: Mapping[str, Array], sign: float
+    ) -> tuple[Connection, Drive | None]:
+        """Return a joint from the link frame of the near body to that of the far one, with a known rotor inertia."""
+        kind, name = _KINDS[str(prim.GetTypeName())], self.joint_names[str(prim.GetPath())]
+        rotation = near.rotation @ far.rotation.T
+        at = near.translation - shifts[near.body]
+        if kind == "fixed":
+            at = at - rotation @ far.translation
+            zero = np.array([0.0, 0.0, 1.0])
+            return Connection(name, kind, near.body, far.body, rotation, at, zero, JointLimits()), None
+        joint = (self.physics.RevoluteJoint if kind == "revolute" else self.physics.PrismaticJoint)(prim)
+        axis = sign * far.rotation[:, "XYZ".index(str(joint.GetAxisAttr().Get()))]
+        unit = math.radians(1.0) if kind == "revolute" else self.units.length
+        lower, upper = float(joint.GetLowerLimitAttr().Get()) * unit, float(joint.GetUpperLimitAttr().Get()) * unit
+        if lower > upper:
+            step = "make it a PhysicsFixedJoint, or write the limits in order"
+            raise self._place(prim).error("its lower limit is above the upper one: it is locked", step)
+        force = self.units.inertia if kind == "revolute" else self.units.mass * self.units.length
+        damping, effort = self._drive(prim, name, "angular" if kind == "revolute" else "linear", force)
+        speed = self._number(prim, "physxJoint:maxJointVelocity")
+        limits = JointLimits(
+            lower, upper, math.inf if speed is None or speed <= 0 else speed * unit, effort=effort
+        )  # fmt: skip
+        if self._number(prim, "physxJoint:jointFriction"):
+            self.notes.append(f"the joint friction of PhysX of {name} is not read: it is a share of the load")
+        armature = self._number(prim, "physxJoint:armature")
+        inertia = self.units.inertia if kind == "revolute" else self.units.mass
+        drive = Drive(rotor_inertia=armature * inertia) if armature else None
+        found = Connection(
+            name, kind, near.body, far.body, rotation, at, axis, limits, damping=damping
+        )  # fmt: skip
+        return found, drive
+
+    def _drive(self, prim: Any, name: str, axis: str, force: float) -> tuple[float | None, float]:
+        """Return damping in SI units and the largest effort of the drive of a joint.
+
+        A drive without stiffness and target velocity gives a torque against the velocity: viscous friction. The
+        damping of a servo is a gain of its controller.
+        """
+        if not prim.HasAPI(self.physics.DriveAPI, axis):
+            return None, math.inf
+        drive = self.physics.DriveAPI(prim, axis)
+        largest = float(drive.GetMaxForceAttr().Get())
+        damping = float(drive.GetDampingAttr().Get()) * force
+        damping = damping * math.degrees(1.0) if axis == "angular" else damping / self.units.length
+        if drive.GetStiffnessAttr().Get() or drive.GetTargetVelocityAttr().Get():
+            self.notes.append(f"stiffness and damping of the drive of {name} are gains of a controller and not read")
+            return None, largest * force
+        return damping, largest * force
+
+    @staticmethod
+    def _number(prim: Any, name: str) -> float | None:
+        value = prim.GetAttribute(name).Get() if prim.HasAttribute(name) else None
+        return None if value is None else float(value)
+
+    def _inertia(self, prim: Any) -> Inertia | None:
+        """Return the inertia of a body about the origin of its prim; None where a part of it is not stated."""
+        mass = self.physics.MassAPI(prim)
+        value, centre = float(mass.GetMassAttr().Get() or 0.0), np.array(mass.GetCenterOfMassAttr().Get(), dtype=float)
+        diagonal = np.array(mass.GetDiagonalInertiaAttr().Get(), dtype=float)
+        missing = [
+            what
+            for what, is_there in (
+                ("mass", value != 0.0),
+                ("centerOfMass", bool(np.all(np.isfinite(centre)))),
+                ("diagonalInertia", bool(np.any(diagonal))),
+            )
+            if not is_there
+        ]
+        name = self.body_names[str(prim.GetPath())]
+        if missing:
+            if len(missing) < 3:
+                self.notes.append(f"{name} states no {' and no '.join(missing)}: simulators compute it from shapes")
+            return None
+        if not 0.0 < value < math.inf or np.any(diagonal < 0) or not np.all(np.isfinite(diagonal)):
+            evidence = f"its mass is {value:g} and its diagonal inertia {diagonal.tolist()}"
+            raise self._place(prim).error(evidence, "write a mass above 0 and moments of inertia of 0 or more")
+        axes = mass.GetPrincipalAxesAttr().Get()
+        quaternion = np.array([axes.GetReal(), *axes.GetImaginary()], dtype=float)
+        length = float(np.linalg.norm(quaternion))
+        turn = rotation_of(quaternion / length) if length > 0 else np.eye(3)  # zero stands for none
+        tensor = turn @ np.diag(diagonal * self.units.inertia) @ turn.T
+        return Inertia.from_centre_of_mass(value * self.units.mass, centre * self.units.length, tensor)
+
+    def _gravity(self) -> Array:
+        up = np.array([0.0, 1.0, 0.0] if str(self.geometry.GetStageUpAxis(self.stage)) == "Y" else [0.0, 0.0, 1.0])
+        if not self.scenes:
+            return -_GRAVITY * up
+        scene = self.physics.Scene(self.scenes[0])
+        direction = np.array(scene.GetGravityDirectionAttr().Get(), dtype=float)
+        size = float(scene.GetGravityMagnitudeAttr().Get())
+        length = float(np.linalg.norm(direction))
+        along = direction / length if length > 0 else -up
+        return along * (size * self.units.length if 0 <= size < math.inf else _GRAVITY)
+
+
+def rotation_of(quaternion: Array) -> Array:
+    """Return the rotation of a unit quaternion (w, x, y, z), shape (3, 3)."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,281 @@
+"""USD stages: torques of Pinocchio from the numbers of the stage; what is no arm on a fixed base is refused by name."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from usd_arms import Arm, arm_of, pinocchio_of, random_arm, write_stage
+
+import dynident as di
+from dynident.errors import DescriptionError, DynidentError, MissingDependency
+from dynident.model.robot import Drive
+from dynident.robot_files import read_robot
+
+Usd: Any = pytest.importorskip("pxr.Usd", reason="robot models in USD need usd-core (extra usd)")
+Gf: Any = importlib.import_module("pxr.Gf")
+Sdf: Any = importlib.import_module("pxr.Sdf")
+UsdGeom: Any = importlib.import_module("pxr.UsdGeom")
+UsdPhysics: Any = importlib.import_module("pxr.UsdPhysics")
+
+
+def compared(arm: Arm, path: Path, gravity: Any) -> di.Robot:
+    """Check the torques of the robot in a stage against Pinocchio, and return the robot."""
+    pin = pytest.importorskip("pinocchio")
+    robot = read_robot(path)
+    np.testing.assert_allclose(robot.gravity, gravity, atol=1e-12)
+    model, names = pinocchio_of(arm, gravity)
+    data, order = model.createData(), [names.index(name) for name in robot.joint_names]
+    states = np.random.default_rng(4).normal(size=(3, 10, len(names)))
+    expected = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])[:, order]
+    q, dq, ddq = states[:, :, order]
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(di.DynamicModel(robot).torque(q, dq, ddq) / size, expected / size, atol=1e-9)
+    regressor, theta = di.DynamicModel(robot).regressor(q, dq, ddq), robot.nominal
+    assert theta is not None
+    np.testing.assert_allclose(regressor @ theta / size, expected / size, atol=1e-9)
+    return robot
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_torques_of_random_arms(seed: int, tmp_path: Path) -> None:
+    """Frames of joints off the bodies, either body as the far one, fixed bodies, both kinds of joints."""
+    arm = random_arm(seed, 5)
+    write_stage(tmp_path / "arm.usda", arm)
+    robot = compared(arm, tmp_path / "arm.usda", [0, 0, -9.81])
+    assert robot.base == "world" and "body0" in robot.frames and robot.name == "arm"
+
+
+@pytest.mark.parametrize("ending", [".usda", ".usdc", ".usd"])
+def test_units_axes_and_kinds_of_files(ending: str, tmp_path: Path) -> None:
+    """A stage in cm and g whose y axis is up: what most exporters of animation write."""
+    arm = random_arm(20, 4, length=0.01, mass=0.001, up="Y")
+    write_stage(tmp_path / f"arm{ending}", arm)
+    compared(arm, tmp_path / f"arm{ending}", [0, -9.81, 0])
+
+
+def test_gravity_of_the_scene(tmp_path: Path) -> None:
+    arm = random_arm(21, 3, length=0.01)
+    write_stage(tmp_path / "arm.usda", arm, ((0.0, 3.0, -4.0), 162.0))
+    compared(arm, tmp_path / "arm.usda", np.array([0.0, 0.6, -0.8]) * float(np.float32(162.0)) * 0.01)
+
+
+def test_a_built_in_robot_as_converters_write_it(tmp_path: Path) -> None:
+    """To single precision, which the schema has: torques to 1e-6, limits, axes, link frames as they were."""
+    robot = read_robot("generic-6r")
+    robot = robot.with_drives({name: Drive() for name in robot.joint_names})  # the schema has no rotors
+    write_stage(tmp_path / "arm.usda", arm_of(robot))
+    found = read_robot(tmp_path / "arm.usda")
+    q, dq, ddq = np.random.default_rng(1).normal(size=(3, 20, 6))
+    expected = di.DynamicModel(robot).torque(q, dq, ddq)
+    np.testing.assert_allclose(di.DynamicModel(found).torque(q, dq, ddq), expected, atol=1e-6 * np.abs(expected).max())
+    assert found.frames == {}  # each body turns about the origin of its prim
+    for own, other in zip(robot.joints, found.joints, strict=True):
+        np.testing.assert_allclose(own.axis, other.axis, atol=1e-7)
+        np.testing.assert_allclose(own.rotation, other.rotation, atol=1e-6)
+        assert (own.limits.lower, own.limits.upper) == pytest.approx((other.limits.lower, other.limits.upper))
+    assert di.base_parameters(di.DynamicModel(found)).count == di.base_parameters(di.DynamicModel(robot)).count
+
+
+@pytest.fixture
+def stage(tmp_path: Path) -> Any:
+    """The stage of a plain arm of two hinges, open for changes; ``save`` by stage.GetRootLayer().Save()."""
+
+    arm = random_arm(3, 2)
+    arm.hinges = [replace(hinge, kind="revolute" if k else "fixed") for k, hinge in enumerate(arm.hinges)]
+    write_stage(tmp_path / "arm.usda", arm)
+    return Usd.Stage.Open(str(tmp_path / "arm.usda"))
+
+
+def again(stage: Any) -> di.Robot:
+    stage.GetRootLayer().Save()
+    return read_robot(stage.GetRootLayer().realPath)
+
+
+def test_drives_and_what_physx_adds(stage: Any) -> None:
+
+    first, second = (stage.GetPrimAtPath(f"/arm/joints/joint{k}") for k in (1, 2))
+    passive = UsdPhysics.DriveAPI.Apply(first, "angular")
+    passive.CreateDampingAttr(0.5)  # N m s/deg
+    passive.CreateMaxForceAttr(80.0)
+    servo = UsdPhysics.DriveAPI.Apply(second, "angular")
+    servo.CreateStiffnessAttr(1000.0)
+    servo.CreateDampingAttr(10.0)
+    for name, value in (("armature", 0.25), ("maxJointVelocity", 180.0), ("jointFriction", 0.1)):
+        second.CreateAttribute(f"physxJoint:{name}", Sdf.ValueTypeNames.Float).Set(value)
+    robot = again(stage)
+    one, other = robot.joints
+    assert one.damping == pytest.approx(np.degrees(0.5)) and one.limits.effort == 80.0 and other.damping is None
+    assert other.limits.velocity == pytest.approx(np.pi) and other.drive.rotor_inertia == 0.25
+    assert "stiffness and damping of the drive of joint2 are gains of a controller and not read" in robot.note
+    assert "the joint friction of PhysX of joint2 is not read" in robot.note
+
+
+def test_inertia_that_is_not_stated_is_not_made_up(stage: Any) -> None:
+
+    mass = UsdPhysics.MassAPI(stage.GetPrimAtPath("/arm/body1"))
+    mass.GetDiagonalInertiaAttr().Set(Gf.Vec3f(0, 0, 0))
+    robot = again(stage)
+    assert robot.links[0].inertia is None and robot.nominal is None
+    assert "body1 states no diagonalInertia: simulators compute it from shapes" in robot.note
+
+
+def _loop(stage: Any) -> None:
+
+    joint = UsdPhysics.RevoluteJoint.Define(stage, "/arm/joints/again")
+    joint.CreateBody0Rel().SetTargets(["/arm/body0"])
+    joint.CreateBody1Rel().SetTargets(["/arm/body2"])
+
+
+def _ball(stage: Any) -> None:
+    stage.GetPrimAtPath("/arm/joints/joint2").SetTypeName("PhysicsSphericalJoint")
+
+
+def _floating(stage: Any) -> None:
+    stage.RemovePrim("/arm/joints/joint0")
+
+
+def _scaled(stage: Any) -> None:
+
+    UsdGeom.Xformable(stage.GetPrimAtPath("/arm/body1")).AddScaleOp().Set(Gf.Vec3f(2, 2, 2))
+
+
+def _kinematic(stage: Any) -> None:
+
+    UsdPhysics.RigidBodyAPI(stage.GetPrimAtPath("/arm/body1")).CreateKinematicEnabledAttr(True)
+
+
+def _nowhere(stage: Any) -> None:
+    stage.GetPrimAtPath("/arm/joints/joint2").GetRelationship("physics:body1").SetTargets(["/arm/body9"])
+
+
+def _locked(stage: Any) -> None:
+    stage.GetPrimAtPath("/arm/joints/joint2").GetAttribute("physics:lowerLimit").Set(1.0)
+    stage.GetPrimAtPath("/arm/joints/joint2").GetAttribute("physics:upperLimit").Set(0.0)
+
+
+def _negative(stage: Any) -> None:
+    stage.GetPrimAtPath("/arm/body1").GetAttribute("physics:mass").Set(-1.0)
+
+
+def _missing_layer(stage: Any) -> None:
+    stage.OverridePrim("/arm/tool").GetReferences().AddReference("parts/tool.usda")
+
+
+def _no_physics(stage: Any) -> None:
+    stage.RemovePrim("/arm")
+
+
+def _still(stage: Any) -> None:
+    for k in (1, 2):
+        stage.GetPrimAtPath(f"/arm/joints/joint{k}").SetTypeName("PhysicsFixedJoint")
+
+
+def _turned(stage: Any) -> None:
+
+    stage.GetPrimAtPath("/arm/joints/joint2").GetAttribute("physics:localRot0").Set(Gf.Quatf(0.0))
+
+
+def _mimic(stage: Any) -> None:
+    stage.GetPrimAtPath("/arm/joints/joint2").AddAppliedSchema("PhysxMimicJointAPI:rotX")
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (_loop, r"prim /arm/joints/.*: it closes a loop between .*; remove one joint of the loop"),
+        (_ball, r"prim /arm/joints/joint2: a joint of the type PhysicsSphericalJoint is not read; write it with"),
+        (_floating, r"body0 and 2 more bodies are not joined to the world: the base floats; fix the base"),
+        (_scaled, r"prim /arm/body1: the body is scaled by \(2, 2, 2\); apply the scale"),
+        (_kinematic, r"prim /arm/body1: the body is kinematic, or not enabled"),
+        (_nowhere, r"joint2: physics:body1 names /arm/body9, which is not there; name a body"),
+        (_locked, r"joint2: its lower limit is above the upper one: it is locked; make it a PhysicsFixedJoint"),
+        (_negative, r"prim /arm/body1: its mass is -1 "),
+        (_missing_layer, r"1 layers are missing: .*parts/tool\.usda; put them where the stage names them"),
+        (_no_physics, r"no prim has the schema PhysicsRigidBodyAPI; export it with physics"),
+        (_still, "no joint moves"),
+        (_turned, r"joint2: physics:localRot0 has length 0, not 1"),
+        (_mimic, r"joint2: it follows another joint \(a mimic joint of PhysX\)"),
+    ],
+)  # fmt: skip
+def test_what_is_no_arm_is_refused(change: Any, told: str, stage: Any) -> None:
+    change(stage)
+    with pytest.raises(DescriptionError, match=told) as caught:
+        again(stage)
+    assert "\n" not in str(caught.value)
+
+
+def test_no_usd(tmp_path: Path) -> None:
+    for name, data, told in (
+        ("a.usda", b"#usda 1.0\ndef Xform {", "not USD"),
+        ("b.usd", b"solid", "no USD by its first bytes"),
+        ("c.usdc", b"PXR-USDC" + bytes(100), "not USD"),
+    ):
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(DynidentError, match=told):
+            read_robot(tmp_path / name)
+
+
+def test_without_the_package(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "pxr.Usd", None)
+    with pytest.raises(MissingDependency, match=r"needs the package 'usd-core'; install it with: pip .*\[usd\]"):
+        read_robot(stage.GetRootLayer().realPath)
+
+
+def identified_stage(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Arm, di.Estimate]:
+    """Return an arm whose stage is ``parts/arm.usda`` in a folder, and an estimate of it with other inertias."""
+    monkeypatch.chdir(folder)
+    Path("parts").mkdir()
+    arm = random_arm(5, 3, length=0.01)
+    arm.hinges = [replace(hinge, kind="revolute" if k else "fixed") for k, hinge in enumerate(arm.hinges)]
+    arm.hinges[3] = replace(arm.hinges[3], kind="fixed")
+    write_stage(Path("parts/arm.usda"), arm)
+    robot = read_robot("parts/arm.usda")
+    model = di.DynamicModel(robot, ["viscous"])
+    nominal = model.nominal()
+    assert nominal is not None
+    theta = nominal.copy()
+    theta[: model.inertial_count] *= 1.3
+    theta[model.inertial_count :] = 0.2
+    t = np.arange(0, 10, 0.01)
+    rates = np.array([1.7, 2.9])
+    phase = t[:, None] * rates
+    states = np.sin(phase), rates * np.cos(phase), -(rates**2) * np.sin(phase)
+    log = di.Log(robot.joint_names, t, *states, torque=model.torque(*states, theta))
+    di.write_log(log, "run.csv")
+    return arm, di.identify("parts/arm.usda", "run.csv", "consistent")
+
+
+def test_identified_values_go_into_a_layer_over_the_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stage stays as it is, the layer opens with it, and its torques are those of the estimate."""
+
+    _, estimate = identified_stage(tmp_path, monkeypatch)
+    before = Path("parts/arm.usda").read_bytes()
+    found = di.write_usd_layer(estimate, "identified.usda")
+    assert Path("parts/arm.usda").read_bytes() == before and found.relative < 2e-6
+    text = Path("identified.usda").read_text()
+    assert "@./parts/arm.usda@" in text and str(tmp_path) not in text
+    stage = Usd.Stage.Open("identified.usda")
+    assert UsdGeom.GetStageMetersPerUnit(stage) == pytest.approx(0.01) and stage.GetDefaultPrim().GetName() == "arm"
+    robot = read_robot("identified.usda")
+    q = np.random.default_rng(2).normal(size=(20, 2))
+    gravity, expected = di.DynamicModel(robot).gravity(q), estimate.gravity(q)
+    np.testing.assert_allclose(gravity, expected, atol=2e-6 * np.abs(expected).max())
+    assert any("was identified as one body with the links fixed to it" in note for note in found.notes)
+
+
+def test_a_layer_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arm, estimate = identified_stage(tmp_path, monkeypatch)
+    with pytest.raises(di.BadArgument, match=r"path: 'a\.usd'; give a file that ends with \.usda"):
+        di.write_usd_layer(estimate, "a.usd")
+    with pytest.raises(DynidentError, match=r"parts/arm\.usda"):
+        di.write_usd_layer(estimate, "parts/arm.usda")
+    arm.hinges[2] = replace(arm.hinges[2], frames=(arm.hinges[2].frames[1], arm.hinges[2].frames[0]))
+    write_stage(Path("other.usda"), arm)
+    with pytest.raises(DescriptionError, match="it is another one than in the estimate"):
+        di.write_usd_layer(estimate, "b.usda", stage="other.usda")
+    assert not Path("a.usd").exists() and not Path("b.usda").exists()
