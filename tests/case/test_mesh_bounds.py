@@ -1,4 +1,4 @@
-"""Meshes as bounds: read beside the robot model, in every way that files and units go wrong, against closed forms."""
+"""Meshes as bounds and densities as masses, in every way that files and units go wrong, against closed forms."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ import pytest
 
 from dynident import read_robot
 from dynident.arrays import Array
+from dynident.case.constraints_file import read_constraints
+from dynident.case.link_volume import mesh_volume, volume_of
 from dynident.case.mesh_bounds import with_mesh_points
+from dynident.errors import DescriptionError, FileError
 from dynident.model.meshes import DIRECTIONS, outermost
 from dynident.model.plausible import link_points, plausible_constraints, shape_points
-from dynident.model.robot import Robot
-from dynident.model.shapes import Box
+from dynident.model.robot import Robot, rotation_about
+from dynident.model.shapes import Box, Capsule, Cylinder, Sphere
 
 SIZE = np.array([0.5, 0.14, 0.1])
 CENTRE = np.array([0.2, 0.0, 0.0])
+VOLUME = float(np.prod(SIZE))
 
 ARM = """<robot name="arm"><link name="base"/>
 <link name="upper">{collision}<inertial><origin xyz="0.2 0 0"/><mass value="5"/>
@@ -139,3 +143,57 @@ def test_few_points_stand_for_the_hull_of_many() -> None:
     others = generator.normal(size=(300, 3))
     others /= np.linalg.norm(others, axis=1, keepdims=True)
     assert np.max((points @ others.T).max(axis=0) - (few @ others.T).max(axis=0)) < 2e-3 * 0.6
+
+
+def test_volumes_of_shapes() -> None:
+    assert volume_of(Sphere(0.3), ()) == pytest.approx(4 / 3 * np.pi * 0.027)
+    assert volume_of(Cylinder(0.1, 0.5), ()) == pytest.approx(np.pi * 0.005)
+    assert volume_of(Box(SIZE), ()) == pytest.approx(VOLUME)
+    pill = Capsule(np.zeros(3), np.array([0.0, 0.3, 0.4]), 0.1)
+    assert volume_of(pill, ()) == pytest.approx(np.pi * 0.005 + 4 / 3 * np.pi * 0.001)
+
+
+def test_the_volume_of_a_mesh_depends_on_no_frame_and_no_winding() -> None:
+    turn = rotation_about(np.array([0.6, 0.0, 0.8]), 0.7)
+    moved = box_triangles(SIZE, CENTRE) @ turn.T + np.array([3.0, -2.0, 1.0])
+    for triangles in (moved, moved[:, ::-1]):
+        assert mesh_volume(triangles, "a.stl") == pytest.approx(VOLUME, rel=1e-9)
+
+
+def constraints(folder: Path, text: str, mesh: str = "upper.stl", scale: str = "") -> tuple[float, float]:
+    robot, path = arm(folder, mesh, scale)
+    (folder / "known.yaml").write_text(text)
+    mass = read_constraints(folder / "known.yaml", robot, path).links["upper"].mass
+    return mass.low, mass.high
+
+
+@pytest.mark.parametrize(("unit", "scale"), [(1.0, ""), (1000.0, "0.001 0.001 0.001")])
+def test_a_density_bounds_the_mass(tmp_path: Path, unit: float, scale: str) -> None:
+    write_stl(tmp_path / "upper.stl", box_triangles(SIZE * unit, CENTRE * unit))
+    found = constraints(tmp_path, "links: {upper: {density: {min: 500, max: 3000}}}", scale=scale)
+    assert found == pytest.approx((500 * VOLUME, 3000 * VOLUME), rel=1e-6)
+    both = "links: {upper: {density: {min: 500, max: 3000}, mass: {min: 4}}}"
+    assert constraints(tmp_path, both, scale=scale) == pytest.approx((4.0, 3000 * VOLUME), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "triangles", "text", "words"),
+    [
+        (1.0, 12, "density: {min: 500, max: 3000}, mass: 40", "500 to 3000 kg.* x 0.007 m.* of upper.*mass of 40 kg"),
+        (1.0, 12, "density: -1", "densities above 0"),
+        (1.0, 10, "density: 800", "open at 4 of 17 edges.*close it in a mesh program"),
+        (1000.0, 12, "density: 800", "529 m large.*in millimetres.*scale=.0.001 0.001 0.001"),
+    ],
+)
+def test_what_no_density_can_be_is_named(tmp_path: Path, unit: float, triangles: int, text: str, words: str) -> None:
+    write_stl(tmp_path / "upper.stl", box_triangles(SIZE * unit, CENTRE * unit)[-triangles:])
+    with pytest.raises((DescriptionError, FileError), match=words):
+        constraints(tmp_path, f"links: {{upper: {{{text}}}}}")
+
+
+def test_a_link_without_shapes_and_a_missing_mesh_have_no_volume(tmp_path: Path) -> None:
+    with pytest.raises(DescriptionError, match="no such mesh file"):
+        constraints(tmp_path, "links: {upper: {density: 800}}", "nowhere.stl")
+    (tmp_path / "known.yaml").write_text("links: {fore: {density: 800}}")
+    with pytest.raises(DescriptionError, match=r"links.fore.density.*states no shape.*state its mass"):
+        read_constraints(tmp_path / "known.yaml", read_robot(tmp_path / "arm.urdf"), str(tmp_path / "arm.urdf"))

@@ -95,7 +95,9 @@ def with_knowledge(case: Case, prior: str | None, constraints: str | None) -> Ca
 
     if prior:
         case = replace(case, prior=prior)
-    return replace(case, constraints=read_constraints(constraints, case.robot)) if constraints else case
+    return (
+        replace(case, constraints=read_constraints(constraints, case.robot, case.robot_path)) if constraints else case
+    )
 
 
 def prior_of(case: Case) -> BodyPrior | None:

@@ -254,7 +254,7 @@ def _read_case(path: str | Path, open_gains: bool) -> Case:
         split=guarded(top.place("split"), lambda: Split.parse(top.text("split"))) if top.has("split") else None,
         locked=locked,
         workspace=_workspace_of(top, robot, robot_path),
-        constraints=constraints_of(top.section("constraints", CONSTRAINT_KEYS), robot),
+        constraints=constraints_of(top.section("constraints", CONSTRAINT_KEYS), robot, robot_path),
         prior=top.text("prior", ""),
         cell=_cell_of(top),
         accept=acceptance_of(top.section("accept", tuple(CRITERIA))),

@@ -1,37 +1,40 @@
 """What is known about bodies, as it is written: the section ``constraints`` of a case file, or a file of its own.
 
-Keys: links (by name: mass, centre, body, symmetry, thickness), total_mass, fixed. docs/case-file.md describes each.
+Keys: links (by name: mass, density, centre, body, symmetry, thickness), total_mass, fixed; see docs/case-file.md.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.case.link_volume import mass_of_density
 from dynident.errors import DescriptionError, DynidentError
 from dynident.files import unreadable
 from dynident.model.body_constraints import AXES, BodyConstraints, BoundingBox, Constraints, Ellipsoid, ValueRange
 from dynident.model.documents.sections import Section
 from dynident.model.documents.strict_yaml import load_yaml
 from dynident.model.robot import Robot
+from dynident.robot_files.mesh_files import mesh_places
 from dynident.robot_files.rotations import rotation_from_rpy
 
 KEYS = ("links", "total_mass", "fixed")
-_LINK_KEYS = ("mass", "centre", "body", "symmetry", "thickness")
+_LINK_KEYS = ("mass", "density", "centre", "body", "symmetry", "thickness")
 
 _Value = TypeVar("_Value")
 
 
-def read_constraints(path: str | Path, robot: Robot) -> Constraints:
+def read_constraints(path: str | Path, robot: Robot, robot_path: str = "") -> Constraints:
     """Read a file with what is known about the bodies of a robot.
 
     Args:
         path: YAML with the keys of the case file's section ``constraints``.
         robot: The robot, locked joints merged.
+        robot_path: Its robot model, beside which meshes are read where a density is stated.
 
     Raises:
         FileError: The file cannot be read.
@@ -42,18 +45,22 @@ def read_constraints(path: str | Path, robot: Robot) -> Constraints:
     except OSError as error:
         raise unreadable(path, error) from error
     value, lines = load_yaml(path, data)
-    return constraints_of(Section.top(path, value, KEYS, lines), robot)
+    return constraints_of(Section.top(path, value, KEYS, lines), robot, robot_path)
 
 
-def constraints_of(section: Section, robot: Robot) -> Constraints:
+def constraints_of(section: Section, robot: Robot, robot_path: str = "") -> Constraints:
     """Return what a section with the keys links, total_mass and fixed states.
 
     Raises:
         DescriptionError: A link that the robot does not have, or a value that cannot be.
     """
-    names = [link.name for link in robot.links]
-    links = section.section("links", names) if section.has("links") else None
-    found = {name: _body(links.section(name, _LINK_KEYS)) for name in names if links is not None and links.has(name)}
+    links = section.section("links", [link.name for link in robot.links]) if section.has("links") else None
+    places = mesh_places(robot, robot_path) if robot_path else ()
+    found = {
+        link.name: _body(links.section(link.name, _LINK_KEYS), robot, i, places)
+        for i, link in enumerate(robot.links)
+        if links is not None and links.has(link.name)
+    }
     total = _range(section, "total_mass")
     fixed: dict[str, float] = {}
     if section.has("fixed"):
@@ -64,7 +71,7 @@ def constraints_of(section: Section, robot: Robot) -> Constraints:
     return Constraints(found, total, fixed)
 
 
-def _body(section: Section) -> BodyConstraints:
+def _body(section: Section, robot: Robot, index: int, folders: Sequence[str | Path]) -> BodyConstraints:
     centre_box = centre_hull = body_box = ellipsoid = None
     if section.has("centre"):
         centre = section.section("centre", ("box", "hull"))
@@ -79,6 +86,9 @@ def _body(section: Section) -> BodyConstraints:
         planes = section.section("symmetry", AXES)
         symmetry = {axis: planes.number(axis) for axis in AXES if planes.has(axis)}
     mass, thickness = _range(section, "mass"), section.number("thickness", 0.0)
+    if section.has("density"):
+        density = _range(section, "density")
+        mass = _guard(section, "density", lambda stated=mass: mass_of_density(robot, index, density, stated, folders))
     return _guard(
         section,
         "thickness" if thickness < 0 else "mass" if section.has("mass") else "",

@@ -14,7 +14,7 @@ from dynident.model.meshes import mesh_points, outermost
 from dynident.model.plausible import extent_of, link_points
 from dynident.model.robot import Robot
 from dynident.model.shapes import Mesh
-from dynident.robot_files.mesh_files import package_folders
+from dynident.robot_files.mesh_files import mesh_places
 
 #: Extent of a mesh over that of the frames of its link from which its unit is another: half way to 1000 in logarithms.
 WRONG_UNIT = float(np.sqrt(1000.0))
@@ -49,13 +49,12 @@ def with_mesh_points(robot: Robot, robot_path: str, folders: Sequence[str] = ())
         robot_path: Its file: meshes are looked for beneath its folder, and in the ROS packages that they name.
         folders: Other folders.
     """
-    beside = [Path(robot_path).parent] if Path(robot_path).is_file() else []
-    places = [*beside, *package_folders(robot, robot_path), *folders]
+    places = [*mesh_places(robot, robot_path), *folders]
     links, faults = [], []
     for i, link in enumerate(robot.links):
         try:
             shapes = tuple(
-                _with_points(robot, i, shape, places) if isinstance(shape, Mesh) else shape for shape in link.shapes
+                mesh_with_points(robot, i, shape, places) if isinstance(shape, Mesh) else shape for shape in link.shapes
             )
             links.append(replace(link, shapes=shapes))
         except (FileError, MissingDependency) as error:
@@ -65,7 +64,13 @@ def with_mesh_points(robot: Robot, robot_path: str, folders: Sequence[str] = ())
     return replace(robot, links=tuple(links)), tuple(faults)
 
 
-def _with_points(robot: Robot, index: int, mesh: Mesh, folders: Sequence[str | Path]) -> Mesh:
+def mesh_with_points(robot: Robot, index: int, mesh: Mesh, folders: Sequence[str | Path]) -> Mesh:
+    """Return a mesh of a link with its outermost points.
+
+    Raises:
+        FileError: Not beneath a folder, not readable, or in another unit than m.
+        MissingDependency: Neither STL, nor coal installed.
+    """
     points = outermost(mesh_points(mesh, folders))
     bare = replace(robot.links[index], shapes=())
     frames = replace(robot, links=(*robot.links[:index], bare, *robot.links[index + 1 :]))

@@ -24,9 +24,8 @@ from dynident.model.documents.numbers import check_name, shown
 from dynident.model.documents.sections import Section
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule
-from dynident.robot_files.mesh_files import package_folders
+from dynident.robot_files.mesh_files import mesh_places
 from dynident.robot_files.rotations import rotation_from_rpy
-from dynident.robot_files.xacro import split_arguments
 
 KEYS = (
     "floor",
@@ -165,11 +164,9 @@ def _pairs(section: Section) -> tuple[tuple[str, str], ...]:
 
 def _folders(section: Section, case: str, robot: Robot, robot_path: str) -> tuple[str, ...]:
     """Return the folders of mesh files: that of the robot model, the stated ones, those of ROS packages it names."""
-    file, _ = split_arguments(robot_path)
-    found = [str(Path(file).parent)] if os.path.isfile(file) else []
-    packages = [str(folder) for folder in package_folders(robot, file)]
+    found = [str(folder) for folder in mesh_places(robot, robot_path)]
     if not section.has("mesh_folders"):
-        return (*found, *packages)
+        return tuple(found)
     value = section.value("mesh_folders")
     for name in [value] if isinstance(value, str) else value if isinstance(value, list) else [None]:
         if not isinstance(name, str):
@@ -178,7 +175,7 @@ def _folders(section: Section, case: str, robot: Robot, robot_path: str) -> tupl
         if not os.path.isdir(folder):
             raise section.place("mesh_folders").error(f"no folder {folder}", "write it beside the case file")
         found.append(str(folder))
-    return (*found, *packages)
+    return tuple(found)
 
 
 def robot_with_limits(top: Section, robot: Robot) -> Robot:

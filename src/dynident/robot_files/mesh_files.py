@@ -14,6 +14,7 @@ from dynident.model.meshes import mesh_file
 from dynident.model.robot import Robot
 from dynident.model.shapes import Mesh
 from dynident.robot_files.ros_packages import package_folder, places_searched
+from dynident.robot_files.xacro import split_arguments
 
 _PACKAGE: Final = re.compile(r"(?:package|model)://([^/]+)/", re.IGNORECASE)
 
@@ -44,6 +45,17 @@ def package_folders(robot: Robot, robot_file: str | Path) -> tuple[Path, ...]:
     names = {match[1] for _, mesh in _meshes(robot) if (match := _PACKAGE.match(mesh.file))}
     found = (package_folder(name, near) for name in sorted(names))
     return tuple(folder for folder in found if folder is not None)
+
+
+def mesh_places(robot: Robot, robot_path: str) -> tuple[Path, ...]:
+    """Return where mesh files are looked for: the folder of the robot model, and the ROS packages that it names.
+
+    Args:
+        robot: The robot.
+        robot_path: Its robot model, with the arguments of a xacro.
+    """
+    file, _ = split_arguments(robot_path)
+    return (*([Path(file).parent] if os.path.isfile(file) else []), *package_folders(robot, file))
 
 
 def missing_meshes(robot: Robot, robot_file: str | Path, folders: Sequence[str | Path] = ()) -> list[MissingMesh]:
