@@ -295,7 +295,11 @@ def test_from_estimate_to_validation_and_report(capsys: Capture, tmp_path: Path)
     assert part["test"]["samples"] < 0.6 * data["test"]["samples"]
     assert main(["validate", saved, "other.csv", "third.csv", "--report", str(tmp_path / "v.html")]) == 0
     out, err = capsys.readouterr()
-    assert "total relative error" in out and "moving samples only" in out and "validating" in err
+    assert "test error" in out and "moving samples only" not in out and "validating" in err
+    assert f"next: dynident export {saved} --to urdf" in err
+    assert main(["validate", saved, "other.csv", "--full"]) == 0
+    out, _ = capsys.readouterr()
+    assert "total relative error" in out and "moving samples only" in out
     assert main(["report", saved, "--test", "other.csv", "-o", str(tmp_path / "again.html"), "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")
     assert (tmp_path / "again.html").stat().st_size > 10_000 and (tmp_path / "v.html").exists()

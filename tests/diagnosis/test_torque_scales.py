@@ -13,6 +13,7 @@ from benchmarks.faults.trials import Trial, virtual
 from dynident.case.case import Case, read_case
 from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis.causes.body_consistency import BEYOND, inconsistency
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, joint_scales, other_scales
 from dynident.diagnosis.finding import Finding
@@ -105,3 +106,16 @@ def test_an_arm_of_one_joint_has_no_scale_and_its_sign_shows(pendulum: Robot, tm
     assert not warned(right, tmp_path)
     (found,) = warned(put.turned(right, ("tau",), 0), tmp_path)
     assert (found.severity, found.name) == ("error", "torque sign")
+
+
+def test_links_that_no_torque_of_this_scale_can_have_are_told(trial: Trial, tmp_path: Path) -> None:
+    fit = quick_fit(trial.case, trial.case.read(trial.written(tmp_path)))
+    assert isinstance(fit, QuickFit) and inconsistency(fit) is None
+    faulty = put.scaled(trial, -0.7, 1)
+    fit = quick_fit(faulty.case, faulty.case.read(faulty.written(tmp_path)))
+    assert isinstance(fit, QuickFit)
+    found = inconsistency(fit)
+    assert found is not None and found.rise > BEYOND * found.chance
+    assert found.link in [link.name for link in trial.case.robot.links]
+    names = [one.name for one in faulty.examined(tmp_path).findings]
+    assert "torque scale" in names and "inconsistent links" not in names  # the cause is told, not what follows

@@ -4,6 +4,7 @@ dynident validate estimate.json other-run.csv
 dynident validate estimate.json other-run.csv --json --report report.html
 dynident validate estimate.json other-run.csv --accept total_error=5% better_than_nominal
 
+The answer takes one screen: verdict, errors by joint, links, data, warnings; --full shows all tables.
 The acceptance criteria are those of the identification and those of --accept, judged on these logs.
 Exit codes: 0 accepted or no criteria, 1 an error of the input, 2 wrong usage, 3 acceptance criteria not met,
 4 the estimate was not accepted for a finding of the log checks, 130 interrupted.
@@ -12,6 +13,14 @@ Exit codes: 0 accepted or no criteria, 1 an error of the input, 2 wrong usage, 3
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dynident.diagnosis.verdict import Verdict
+    from dynident.identification.estimate.estimate import Estimate
+    from dynident.identification.estimate.validation import Validation
 
 SUMMARY = "validate an estimate on test logs"
 
@@ -25,6 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add_accept(parser)
     parser.add_argument("--split", metavar="HOW", help="use only the test part of each log: first:0.67 or samples:...")
     parser.add_argument("--report", metavar="FILE", help="write the report (one HTML file) here")
+    parser.add_argument("--full", action="store_true", help="show all tables: also samples in motion, correlation, R2")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     parser.add_argument("--quiet", action="store_true", help="no progress and no remarks")
 
@@ -36,14 +46,12 @@ def run(options: argparse.Namespace) -> int:
     from dynident.api.validate import read_log
     from dynident.case.acceptance import Acceptance, with_accept
     from dynident.cli import console, jobs, verdicts
-    from dynident.cli.identify import consistency_line
     from dynident.data.split import Split
     from dynident.diagnosis.verdict import verdict_of
     from dynident.diagnosis.warnings import warnings_of
     from dynident.files import check_outputs, check_place, files_behind
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.identification.validate import validate
-    from dynident.results.text import fits_table, in_words, total_error
 
     if options.report:
         check_place(options.report)
@@ -73,6 +81,31 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         console.answer_json({**summary(estimate, test), "verdict": verdict.figures(), "warnings": warnings})
         return verdict.code
+    if options.full:
+        _show(estimate, test, verdict, warnings)
+    else:
+        verdicts.show_short(estimate, test, verdict)
+        for name in optimistic:
+            console.answer(f"warning: {name}")
+    console.remark(_next_step(options.estimate, verdict), options.quiet)
+    return verdict.code
+
+
+def _next_step(place: str, verdict: Verdict) -> str:
+    """Return what to do with an estimate that has this verdict on test logs."""
+    if verdict.causes:
+        return "next: correct the cause, and dynident identify again"
+    if verdict.code:
+        return "next: see where it errs (--full), record what is missing (dynident excite), and dynident identify again"
+    return f"next: dynident export {place} --to urdf -o identified.urdf"
+
+
+def _show(estimate: Estimate, test: Validation, verdict: Verdict, warnings: Sequence[str]) -> None:
+    """Print the verdict, all tables of the comparison and the warnings."""
+    from dynident.cli import console, verdicts
+    from dynident.cli.identify import consistency_line
+    from dynident.results.text import fits_table, in_words, total_error
+
     verdicts.show(verdict)
     console.answer(f"{estimate.model.robot.name}: estimator {estimate.estimator}, {test.samples} samples")
     console.answer(f"filter {in_words(test.filter)}\n")
@@ -84,4 +117,3 @@ def run(options: argparse.Namespace) -> int:
     console.answer(consistency_line(estimate))
     for warning in warnings:
         console.answer(f"warning: {warning}")
-    return verdict.code

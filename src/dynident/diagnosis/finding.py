@@ -27,6 +27,7 @@ CONSEQUENCES = (
     "friction curve",
     "tilt",
     "load at the flange",
+    "inconsistent links",
 )
 
 

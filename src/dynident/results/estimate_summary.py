@@ -122,9 +122,16 @@ def significance_table(estimate: Estimate) -> Table:
 def _facts(estimate: Estimate, test: Validation | None) -> list[str]:
     verdict = verdict_of(estimate, test)
     missing = "no test log: name one with --test, the training error is optimistic"
-    first = [line for line in error_lines(estimate, test) if line != missing]
+    step = "no test log, the training error is optimistic: estimate.summary(di.validate(estimate, log))"
+    first = [step if line == missing else line for line in error_lines(estimate, test)]
     known = [headline(verdict)] if headline(verdict) else []
-    return [*known, *cause_lines(verdict), *first, *summary_lines(estimate, test)]
+    causes = list(cause_lines(verdict))
+    if causes and "case" not in estimate.provenance:
+        causes.append(
+            "keys in these remedies are those of a case file; without one change the arrays or the robot, and call "
+            "identify again"
+        )
+    return [*known, *causes, *first, *summary_lines(estimate, test)]
 
 
 def _narrow(table: Table) -> Table:
