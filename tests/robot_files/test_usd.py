@@ -12,6 +12,7 @@ import pytest
 from usd_arms import Arm, arm_of, pinocchio_of, random_arm, write_stage
 
 import dynident as di
+from dynident.cli.main import main
 from dynident.errors import DescriptionError, DynidentError, MissingDependency
 from dynident.model.robot import Drive
 from dynident.robot_files import read_robot
@@ -247,7 +248,7 @@ def identified_stage(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[Arm
     states = np.sin(phase), rates * np.cos(phase), -(rates**2) * np.sin(phase)
     log = di.Log(robot.joint_names, t, *states, torque=model.torque(*states, theta))
     di.write_log(log, "run.csv")
-    return arm, di.identify("parts/arm.usda", "run.csv", "consistent")
+    return arm, di.identify("parts/arm.usda", "run.csv", "consistent", trust=di.TrustOptions())
 
 
 def test_identified_values_go_into_a_layer_over_the_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -266,6 +267,21 @@ def test_identified_values_go_into_a_layer_over_the_stage(tmp_path: Path, monkey
     gravity, expected = di.DynamicModel(robot).gravity(q), estimate.gravity(q)
     np.testing.assert_allclose(gravity, expected, atol=2e-6 * np.abs(expected).max())
     assert any("was identified as one body with the links fixed to it" in note for note in found.notes)
+
+
+def test_the_command_writes_the_layer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, estimate = identified_stage(tmp_path, monkeypatch)
+    estimate.save("estimate.json")
+    capsys.readouterr()
+    assert main(["export", "estimate.json", "--to", "usd", "-o", "identified.usda"]) == 0
+    shown, said = capsys.readouterr()
+    assert "read again by OpenUSD: torques differ by" in shown
+    assert said.splitlines()[-1] == "saved identified.usda, a layer over parts/arm.usda"
+    assert read_robot("identified.usda").dof == 2
+    assert main(["export", "estimate.json", "--to", "usd", "-o", "b.usda", "--json"]) == 1
+    assert "the target usd does without; leave it out" in capsys.readouterr().err and not Path("b.usda").exists()
 
 
 def test_a_layer_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,6 +19,9 @@ torque and PD; nothing is written where a run diverges. What a format cannot hol
   dynident export estimate.json --to urdf -o identified.urdf --description robot.urdf
   dynident export estimate.json --to mjcf -o robot.xml --prove
   dynident export estimate.json --to csv -o parameters.csv
+  dynident export estimate.json --to usd -o identified.usda --description robot.usd
+
+The target usd is a layer over the USD stage that was identified, with masses, centres of mass and inertias.
 """
 
 from __future__ import annotations
@@ -111,6 +114,8 @@ def run(options: argparse.Namespace) -> int:
             option = f"--{name.replace('_', '-')}"
             raise BadOption(option, getattr(options, name), f"{options.file} is {kind}, and this goes with {other}")
     subject = read_subject(options.file, options.to)
+    if options.to == "usd" and not isinstance(subject, Plan):
+        return _write_layer(options, subject)
     check_target(subject, options.to, "--to")
     return _export_plan(options, subject) if isinstance(subject, Plan) else _export_model(options, subject)
 
@@ -167,6 +172,25 @@ def _export_model(options: argparse.Namespace, estimate: Estimate) -> int:
         return 0
     _show_model(found)
     _remark(options, found.files)
+    return 0
+
+
+def _write_layer(options: argparse.Namespace, estimate: Estimate) -> int:
+    from dynident.cli import console
+    from dynident.errors import BadOption
+    from dynident.exports.usd_layer import write_usd_layer
+
+    unread = ("option", "no_proof", "prove", "motion", "check", "json")
+    for name, value in ((name, getattr(options, name)) for name in unread):
+        if value:
+            raise BadOption(f"--{name.replace('_', '-')}", value, "the target usd does without; leave it out")
+    found = write_usd_layer(estimate, options.output, stage=options.description, force=options.force)
+    for note in found.notes:
+        console.answer(note)
+    console.answer(
+        f"read again by OpenUSD: torques differ by {found.relative:.1e} of the largest of each joint at most"
+    )
+    console.remark(f"saved {found.path}, a layer over {found.stage}", options.quiet)
     return 0
 
 

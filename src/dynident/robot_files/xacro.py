@@ -89,11 +89,9 @@ def expand(file: Path, arguments: Mapping[str, str], packages: Mapping[str, str]
     if find_spec("xacro") is None:
         raise MissingDependency(f"the xacro file '{file}'", "xacro", "xacro")
     facts = [json.dumps(dict(arguments)), json.dumps(dict(packages))]
-    command = [sys.executable, "-P", "-m", "dynident.robot_files.xacro_child", str(file), *facts]
-    paths = [str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")])]
-    variables = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    command = [sys.executable, "-P", str(Path(__file__).with_name("xacro_child.py")), str(file), *facts]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, env=variables, check=False, timeout=_SECONDS)
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=_SECONDS)
     except subprocess.TimeoutExpired:
         evidence = f"its expansion takes more than {_SECONDS:.0f} s"
         raise DescriptionError(file, "", evidence, "does a macro call itself? try the program xacro") from None

@@ -1,21 +1,21 @@
 """The process that expands a xacro file with the package xacro; it answers with one JSON object, the XML or a fault.
 
-Run as ``python -m dynident.robot_files.xacro_child FILE ARGUMENTS PACKAGES``, the last two JSON objects of texts.
-Packages that ``$(find NAME)`` names are looked for without ROS (``ros_packages.py``). A mistyped argument, which the
-package xacro passes over, is a fault, and so is one that is declared without a default and not given.
+Run as ``python xacro_child.py FILE ARGUMENTS PACKAGES``, the last two JSON objects of texts; it imports nothing of
+dynident but the file ``ros_packages.py`` beside it, which finds packages that ``$(find NAME)`` names without ROS. A
+mistyped argument, which the package xacro passes over, is a fault, and so is one without default that is not given.
 """
 
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
 import json
 import os
 import sys
+from pathlib import Path
 from typing import Any
 from xml.parsers.expat import ExpatError
-
-from dynident.robot_files.ros_packages import package_folder
 
 #: Memory that an expansion may take, in bytes.
 _MEMORY = 4 << 30
@@ -44,10 +44,10 @@ def expanded(file: str, given: dict[str, str], packages: dict[str, str]) -> dict
 
     engine: Any = xacro
     substitution: Any = xacro.substitution_args
-    arguments = Arguments(given)
+    arguments, packages_of_ros = Arguments(given), _beside("ros_packages")
 
     def find(name: str) -> str:
-        folder = packages.get(name) or package_folder(name, engine.filestack[-1] or file)
+        folder = packages.get(name) or packages_of_ros.package_folder(name, engine.filestack[-1] or file)
         if folder is None:
             raise PackageNotFound(name)
         return str(folder)
@@ -75,6 +75,15 @@ def expanded(file: str, given: dict[str, str], packages: dict[str, str]) -> dict
         return {"fault": {"kind": "unknown", "name": unknown[0], "file": file, "line": 0, "choices": names}}
     notes = [line.removeprefix("warning: ") for line in warnings.getvalue().splitlines() if line.strip()]
     return {"xml": document.documentElement.toxml(), "notes": notes, "files": sorted(set(engine.all_includes))}
+
+
+def _beside(name: str) -> Any:
+    """Return a module by the file beside this one; by its dotted name it would load the whole package, and NumPy."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def _fault(problem: Exception, files: list[str]) -> dict[str, Any]:

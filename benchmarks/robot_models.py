@@ -1,0 +1,133 @@
+"""Robot models in URDF, read and written back: the regressor beside Pinocchio's, torques after a round trip.
+
+For each URDF below a folder: whether it is read, and why not; the largest difference of the regressor from that of
+Pinocchio on 20 random states, each as a share of the largest entry of its column's kind; the URDF with other inertias,
+every other byte kept, read again: the largest difference of torques as a share of the largest of the robot. Joints that
+follow another move freely in both. Robots that Pinocchio gives a free base have a fixed one here.
+Run: python -m benchmarks.robot_models FOLDER (the wheel of example-robot-data, unpacked, has 69 URDFs)
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import DynidentError
+from dynident.exports.models.subject.drives import drives_of
+from dynident.exports.models.subject.identified import OWN, Identified
+from dynident.exports.models.subject.source import OwnDescription
+from dynident.exports.models.writing.urdf import written_urdf
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.inertia import Inertia
+from dynident.model.parameters import from_pinocchio
+from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
+from dynident.robot_files.formats.urdf import read_urdf
+
+STATES = 20
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was found of a URDF: joints, differences; ``why`` says what was not done."""
+
+    joints: int = 0
+    regressor: float = float("nan")
+    written: float = float("nan")
+    why: str = ""
+
+
+def free(robot: Robot) -> Robot:
+    """Return the robot with joints that follow none, and without known rotors."""
+    return replace(robot, joints=tuple(replace(joint, mimic=None) for joint in robot.joints), coupling=None)
+
+
+def beside_pinocchio(robot: Robot, path: Path) -> float:
+    """Return the largest difference of the regressor, as a share of the largest entry of its kind of column."""
+    import pinocchio  # pyright: ignore[reportMissingImports]
+
+    pin: Any = pinocchio
+    model = pin.buildModelFromUrdf(str(path))
+    data, count = model.createData(), robot.dof
+    number = [model.getJointId(name) for name in robot.joint_names]
+    at = [model.joints[k].idx_v for k in number]
+    q, dq, ddq = np.random.default_rng(0).uniform(-1.5, 1.5, (3, STATES, count))
+    found = DynamicModel(robot).regressor(q, dq, ddq).reshape(STATES, count, count, 10)
+    expected = np.empty_like(found)
+    for row in range(STATES):
+        place, speed, rate = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
+        for column, k in enumerate(number):
+            joint, angle = model.joints[k], q[row, column]
+            place[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+        speed[at], rate[at] = dq[row], ddq[row]
+        whole = pin.computeJointTorqueRegressor(model, data, place, speed, rate)
+        bodies = whole[at].reshape(count, -1, 10)[:, [k - 1 for k in number]]
+        expected[row] = from_pinocchio(bodies)
+    kinds = np.array([0] * 6 + [1] * 3 + [2])
+    sizes = np.array([np.abs(expected[..., kinds == kind]).max() for kind in range(3)])[kinds]
+    return float((np.abs(found - expected) / np.where(sizes > 0, sizes, 1.0)).max())
+
+
+def other_bodies(robot: Robot) -> Array:
+    """Return consistent inertial parameters of all links, (10 l,): the stated ones times 1.2, else those of a ball."""
+    ball = Inertia.from_centre_of_mass(1.0, np.array([0.05, 0.02, 0.1]), 0.01 * np.eye(3))
+    bodies = [
+        link.inertia if link.inertia is not None and link.inertia.defect() is None else ball for link in robot.links
+    ]
+    return 1.2 * np.concatenate([body.vector for body in bodies])
+
+
+def after_a_round_trip(robot: Robot, path: Path) -> float:
+    """Return the largest difference of torques of the URDF with other inertias, read again."""
+    model, theta = DynamicModel(robot), other_bodies(robot)
+    estimate: Any = SimpleNamespace(model=model)
+    subject = Identified(estimate, theta, OWN, OwnDescription(path, path.read_bytes()))
+    data, _ = written_urdf(subject, drives_of(subject), lump=False)
+    again = DynamicModel(read_urdf(path, data))
+    nominal = again.nominal()
+    assert nominal is not None
+    q, dq, ddq = np.random.default_rng(1).uniform(-1.5, 1.5, (3, STATES, robot.dof))
+    expected = model.regressor(q, dq, ddq) @ theta
+    found = again.regressor(q, dq, ddq) @ nominal
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+def outcome_of(path: Path) -> Outcome:
+    """Return what was found of a URDF."""
+    try:
+        robot = read_robot(path)
+    except DynidentError as problem:
+        return Outcome(why=f"not read: {str(problem).removeprefix(str(path)).lstrip(': ')}")
+    plain = free(robot)
+    try:
+        return Outcome(plain.dof, beside_pinocchio(plain, path), after_a_round_trip(robot, path))
+    except (DynidentError, ValueError, IndexError) as problem:
+        return Outcome(plain.dof, why=" ".join(str(problem).split()))
+
+
+def main() -> None:
+    """Print a table of all URDFs below a folder."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    files = sorted(parser.parse_args().folder.rglob("*.urdf"))
+    print("| URDF | joints | regressor | written back |\n|---|---|---|---|")
+    outcomes = []
+    for path in files:
+        outcome = outcome_of(path)
+        outcomes.append(outcome)
+        print(f"| {path.name} | {outcome.joints} | {outcome.regressor:.1e} | {outcome.written:.1e} | {outcome.why}")
+        sys.stdout.flush()
+    done = [outcome for outcome in outcomes if outcome.joints and not outcome.why]
+    regressor, written = max(o.regressor for o in done), max(o.written for o in done)
+    print(f"\n{len(done)} of {len(files)}: regressor {regressor:.1e}, written back {written:.1e}")
+
+
+if __name__ == "__main__":
+    main()
