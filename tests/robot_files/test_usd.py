@@ -116,13 +116,16 @@ def test_drives_and_what_physx_adds(stage: Any) -> None:
     assert "the joint friction of PhysX of joint2 is not read" in robot.note
 
 
-def test_inertia_that_is_not_stated_is_not_made_up(stage: Any) -> None:
+def test_inertia_that_is_not_stated_is_not_made_up(stage: Any, capsys: pytest.CaptureFixture[str]) -> None:
 
     mass = UsdPhysics.MassAPI(stage.GetPrimAtPath("/arm/body1"))
     mass.GetDiagonalInertiaAttr().Set(Gf.Vec3f(0, 0, 0))
     robot = again(stage)
     assert robot.links[0].inertia is None and robot.nominal is None
     assert "body1 states no diagonalInertia: simulators compute it from shapes" in robot.note
+    assert main(["inspect", stage.GetRootLayer().realPath]) == 0
+    told = "note: body1 states no diagonalInertia: simulators compute it from shapes"
+    assert told in capsys.readouterr().out.splitlines()
 
 
 def _loop(stage: Any) -> None:

@@ -214,6 +214,7 @@ def _data(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> dict[
         "links": [link.name for link in robot.links],
         "impossible_links": consistency_defects(robot.links),
         "gravity": robot.gravity.tolist(),
+        "note": robot.note,
         "standard_parameters": [
             {"name": parameter.name, "unit": parameter.unit, "verdict": verdict}
             for parameter, verdict in zip(base.parameters, base.verdicts, strict=True)
@@ -231,6 +232,8 @@ def _show(robot: Robot, base: BaseParameters, inertial: BaseParameters) -> None:
 
     gravity = ", ".join(f"{g:g}" for g in robot.gravity)
     console.answer(f"{label(robot.name)}: {robot.dof} joints, {len(robot.links)} links, gravity ({gravity}) m/s²")
+    for remark in robot.note.split("; ")[1:] if robot.note.startswith("read from ") else []:
+        console.answer(f"note: {label(remark)}")
     heads = ("joint", "kind", "lower", "upper", "speed", "effort", "unit of effort", "link", "mass [kg]", "inertia")
     columns = tuple(Column(head, numeric=head in heads[2:6] or head == "mass [kg]") for head in heads)
     rows = []
