@@ -2,7 +2,8 @@
 
 Ends are extended, turned about the end point (Gustafsson 1996 names the alternatives). Small work is done in products
 of matrices (Barnes and Shinnaka 1980, block state realisation), which need neither SciPy's filters nor compiled code:
-loading either takes longer than the work. Large work runs through :mod:`._zero_phase_loops`, three times as fast.
+loading either takes longer than the work. Large work runs through :mod:`._zero_phase_loops`, in a sixth of the time
+(5 ns a number against 29; the first call loads compiled code for 0.65 s).
 
 For the products the filter is a cascade of first-order sections with complex poles, s' = p s + (1 - p) u: triangular,
 and as well conditioned as the poles are, where powers of a direct form lose three digits at low cut-offs.
@@ -21,7 +22,7 @@ from dynident.model.threads import one_blas_thread
 
 #: Numbers, and samples of each signal, below which loading the compiled code costs more than it spares; signals too few
 #: to go side by side.
-SMALL, SHORT, FEW = 1 << 18, 1 << 13, 4
+SMALL, SHORT, FEW = 1 << 21, 1 << 13, 4
 
 #: Samples of a block of outputs, and states of a chain of blocks.
 _BLOCK, _CHAIN = 32, 64

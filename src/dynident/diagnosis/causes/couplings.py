@@ -18,6 +18,7 @@ from dynident.arrays import Array
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import EXACT, QuickFit, Solved, weighted_products
 from dynident.identification.problem.regressor_stream import motion_of
+from dynident.model.friction import Motion
 
 #: Relative residual above which a joint is not explained, so that a coupling of its motor is looked for.
 UNEXPLAINED = 0.1
@@ -104,6 +105,8 @@ class _Scan:
             place: np.unique([*-sizes, *sizes, *self.rows.start(matrix, place, self.at_motors)])
             for place in open_places
         }
+        for place in open_places:
+            self.rows.make_friction([_with(matrix, place, value)[place[0]] for value in tried[place]])
         gains = {place: [self.gain(_with(matrix, place, value)) for value in tried[place]] for place in open_places}
         for place in sorted(open_places, key=lambda place: -max(gains[place]))[:REFINED]:
             k = int(np.clip(np.argmax(gains[place]), 1, len(tried[place]) - 2))
@@ -187,7 +190,12 @@ class _CoupledRows:
             full[:, place[own[bodies[own]]]] = block[:, bodies[own]]
             self._inertial.append(full)
         self._motion = motion_of(fit.rows.prepared.log)
-        self._friction: dict[tuple[int, bool], tuple[bytes, Array]] = {}
+        targets = [np.column_stack([fit.rows.torque, known]) for known in fit.rows.known.T]
+        self._targets = [target[mask] for target, mask in zip(targets, fit.rows.masks.T, strict=True)]
+        self._bodies = [block[mask] for block, mask in zip(self._inertial, fit.rows.masks.T, strict=True)]
+        pairs = list(zip(self._bodies, self._targets, strict=True))
+        self._still = [(block.T @ block, block.T @ target, target.T @ target) for block, target in pairs]
+        self._friction: dict[bytes, Array] = {}
         self._made: dict[tuple[int, bytes], tuple[Array, Array, Array]] = {}
         self.pairs = tuple(self._neighbours())
 
@@ -217,15 +225,25 @@ class _CoupledRows:
         return (float(value),) if 0 < abs(value) < 2 * SIZES[-1] else ()
 
     def products(self, matrix: Array, i: int) -> tuple[Array, Array, Array]:
-        """Return W_i' W_i of a joint, and W_i' tau_i and tau_i' tau_i of both torques; its motors settle them."""
+        """Return W_i' W_i of a joint, and W_i' tau_i and tau_i' tau_i of both torques; its motors settle them.
+
+        Products of the columns of bodies, and of these with all torques, are those of every coupling.
+        """
         drives = np.flatnonzero(matrix[:, i])
         key = (i, matrix[drives].tobytes())
         if key not in self._made:
-            mask = self.fit.rows.masks[:, i]
-            block = self._block(matrix, i)[mask]
-            known = self.fit.rows.known[mask, i]
-            own = np.stack([torque[mask, i] - known for torque in self.torques(matrix)], axis=1)
-            self._made[key] = block.T @ block, block.T @ own, np.sum(own**2, axis=0)
+            gram, sides, squares = self._still[i]
+            taken = np.vstack([np.eye(len(matrix))[i], np.linalg.solve(self.stated, matrix)[:, i]]).T
+            taken = np.vstack([taken, -np.ones(2)])  # the known torque is taken off
+            mask, count, own = self.fit.rows.masks[:, i], self.fit.model.coefficients_per_joint, len(gram)
+            columns = [matrix[drive, i] * self.friction(matrix[drive])[mask] for drive in drives.tolist()]
+            friction = np.hstack(columns) if columns else np.zeros((int(mask.sum()), 0))
+            places = np.concatenate([np.arange(own), *(own + count * drive + np.arange(count) for drive in drives)])
+            cross = self._bodies[i].T @ friction
+            whole, side = np.zeros((own + count * len(matrix),) * 2), np.zeros((own + count * len(matrix), 2))
+            whole[np.ix_(places, places)] = np.block([[gram, cross], [cross.T, friction.T @ friction]])
+            side[places] = np.vstack([sides, friction.T @ self._targets[i]]) @ taken
+            self._made[key] = whole, side, np.einsum("kj,kl,lj->j", taken, squares, taken)
         return self._made[key]
 
     def reading(self, matrix: Array, at_motors: bool) -> ReadRows:
@@ -237,29 +255,28 @@ class _CoupledRows:
 
     def _block(self, matrix: Array, i: int) -> Array:
         """Return the observation matrix of a joint under a coupling, shape (N, k)."""
-        drives = np.flatnonzero(matrix[:, i]).tolist()
         columns = np.zeros((len(self._inertial[i]), len(matrix), self.fit.model.coefficients_per_joint))
-        for drive, own in zip(drives, self._friction_of(matrix, drives), strict=True):
-            columns[:, drive] = own * matrix[drive, i]
+        for drive in np.flatnonzero(matrix[:, i]).tolist():
+            columns[:, drive] = self.friction(matrix[drive]) * matrix[drive, i]
         return np.column_stack([self._inertial[i], columns.reshape(len(columns), -1)])
 
-    def _friction_of(self, matrix: Array, drives: Sequence[int]) -> list[Array]:
-        """Return the friction columns of motors at their own speeds, filtered, shape (N, k) each.
+    def friction(self, row: Array) -> Array:
+        """Return the friction columns of a motor with its row (n,) of C, at its own speed, filtered, shape (N, k)."""
+        if row.tobytes() not in self._friction:
+            self.make_friction([row])
+        return self._friction[row.tobytes()]
 
-        They depend on the row of the motor in C alone, so that a trial makes those of one motor; of each motor those
-        of the stated row and those of the last other one are kept.
-        """
-        keys = [(drive, bool(np.array_equal(matrix[drive], self.stated[drive]))) for drive in drives]
-        rows = [matrix[drive].tobytes() for drive in drives]
-        new = [k for k, key in enumerate(keys) if self._friction.get(key, (b"",))[0] != rows[k]]
-        if new:
-            prepared = self.fit.rows.prepared
-            model = replace(self.fit.model, robot=self.fit.model.robot.with_drives({}, matrix))
-            values = model.friction_values(self._motion)[:, [drives[k] for k in new]]
-            flat = np.ascontiguousarray(values.reshape(len(values), -1).T)
-            smooth = prepared.smooth(flat)[:, prepared.keep].T.reshape(-1, *values.shape[1:])
-            self._friction.update({keys[k]: (rows[k], smooth[:, at].copy()) for at, k in enumerate(new)})
-        return [self._friction[key][1] for key in keys]
+    def make_friction(self, wanted: Sequence[Array]) -> None:
+        """Make the friction columns of motors with rows (n,) of C side by side, but for those that are there."""
+        new = [row for row in wanted if row.tobytes() not in self._friction]
+        if not new:
+            return
+        motion, prepared, rows = self._motion, self.fit.rows.prepared, np.array(new)
+        motors = Motion(*(signal @ rows.T for signal in (motion.q, motion.dq, motion.ddq)))
+        values = np.concatenate([part.columns(motors) for part in self.fit.model.friction], axis=2)
+        flat = np.ascontiguousarray(values.reshape(len(values), -1).T)
+        smooth = prepared.smooth(flat)[:, prepared.keep].reshape(len(rows), -1, len(prepared.keep))
+        self._friction |= {row.tobytes(): np.ascontiguousarray(own.T) for row, own in zip(rows, smooth, strict=True)}
 
     def _neighbours(self) -> Iterator[tuple[int, int]]:
         """Yield motors and joints: one or two joints before that of the motor, or the next one behind it."""
