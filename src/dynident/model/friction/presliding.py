@@ -20,7 +20,6 @@ from dynident.model.friction.base import (
     larger,
     smaller,
 )
-from dynident.model.kernels.jit import compiled
 
 
 @dataclass(frozen=True)
@@ -54,15 +53,6 @@ class Presliding(Friction):
         return (smaller(larger(at.state[0] + at.moved, -self.length), self.length),)
 
     def states_along(self, motion: Motion, step: float, start: float = 0.0) -> Array:
-        return _stops(np.ascontiguousarray(motion.q), self.length, start)[..., None]
+        from dynident.model.friction._presliding_loop import stops  # loads numba
 
-
-@compiled
-def _stops(q: Array, length: float, start: float) -> Array:
-    """Return the deflection of the element along positions (N, n), from ``start`` on."""
-    found = np.empty_like(q)
-    found[0] = start
-    for k in range(1, len(q)):
-        for j in range(q.shape[1]):
-            found[k, j] = min(max(found[k - 1, j] + q[k, j] - q[k - 1, j], -length), length)
-    return found
+        return stops(np.ascontiguousarray(motion.q), self.length, start)[..., None]
