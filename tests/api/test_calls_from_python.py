@@ -146,7 +146,7 @@ WRONG: list[tuple[Callable[[dict[str, Any]], Any], str]] = [
     (lambda log: {"t": log["time"], "tau": log["torque"]}, r"log: arrays t, tau, and none is 'q'; write \{\"time\""),
     (lambda log: log | {"torqe": log["torque"]}, "an array 'torqe', where the signals are time, q"),
     (lambda log: tuple(log.values()), r"logs: tuple of numbers where logs are wanted; write \{\"time\": t, \"q\": q"),
-    (lambda log: log["q"], r"logs: ndarray of shape \(1200, 2\) of numbers where logs are wanted"),
+    (lambda log: log["q"], r"logs: ndarray of shape \(1200, 2\) of numbers without names"),
     (lambda log: _frame(log, "pos"), r"where 'q1', 'q2', \.\.\. or 'q_joint1', .* frame\.rename\(columns=\{\"pos1\""),
     (lambda log: _frame(log).drop(columns="q2"), r"none is 'q2'; name it: frame\.rename"),
     (lambda log: 5, "logs: int where logs are wanted"),
