@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from dynident.arrays import Array
+from dynident.arrays import Array, BoolArray
 from dynident.diagnosis.causes.held_out import BLOCKS
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.errors import SolverFailed
@@ -48,8 +48,9 @@ class Inconsistency:
 
 def inconsistency(fit: QuickFit) -> Inconsistency | None:
     """Return what consistent links cost where it is beyond chance; None where noise of this size may cost as much."""
-    reduced, covariance_root = _reduced(fit), _covariance_root(fit)
-    if covariance_root is None or reduced.rest <= 0.0:
+    reduced = _reduced(fit)
+    covariance_root = _covariance_root(fit, reduced)
+    if covariance_root is None:
         return None
     scale = _scale(fit)
     try:
@@ -74,24 +75,23 @@ def inconsistency(fit: QuickFit) -> Inconsistency | None:
 
 def _reduced(fit: QuickFit) -> Reduced:
     """Return the rows of all joints, each weighed by its residual, as one triangle."""
-    taken = np.eye(fit.model.robot.dof)
     triangles = []
     for i, (own, factor) in enumerate(fit.triangles):
-        target = factor[:, len(own) : -1] @ taken[i] - factor[:, -1]
+        target = factor[:, len(own) + i] - factor[:, -1]
         rows = int(fit.counts[i])
         triangles.append(Triangle(own, triangle_of(np.column_stack([factor[:, : len(own)], target])), rows))
     return reduce(triangles, fit.base.count, 1.0 / np.sqrt(fit.plain.variances))
 
 
-def _covariance_root(fit: QuickFit) -> Array | None:
+def _covariance_root(fit: QuickFit, reduced: Reduced) -> Array | None:
     """Return L of the covariance L L' of R beta, shape (b, b); None where a direction is not determined."""
-    reduced, products = _reduced(fit), fit.triangles.products
+    products = fit.triangles.products
     independent = np.maximum(fit.independent_rows, 1.0)
     weights = fit.counts / independent / fit.plain.variances
     try:
         inner = np.linalg.cholesky(np.tensordot(weights, products.grams, 1))
         root = scipy.linalg.solve_triangular(reduced.r, inner, trans=1)
-    except (np.linalg.LinAlgError, scipy.linalg.LinAlgError):
+    except np.linalg.LinAlgError:
         return None
     scatter = _block_scatter(fit, reduced)
     if scatter is None or not np.all(np.isfinite(root)):
@@ -100,11 +100,10 @@ def _covariance_root(fit: QuickFit) -> Array | None:
 
 
 def _block_scatter(fit: QuickFit, reduced: Reduced) -> float | None:
-    """Return the jackknife variance of R beta, summed over its directions; None where a block tells too much alone."""
+    """Return the jackknife variance of R beta, summed over its directions; None where the other blocks do not tell."""
     weights = 1.0 / fit.plain.variances
     blocks = np.arange(len(fit.rows.torque)) * BLOCKS // max(len(fit.rows.torque), 1)
     whole = reduced.r.T @ reduced.r
-    beta = fit.plain.beta
     total = 0.0
     for block in range(BLOCKS):
         part = (blocks == block)[:, None] & fit.rows.masks
@@ -114,11 +113,11 @@ def _block_scatter(fit: QuickFit, reduced: Reduced) -> float | None:
             gram[np.ix_(own, own)] += weights[i] * (kept.T @ kept)
             side[own] += weights[i] * (kept.T @ fit.residual[part[:, i], i])
         try:
-            moved = scipy.linalg.solve(whole - gram, -side, assume_a="pos")
-        except (np.linalg.LinAlgError, scipy.linalg.LinAlgWarning):
+            moved = np.linalg.solve(whole - gram, -side)
+        except np.linalg.LinAlgError:
             return None
         total += float(np.sum((reduced.r @ moved) ** 2))
-    return total * (BLOCKS - 1) / BLOCKS if len(beta) else None
+    return total * (BLOCKS - 1) / BLOCKS
 
 
 def _scale(fit: QuickFit) -> Scale:
@@ -131,7 +130,7 @@ def _links_only(fit: QuickFit, program: Program) -> Program:
     """Return the program without the conditions on the signs of friction."""
     is_friction = np.array([parameter.kind == "friction" for parameter in fit.model.parameters])
     rules = program.conditions
-    kept = ~(np.abs(rules.sign[:, is_friction]) > 0).any(axis=1)
+    kept: BoolArray = np.all(rules.sign[:, is_friction] == 0.0, axis=1)
     words = tuple(word for word, keep in zip(rules.sign_words, kept, strict=True) if keep)
     sizes = tuple(size for size, keep in zip(rules.sign_sizes, kept, strict=False) if keep)
     signs = {"sign": rules.sign[kept], "sign_offset": rules.sign_offset[kept], "sign_words": words}
@@ -139,8 +138,10 @@ def _links_only(fit: QuickFit, program: Program) -> Program:
 
 
 def _rise(fit: QuickFit, reduced: Reduced, scale: Scale, answer: Answer) -> float:
+    """Return the rise of the root mean square residual; of rows without noise the fit's floor stands in its place."""
     beta = fit.base.from_standard(answer.candidate.phi * scale.parameters)
-    return float(np.sqrt(reduced.residual_square(beta) / reduced.rest) - 1.0)
+    more = float(np.sum((reduced.r @ beta - reduced.z) ** 2))
+    return float(np.sqrt(1.0 + more / max(reduced.rest, float(reduced.rows))) - 1.0)
 
 
 def _held_most(answer: Answer) -> str:
