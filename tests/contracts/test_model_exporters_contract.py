@@ -186,7 +186,6 @@ def test_gravity_of_a_tilted_base_is_kept(estimates: dict[str, Estimate], name: 
 def test_every_friction_part_that_ships_is_held(spatial_3r: Robot, name: str, tmp_path: Path) -> None:
     """These formats hold every part; the others say which they leave out."""
     rest = [part for part in FRICTION.names() if part not in ("coulomb", "asymmetric", "load_directional")]
-    rest = [part for part in rest if not FRICTION.make(part).states]
     for parts in (("coulomb", *rest), ("asymmetric", "viscous")):
         model = DynamicModel(spatial_3r, tuple(parts))  # type: ignore[arg-type]
         found = export_model(bare_estimate(model, drawn(model)), name, tmp_path / "x.py")

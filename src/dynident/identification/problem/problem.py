@@ -192,14 +192,23 @@ def make_problem(
 
 
 def counting_rows(model: DynamicModel, prepared: Prepared) -> BoolArray:
-    """Return which of the kept rows count for each joint, shape (N, n): those where none of its drives rests."""
-    how = prepared.how
-    if how.rest == "keep" or how.standstill == 0:
+    """Return which of the kept rows count for each joint, shape (N, n): where none of its drives rests.
+
+    Nor do those count at the start of a log in which friction that remembers depends on what was before.
+    """
+    how, remembering = prepared.how, [part for part in model.friction if part.states]
+    rests = how.rest != "keep" and how.standstill != 0
+    if not rests and not remembering:
         return np.ones((len(prepared.keep), model.robot.dof), bool)
     coupling = np.asarray(model.robot.coupling)
-    speeds = motion_of(prepared.log).dq @ coupling.T
-    resting = at_rest(speeds, how.standstill, prepared.log.rate)[prepared.keep]
-    return ~((resting @ (coupling != 0)) > 0)
+    at_motors = motion_of(prepared.log).at_motors(coupling)
+    aside = np.zeros(at_motors.q.shape, dtype=bool)
+    if rests:
+        aside |= at_rest(at_motors.dq, how.standstill, prepared.log.rate)
+    for part in remembering:
+        drives = list(model.drives_of(part))
+        aside[:, drives] |= part.is_unsettled(at_motors.of_drives(drives))
+    return ~((aside[prepared.keep] @ (coupling != 0)) > 0)
 
 
 def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) -> None:

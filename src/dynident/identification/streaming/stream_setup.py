@@ -47,7 +47,10 @@ class StreamSetup:
         """
         place = self.case_path or "the case"
         state = f"find it on a part of the log, and state it in {place}"
-        loaded = ", ".join(FRICTION.name_of(part) for part in self.model.friction if "torque" in part.needs)
+        loaded, remembering = (
+            ", ".join(FRICTION.name_of(part) for part in self.model.friction if name in part.needs)
+            for name in ("torque", "state")
+        )
         faults = [
             (evidence, step)
             for asked, evidence, step in (
@@ -57,6 +60,11 @@ class StreamSetup:
                     has_choices(self.model),
                     "a friction part that leaves a field to the log (choose) needs all samples",
                     state,
+                ),
+                (
+                    remembering,
+                    "friction that remembers the way to a sample needs a whole log",
+                    f"take {remembering} out of friction in {place}",
                 ),
                 (
                     loaded,

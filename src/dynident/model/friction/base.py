@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from dynident.arrays import Array, IntArray
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import BadOption
 from dynident.model.friction._expression import Expression, Inputs
 from dynident.model.kernels.trace import (
@@ -257,6 +257,11 @@ class Friction(ABC):
         """What it remembers at each drive; nothing as a rule."""
         return ()
 
+    @property
+    def without_memory(self) -> Friction:
+        """The part that stands for it where its states are not known, with the same coefficients; itself as a rule."""
+        return self
+
     @abstractmethod
     def terms(self, at: Inputs) -> tuple[Number, ...]:
         """Return the expressions f_c of a drive, one for each of the k coefficients.
@@ -308,6 +313,8 @@ class Friction(ABC):
         Raises:
             BadOption: The motion lacks a signal that it needs.
         """
+        if motion.state is None and self.without_memory is not self:
+            return self.without_memory.columns(motion)
         found = self.expression.columns(self._inputs(motion))
         return _stacked([found[k] for k in range(len(self.coefficients))], motion.dq.shape)
 
@@ -320,6 +327,8 @@ class Friction(ABC):
         Raises:
             BadOption: The motion lacks a signal that it needs.
         """
+        if motion.state is None and self.without_memory is not self:
+            return self.without_memory.derivatives(motion)
         found, count = self.expression.slopes(self._inputs(motion)), len(self.coefficients)
         slopes = [[found.get(order * count + k, 0.0) for k in range(count)] for order in range(3)]
         by_q, by_dq, by_ddq = (_stacked(own, motion.dq.shape) for own in slopes)
@@ -340,6 +349,10 @@ class Friction(ABC):
             for slot, values in update({**inputs, "moved": moved[None, k - 1 : k], "step": (step,)}).items():
                 found[k, :, slot] = values
         return found
+
+    def is_unsettled(self, motion: Motion) -> BoolArray:
+        """Return where its states still depend on those at the first sample, which no log states, shape (N, n)."""
+        return np.zeros(motion.q.shape, dtype=bool)
 
     def _inputs(self, motion: Motion) -> Mapping[str, Any]:
         """Return what the programs read.

@@ -7,14 +7,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, BoolArray
+from dynident.model.friction._slipped import Slipped
 from dynident.model.friction.base import (
-    Coefficient,
     Friction,
     Inputs,
     Motion,
     Number,
     Range,
+    SharedUse,
     State,
     check_positive,
     larger,
@@ -28,7 +29,8 @@ class Presliding(Friction):
 
     One element of the generalised Maxwell slip model (Al-Bender, Lampaert and Swevers 2005): after a reversal friction
     changes from one level to the other over twice the length, however slow the motion is. ``coulomb`` beside it is the
-    share of dry friction that changes at once. Over any closed motion it loses work.
+    share of dry friction that changes at once. Over any closed motion it loses work. Where samples have no history, as
+    in formats without a memory, the element is taken as slipped the way of the motion: Fp tanh(dq / 0.01).
 
     Attributes:
         length: Distance in rad (or m) over which the drive moves before the element slips.
@@ -36,8 +38,9 @@ class Presliding(Friction):
 
     length: float = 3e-3
 
-    coefficients: ClassVar = (Coefficient("Fp", "N m", "N", nonnegative=True),)
+    coefficients: ClassVar = Slipped.coefficients
     ranges: ClassVar = {"length": Range(3e-4, 0.1)}
+    shared: ClassVar = SharedUse(8, "optional", {"choose": ("part", "length")})
 
     def __post_init__(self) -> None:
         check_positive(self.length, "length", "a distance in rad, at least the resolution of the encoder,")
@@ -52,7 +55,19 @@ class Presliding(Friction):
     def update(self, at: Inputs) -> tuple[Number, ...]:
         return (smaller(larger(at.state[0] + at.moved, -self.length), self.length),)
 
-    def states_along(self, motion: Motion, step: float, start: float = 0.0) -> Array:
+    @property
+    def without_memory(self) -> Friction:
+        return Slipped(joints=self.joints)
+
+    def states_along(self, motion: Motion, step: float) -> Array:
+        return self._along(motion, 0.0)[..., None]
+
+    def is_unsettled(self, motion: Motion) -> BoolArray:
+        apart = self._along(motion, self.length) - self._along(motion, -self.length) > 1e-9 * self.length
+        return apart & ~apart[-1]  # a drive that never moves so far tells nothing apart: its rows stay
+
+    def _along(self, motion: Motion, start: float) -> Array:
+        """Return the deflection along a motion from a start on, shape (N, n)."""
         from dynident.model.friction._presliding_loop import stops  # loads numba
 
-        return stops(np.ascontiguousarray(motion.q), self.length, start)[..., None]
+        return stops(np.ascontiguousarray(motion.q), self.length, start)

@@ -15,6 +15,7 @@ from dynident.exports.models.subject.source import OwnDescription
 from dynident.identification.consistency.verdicts import broken_conditions, deepest_consistent, describe_reasons
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import FRICTION
 from dynident.model.inertia import Inertia
 
 #: Largest change of a base parameter, as a share of its terms, with which projected parameters are still the same.
@@ -53,10 +54,17 @@ class Identified:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the reader has to know about theta."""
+        """What the reader has to know about theta, and about friction that remembers."""
+        slipped = [FRICTION.name_of(part) for part in self.model.friction if part.without_memory is not part]
+        told = tuple(
+            f"{name}: the file keeps no history, so the part is Coulomb friction at its full level; right after a "
+            "reversal the torque differs by up to twice that"
+            for name in dict.fromkeys(slipped)
+        )
         if self.origin != PROJECTED:
-            return ()
+            return told
         return (
+            *told,
             f"'{self.estimate.estimator}' gives no physically consistent links: these were chosen well inside the "
             "bounds, with the same base parameters; the torque is that of the estimate, single masses are not measured",
         )

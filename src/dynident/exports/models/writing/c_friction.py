@@ -60,14 +60,15 @@ def drive_terms(model: DynamicModel, theta: Array, spelt: Dialect) -> tuple[Driv
         spelt: The language.
 
     Raises:
-        BadOption: A part that has a state.
+        BadOption: A part with a state that nothing stands for without one.
     """
-    owners = [(part, k) for part in model.friction for k in range(len(part.coefficients))]
-    for part in model.friction:
+    parts = [part.without_memory for part in model.friction]
+    owners = [(part, k) for part in parts for k in range(len(part.coefficients))]
+    for part in parts:
         if part.states:
             step = f"{spelt.target} has no memory for its state; export to json, which holds every part"
             raise BadOption("friction", FRICTION.name_of(part), step)
-    texts = [spelt.expression(program, INPUTS) for part in model.friction for program in part.expression.programs]
+    texts = [spelt.expression(program, INPUTS) for part in parts for program in part.expression.programs]
     found = []
     for position, (drive, column) in enumerate(zip(*model.terms, strict=True)):
         part, k = owners[int(column)]

@@ -8,7 +8,8 @@ only where its error is smaller than that of the stated one by more than chance 
 
 Parts that ``choose`` names as a whole are added as :mod:`added_parts` says, their first field beside the width by
 variable projection (Golub and Pereyra 1973). Where a part is taken, all other fields are chosen once more beside it.
-Signs of dry friction that are left to the logs turn over one width on the same joints.
+Signs of dry friction that are left to the logs turn over one width on the same joints. A wide sign and a part that
+builds up slowly pass for each other, so fields and parts are chosen in both orders, and the better outcome is taken.
 
 Where the delay of the torque is to be found as well, it is free in every fit: friction shows at reversals, a delay in
 all that the torque does, so that neither is compared by what the other one does.
@@ -82,11 +83,12 @@ def choose_fields(
     load = default_load(without_optional(model), logs) if "torque" in model.needs else None
     pooled = PooledLogs(model, logs, max(BLOCKS, len(logs)), load, delay_is_free)
     search = _FieldSearch(model, pooled, fastest_of(model, logs), progress)
-    found = search.fields()
-    decided = search.with_parts()
-    if any(held.value == _THERE for held in decided.values()):
-        found |= search.polished(search.fields())
-    found |= {(p, WHOLE): held for p, held in decided.items()}
+    found = search.chosen()
+    if search.optional and any(held.value != held.stated for held in found.values() if held.field != WHOLE):
+        other = _FieldSearch(model, pooled, fastest_of(model, logs), progress)
+        others = other.chosen(parts_first=True)
+        if np.mean(other.errors()) < np.mean(search.errors()):
+            search, found = other, others
     kept = tuple(part for p, part in enumerate(search.model.friction) if p not in search.absent)
     return replace(model, friction=kept), tuple(found[key] for key in sorted(found, key=lambda key: key[0]))
 
@@ -113,20 +115,34 @@ class _FieldSearch:
 
     Attributes:
         model: All parts, with the values taken so far.
-        absent: Places of the parts that are not there so far.
+        optional: Places of the parts that are only there if held-out rows ask for them.
+        absent: Those of them that are not there so far.
     """
 
     def __init__(
         self, model: DynamicModel, pooled: PooledLogs, fastest: float, progress: Callable[[str], None]
     ) -> None:
         self.model, self.stated = model, model
-        self.absent = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
+        self.optional = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
+        self.absent = self.optional
         self._pooled, self._progress = pooled, progress
         self._spans = {
             (p, name): span
             for p, part in enumerate(model.friction)
             for name, span in spans_of(part, "choose", fastest).items()
         }
+
+    def chosen(self, parts_first: bool = False) -> dict[tuple[int, str], FieldChoice]:
+        """Choose fields and parts, the fields of the parts that are always there first, or all parts before them."""
+        found = {} if parts_first else self.fields()
+        decided = self.with_parts()
+        if parts_first or any(held.value == _THERE for held in decided.values()):
+            found |= self.polished(self.fields())
+        return found | {(p, WHOLE): held for p, held in decided.items()}
+
+    def errors(self) -> Array:
+        """Return the logarithms of the errors of the blocks, by the model as far as it is chosen."""
+        return self._tried((), "", np.empty(0)).errors(outer=False)[0]
 
     def fields(self) -> dict[tuple[int, str], FieldChoice]:
         """Choose the fields of all parts that are there, one after another."""

@@ -1,0 +1,123 @@
+"""Presliding: the stop operator against its own update, its loss in closed form, and what no history tells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing, preprocess
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.errors import BadOption
+from dynident.identification.identify import identify
+from dynident.identification.problem.problem import counting_rows
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Friction, Motion
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.presliding import Presliding
+from dynident.model.friction.stribeck import Stribeck
+from dynident.model.friction.viscous import Viscous
+from dynident.model.robot import Robot
+
+GIVEN = Preprocessing(AsGiven(), rest="keep")
+RATE = 200.0
+
+
+def turning(size: float, samples: int = 4001) -> Motion:
+    time = np.linspace(0.0, 4.0, samples)[:, None]
+    turn = np.pi * time
+    return Motion(size * np.sin(turn), size * np.pi * np.cos(turn), -size * np.pi**2 * np.sin(turn))
+
+
+def test_its_states_are_those_of_its_own_update(exact_motion: Callable[..., Motion]) -> None:
+    part, motion = Presliding(0.02), exact_motion(3, np.arange(400) / 50.0)
+    np.testing.assert_allclose(part.states_along(motion, 0.02), Friction.states_along(part, motion, 0.02), atol=1e-15)
+
+
+@pytest.mark.parametrize("size", [0.01, 0.05, 0.5])
+def test_a_cycle_loses_what_the_closed_form_says(size: float) -> None:
+    """An elastic, perfectly plastic element that turns between +-size loses 4 Fp (size - length) a cycle, if any."""
+    part, motion = Presliding(0.02), turning(size)
+    force = part.columns(replace(motion, state=part.states_along(motion, 1e-3)))[2000:, 0, 0]
+    lost = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(motion.q[2000:, 0])))
+    assert lost == pytest.approx(4.0 * max(size - 0.02, 0.0), rel=2e-3, abs=1e-6)
+
+
+def test_its_start_counts_until_it_has_slipped() -> None:
+    part, motion = Presliding(0.02), turning(0.05)
+    unsettled = part.is_unsettled(motion)[:, 0]
+    moved = np.maximum.accumulate(motion.q[:, 0]) - np.minimum.accumulate(motion.q[:, 0])
+    np.testing.assert_array_equal(unsettled, moved < 0.04 - 1e-12)
+    assert not part.is_unsettled(turning(0.01)).any()  # never settles: all rows stay
+
+
+def test_rows_before_it_has_slipped_do_not_count(planar_2r: Robot, exact_log: Callable[..., Log]) -> None:
+    log = preprocess(exact_log(DynamicModel(planar_2r), planar_2r.nominal, samples=200), GIVEN)
+    counts = counting_rows(DynamicModel(planar_2r, (Coulomb(), Presliding(0.05))), log)
+    assert not counts[0].any() and counts[-1].all() and counting_rows(DynamicModel(planar_2r), log).all()
+
+
+def test_without_history_it_is_coulomb_friction(exact_motion: Callable[..., Motion]) -> None:
+    motion = exact_motion(2, np.arange(100) / 50.0)
+    part = Presliding(0.003)
+    np.testing.assert_array_equal(part.columns(motion), Coulomb(0.01).columns(motion))
+    np.testing.assert_array_equal(part.derivatives(motion)[1], Coulomb(0.01).derivatives(motion)[1])
+
+
+@pytest.mark.parametrize("length", [0.0, -1e-3, np.inf, np.nan])
+def test_lengths_that_are_none(length: float) -> None:
+    with pytest.raises(BadOption, match="give a distance in rad, at least the resolution of the encoder"):
+        Presliding(length)
+
+
+def logged(
+    robot: Robot,
+    motion: Callable[..., Motion],
+    parts: tuple[Friction, ...],
+    values: list[float],
+    late: float,
+    seed: int,
+) -> Log:
+    """Return a log of a torque that is late by some samples, its noise 1 % of it."""
+    assert robot.nominal is not None
+    model, time = DynamicModel(robot, parts), np.arange(6000) / RATE
+    measured, behind = (motion(2, time - lag, 0.5, seed=seed) for lag in (0.0, late / RATE))
+    torque = model.torque(model.with_states(behind, 1.0 / RATE), np.append(robot.nominal, values))
+    noise = 0.01 * np.std(torque, axis=0) * np.random.default_rng(seed).normal(size=torque.shape)
+    return Log(robot.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque + noise)
+
+
+DRAFT = (
+    Coulomb(0.01, choose=("width",)), Viscous(), Stribeck(0.1, width=0.01, choose=("part", "width", "velocity")),
+    Presliding(choose=("part", "length")),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("late", [0, 2])
+def test_level_length_and_delay_are_told_apart(
+    planar_2r: Robot, exact_motion: Callable[..., Motion], late: int
+) -> None:
+    truth = (Coulomb(0.01), Viscous(), Presliding(0.01))
+    log = logged(planar_2r, exact_motion, truth, [1.0, 1.0, 3.0, 0.6, 0.5, 2.0], late, 3)
+    found = identify(DynamicModel(planar_2r, DRAFT), [log], "wls", replace(GIVEN, delay_s=None))
+    assert [type(part) for part in found.model.friction] == [Coulomb, Viscous, Presliding]
+    assert found.model.friction[2].options["length"] == pytest.approx(0.01, rel=0.1)
+    values = {p["name"]: p["value"] for p in found.parameters()}
+    assert values["Fp[joint1]"] == pytest.approx(3.0, rel=0.1) and values["Fp[joint2]"] == pytest.approx(2.0, rel=0.1)
+    assert found.choices.delays is not None
+    assert found.choices.delays[0].applied * RATE == pytest.approx(late, abs=0.3)
+
+
+@pytest.mark.battery
+def test_neither_presliding_nor_a_stribeck_effect_where_there_is_none(
+    planar_2r: Robot, exact_motion: Callable[..., Motion]
+) -> None:
+    wrong = 0
+    for seed in range(100):
+        log = logged(planar_2r, exact_motion, (Coulomb(0.01), Viscous()), [3.0, 1.0, 2.0, 0.5], seed % 3, seed)
+        found = identify(DynamicModel(planar_2r, DRAFT), [log], "wls", replace(GIVEN, delay_s=None))
+        wrong += len(found.model.friction) > 2
+    assert wrong <= 5
