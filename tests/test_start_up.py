@@ -56,6 +56,7 @@ SLOW = ("numba", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpo
 #: What an identification alone does without besides: parts for few cases, and what has no place in one.
 NOT_FOR_ALL = (
     "scipy.sparse", "defusedxml.sax", "urllib.request", "jinja2", "rich.markdown", "matplotlib",
+    "dynident.case.draft", "dynident.data.formats._bag_table",
     "dynident.diagnosis.checks", "dynident.studies.benchmark", "dynident.identification.streaming",
     "dynident.identification.simulated.course", "dynident.simulation", "dynident.model.kernels.generic",
     "dynident.model.kernels.preconditioned", "dynident.results.report", "dynident.studio",

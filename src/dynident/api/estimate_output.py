@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from dynident.diagnosis.verdict import verdict_of
+from dynident.diagnosis.verdict import Verdict, verdict_of
 from dynident.diagnosis.warnings import warnings_of
 from dynident.files import check_outputs, files_behind
 from dynident.identification.estimate.estimate import Estimate
@@ -14,16 +15,23 @@ from dynident.identification.files import estimate_file
 from dynident.results.nominal import link_changes
 
 
-def summary(estimate: Estimate, test: Validation | None = None) -> dict[str, Any]:
+def summary(
+    estimate: Estimate,
+    test: Validation | None = None,
+    verdict: Verdict | None = None,
+    warnings: Sequence[str] | None = None,
+) -> dict[str, Any]:
     """Return what ``--json`` prints: documented plain data, relative figures as fractions.
 
     Args:
         estimate: The estimate.
         test: Its figures on data that had no part in the fit.
+        verdict: What is made of both, where it is known already.
+        warnings: The warnings, where they are known already.
     """
-    found = estimate_file.summary(estimate, test, warnings_of(estimate, test))
+    found = estimate_file.summary(estimate, test, warnings_of(estimate, test) if warnings is None else warnings)
     links = [change.figures() for change in link_changes(estimate)]
-    return {"verdict": verdict_of(estimate, test).figures(), **found, "links": links or None}
+    return {"verdict": (verdict or verdict_of(estimate, test)).figures(), **found, "links": links or None}
 
 
 def write_estimate(estimate: Estimate, path: str | Path, test: Validation | None = None) -> None:

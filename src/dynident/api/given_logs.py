@@ -16,7 +16,6 @@ from dynident.api.log_checks import case_of_model
 from dynident.applications.states import motion_of_arrays, plain_numbers
 from dynident.arrays import Array
 from dynident.case.case import Case, read_case
-from dynident.case.draft.structure import structure_of
 from dynident.data.formats import ColumnMap
 from dynident.data.log import Log, Source
 from dynident.data.log_of_robot import with_meaning
@@ -129,6 +128,8 @@ def _unnamed(argument: str, data: Any, robot: Robot) -> BadArgument:
     evidence = f"{_kind(data)} of numbers without names"
     if data.ndim != 2 or data.dtype.kind not in "fiu":
         return BadArgument(argument, evidence, f"write {EXAMPLE}")
+    from dynident.case.draft.structure import structure_of  # loads what drafts are made with
+
     told = structure_of(robot, [f"column {k}" for k in range(data.shape[1])], np.asarray(data, dtype=float))
     signals = {"time": told.time, **{name: group.names for name, group in told.groups.items() if name != "dq"}}
     if not told.time or "torque" not in told.groups or told.rivals:

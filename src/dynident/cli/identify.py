@@ -128,7 +128,7 @@ def run(options: argparse.Namespace) -> int:
         write_estimate(estimate, options.output, test)
     verdict = verdict_of(estimate, test)
     if options.json:
-        console.answer_json(summary(estimate, test))
+        console.answer_json(summary(estimate, test, verdict))
         return verdict.code
     if options.full:
         verdicts.show(verdict)

@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     warnings = [*optimistic, *warnings_of(estimate, test)]
     verdict = verdict_of(estimate, test, acceptance, is_held_out=not seen)
     if options.json:
-        console.answer_json({**summary(estimate, test), "verdict": verdict.figures(), "warnings": warnings})
+        console.answer_json(summary(estimate, test, verdict, warnings))
         return verdict.code
     if options.full:
         _show(estimate, test, verdict, warnings)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from dynident.data.formats._clocked_table import clocked
 from dynident.data.formats._live_table import live_rows
-from dynident.data.formats._simulated_bag import numbered
 from dynident.data.formats._stream import LogStream
 from dynident.data.formats._table import LARGE, LogTable, bytes_of, log_of
 from dynident.data.formats._unrepeated_table import unrepeated
@@ -116,7 +115,11 @@ def write_log(log: Log, path: str | Path, *, form: str | LogFormat | None = None
 
 def _as_mapped(table: LogTable, columns: ColumnMap) -> LogTable:
     """Return the table with the time, and without the rows, that a map of columns says."""
-    return unrepeated(clocked(numbered(table, columns), columns), columns)
+    if table.has_frames:
+        from dynident.data.formats._simulated_bag import numbered  # of recordings alone
+
+        table = numbered(table, columns)
+    return unrepeated(clocked(table, columns), columns)
 
 
 def _form(columns: ColumnMap) -> LogFormat | None:

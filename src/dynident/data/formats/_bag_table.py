@@ -42,6 +42,7 @@ class BagTable(LogTable):
     stamps: str
 
     rereads: ClassVar = False
+    has_frames: ClassVar = True
 
     def columns(self, names: Sequence[str]) -> Array:
         """Return some columns; see :meth:`LogTable.columns`."""

@@ -46,6 +46,7 @@ class LogTable(ABC):
         how: In words how it is read, for the provenance.
         line: Line of the header where the file is text, counted from 1; else None.
         rereads: Whether some columns can be read again at little cost; a stream keeps the rows of others on disk.
+        has_frames: Whether messages of a recording are behind it, each with the name of its frame.
     """
 
     path: str
@@ -55,6 +56,7 @@ class LogTable(ABC):
     line: int | None = None
 
     rereads: ClassVar[bool] = True
+    has_frames: ClassVar[bool] = False
 
     @abstractmethod
     def columns(self, names: Sequence[str]) -> Array:
