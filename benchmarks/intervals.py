@@ -3,11 +3,13 @@
 A robot of ``benchmarks.frictions`` moves once, without noise; each draw adds white noise to the positions of its logs
 (not seen by the controller) and to the torques. ``draft`` is the case that ``init`` drafts of the first draw, and
 identified as it stands: cut-off, delay, width of dry friction and parts chosen anew in each draw. ``true`` has the
-friction and the delay that are there, the cut-off chosen; ``found`` the friction. Printed for each: share of 95 %
-intervals over all base parameters and draws that hold the truth (``pooled``) with its standard error over the draws,
-the smallest shares with bias in deviations of the draws, stated over true deviation (median), median width over that of
-the oracle (draws of ``true``), and what the delay is off by in its stated deviations and in ms.
+friction and the delay that are there, the cut-off chosen; ``found`` the friction; ``thinned`` is ``true`` on as many
+rows as Python keeps by default. Printed for each: share of 95 % intervals over all base parameters and draws that hold
+the truth (``pooled``) with its standard error over the draws, the smallest shares with bias in deviations of the draws,
+stated over true deviation (median), median width over that of the oracle (draws of ``true``), and what the delay is off
+by in its stated deviations and in ms.
 Run: python -m benchmarks.intervals ROBOT [--draws N] [--noise RAD ...] [--ways draft true] [--estimator NAME]
+     [--cutoff HZ]
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from benchmarks.strangers.plant import urdf
 from dynident import DynamicModel, Log, read_case, read_robot
 from dynident.arrays import Array
 from dynident.cli.main import main as dynident
-from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing import ROWS_PER_PERIOD, Preprocessing
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
 from dynident.simulation.cell_simulation import simulate_cell
@@ -161,6 +163,7 @@ def main() -> None:
     parser.add_argument("--noise", type=float, nargs="+", default=[1e-5, 1e-4])
     parser.add_argument("--ways", nargs="+", default=["true", "draft"])
     parser.add_argument("--estimator", default="consistent")
+    parser.add_argument("--cutoff", type=float, help="cut-off in Hz, in place of the one that is chosen")
     given = parser.parse_args()
     virtual = ROBOTS[given.robot]
     late = virtual.late / virtual.rate
@@ -169,9 +172,12 @@ def main() -> None:
         cell = moved(given.robot, virtual, folder)
         for noise in given.noise:
             model, how = drafted(cell, noise, folder)
+            if given.cutoff:
+                how = replace(how, filter=how.filter.with_cutoff(given.cutoff))
             true = replace(model, friction=friction_of(virtual.truth or virtual.friction))
             asked = {"draft": (model, how), "true": (true, replace(how, delay_s=late))}
             asked["found"] = (true, replace(how, delay_s=None))
+            asked["thinned"] = (true, replace(how, delay_s=late, rows_per_period=ROWS_PER_PERIOD))
             oracle: dict[str, float] = {}
             for way in given.ways:
                 begin = time.process_time()

@@ -40,6 +40,7 @@ def warnings_of(estimate: Estimate, test: Validation | None = None) -> tuple[str
     if total > POOR_FIT:
         found.append(f"relative error {100 * total:.0f} % on the training data: check units, gains and gravity")
     found += _gains(estimate)
+    found += _position_noise(estimate)
     found += _one_sided(estimate)
     moved = _sensitivity(estimate.choices.cutoff_sensitivity)
     if moved:
@@ -88,6 +89,26 @@ def _gains(estimate: Estimate) -> list[str]:
     return [
         f"drive gains have a relative std of {span}: it shifts {more} of {estimate.base.count} parameters by more than "
         "their stated standard deviations, which do not contain it (extras.gain_std)"
+    ]
+
+
+def _position_noise(estimate: Estimate) -> list[str]:
+    """Warn of noise of the positions that biases parameters by more than the residual lets one see."""
+    found = estimate.choices.position_noise
+    if found is None:
+        return []
+    bias = np.abs(found.parameters)
+    own = np.sqrt(np.maximum(np.diag(estimate.covariance) - bias**2, 0.0))
+    moved = np.flatnonzero(bias > own)
+    if not len(moved):
+        return []
+    joint, worst = int(np.argmax(found.positions)), estimate.base.names[int(np.argmax(bias / own))]
+    unit = "m" if estimate.model.robot.active[joint].kind == "prismatic" else "rad"
+    size = f"{found.positions[joint]:.2g} {unit} of {estimate.model.robot.joint_names[joint]}"
+    return [
+        f"noise of the positions (std {size}) biases {len(moved)} of {estimate.base.count} parameters by more than "
+        f"their other errors (errors-in-variables bias, most {worst}), which their intervals allow for: lower the "
+        "cut-off, or use 'didim' with the controller's gains"
     ]
 
 

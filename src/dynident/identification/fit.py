@@ -60,7 +60,8 @@ def fit(problem: Problem, estimator: Estimator, progress: Callable[[str], None] 
     )
     if covariance is None:
         found = spectral_uncertainty(problem, solution.weights, solution.beta)
-        covariance, degrees = found.covariance, found.degrees
+        pull = solution.pull(problem)
+        covariance, degrees = found.covariance + np.outer(pull, pull), found.degrees
     return Estimate(
         model=model,
         base=base,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -41,6 +42,8 @@ class TLS(Estimator):
     Attributes:
         ratio: Relative error of the columns over that of the torque; 0 is weighted least squares.
     """
+
+    allows_for_noise: ClassVar[bool] = True
 
     ratio: float = 1.0
 

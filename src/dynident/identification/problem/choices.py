@@ -181,6 +181,19 @@ class GainUncertainty:
 
 
 @dataclass(frozen=True)
+class NoiseBias:
+    """What noise of the positions does to least squares; its square is part of the covariance.
+
+    Attributes:
+        positions: Standard deviation of the white noise of each joint's positions, in rad or m, shape (n,).
+        parameters: Bias of each base parameter by it, in its unit, shape (b,).
+    """
+
+    positions: tuple[float, ...]
+    parameters: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class Choices:
     """What was chosen on the way to an estimate, and what is known of it; None where it was not asked for.
 
@@ -192,6 +205,7 @@ class Choices:
         friction_choice: Friction parts.
         non_linear: Fields of friction parts that were estimated.
         gain_std: What uncertain drive gains add.
+        position_noise: Bias by noise of the positions, where it is not small beside the standard deviations.
         cutoff_sensitivity: Fits at other cut-offs.
         constraints_not_kept: Name of an estimator that leaves stated constraints aside.
     """
@@ -203,6 +217,7 @@ class Choices:
     friction_choice: FrictionRecord | None = None
     non_linear: tuple[FieldEstimate, ...] | None = None
     gain_std: GainUncertainty | None = None
+    position_noise: NoiseBias | None = None
     cutoff_sensitivity: CutoffSensitivity | None = None
     constraints_not_kept: str | None = None
 

@@ -7,11 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+import numpy as np
+
 from dynident.arrays import Array
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.prior import PULL
 from dynident.identification.problem.problem import Problem
-from dynident.model.reduction import Reduced
+from dynident.model.reduction import Reduced, least_squares
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,12 @@ class Solution:
     degrees: Array | None = None
     run: MethodRun = field(default_factory=MethodRun)
 
+    def pull(self, problem: Problem) -> Array:
+        """Return what bounds and prior of the bodies moved the base parameters by from least squares, shape (b,)."""
+        if self.theta is None:
+            return np.zeros_like(self.beta)
+        return self.beta - least_squares(problem.reduced(self.weights)).beta
+
 
 class Estimator(ABC):
     """A frozen dataclass whose fields are its options; ``solve`` keeps nothing.
@@ -44,6 +52,8 @@ class Estimator(ABC):
         fits_folds: Whether cross-validation fits the rest of the logs with it; weighted least squares does where not.
         may_not_converge: Whether it may end far from the optimum of its objective, so that the load of the drives is
             that of weighted least squares and not of its own answer.
+        allows_for_noise: Whether its rows are not the measured ones, or their noise is part of what it solves, so that
+            this biases the estimate otherwise than weighted least squares.
         contest_options: Options, as text, that it has among other methods where none are stated: there methods are
             compared by what they make of the data alone.
     """
@@ -52,6 +62,7 @@ class Estimator(ABC):
     from_triangles: ClassVar[bool] = False
     fits_folds: ClassVar[bool] = False
     may_not_converge: ClassVar[bool] = False
+    allows_for_noise: ClassVar[bool] = False
     contest_options: ClassVar[Mapping[str, str]] = {}
 
     @property

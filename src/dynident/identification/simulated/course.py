@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import scipy.linalg
@@ -66,6 +66,8 @@ class LoopOptions:
             one where the log has it and the gains are stated.
         reference_hz: Cut-off in Hz of a zero-phase filter of the measured reference; None leaves it as it was prepared.
     """
+
+    allows_for_noise: ClassVar[bool] = True
 
     kp: tuple[float, ...] | None = None
     kd: tuple[float, ...] | None = None

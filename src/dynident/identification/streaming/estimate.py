@@ -113,6 +113,8 @@ def assembled(
     if covariance is None:
         inverse = least_squares(problem.reduced(solution.weights)).unscaled_covariance
         covariance, degrees = left.uncertainty(inverse, solution.weights, solution.beta)
+        pull = solution.pull(problem)
+        covariance = covariance + np.outer(pull, pull)
     return Estimate(
         model=model,
         base=base,

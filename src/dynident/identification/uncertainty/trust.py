@@ -15,6 +15,7 @@ from dynident.identification.estimators import Estimator
 from dynident.identification.estimators.wls import WLS
 from dynident.identification.problem.problem import Problem
 from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.residuals.coloured import spectral_uncertainty
 from dynident.identification.selection.friction.load import with_load
 from dynident.identification.uncertainty.diagnostics import diagnose
 from dynident.identification.uncertainty.propagation import prediction_deviations, standard_covariance
@@ -98,7 +99,9 @@ def _bootstrap(
 ) -> dict[str, Any]:
     """Return intervals by bootstrap: possible robots fitted again, or residuals drawn again in blocks."""
     if refit is not None:
-        kind, found = "refit", refit_draws(problem, refit, estimate.covariance, draws)
+        weights = WLS().solve(problem).weights
+        covariance = spectral_uncertainty(problem, weights, estimate.beta).covariance  # a draw is pulled by its own fit
+        kind, found = "refit", refit_draws(problem, refit, covariance, draws)
     else:
         from dynident.identification.uncertainty.bootstrap import block_bootstrap
 

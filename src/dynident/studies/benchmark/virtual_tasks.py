@@ -212,7 +212,7 @@ def _contest(
         if experiment.guess is None
         else near(known, work.truth(robot, noise, draw), experiment.seed + 1000 * (draw + 1), experiment.guess)
     )
-    contest = Contest(build_problem(told(known, guess), [log], preparation.at(rate)), (), theta)
+    contest = Contest(build_problem(told(known, guess), [log], preparation.at(rate)), (), theta, (log,))
     _ = contest.least  # what all methods share is computed before the clock of the first one begins
     return contest
 

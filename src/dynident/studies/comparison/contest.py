@@ -11,6 +11,7 @@ import numpy as np
 from scipy import stats
 
 from dynident.arrays import Array, finite
+from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared
 from dynident.diagnosis.culprit import culprit
 from dynident.errors import DynidentError
@@ -22,6 +23,7 @@ from dynident.identification.files.estimate_file import plain
 from dynident.identification.fit import fit
 from dynident.identification.problem.method_run import MethodRun
 from dynident.identification.problem.problem import Problem
+from dynident.identification.uncertainty.position_noise import with_noise_bias
 from dynident.identification.validate import validate_prepared
 
 #: Share of the torque below which the residual of weighted least squares is rounding.
@@ -135,11 +137,13 @@ class Contest:
         problem: The problem.
         tests: Logs that the fit has not seen, prepared as those of the problem.
         truth: Standard parameters behind the logs, shape (p,); None where they are not known.
+        logs: Raw logs of the problem, so that intervals allow for noise of their positions; none where they need not.
     """
 
     problem: Problem
     tests: tuple[Prepared, ...] = ()
     truth: Array | None = None
+    logs: tuple[Log, ...] = ()
 
     @cached_property
     def weights(self) -> Array:
@@ -176,6 +180,8 @@ class Contest:
     def _measured(self, method: Method) -> Outcome:
         problem = self.problem
         estimate = fit(problem, method.part)
+        if self.logs and not method.part.allows_for_noise:
+            estimate = with_noise_bias(estimate, problem, self.logs)
         beta = estimate.beta
         norm = float(np.sqrt(self.weights**2 @ problem.residual_squares(beta)))
         possible = estimate.consistency.consistent
