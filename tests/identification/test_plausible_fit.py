@@ -235,6 +235,25 @@ def test_draws_of_the_bootstrap_keep_the_bounds(spatial_3r: Robot, exact_log: Ma
     assert found.program.conditions.shortfall(moved / scale_of(problem).parameters) < 1e-6
 
 
+@pytest.mark.battery
+def test_a_thousand_noisy_problems_break_no_bound(spatial_3r: Robot, exact_log: MakeLog) -> None:
+    """Masses of the robot model off by up to a factor 5, and noise of 0.5 to 50 % of the right-hand side."""
+    generator, worst = np.random.default_rng(0), 0.0
+    for seed in range(100):
+        nominal = spatial_3r
+        for index in range(3):
+            nominal = scaled_link(nominal, index, float(np.exp(generator.uniform(-1.6, 1.6))))
+        problem, _ = problem_of(spatial_3r, exact_log, nominal, seed=seed)
+        weights, sizes = weights_of(problem), scale_of(problem).parameters
+        rules = plausible_fit(problem, weights, 0.01, 1e-8).program.conditions
+        refit, reduced = Consistent(bodies="plausible").refit(problem), problem.reduced(weights)
+        for _ in range(10):
+            size = 10.0 ** generator.uniform(-2.3, -0.3) * np.sqrt(np.mean(reduced.z**2))
+            theta = refit(replace(reduced, z=reduced.z + size * generator.normal(size=len(reduced.z))))
+            worst = max(worst, rules.shortfall(theta / sizes))
+    assert worst <= 1e-6
+
+
 def test_plausible_bodies_have_their_own_metric() -> None:
     with pytest.raises(BadOption, match="entropic"):
         Consistent(bodies="plausible", metric="entropic")
