@@ -293,6 +293,7 @@ def test_the_ten_tasks_take_three_lines_each() -> None:
         "log.columns",
         "log.units",
         "preprocessing",
+        "servo",
         "workspace",
         "constraints",
         "constraints.links.upper",

@@ -2,7 +2,7 @@
 
 YAML. Keys: case (the version of the format), robot, gravity, limits, locked, joints, coupling, drives, friction, log
 (profile, format, columns, units, ...), preprocessing (filter, rate_hz, trim_s, standstill, rest), estimator, bodies,
-train, test, split, accept, workspace, cell, note. Unknown keys are errors that name the nearest known one.
+train, test, split, accept, workspace, cell, servo, note. Unknown keys are errors that name the nearest known one.
 docs/case-file.md describes each.
 """
 
@@ -42,6 +42,7 @@ from dynident.plugins import Family
 from dynident.robot_files import read_robot
 
 if TYPE_CHECKING:
+    from dynident.actuators.servo_log import ServoSetup
     from dynident.case.cell_section import CellSetup
     from dynident.excitation.collision.workspace import Workspace
     from dynident.identification.streaming.stream_setup import StreamSetup
@@ -71,7 +72,7 @@ _KEYS = (
     "preprocessing",
 )
 _KEYS += ("estimator", "bodies", "constraints", "prior", "train", "test", "split", "accept")
-_KEYS += ("workspace", "cell", "note")
+_KEYS += ("workspace", "cell", "servo", "note")
 
 #: Keys of a joint under ``drives``.
 DRIVE_KEYS = ("gear_ratio", "rotor_inertia", "gain", "bias", "gain_std")
@@ -107,6 +108,7 @@ class Case:
         constraints: What is known about bodies beforehand.
         prior: Robot model or estimate file with inertias known beforehand, as written; empty for none.
         cell: The virtual cell in which the case is simulated; None where the case does not say.
+        servo: Position servos whose logs have no torque; None where the case does not say.
         accept: What an estimate must meet to be accepted.
         path: The case file; empty for a case made from a robot alone.
         robot_path: The robot model.
@@ -130,6 +132,7 @@ class Case:
     cell: CellSetup | None = None
     accept: Acceptance = field(default_factory=lambda: Acceptance({}))
     bodies: str = ""
+    servo: ServoSetup | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -242,11 +245,12 @@ def _read_case(path: str | Path, open_gains: bool) -> Case:
     full = read_robot(robot_path)
     choose = top.has("friction") and top.value("friction") == AUTO
     robot, locked = _robot(top, full)
+    columns = read_columns(top, full)
     return Case(
         robot=robot,
         friction=tuple(map(FRICTION.make, default_friction())) if choose else _friction(top, robot),
         choose_friction=choose,
-        columns=read_columns(top, full),
+        columns=columns,
         preprocessing=_preprocessing(top),
         estimator=_choice(top, "estimator", "consistent"),
         train=texts(top, "train"),
@@ -257,6 +261,7 @@ def _read_case(path: str | Path, open_gains: bool) -> Case:
         constraints=constraints_of(top.section("constraints", CONSTRAINT_KEYS), robot, robot_path),
         prior=top.text("prior", ""),
         cell=_cell_of(top),
+        servo=_servo_of(top, robot, columns),
         accept=acceptance_of(top.section("accept", tuple(CRITERIA))),
         path=str(path),
         robot_path=robot_path,
@@ -278,6 +283,14 @@ def _cell_of(top: Section) -> CellSetup | None:
     from dynident.case.cell_section import KEYS, cell_of  # few cases need it
 
     return cell_of(top.section("cell", KEYS))
+
+
+def _servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup | None:
+    if not top.has("servo"):
+        return None
+    from dynident.case.servo_section import servo_of  # few cases need it
+
+    return servo_of(top, robot, columns)
 
 
 def _robot(top: Section, robot: Robot) -> tuple[Robot, dict[str, float]]:

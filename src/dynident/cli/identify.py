@@ -17,6 +17,9 @@ column stops it. After any other finding at error level the estimate is written,
 Exit codes: 0 accepted or no criteria, 1 an error of the input, 2 wrong usage, 3 acceptance criteria not met
 (accept: in the case file, or --accept), 4 a finding of the log checks at error level, 130 interrupted.
 
+A case with the key servo has logs of commanded and measured positions without torques: the answer is the actuator of
+each joint (torque, armature, friction, delay), and only --test, -o, --json and --quiet apply.
+
 Logs of more than 512 MiB together are reduced as a stream where case and estimator allow it ('dynident reduce').
 """
 
@@ -111,6 +114,10 @@ def run(options: argparse.Namespace) -> int:
 
             jobs.take_model_options(options, read_digest(options.triangles).options)
         case = jobs.case_from(options)
+        if case.servo is not None:
+            from dynident.cli import actuators
+
+            return actuators.run(case, options)
         case = replace(case, accept=with_accept(case.accept, options.accept))
         inputs = (options.case, options.constraints or "", options.triangles or "", *case.files)
         case = jobs.with_logs(case, options)

@@ -1,0 +1,1 @@
+"""Actuators identified from commanded and measured positions, where a log has no torque and no current."""

@@ -1,0 +1,197 @@
+"""The answer: the actuators of a robot, with what is known of them and how well their roll-outs follow the logs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynident.actuators.drive_law import DriveLaw, KnownFrom
+from dynident.actuators.parameters import PARAMETERS, PLACE
+from dynident.actuators.verdict import Known
+from dynident.arrays import Array
+from dynident.errors import EstimateFormatError
+from dynident.files import read_json, write_atomically
+
+#: What the file is, and its version.
+KIND, VERSION = "actuators", 1
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A number that the logs determine although its factors or parts are not known apart.
+
+    Attributes:
+        name: What it is.
+        value: Its value.
+        unit: Its unit.
+        words: What it is made of, and what would tell the parts apart.
+    """
+
+    name: str
+    value: float
+    unit: str
+    words: str
+
+
+@dataclass(frozen=True)
+class JointActuator:
+    """The actuator of one joint.
+
+    Attributes:
+        name: The joint.
+        law: Drive law.
+        kp: Position gains of the training logs, in the drive's unit, sorted.
+        friction: Name of the friction model.
+        parameters: All parameters in the order of PARAMETERS, shape (COUNT,).
+        known: How far each free parameter is known.
+        combinations: What is known only together.
+        linear: Parameters of the linear start, shape (COUNT,).
+        train: Mean absolute position error of the roll-out of each training log, in rad.
+        test: The same of each log that was tested on.
+        linear_test: The same of each test log (of each training log where there is none) by the linear start.
+        folds: Cross-validation error of each friction model, in rad (geometric mean over logs).
+        saturated: Share of the training samples in which the duty is at its limit.
+        remarks: What the user has to know.
+    """
+
+    name: str
+    law: DriveLaw
+    kp: tuple[float, ...]
+    friction: str
+    parameters: Array
+    known: tuple[Known, ...]
+    combinations: tuple[Combination, ...]
+    linear: Array
+    train: Mapping[str, float]
+    test: Mapping[str, float]
+    linear_test: Mapping[str, float]
+    folds: Mapping[str, float]
+    saturated: float
+    remarks: tuple[str, ...] = ()
+
+    def value(self, name: str) -> float:
+        """Return a parameter by its name."""
+        return float(self.parameters[PLACE[name]])
+
+    def stiffness(self, kp: float) -> float:
+        """Return the torque per rad of error of the drive at a position gain, in N m/rad."""
+        return self.value("full_torque") * self.value("gain_ratio") * self.law.error_gain * kp
+
+    def mean_error(self, errors: Mapping[str, float]) -> float:
+        """Return the mean over logs, in rad; nan for none."""
+        return float(np.mean(list(errors.values()))) if errors else float("nan")
+
+
+@dataclass(frozen=True)
+class ActuatorEstimate:
+    """The actuators of a robot.
+
+    Attributes:
+        robot: Name of the robot.
+        joints: Its actuators.
+        provenance: Files, command and version.
+    """
+
+    robot: str
+    joints: tuple[JointActuator, ...]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def joint(self, name: str) -> JointActuator:
+        """Return the actuator of a joint."""
+        return next(joint for joint in self.joints if joint.name == name)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def as_data(estimate: ActuatorEstimate) -> dict[str, Any]:
+    """Return the estimate as plain data; what is infinite or not known is null."""
+    joints = {}
+    for joint in estimate.joints:
+        law = {key: _finite(v) if isinstance(v, float) else v for key, v in asdict(joint.law).items()}
+        names = [one.name for one in PARAMETERS]
+        joints[joint.name] = {
+            "friction_model": joint.friction,
+            "parameters": {
+                name: {"value": _finite(value), "unit": PARAMETERS[PLACE[name]].unit}
+                for name, value in zip(names, joint.parameters, strict=True)
+            },
+            "known": [{**asdict(one), "half_width": _finite(one.half_width)} for one in joint.known],
+            "combinations": [asdict(one) for one in joint.combinations],
+            "linear_start": {name: _finite(value) for name, value in zip(names, joint.linear, strict=True)},
+            "law": law,
+            "kp": list(joint.kp),
+            "train_error_rad": dict(joint.train),
+            "test_error_rad": dict(joint.test),
+            "linear_error_rad": dict(joint.linear_test),
+            "cross_validation_rad": {key: _finite(v) for key, v in joint.folds.items()},
+            "saturated_share": joint.saturated,
+            "remarks": list(joint.remarks),
+        }
+    return {
+        "kind": KIND, "version": VERSION, "robot": estimate.robot, "joints": joints,
+        "provenance": dict(estimate.provenance),
+    }  # fmt: skip
+
+
+def write_actuators(estimate: ActuatorEstimate, path: str | Path) -> None:
+    """Write the estimate as JSON.
+
+    Raises:
+        FileError: The file cannot be written.
+    """
+    write_atomically(path, json.dumps(as_data(estimate), indent=1, allow_nan=False) + "\n")
+
+
+def read_actuators(path: str | Path) -> ActuatorEstimate:
+    """Read a file of write_actuators.
+
+    Raises:
+        FileError: The file cannot be read.
+        EstimateFormatError: It is no such file, or damaged.
+    """
+    step = "name a file that 'dynident identify' has written for a case with servo:"
+    data = read_json(path, step, EstimateFormatError)
+    if not isinstance(data, dict) or data.get("kind") != KIND or data.get("version") != VERSION:
+        raise EstimateFormatError(path, "no estimate of actuators", step)
+    try:
+        joints = tuple(_joint(name, own) for name, own in data["joints"].items())
+        return ActuatorEstimate(data["robot"], joints, data.get("provenance", {}))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise EstimateFormatError(path, f"damaged ({type(error).__name__}: {error})", step) from error
+
+
+def _joint(name: str, own: Mapping[str, Any]) -> JointActuator:
+    law = dict(own["law"])
+    law["known"] = {key: KnownFrom(**value) for key, value in law["known"].items()}
+    law["limit"] = np.inf if law["limit"] is None else law["limit"]
+
+    def array(values: Mapping[str, Any]) -> Array:
+        found = [values[one.name] for one in PARAMETERS]
+        return np.array([np.inf if value is None else float(value) for value in found])
+
+    def infinite(one: Mapping[str, Any]) -> Known:
+        return Known(**{**one, "half_width": np.inf if one["half_width"] is None else one["half_width"]})
+
+    return JointActuator(
+        name=name,
+        law=DriveLaw(**law),
+        kp=tuple(own["kp"]),
+        friction=own["friction_model"],
+        parameters=array({key: value["value"] for key, value in own["parameters"].items()}),
+        known=tuple(infinite(one) for one in own["known"]),
+        combinations=tuple(Combination(**one) for one in own["combinations"]),
+        linear=array(own["linear_start"]),
+        train=own["train_error_rad"],
+        test=own["test_error_rad"],
+        linear_test=own["linear_error_rad"],
+        folds={key: np.inf if v is None else v for key, v in own["cross_validation_rad"].items()},
+        saturated=own["saturated_share"],
+        remarks=tuple(own["remarks"]),
+    )

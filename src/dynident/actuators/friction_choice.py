@@ -1,0 +1,97 @@
+"""Friction model of a servo by cross-validation: roll-outs of logs that had no part in the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dynident.actuators.drive_law import DriveLaw
+from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, start_at
+from dynident.actuators.output_error import FOLD, ServoProblem, output_error, starts_from
+from dynident.actuators.parameters import FRICTION_MODELS, PLACE
+from dynident.actuators.rollout import JointRecord, mean_errors
+from dynident.errors import DynidentError
+
+#: A richer model is taken where it lowers the cross-validation error by this share, and by more than one standard error
+#: over the logs (the one-standard-error rule: Hastie, Tibshirani and Friedman 2009, section 7.10). Errors are compared
+#: by their ratios log by log, as a fast log has errors many times those of a slow one.
+IMPROVES = 0.03
+
+#: Most folds.
+FOLDS = 4
+
+#: Models that are tried; m5 and m6 only where m4 is chosen before them.
+_FIRST, _THEN = ("m1", "m2", "m3", "m4"), ("m5", "m6")
+
+
+def folds_of(records: Sequence[JointRecord]) -> list[np.ndarray]:
+    """Return the numbers of the held-out logs of each fold: by position gain where there are several, else by log."""
+    gains = np.array([record.kp for record in records])
+    distinct = np.unique(gains)
+    if 1 < len(distinct):
+        groups = [np.flatnonzero(gains == value) for value in distinct]
+        while len(groups) > FOLDS:
+            groups = [*groups[:-2], np.concatenate(groups[-2:])]
+        return groups
+    count = len(records)
+    return [np.arange(count)[k :: min(FOLDS, count)] for k in range(min(FOLDS, count))] if count > 1 else []
+
+
+def choose_friction(
+    records: Sequence[JointRecord],
+    rows: Sequence[StartRows],
+    law: DriveLaw,
+    scanned: LinearStart,
+    has_off: bool,
+) -> tuple[str, dict[str, float]]:
+    """Return the chosen friction model and the cross-validation error of each that was tried, in rad.
+
+    The errors are geometric means over the logs.
+    With a single log there is nothing to hold out: m1, and no errors.
+    """
+    folds = folds_of(records)
+    if not folds:
+        return "m1", {}
+    errors: dict[str, np.ndarray] = {}
+    chosen = "m1"
+    for name in (*_FIRST, *_THEN):
+        if name in _THEN and chosen not in ("m4", "m5"):
+            break
+        errors[name] = _held_out_error(name, folds, records, rows, law, scanned, has_off)
+        gain = np.log(errors[chosen]) - np.log(errors[name])
+        if np.isfinite(errors[name]).all() and gain.mean() > max(IMPROVES, standard_error(gain)):
+            chosen = name
+    return chosen, {name: float(np.exp(np.log(each).mean())) for name, each in errors.items()}
+
+
+def standard_error(values: np.ndarray) -> float:
+    """Return the standard error of the mean of some values; 0 for a single one."""
+    return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else 0.0
+
+
+def _held_out_error(
+    name: str,
+    folds: Sequence[np.ndarray],
+    records: Sequence[JointRecord],
+    rows: Sequence[StartRows],
+    law: DriveLaw,
+    scanned: LinearStart,
+    has_off: bool,
+) -> np.ndarray:
+    """Return the error of the roll-out of each log by a fit without its fold, shape (logs,), in rad."""
+    model, found = FRICTION_MODELS[name], np.full(len(records), np.inf)
+    for held in folds:
+        kept = [k for k in range(len(records)) if k not in held]
+        try:
+            start = start_at([rows[k] for k in kept], law, model, scanned)
+            if not has_off and not law.controls_torque:
+                start[PLACE["viscous"]] += start[PLACE["back_emf"]]
+                start[PLACE["back_emf"]] = 0.0
+            free = free_parameters(law, model, start, has_off=has_off)
+            seeded = starts_from(start, model)[:1]  # at zero the Stribeck terms have no slope to follow
+            fit = output_error(ServoProblem(tuple(records[k] for k in kept), free, model), seeded, effort=FOLD)
+        except DynidentError:  # the rest of the logs does not determine this model
+            return found
+        found[held] = mean_errors([records[k] for k in held], fit.parameters)
+    return found

@@ -1,0 +1,252 @@
+"""Output error of servo roll-outs: bounded nonlinear least squares with exact derivatives, from several starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from dynident.actuators.parameters import PARAMETERS, PLACE, FrictionModel
+from dynident.actuators.rollout import JointRecord, rolled_out
+from dynident.arrays import Array
+from dynident.errors import SolverFailed
+
+#: Length of the first shooting intervals in s; then whole logs.
+SHOOTING_S = 1.0
+
+#: Least root mean square error of a log, as a share of their median, that its weight goes by.
+_LEAST_SHARE = 0.5
+
+
+@dataclass(frozen=True)
+class RefineEffort:
+    """How long the output error looks.
+
+    Attributes:
+        few: Evaluations of each start on intervals.
+        many: Evaluations of the best starts on whole logs.
+        go_on: Starts that go on to whole logs, beside the first one.
+        reweights: Times that the weights of the logs are found anew.
+    """
+
+    few: int
+    many: int
+    go_on: int
+    reweights: int
+
+
+#: Of the answer, and of a fold of the cross-validation.
+WHOLE, FOLD = RefineEffort(12, 60, 4, 3), RefineEffort(8, 25, 0, 1)
+
+
+@dataclass(frozen=True)
+class ServoProblem:
+    """Roll-outs of one joint and the parameters that are free.
+
+    Attributes:
+        records: The joint in the logs.
+        free: Names of the free parameters.
+        friction: Friction model, with its equal parameters.
+    """
+
+    records: tuple[JointRecord, ...]
+    free: tuple[str, ...]
+    friction: FrictionModel
+
+    @property
+    def places(self) -> list[int]:
+        """Columns of the free parameters."""
+        return [PLACE[name] for name in self.free]
+
+    def full(self, values: Array, base: Array) -> Array:
+        """Return all parameters, shape (COUNT,), from the free ones (f,) and the others."""
+        parameters = base.copy()
+        parameters[self.places] = values
+        for tied, other in self.friction.tied:
+            parameters[PLACE[tied]] = parameters[PLACE[other]]
+        return parameters
+
+    def jacobian(self, slopes: Array) -> Array:
+        """Return the derivatives (N, f) by the free parameters from those by all, (N, COUNT)."""
+        found = slopes[:, self.places].copy()
+        for tied, other in self.friction.tied:
+            if other in self.free:
+                found[:, self.free.index(other)] += slopes[:, PLACE[tied]]
+        return found
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the bounds of the free parameters, each (f,)."""
+        own = [PARAMETERS[place] for place in self.places]
+        return np.array([one.lower for one in own]), np.array([one.upper for one in own])
+
+    def scales(self) -> Array:
+        """Return the sizes of typical changes, shape (f,)."""
+        return np.array([PARAMETERS[place].scale for place in self.places])
+
+    def errors(self, parameters: Array) -> tuple[list[Array], list[Array]]:
+        """Return the errors in rad and their derivatives by the free parameters, log by log."""
+        errors, slopes = [], []
+        for record in self.records:
+            run = rolled_out(record, parameters, True)
+            errors.append((run.q - record.q)[record.used])
+            slopes.append(self.jacobian(run.slopes)[record.used])
+        return errors, slopes
+
+
+@dataclass(frozen=True)
+class ServoFit:
+    """Where an output-error fit ended.
+
+    Attributes:
+        parameters: Shape (COUNT,).
+        cost: Of the robust least squares.
+        start: Number of the start, from 0.
+        evaluations: Roll-outs of all logs that were made, over all starts.
+        costs: Cost that each start reached on whole logs; infinite for one that was left on intervals.
+    """
+
+    parameters: Array
+    cost: float
+    start: int
+    evaluations: int
+    costs: tuple[float, ...]
+
+
+def output_error(
+    problem: ServoProblem, starts: Sequence[Array], loss_scale: float = 0.0, effort: RefineEffort = WHOLE
+) -> ServoFit:
+    """Return the parameters whose roll-outs are nearest to the measured positions.
+
+    All starts are refined on intervals of SHOOTING_S that begin at the measurement (multiple shooting), the best of
+    them on whole logs. The loss is Huber's, smoothed (soft L1), so that failed reads and single slips count little.
+    Then the logs are weighted by their own root mean square error, as maximum likelihood does where each log has a
+    variance of its own: a log that the model cannot follow (a hot drive, a supply that sags) does not rule the others.
+
+    Args:
+        problem: Roll-outs and free parameters.
+        starts: Parameters, each (COUNT,).
+        effort: How long to look.
+        loss_scale: Error in rad from which it counts by its size, not its square; 0: the median of the first start.
+
+    Raises:
+        SolverFailed: No start gives a finite roll-out.
+    """
+    if loss_scale <= 0.0:
+        first = problem.full(starts[0][problem.places], starts[0])
+        sizes = np.concatenate([np.abs(one) for one in problem.errors(first)[0]])
+        loss_scale = max(float(np.median(sizes[np.isfinite(sizes)])) if np.isfinite(sizes).any() else 0.1, 1e-4)
+    pieces = ServoProblem(_intervals(problem.records), problem.free, problem.friction)
+    coarse, evaluations = [], 0
+    for start in starts if effort.go_on else ():
+        values, cost, count = _refined(pieces, start, loss_scale, effort.few)
+        evaluations += count
+        coarse.append((cost, values))
+    order = np.argsort([cost for cost, _ in coarse])[: effort.go_on]
+    costs = [np.inf] * len(starts)
+    best: tuple[Array, float, int] | None = None
+    tried = [(int(k), coarse[k][1]) for k in order] + [(0, starts[0])]
+    for k, first in tried:
+        values, cost, count = _refined(problem, first, loss_scale, effort.many)
+        evaluations += count
+        costs[k] = min(costs[k], cost)
+        if np.isfinite(cost) and (best is None or cost < best[1]):
+            best = (values, cost, k)
+    if best is None:
+        step = "check the drive law (error_gain, limit) and the robot model's inertias"
+        raise SolverFailed("the output error of the servo", "no start gives a finite roll-out", step)
+    for _ in range(effort.reweights if len(problem.records) > 2 else 0):
+        weights = log_weights(problem, best[0])
+        values, cost, count = _refined(problem, best[0], loss_scale, effort.many, weights)
+        evaluations += count
+        best = (values, cost, best[2])
+    return ServoFit(best[0], best[1], best[2], evaluations, tuple(costs))
+
+
+def log_weights(problem: ServoProblem, parameters: Array) -> Array:
+    """Return the weight of each log by its root mean square error, shape (logs,), of mean 1."""
+    sizes = []
+    for record in problem.records:
+        error = (rolled_out(record, parameters).q - record.q)[record.used]
+        sizes.append(float(np.sqrt(np.mean(np.minimum(np.nan_to_num(error**2, nan=10.0), 10.0)))))
+    weights = 1.0 / np.maximum(sizes, max(_LEAST_SHARE * float(np.median(sizes)), 1e-9))
+    return weights / weights.mean()
+
+
+def _intervals(records: Sequence[JointRecord]) -> tuple[JointRecord, ...]:
+    parts = []
+    for record in records:
+        time = record.samples[:, 0]
+        count = max(1, round((time[-1] - time[0]) / SHOOTING_S))
+        cuts = np.searchsorted(time, np.linspace(time[0], time[-1], count + 1))
+        cuts[-1] = len(time)
+        parts += [record.part(int(a), int(b)) for a, b in pairwise(cuts) if b - a > 10]
+    return tuple(parts)
+
+
+def _refined(
+    problem: ServoProblem, start: Array, loss_scale: float, most: int, log_weight: Array | None = None
+) -> tuple[Array, float, int]:
+    """Return parameters (COUNT,), cost and number of evaluations of one bounded search."""
+    lower, upper = problem.bounds()
+    weights = [1.0 / np.sqrt(max(int(record.used.sum()), 1)) for record in problem.records]
+    if log_weight is not None:
+        weights = [one * float(own) for one, own in zip(weights, log_weight, strict=True)]
+    total = np.sqrt(sum(int(record.used.sum()) for record in problem.records) / len(problem.records))
+    at: dict[bytes, tuple[Array, Array]] = {}
+
+    def rows(values: Array) -> tuple[Array, Array]:
+        key = values.tobytes()
+        if key not in at:
+            at.clear()
+            errors, slopes = problem.errors(problem.full(values, start))
+            error = np.concatenate([one * weight for one, weight in zip(errors, weights, strict=True)]) * total
+            slope = np.concatenate([one * weight for one, weight in zip(slopes, weights, strict=True)]) * total
+            at[key] = np.nan_to_num(error, nan=10.0, posinf=10.0, neginf=-10.0), np.nan_to_num(slope)
+        return at[key]
+
+    first = np.clip(start[problem.places], lower, upper)
+    room = 1e-6 * problem.scales()
+    first = np.clip(first, lower + room, np.where(np.isfinite(upper), upper - room, upper))
+
+    def slopes_at(values: Array) -> Array:
+        return rows(values)[1]
+
+    slope_of: Any = slopes_at  # the stubs of scipy know words only
+    found = least_squares(
+        lambda values: rows(values)[0],
+        first,
+        slope_of,
+        bounds=(lower, upper),
+        x_scale=problem.scales(),
+        loss="soft_l1",
+        f_scale=loss_scale,
+        max_nfev=most,
+        xtol=1e-6,
+        ftol=1e-7,
+    )
+    return problem.full(found.x, start), float(found.cost), int(found.nfev)
+
+
+def starts_from(linear: Array, friction: FrictionModel) -> list[Array]:
+    """Return starts of the output error: the linear one, and ones with other friction, armature and delay."""
+
+    def changed(**factors: float) -> Array:
+        found = linear.copy()
+        for name, factor in factors.items():
+            found[PLACE[name]] *= factor
+        return found
+
+    found = [linear.copy(), changed(armature=2.0, coulomb=0.5), changed(full_torque=1.2, viscous=0.5, back_emf=1.5)]
+    found.append(changed(full_torque=0.85, coulomb=2.0))
+    if "coulomb_stribeck" in friction.free:
+        for one in found:
+            one[PLACE["coulomb_stribeck"]] = 0.3 * one[PLACE["coulomb"]] + 1e-4
+            one[PLACE["stribeck_velocity"]] = 0.5
+            one[PLACE["stribeck_exponent"]] = 1.3
+            if "load_motor_stribeck" in friction.free:
+                one[PLACE["load_motor_stribeck"]] = one[PLACE["load_external_stribeck"]] = 0.05
+    return found

@@ -1,0 +1,108 @@
+"""Roll-outs of a servo joint over logs, and their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.actuators.drive_law import DriveLaw
+from dynident.actuators.joint_load import JointLoad, loop_samples
+from dynident.actuators.parameters import COUNT
+from dynident.actuators.rollout_loop import roll_out
+from dynident.actuators.servo_log import ServoLog
+from dynident.arrays import Array, BoolArray
+
+#: Longest step of the integration in s.
+STEP = 1e-3
+
+#: Samples by which the velocity at the start is found.
+_FIRST = 8
+
+
+@dataclass(frozen=True)
+class JointRecord:
+    """One joint in one log, as the roll-out takes it.
+
+    Attributes:
+        name: The log.
+        samples: Shape (N, COLUMNS) of ``rollout_loop``.
+        law: Numbers of the drive law at the gain of the log, shape (4,).
+        kp: Gain of the log.
+        q: Measured positions, shape (N,), in rad.
+        used: Samples whose error counts: reads that did not fail, shape (N,).
+        start: Position and velocity at the first sample, shape (2,).
+    """
+
+    name: str
+    samples: Array
+    law: Array
+    kp: float
+    q: Array
+    used: BoolArray
+    start: Array
+
+    def part(self, first: int, last: int) -> JointRecord:
+        """Return some of the samples, started from the measurement there."""
+        own = slice(first, last)
+        q, used = self.q[own], self.used[own]
+        return JointRecord(
+            self.name, self.samples[own], self.law, self.kp, q, used, start_of(self.samples[own, 0], q, used)
+        )
+
+
+def start_of(time: Array, q: Array, used: BoolArray) -> Array:
+    """Return position and velocity at the first sample, shape (2,): the line through the first few reads."""
+    few = np.flatnonzero(used)[:_FIRST]
+    if len(few) < 3:
+        return np.array([q[0], 0.0])
+    slope = np.polyfit(time[few] - time[0], q[few], 1)[0]
+    return np.array([q[0], slope if abs(slope) > 0.02 else 0.0])
+
+
+def record_of(log: ServoLog, joint: int, load: JointLoad, law: DriveLaw) -> JointRecord:
+    """Return one joint of a log as the roll-out takes it."""
+    used = ~log.failed[:, joint]
+    return JointRecord(
+        name=log.name,
+        samples=loop_samples(log, joint, load),
+        law=law.numbers(log.kp),
+        kp=log.kp,
+        q=log.q[:, joint],
+        used=used,
+        start=start_of(log.time, log.q[:, joint], used),
+    )
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """A roll-out.
+
+    Attributes:
+        q: Positions at the samples, shape (N,), in rad.
+        slopes: Their derivatives by the parameters, shape (N, COUNT); (0, COUNT) where none were asked for.
+        saturated: Whether the duty was at its limit after a sample, shape (N,).
+    """
+
+    q: Array
+    slopes: Array
+    saturated: BoolArray
+
+
+def rolled_out(record: JointRecord, parameters: Array, with_slopes: bool = False, longest: float = STEP) -> Rollout:
+    """Return the roll-out of a joint from the first sample of a log with its commands as the only input."""
+    count = len(record.q)
+    q, saturated = np.empty(count), np.zeros(count, dtype=bool)
+    slopes = np.empty((count if with_slopes else 0, COUNT))
+    roll_out(parameters, record.samples, record.law, record.start, longest, q, slopes, saturated)
+    return Rollout(q, slopes, saturated)
+
+
+def mean_errors(records: Sequence[JointRecord], parameters: Array) -> Array:
+    """Return the mean absolute position error of each roll-out, shape (logs,), in rad."""
+    found = []
+    for record in records:
+        error = np.abs(rolled_out(record, parameters).q - record.q)[record.used]
+        found.append(float(np.mean(error)) if np.isfinite(error).all() else np.inf)
+    return np.array(found)

@@ -1,0 +1,142 @@
+"""How far the parameters of a servo are known: intervals that allow for autocorrelation, and what is known together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import t as student
+
+from dynident.actuators.output_error import ServoProblem, log_weights
+from dynident.actuators.parameters import PARAMETERS, PLACE
+from dynident.arrays import Array
+
+#: Confidence of the intervals.
+LEVEL = 0.95
+
+#: Length in s of the pieces of a log whose scores count as independent where there are few logs.
+PIECE_S = 1.0
+
+#: Fewest logs that count as the independent pieces by themselves.
+_LOGS = 8
+
+#: Singular values below this share of the largest, of columns at the scale of each parameter, are directions that the
+#: logs do not see.
+RANK = 1e-6
+
+#: Correlation from which two parameters are known only together.
+TOGETHER = 0.98
+
+#: Half width from which a parameter counts as not determined, as a share of its value.
+WEAK = 0.5
+
+
+@dataclass(frozen=True)
+class Known:
+    """How far one free parameter is known.
+
+    Attributes:
+        name: The parameter.
+        value: Its value.
+        half_width: Of the interval at LEVEL; infinite where the logs do not see it.
+        label: identified, weak, at its bound, or not separable.
+        together: Parameter that it is known with only; empty for none.
+    """
+
+    name: str
+    value: float
+    half_width: float
+    label: str
+    together: str = ""
+
+    def scaled(self, factor: float) -> Known:
+        """Return the parameter in a unit that is smaller by a factor."""
+        return replace(self, value=self.value * factor, half_width=self.half_width * factor)
+
+
+def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[tuple[Known, ...], Array]:
+    """Return how far each free parameter is known, and the covariance (f, f).
+
+    The sandwich covariance of clustered scores: errors of one roll-out are correlated over its whole length, so pieces
+    of it (whole logs where there are eight or more) are taken as the independent ones. Cameron and Miller, "A
+    practitioner's guide to cluster-robust inference", Journal of Human Resources 50, 2015, equation (10).
+    """
+    errors, slopes = problem.errors(parameters)
+    weights = log_weights(problem, parameters) if len(errors) > 2 else np.ones(len(errors))
+    scales = np.maximum(np.abs(parameters[problem.places]), 0.1 * problem.scales())
+    lower, upper = problem.bounds()
+    values = parameters[problem.places]
+    inner = (values > lower + 1e-4 * problem.scales()) & (values < upper - 1e-4 * problem.scales())
+    bread = np.zeros((len(values), len(values)))
+    scores: list[Array] = []
+    for record, error, slope, weight in zip(problem.records, errors, slopes, weights, strict=True):
+        own = slope * scales * weight / np.sqrt(len(error))
+        residual = error * weight / np.sqrt(len(error))
+        bread += own.T @ own
+        pieces = 1
+        if len(errors) < _LOGS:
+            time = record.samples[record.used, 0]
+            pieces = max(1, round((time[-1] - time[0]) / PIECE_S))
+        scores += [own[a].T @ residual[a] for a in np.array_split(np.arange(len(error)), pieces)]
+    free = [int(k) for k in np.flatnonzero(inner)]
+    covariance = np.zeros_like(bread)
+    seen = np.zeros(len(values), dtype=bool)
+    if free:
+        core = bread[np.ix_(free, free)]
+        sizes, vectors = np.linalg.eigh(core)
+        good = sizes > RANK * sizes[-1]
+        inverse = (vectors[:, good] / sizes[good]) @ vectors[:, good].T
+        blind = np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > 0.1
+        seen[free] = ~blind
+        meat = sum(np.outer(one[free], one[free]) for one in scores)
+        count = len(scores)
+        factor = count / max(count - 1, 1)
+        covariance[np.ix_(free, free)] = factor * inverse @ meat @ inverse
+    covariance *= np.outer(scales, scales)
+    spread = student.ppf(0.5 + LEVEL / 2.0, max(len(scores) - 1, 1))
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    found = []
+    for k, name in enumerate(problem.free):
+        if not inner[k]:
+            found.append(Known(name, float(values[k]), np.inf, "at its bound"))
+            continue
+        if not seen[k]:
+            found.append(Known(name, float(values[k]), np.inf, "not separable", _partner(problem.free, bread, k, free)))
+            continue
+        half = float(spread * deviations[k])
+        partner = _partner(problem.free, covariance, k, free, TOGETHER)
+        label = "identified" if half < WEAK * abs(values[k]) or name == "angle_offset" else "weak"
+        found.append(Known(name, float(values[k]), half, label, partner if label == "weak" else ""))
+    return tuple(found), covariance
+
+
+def _partner(names: Sequence[str], matrix: Array, k: int, free: Sequence[int], least: float = 0.0) -> str:
+    """Return the parameter that is most correlated with one, by a matrix of products (f, f); empty below a limit."""
+    sizes = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    others = [j for j in free if j != k]
+    if not others:
+        return ""
+    strength = [abs(matrix[k, j]) / (sizes[k] * sizes[j]) for j in others]
+    best = int(np.argmax(strength))
+    return names[others[best]] if strength[best] >= least else ""
+
+
+#: What separates parameters that the logs do not tell apart.
+EXPERIMENTS = {
+    "gain_ratio": "command steps large enough that the torque saturates, or state error_gain and kp of the drive",
+    "full_torque": "command steps large enough that the torque saturates, or state error_gain and kp of the drive",
+    "back_emf": "lift the joint, switch the torque off and let it swing, and log torque_enable",
+    "viscous": "lift the joint, switch the torque off and let it swing, and log torque_enable",
+    "armature": "faster motions (chirps up to a few Hz), or a second payload of other mass",
+    "load_motor": "hold and move a second, heavier payload",
+    "load_external": "hold and move a second, heavier payload",
+    "coulomb": "slow ramps in both directions",
+    "delay": "steps or a fast chirp of the command",
+    "slew_limit": "large steps of the command",
+}
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a parameter."""
+    return PARAMETERS[PLACE[name]].unit

@@ -1,0 +1,78 @@
+"""actuators: a case with servos and its logs to the actuators of its robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+
+from dynident.actuators.estimate import ActuatorEstimate
+from dynident.actuators.identify import identify_actuators
+from dynident.actuators.servo_log import ServoLog, read_servo_log
+from dynident.case.case import Case, read_case
+from dynident.errors import BadOption, DescriptionError, LogMismatch
+from dynident.files import sha256_of
+from dynident.model.threads import one_blas_thread
+
+
+def actuators(
+    case: Case | str | Path, *, command: str = "", progress: Callable[[str], None] = lambda step: None
+) -> ActuatorEstimate:
+    """Identify the actuators of a case whose logs have commanded and measured positions and no torque.
+
+    Args:
+        case: A case with the key ``servo``, or its file.
+        command: What was typed, to be repeated; empty for nothing.
+        progress: Called with each step in words.
+
+    Raises:
+        DescriptionError: The case has no key ``servo``, or a split.
+        BadOption: No training log is named.
+        LogFormatError: A log lacks a column, or is no sound log.
+        LogMismatch: A log that determines nothing: no command, one pose, counts, saturated throughout.
+        NotConsistent: The robot model has no inertias.
+        SolverFailed: No start gives a finite roll-out.
+    """
+    if not isinstance(case, Case):
+        case = read_case(case)
+    train, test = read_servo_logs(case)
+    assert case.servo is not None
+    with one_blas_thread():
+        found = identify_actuators(case.robot, case.servo, train, test, progress)
+    names = [log.name for log in (*train, *test)]
+    provenance = {
+        "dynident": version("dynident"),
+        "command": command,
+        "case": {"path": case.path, "sha256": sha256_of(case.path)},
+        "robot": {"path": case.robot_path, "sha256": sha256_of(case.robot_path)},
+        "logs": [{"path": name, "sha256": sha256_of(name)} for name in names],
+        "train": [log.name for log in train],
+    }
+    return replace(found, provenance=provenance)
+
+
+def read_servo_logs(case: Case) -> tuple[list[ServoLog], list[ServoLog]]:
+    """Return the training and the test logs of a case with servos.
+
+    Raises:
+        DynidentError: As of :func:`actuators`.
+    """
+    if case.servo is None:
+        raise DescriptionError(case.path or "the case", "servo", "is missing", "state the drive law of the servos")
+    if case.split is not None:
+        step = "name whole logs under test: a roll-out starts at the first sample of a log"
+        raise DescriptionError(case.path, "split", "it stands beside servo", step)
+    if not case.train:
+        raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
+    train, test = (
+        [read_servo_log(case.find(name), case.servo.columns) for name in names] for names in (case.train, case.test)
+    )
+    seen: dict[str, str] = {}
+    for log in (*train, *test):
+        digest = sha256_of(log.name)
+        if digest in seen:
+            step = "give each log once, and test on logs that are not trained on"
+            raise LogMismatch(log.name, f"the same content as {seen[digest]}", step)
+        seen[digest] = log.name
+    return train, test

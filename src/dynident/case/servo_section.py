@@ -1,0 +1,111 @@
+"""The key ``servo`` of a case file: position servos whose logs have commands and positions, and no torque.
+
+Keys for all joints: law, kp, error_gain, limit, dead_zone, punch, slew_limit, delay_s, damping_gain, friction, enabled,
+supply, nominal_volts, feedforward, and joints with a mapping of the first eight per joint. docs/case-file.md describes
+each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from dynident.actuators.drive_law import PRESETS, DriveLaw, preset
+from dynident.actuators.parameters import FRICTION_MODELS
+from dynident.actuators.servo_log import AUTO, ServoColumns, ServoSetup
+from dynident.case.case_values import guarded, texts
+from dynident.data.formats import ColumnMap
+from dynident.errors import BadOption
+from dynident.model.documents.sections import Section
+from dynident.model.robot import Robot
+
+#: Keys of a drive law, for all joints or for one.
+LAW_KEYS = ("law", "error_gain", "limit", "dead_zone", "punch", "slew_limit", "delay_s", "damping_gain")
+
+KEYS = (*LAW_KEYS, "kp", "friction", "enabled", "supply", "nominal_volts", "feedforward", "joints")
+
+
+def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
+    """Return what the section ``servo`` says.
+
+    Args:
+        top: The whole case.
+        robot: The robot whose joints the logs have.
+        columns: Columns of time, positions and commands.
+
+    Raises:
+        DescriptionError: A fault in one of the keys, with the key.
+    """
+    section = top.section("servo", KEYS)
+    names = robot.joint_names
+    own = section.section("joints", names) if section.has("joints") else None
+    common = _law(section, guarded(section.place("law"), lambda: preset(section.choice("law", tuple(PRESETS)))))
+    laws = []
+    for name in names:
+        if own is None or not own.has(name):
+            laws.append(common)
+            continue
+        each = own.section(name, LAW_KEYS)
+        base = preset(each.choice("law", tuple(PRESETS))) if each.has("law") else common
+        laws.append(_law(each, base))
+    place = section.place("joints")
+    if not np.array_equal(np.asarray(robot.coupling), np.eye(len(names))):
+        raise place.error("a coupling of drives beside servo", "leave out coupling: servos turn one joint each")
+    kp = _kp(section)
+    if kp is None and any(law.kp is None for law in laws):
+        laws = [law if law.kp is not None else _without_gain(law) for law in laws]
+    friction = section.choice("friction", (AUTO, *FRICTION_MODELS), AUTO)
+    return ServoSetup(
+        tuple(laws),
+        ServoColumns(
+            joints=names,
+            columns=columns,
+            enabled=texts(section, "enabled"),
+            supply=section.text("supply", ""),
+            nominal_volts=section.at_least_zero("nominal_volts", 0.0),
+            added=texts(section, "feedforward"),
+            kp=kp,
+        ),
+        friction,
+    )
+
+
+def _without_gain(law: DriveLaw) -> DriveLaw:
+    """Return a law whose gain nobody knows: of gain and torque at full duty only the product is known at first."""
+    known = {name: state for name, state in law.known.items() if name != "error_gain"}
+    return DriveLaw(**{**vars(law), "kp": 1.0, "error_gain": 1.0, "known": known})
+
+
+def _law(section: Section, law: DriveLaw) -> DriveLaw:
+    fields: dict[str, object] = {}
+    for key in ("error_gain", "dead_zone", "punch"):
+        if section.has(key):
+            fields[key] = section.at_least_zero(key)
+    if section.has("limit"):
+        fields["limit"] = section.at_least_zero("limit", unbounded=True)
+    for key in ("slew_limit", "delay_s"):
+        if section.has(key) and section.value(key) == AUTO:
+            fields[key] = None
+        elif section.has(key) and section.value(key) == "none":
+            fields[key] = np.inf if key == "slew_limit" else 0.0
+        elif section.has(key):
+            fields[key] = section.at_least_zero(key, unbounded=True)
+    if section.has("damping_gain"):
+        fields["has_damping_gain"] = section.choice("damping_gain", ("free", "none")) == "free"
+    return law.stated(fields) if fields else law
+
+
+def _kp(section: Section) -> float | str | Mapping[str, float] | None:
+    if not section.has("kp") or section.value("kp") == "unknown":
+        return None
+    value = section.value("kp")
+    if isinstance(value, Mapping):
+        inner = section.section("kp", tuple(map(str, value)))
+        return {str(key): inner.number(str(key)) for key in value}
+    try:
+        return section.number("kp")
+    except Exception as error:
+        if isinstance(value, str):
+            return value
+        raise BadOption("servo.kp", value, "write a number, a pattern such as 'kp{}', a column, or unknown") from error

@@ -1,0 +1,85 @@
+"""The answer about actuators as lines and tables."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynident.actuators.estimate import ActuatorEstimate, JointActuator
+from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
+from dynident.actuators.verdict import EXPERIMENTS, unit_of
+from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
+
+
+def parameter_table(joint: JointActuator) -> Table:
+    """Return the parameters of one joint with their intervals and labels."""
+    rows = []
+    for one in joint.known:
+        name = one.name.replace("_", " ")
+        label = one.label if not one.together else f"{one.label}, only with {one.together.replace('_', ' ')}"
+        half = MISSING if not np.isfinite(one.half_width) else format_number(one.half_width, 2)
+        value = format_number(one.value, 4) if half == MISSING else format_value(one.value, one.half_width)[0]
+        rows.append((name, value, half, pretty_unit(unit_of(one.name)), label))
+    for one in joint.combinations:
+        rows.append((one.name, format_number(one.value, 4), MISSING, pretty_unit(one.unit), "known together"))
+    columns = (
+        Column("parameter"),
+        Column("value", numeric=True),
+        Column("half width (95 %)", numeric=True),
+        Column("unit"),
+        Column("verdict"),
+    )
+    return Table(columns, tuple(rows))
+
+
+def joint_lines(joint: JointActuator) -> list[str]:
+    """Return what has to be said of one joint beside its table."""
+    law = joint.law.name or "stated in the case file"
+    lines = [f"friction {joint.friction}: {FRICTION_MODELS[joint.friction].words}; drive law {law}"]
+    if joint.folds:
+        folds = ", ".join(f"{name} {1e3 * value:.3g}" for name, value in joint.folds.items())
+        lines.append(f"cross-validation error of the roll-outs in mrad (geometric mean over logs): {folds}")
+    for title, errors in (("training", joint.train), ("test", joint.test)):
+        if errors:
+            lines.append(f"{title} error of the roll-outs: {_spread(list(errors.values()))}")
+    kind = "test" if joint.test else "training"
+    lines.append(f"{kind} error of the linear start: {1e3 * joint.mean_error(joint.linear_test):.3g} mrad")
+    slew = joint.parameters[PLACE["slew_limit"]]
+    if not np.isfinite(slew):
+        lines.append("slew limit of the goal: none found")
+    if joint.saturated > 0:
+        lines.append(f"saturated: {100 * joint.saturated:.2g} % of the training samples")
+    return lines
+
+
+def _spread(errors: list[float]) -> str:
+    mrad = [1e3 * value for value in errors]
+    text = f"{np.mean(mrad):.3g} mrad"
+    more = f" (median {np.median(mrad):.3g}, largest {max(mrad):.3g}, {len(mrad)} logs)"
+    return text if len(mrad) == 1 else text + more
+
+
+def joint_warnings(joint: JointActuator) -> list[str]:
+    """Return what speaks against trusting the actuator of a joint."""
+    found = list(joint.remarks)
+    for one in joint.combinations:
+        found.append(f"{one.name} is known only as a whole ({one.words})")
+    for one in joint.known:
+        if one.label in ("weak", "not separable") and one.name in EXPERIMENTS and not joint.combinations:
+            found.append(f"{one.name.replace('_', ' ')} is {one.label}: {EXPERIMENTS[one.name]}")
+    bound = [one.name.replace("_", " ") for one in joint.known if one.label == "at its bound" and one.value != 0.0]
+    real = [name for name in bound if abs(joint.value(name.replace(" ", "_"))) > 0.01 * _scale(name)]
+    if real:
+        found.append(f"{', '.join(real)} ended at a bound: check the drive law and the inertias of the robot model")
+    return found
+
+
+def _scale(name: str) -> float:
+    return PARAMETERS[PLACE[name.replace(" ", "_")]].scale
+
+
+def headline(estimate: ActuatorEstimate) -> str:
+    """Return the first line of the answer."""
+    count = len(estimate.joints)
+    tested = [joint.mean_error(joint.test) for joint in estimate.joints if joint.test]
+    error = f"; test error {1e3 * float(np.mean(tested)):.3g} mrad" if tested else "; no test logs"
+    return f"{estimate.robot}: actuators of {count} joint{'s' * (count > 1)} from commands and positions{error}"

@@ -1,0 +1,83 @@
+"""Actuators of known truth are found again, and what logs cannot tell is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from servo_bench import TRUE, parameters, virtual_logs
+
+from dynident.actuators.drive_law import PRESETS, STATES, preset
+from dynident.actuators.estimate import read_actuators, write_actuators
+from dynident.actuators.identify import identify_actuators
+from dynident.actuators.servo_log import ServoColumns, ServoSetup
+from dynident.errors import EstimateFormatError, NotConsistent, UnknownChoice
+from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
+
+COLUMNS = ServoColumns(("joint1",))
+
+
+def test_a_known_servo_is_found_again(robot: Robot, tmp_path: Path) -> None:
+    """Gain, armature and friction within 3 %, delay within 1 ms; the file of the answer holds all of it."""
+    logs = virtual_logs(robot, parameters())
+    estimate = identify_actuators(robot, ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1"), logs[:3], logs[3:])
+    joint = estimate.joint("joint1")
+    for name in ("full_torque", "back_emf", "coulomb", "armature"):
+        assert joint.value(name) == pytest.approx(TRUE[name], rel=0.03), name
+    assert joint.value("viscous") == pytest.approx(TRUE["viscous"], abs=0.005)
+    assert joint.value("delay") == pytest.approx(TRUE["delay"], abs=1e-3)
+    assert np.isinf(joint.value("slew_limit"))
+    labels = {one.name: one.label for one in joint.known}
+    assert labels["full_torque"] == labels["armature"] == "identified"
+    assert joint.mean_error(joint.test) < 2e-3
+    assert any("kp 6" in remark and "extrapolation" in remark for remark in joint.remarks)
+    write_actuators(estimate, tmp_path / "a.json")
+    again = read_actuators(tmp_path / "a.json")
+    assert np.array_equal(again.joints[0].parameters, joint.parameters) and again.joints[0].known == joint.known
+    (tmp_path / "b.json").write_text("{}")
+    with pytest.raises(EstimateFormatError, match="no estimate of actuators"):
+        read_actuators(tmp_path / "b.json")
+
+
+def test_a_slew_limit_of_the_drive_is_found(robot: Robot) -> None:
+    logs = virtual_logs(robot, parameters(slew_limit=2.5), gains=(4.0,))
+    setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1")
+    joint = identify_actuators(robot, setup, logs).joints[0]
+    assert joint.value("slew_limit") == pytest.approx(2.5, rel=0.03)
+    assert joint.value("full_torque") == pytest.approx(TRUE["full_torque"], rel=0.05)
+
+
+def test_an_unknown_gain_without_saturation_is_not_separable(robot: Robot) -> None:
+    """Only the stiffness is known, and it is right; a swing of the free joint is missed, so damping is one sum."""
+    logs = [log for log in virtual_logs(robot, parameters(), gains=(1.0, 1.5)) if log.enabled.all()]
+    logs = [type(log)(**{**vars(log), "kp": float("nan")}) for log in logs[:1]]
+    joint = identify_actuators(robot, ServoSetup((preset("position_servo"),), COLUMNS, "m1"), logs).joints[0]
+    labels = {one.name: one.label for one in joint.known}
+    assert labels["full_torque"] == "not separable"
+    known = {one.name: one for one in joint.combinations}
+    assert known["stiffness"].value == pytest.approx(2.4 * 0.166, rel=0.05)
+    assert "saturates" in known["stiffness"].words
+    assert known["damping"].value == pytest.approx(TRUE["viscous"] + TRUE["back_emf"], rel=0.05)
+    assert "torque off" in known["damping"].words
+
+
+def test_a_robot_model_without_inertias_is_named(tmp_path: Path, robot: Robot) -> None:
+    (tmp_path / "bare.urdf").write_text(
+        '<robot name="bare"><link name="a"/><link name="b"/><joint name="joint1" type="revolute"><parent link="a"/>'
+        '<child link="b"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>'
+    )
+    logs = virtual_logs(robot, parameters(), gains=(4.0,))
+    setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1")
+    with pytest.raises(NotConsistent, match=r"no inertias; .*ratios only"):
+        identify_actuators(read_robot(str(tmp_path / "bare.urdf")), setup, logs)
+
+
+def test_every_preset_says_where_its_fields_are_known_from() -> None:
+    assert len(PRESETS) >= 6
+    for law in PRESETS.values():
+        assert law.words and all(one.state in STATES for one in law.known.values())
+        assert all(one.source for one in law.known.values() if one.state != "unknown")
+    with pytest.raises(UnknownChoice, match="did you mean 'dynamixel_xl330'"):
+        preset("dynamixel_xl33")

@@ -1,0 +1,80 @@
+"""The compiled roll-out of a servo joint against an integrator that knows nothing of it, and finite differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from servo_bench import motions, parameters, virtual_logs
+
+from dynident.actuators.drive_law import preset
+from dynident.actuators.joint_load import joint_loads, measured_motion
+from dynident.actuators.parameters import PARAMETERS, PLACE
+from dynident.actuators.rollout import JointRecord, record_of, rolled_out
+from dynident.model.robot import Robot
+
+
+@pytest.fixture(scope="module")
+def records(robot: Robot) -> list[JointRecord]:
+    law = preset("feetech_sts3215")
+    logs = virtual_logs(robot, parameters(), gains=(4.0,))
+    return [record_of(log, 0, joint_loads(robot, log, measured_motion(log))[0], law) for log in logs]
+
+
+def test_smooth_roll_out_is_that_of_a_runge_kutta_integrator(records: list[JointRecord]) -> None:
+    true = parameters(coulomb=0.0, delay=0.0)
+    time, each = motions()
+    record, law = records[0], preset("feetech_sts3215")
+    stamps = record.samples[:, 0]
+    command = each["chirp"][0]
+    weight, inertia = 0.8 * 9.81 * 0.15, 0.8 * 0.15**2 + 0.002 + true[PLACE["armature"]]
+
+    def slope(t: float, x: np.ndarray) -> list[float]:
+        held = command[max(np.searchsorted(stamps, t, side="right") - 1, 0)]
+        duty = np.clip(4.0 * law.error_gain * (held - x[0]), -law.limit, law.limit)
+        drive = 2.4 * duty - (0.21 + 0.05) * x[1]
+        return [x[1], (drive - weight * np.sin(x[0] + 0.02)) / inertia]
+
+    found = solve_ivp(slope, (stamps[0], stamps[400]), record.start, "RK45", stamps[:401], max_step=5e-4, rtol=1e-7)
+    part = rolled_out(record, true, longest=1e-4).q[:401]
+    assert len(time) > 401
+    assert np.max(np.abs(part - found.y[0])) < 5e-4 * np.ptp(found.y[0])
+
+
+@pytest.mark.parametrize("place", range(len(PARAMETERS)), ids=[one.name for one in PARAMETERS])
+def test_derivatives_are_those_of_finite_differences(records: list[JointRecord], place: int) -> None:
+    true = parameters(
+        coulomb_stribeck=0.02,
+        load_motor=0.06,
+        load_external=0.05,
+        load_motor_stribeck=0.04,
+        load_external_stribeck=0.03,
+        load_motor_quadratic=0.02,
+        load_external_quadratic=0.03,
+        stribeck_velocity=0.4,
+        stribeck_exponent=1.4,
+        slew_limit=1.5,
+        damping_gain=0.01,
+    )
+    record = records[0].part(0, 160)
+    exact = rolled_out(record, true, True).slopes[:, place]
+    step = 1e-7 * max(abs(true[place]), 0.1 * PARAMETERS[place].scale)
+    sides = []
+    for sign in (1.0, -1.0):
+        moved = true.copy()
+        moved[place] += sign * step
+        sides.append(rolled_out(record, moved).q)
+    difference = (sides[0] - sides[1]) / (2.0 * step)
+    assert np.max(np.abs(difference)) > 0
+    assert np.max(np.abs(exact - difference)) < 1e-4 * np.max(np.abs(difference)) + 1e-6
+
+
+def test_friction_holds_a_joint_where_it_can(records: list[JointRecord]) -> None:
+    """A joint whose dry friction is above its weight stays where it is when the drive is off."""
+    record = records[2]
+    off = record.samples.copy()
+    off[:, 4] = 0.0
+    still = JointRecord(record.name, off, record.law, record.kp, record.q, record.used, np.array([1.0, 0.0]))
+    held = rolled_out(still, parameters(coulomb=1.3)).q
+    falls = rolled_out(still, parameters(coulomb=0.5)).q
+    assert np.ptp(held) == 0.0 and np.ptp(falls) > 0.3

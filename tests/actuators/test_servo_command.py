@@ -1,0 +1,97 @@
+"""'dynident identify' of a case with servos: the path of a user, on a virtual servo and on real logs."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from servo_bench import PENDULUM, parameters, virtual_logs, write_csv
+
+from dynident.cli.main import main
+from dynident.model.robot import Robot
+
+ROOT = Path(__file__).parents[2]
+REAL = Path(os.environ.get("DYNIDENT_DATA") or ROOT.parent / "shared" / "data") / "dynamixel_xl330_bam"
+
+CASE = """case: 2
+robot: pendulum.urdf
+servo: {law: feetech_sts3215, kp: 'kp{}', enabled: torque_enable, friction: m1}
+log: {columns: {time: t, q: [q1], q_ref: [q_ref1], torque: none}}
+train: [chirp_kp4.csv, drop_kp4.csv]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, robot: Robot, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("pendulum.urdf").write_text(PENDULUM)
+    for name, log in zip(("chirp", "steps", "drop"), virtual_logs(robot, parameters(), gains=(4.0,)), strict=True):
+        write_csv(log, Path(f"{name}_kp4.csv"))
+    Path("case.yaml").write_text(CASE)
+    return tmp_path
+
+
+def test_from_logs_to_actuators_by_the_command_line(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["identify", "case.yaml", "--test", "steps_kp4.csv", "-o", "a.json"]) == 0
+    answer = capsys.readouterr().out
+    assert "actuators of 1 joint" in answer and "full torque" in answer and "identified" in answer
+    assert max(map(len, answer.splitlines())) <= 160
+    saved = json.loads(Path("a.json").read_text())
+    assert saved["joints"]["joint1"]["parameters"]["armature"]["value"] == pytest.approx(0.012, rel=0.05)
+    assert saved["joints"]["joint1"]["test_error_rad"].keys() == {"steps_kp4.csv"}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--estimator", "ols"], "--estimator"),
+        (["chirp_kp4.csv", "--test", "chirp_kp4.csv"], "the same content"),
+        (["--friction", "coulomb"], "friction"),
+    ],
+)
+def test_what_does_not_go_with_servos_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    assert main(["identify", "case.yaml", *words]) == 1
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("feetech_sts3215", "feetech_sts3251", "did you mean 'feetech_sts3215'"),
+        ("friction: m1", "friction: m9", "choose one of: auto, m1"),
+        ("enabled:", "enable:", "did you mean 'enabled'"),
+        ("'kp{}'", "'gain{}'", "no position gain"),
+        ("q_ref1", "q_goal", "no column of the command"),
+    ],
+)
+def test_a_fault_of_the_section_is_named(
+    folder: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, said: str
+) -> None:
+    Path("case.yaml").write_text(CASE.replace(old, new))
+    assert main(["identify", "case.yaml"]) == 1
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.battery
+@pytest.mark.parametrize(("friction", "linear", "refined"), [("m1", 58.0, 54.5), ("m3", 43.0, 36.0)])
+def test_errors_of_real_servos(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, friction: str, linear: float, refined: float
+) -> None:
+    """Split A of the XL330 logs: kp 100, 400, 800 to learn from, kp 200 to test on; mean absolute error in mrad."""
+    if not REAL.is_dir():
+        pytest.skip("no folder dynamixel_xl330_bam under DYNIDENT_DATA or ../shared/data")
+    monkeypatch.chdir(tmp_path)
+    case = CASE.replace("pendulum.urdf", str(REAL / "urdf" / "pendulum_m0490_l100.urdf"))
+    case = case.replace("feetech_sts3215", "dynamixel_xl330").replace("m1", friction)
+    Path("case.yaml").write_text(case[: case.index("train:")])
+    names = [str(path) for kp in (100, 400, 800) for path in sorted((REAL / "logs").glob(f"*_kp{kp}.csv"))]
+    tests = [str(path) for path in sorted((REAL / "logs").glob("*_kp200.csv"))]
+    assert len(names) == 12 and len(tests) == 4
+    assert main(["identify", "case.yaml", *names, "--test", *tests, "-o", "a.json", "--quiet"]) == 0
+    joint = json.loads(Path("a.json").read_text())["joints"]["joint1"]
+    for key, most in (("linear_error_rad", linear), ("test_error_rad", refined)):
+        assert 1e3 * sum(joint[key].values()) / 4 < most

@@ -1,0 +1,97 @@
+"""Logs of commands and positions: what is read, and each fault with its name and the next step."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from servo_bench import parameters, virtual_logs, write_csv
+
+from dynident.actuators.servo_log import ServoColumns, ServoLog, kp_of, read_servo_log
+from dynident.errors import DynidentError, LogFormatError, LogMismatch
+from dynident.model.robot import Robot
+
+COLUMNS = ServoColumns(("joint1",), enabled=("torque_enable",), kp=4.0)
+
+
+@pytest.fixture(scope="module")
+def log(robot: Robot) -> ServoLog:
+    return virtual_logs(robot, parameters(), gains=(4.0,))[2]
+
+
+def changed(log: ServoLog, **signals: object) -> ServoLog:
+    return ServoLog(**{**vars(log), **signals})  # type: ignore[arg-type]
+
+
+def test_a_table_and_bam_json_are_the_same_log(log: ServoLog, tmp_path: Path) -> None:
+    table = read_servo_log(write_csv(log, tmp_path / "a.csv"), COLUMNS)
+    entries = [
+        {"timestamp": t, "position": q, "goal_position": g, "torque_enable": bool(on), "input_volts": 7.4}
+        for t, q, g, on in zip(table.time, table.q[:, 0], table.q_ref[:, 0], table.enabled[:, 0], strict=True)
+    ]
+    (tmp_path / "b.json").write_text(json.dumps({"kp": 4, "mass": 0.8, "entries": entries}))
+    bam = read_servo_log(tmp_path / "b.json", ServoColumns(("joint1",)))
+    assert bam.kp == table.kp == 4.0
+    for name in ("time", "q", "q_ref", "enabled"):
+        assert np.array_equal(getattr(bam, name), getattr(table, name)), name
+    (tmp_path / "c.json").write_text("{}")
+    with pytest.raises(LogFormatError, match=r"no log of BAM .*'entries'"):
+        read_servo_log(tmp_path / "c.json", COLUMNS)
+
+
+def test_failed_reads_are_marked_and_bridged(log: ServoLog, tmp_path: Path) -> None:
+    q = log.q.copy()
+    q[[50, 200], 0], q[300, 0] = np.nan, q[300, 0] + 2.0
+    found = read_servo_log(write_csv(changed(log, q=q), tmp_path / "a.csv"), COLUMNS)
+    assert np.flatnonzero(found.failed[:, 0]).tolist() == [50, 200, 300]
+    assert np.max(np.abs(found.q - log.q)) < 0.02
+    sound = read_servo_log(write_csv(log, tmp_path / "b.csv"), COLUMNS)
+    assert not sound.failed.any()
+
+
+FAULTS: list[tuple[str, Callable[[ServoLog], dict[str, object]], str, str]] = [
+    ("command is measurement", lambda log: {"q_ref": log.q}, "equals its measurement", "goal position"),
+    ("one pose", lambda log: {"q": 0 * log.q, "q_ref": 0 * log.q}, "stands in one pose", "tens of degrees"),
+    ("counts", lambda log: {"q": log.q * 4096 / 6.2832}, "they are counts, or degrees", "2 pi / 4096"),
+    ("never on", lambda log: {"enabled": ~log.enabled & False}, "never on", "inverted"),
+    ("no reads", lambda log: {"q": np.where(np.arange(len(log.q))[:, None] % 3, np.nan, log.q)}, "reads", "bus"),
+]
+
+
+@pytest.mark.parametrize(("change", "evidence", "step"), [one[1:] for one in FAULTS], ids=[one[0] for one in FAULTS])
+def test_a_fault_is_named_with_the_next_step(
+    log: ServoLog, tmp_path: Path, change: Callable[[ServoLog], dict[str, object]], evidence: str, step: str
+) -> None:
+    path = write_csv(changed(log, **change(log)), tmp_path / "a.csv")
+    with pytest.raises(LogMismatch) as caught:
+        read_servo_log(path, COLUMNS)
+    assert evidence in caught.value.evidence and step in caught.value.step and "a.csv" in str(caught.value)
+
+
+def test_an_inverted_torque_column_is_named(robot: Robot, tmp_path: Path) -> None:
+    """The joint follows while the column is 0; with the column right there is nothing to say."""
+    chirp = virtual_logs(robot, parameters(), gains=(4.0,))[0]
+    on = (chirp.time < 4.0)[:, None]
+    read_servo_log(write_csv(chirp, tmp_path / "a.csv"), COLUMNS)
+    loose = np.where(on, chirp.q, 0.3 + 0.0 * chirp.q)
+    read_servo_log(write_csv(changed(chirp, q=loose, enabled=on), tmp_path / "b.csv"), COLUMNS)
+    path = write_csv(changed(chirp, q=loose, enabled=~on), tmp_path / "c.csv")
+    with pytest.raises(LogMismatch, match="follows its command where the drive is off"):
+        read_servo_log(path, COLUMNS)
+
+
+def test_a_missing_command_is_named(log: ServoLog, tmp_path: Path) -> None:
+    np.savetxt(tmp_path / "a.csv", np.column_stack([log.time, log.q]), "%.9g", ",", header="t,q1", comments="")
+    with pytest.raises(LogFormatError, match=r"no column of the command \('q_ref1'\); log the commanded position"):
+        read_servo_log(tmp_path / "a.csv", ServoColumns(("joint1",)))
+
+
+def test_the_gain_of_a_log_is_stated_in_four_ways() -> None:
+    assert kp_of("x/run_kp250.csv", "kp{}") == 250 and kp_of("a.csv", 32) == 32
+    assert kp_of("logs/a.csv", {"other/a.csv": 7.0}) == 7 and np.isnan(kp_of("a.csv", None))
+    for kp in ("kp{}", {"b.csv": 1.0}):
+        with pytest.raises(DynidentError, match="kp"):
+            kp_of("a.csv", kp)
