@@ -91,7 +91,7 @@ SMALL = {
     "case/draft/yaml_words.py": "how YAML is written, apart from what",
     "case/evidence/positions.py": "one kind of evidence",
     "case/evidence/rows.py": "one kind of evidence",
-    "cli/actuators.py": "of identify, for cases with servos",
+    "case/draft/servo_text.py": "one key of a draft",
     "cli/merge.py": "a command",
     "cli/pools.py": "of three commands",
     "cli/proving.py": "of export and report",

@@ -95,3 +95,17 @@ def test_errors_of_real_servos(
     joint = json.loads(Path("a.json").read_text())["joints"]["joint1"]
     for key, most in (("linear_error_rad", linear), ("test_error_rad", refined)):
         assert 1e3 * sum(joint[key].values()) / 4 < most
+
+
+def test_init_drafts_the_case_of_such_logs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The draft is usable as it is: gain from the names of the logs, column of the torque state by its name."""
+    logs = ["chirp_kp4.csv", "steps_kp4.csv", "drop_kp4.csv"]
+    assert main(["init", "pendulum.urdf", *logs, "-o", "drafted.yaml"]) == 0
+    text = Path("drafted.yaml").read_text()
+    assert "kp: 'kp{}'" in text and "enabled: torque_enable" in text and "law: position_servo" in text
+    assert "torque: none" in text and "estimator" not in text and "from commands and positions" in text
+    Path("drafted.yaml").write_text(text.replace("position_servo", "feetech_sts3215", 1).replace("auto ", "m1 ", 1))
+    assert main(["identify", "drafted.yaml", "-o", "a.json", "--quiet"]) == 0
+    saved = json.loads(Path("a.json").read_text())["joints"]["joint1"]
+    assert saved["parameters"]["armature"]["value"] == pytest.approx(0.012, rel=0.05)
+    assert saved["test_error_rad"].keys() == {"drop_kp4.csv"}

@@ -15,7 +15,7 @@ from dynident.actuators.parameters import PARAMETERS, PLACE
 from dynident.actuators.verdict import Known
 from dynident.arrays import Array
 from dynident.errors import EstimateFormatError
-from dynident.files import read_json, write_atomically
+from dynident.files import is_json_of, read_json, write_atomically
 
 #: What the file is, and its version.
 KIND, VERSION = "actuators", 1
@@ -51,6 +51,7 @@ class JointActuator:
         known: How far each free parameter is known.
         combinations: What is known only together.
         linear: Parameters of the linear start, shape (COUNT,).
+        simple: Parameters of the fit with Coulomb and viscous friction, which simulators have, shape (COUNT,).
         train: Mean absolute position error of the roll-out of each training log, in rad.
         test: The same of each log that was tested on.
         linear_test: The same of each test log (of each training log where there is none) by the linear start.
@@ -67,6 +68,7 @@ class JointActuator:
     known: tuple[Known, ...]
     combinations: tuple[Combination, ...]
     linear: Array
+    simple: Array
     train: Mapping[str, float]
     test: Mapping[str, float]
     linear_test: Mapping[str, float]
@@ -124,6 +126,7 @@ def as_data(estimate: ActuatorEstimate) -> dict[str, Any]:
             },
             "known": [{**asdict(one), "half_width": _finite(one.half_width)} for one in joint.known],
             "combinations": [asdict(one) for one in joint.combinations],
+            "coulomb_viscous": {name: _finite(value) for name, value in zip(names, joint.simple, strict=True)},
             "linear_start": {name: _finite(value) for name, value in zip(names, joint.linear, strict=True)},
             "law": law,
             "kp": list(joint.kp),
@@ -147,6 +150,11 @@ def write_actuators(estimate: ActuatorEstimate, path: str | Path) -> None:
         FileError: The file cannot be written.
     """
     write_atomically(path, json.dumps(as_data(estimate), indent=1, allow_nan=False) + "\n")
+
+
+def is_actuators(path: str | Path) -> bool:
+    """Return whether a file states that it holds actuators."""
+    return is_json_of(path, f'"kind": "{KIND}"')
 
 
 def read_actuators(path: str | Path) -> ActuatorEstimate:
@@ -188,6 +196,7 @@ def _joint(name: str, own: Mapping[str, Any]) -> JointActuator:
         known=tuple(infinite(one) for one in own["known"]),
         combinations=tuple(Combination(**one) for one in own["combinations"]),
         linear=array(own["linear_start"]),
+        simple=array(own["coulomb_viscous"]),
         train=own["train_error_rad"],
         test=own["test_error_rad"],
         linear_test=own["linear_error_rad"],

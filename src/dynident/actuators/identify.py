@@ -11,7 +11,7 @@ from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
 from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.joint_load import joint_loads, measured_motion, rigid_inertia
-from dynident.actuators.linear_start import StartRows, free_parameters, linear_start, start_at, start_rows
+from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, linear_start, start_at, start_rows
 from dynident.actuators.output_error import ServoProblem, output_error, starts_from
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE, FrictionModel
 from dynident.actuators.rollout import JointRecord, mean_errors, record_of, rolled_out
@@ -120,9 +120,11 @@ def _joint(data: JointData, friction: str, kp: tuple[float, ...], progress: Call
     problem = ServoProblem(data.train, free, model)
     fit = output_error(problem, starts_from(start, model))
     known, _ = known_parameters(problem, fit.parameters)
+    simple = fit.parameters.copy() if friction == "m1" else _simple(data, law, scanned, has_gain)
     parameters, shown = fit.parameters.copy(), law
     if ratio != 1.0:  # the ratio of the scan is part of the gain that is reported
         parameters[PLACE["gain_ratio"]] *= ratio
+        simple[PLACE["gain_ratio"]] *= ratio
         known = tuple(one.scaled(ratio) if one.name == "gain_ratio" else one for one in known)
     saturated = float(np.mean(np.concatenate([rolled_out(one, fit.parameters).saturated for one in data.train])))
     known, combinations = _known_together(data, shown, known, parameters, has_gain, kp)
@@ -136,6 +138,7 @@ def _joint(data: JointData, friction: str, kp: tuple[float, ...], progress: Call
         known=known,
         combinations=combinations,
         linear=linear,
+        simple=simple,
         train=_errors(data.train, fit.parameters),
         test=_errors(data.test, fit.parameters),
         linear_test=_errors(tested, linear),
@@ -143,6 +146,15 @@ def _joint(data: JointData, friction: str, kp: tuple[float, ...], progress: Call
         saturated=saturated,
         remarks=_remarks(data, kp),
     )
+
+
+def _simple(data: JointData, law: DriveLaw, scanned: LinearStart, has_gain: bool) -> Array:
+    """Return the parameters of the fit with Coulomb and viscous friction, shape (COUNT,)."""
+    model = FRICTION_MODELS["m1"]
+    start = start_at(data.rows, law, model, scanned)
+    start = start if data.has_off or law.controls_torque else _summed(start)
+    free = free_parameters(law, model, start, has_gain, data.has_off)
+    return output_error(ServoProblem(data.train, free, model), [start]).parameters
 
 
 def _summed(linear: Array) -> Array:

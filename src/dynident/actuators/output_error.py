@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -41,6 +41,14 @@ class RefineEffort:
 
 #: Of the answer, and of a fold of the cross-validation.
 WHOLE, FOLD = RefineEffort(12, 60, 4, 3), RefineEffort(8, 25, 0, 1)
+
+
+#: Starts beside the linear one, as multiples of its parameters.
+_OTHER_STARTS: tuple[Mapping[str, float], ...] = (
+    {"armature": 2.0, "coulomb": 0.5},
+    {"full_torque": 1.2, "viscous": 0.5, "back_emf": 1.5},
+    {"full_torque": 0.85, "coulomb": 2.0},
+)
 
 
 @dataclass(frozen=True)
@@ -233,15 +241,11 @@ def _refined(
 
 def starts_from(linear: Array, friction: FrictionModel) -> list[Array]:
     """Return starts of the output error: the linear one, and ones with other friction, armature and delay."""
-
-    def changed(**factors: float) -> Array:
-        found = linear.copy()
+    found = [linear.copy()]
+    for factors in _OTHER_STARTS:
+        found.append(linear.copy())
         for name, factor in factors.items():
-            found[PLACE[name]] *= factor
-        return found
-
-    found = [linear.copy(), changed(armature=2.0, coulomb=0.5), changed(full_torque=1.2, viscous=0.5, back_emf=1.5)]
-    found.append(changed(full_torque=0.85, coulomb=2.0))
+            found[-1][PLACE[name]] *= factor
     if "coulomb_stribeck" in friction.free:
         for one in found:
             one[PLACE["coulomb_stribeck"]] = 0.3 * one[PLACE["coulomb"]] + 1e-4

@@ -14,6 +14,11 @@ _FOREIGN = (
     "delay", "accept", "cross_validate", "bootstrap", "no_sensitivity", "report",
 )  # fmt: skip
 
+#: Options of 'export' that are for plans and models.
+_OF_OTHERS = (
+    "rate", "repeats", "speed", "from_posture", "units", "description", "no_proof", "force", "prove", "motion",
+)  # fmt: skip
+
 
 def run(case: Case, options: argparse.Namespace) -> int:
     """Identify the actuators of a case and print the answer.
@@ -54,4 +59,38 @@ def run(case: Case, options: argparse.Namespace) -> int:
             console.answer(f"warning: {joint.name}: {warning}")
     if options.output:
         console.remark(f"saved {options.output}", options.quiet)
+    return 0
+
+
+def export(options: argparse.Namespace) -> int:
+    """Write actuators for a simulator or a controller.
+
+    Raises:
+        BadOption: An option that is for plans or models.
+        DynidentError: No such target, several gains, or a package that is not installed.
+    """
+    from dynident.actuators.estimate import read_actuators
+    from dynident.cli import console
+    from dynident.errors import BadOption
+    from dynident.exports.actuator_files import actuator_file
+    from dynident.files import check_outputs, write_atomically
+
+    for name in _OF_OTHERS:
+        if getattr(options, name):
+            option = f"--{name.replace('_', '-')}"
+            raise BadOption(option, getattr(options, name), f"{options.file} holds actuators; leave it out")
+    stated: dict[str, str] = {}
+    for item in options.option:
+        key, equals, value = item.partition("=")
+        if not equals:
+            raise BadOption("--option", item, "write key=value")
+        stated[key] = value
+    check_outputs((options.output,), (options.file,))
+    text = actuator_file(read_actuators(options.file), options.to, stated)
+    if not options.check:
+        write_atomically(options.output, text)
+    if options.json:
+        console.answer_json({"files": [] if options.check else [options.output], "target": options.to})
+    else:
+        console.remark(f"{'would write' if options.check else 'wrote'} {options.output}", options.quiet)
     return 0

@@ -13,6 +13,9 @@ and reads them, and torques are compared on 1000 random states: nothing is writt
 millionth. With --prove the model also follows the motion of a log, up to 10 s of it, in simulation under computed
 torque and PD; nothing is written where a run diverges. What a format cannot hold stands in FILE.dynident.json.
 
+Actuators, which 'dynident identify -o' writes for a case with servo:, go to mjcf, isaac, genesis, urdf and c_header;
+where the logs have several position gains, --option kp=... says which.
+
   dynident export plan.json --to urscript -o excite.script --speed 20
   dynident export plan.json --to joint_trajectory -o excite.yaml --from-posture 0,-1.57,0,-1.57,0,0
   dynident export plan.json --to csv -o motion.csv --rate 250 --from-posture start --option degrees=true
@@ -20,6 +23,7 @@ torque and PD; nothing is written where a run diverges. What a format cannot hol
   dynident export estimate.json --to mjcf -o robot.xml --prove
   dynident export estimate.json --to csv -o parameters.csv
   dynident export estimate.json --to usd -o identified.usda --description robot.usd
+  dynident export actuators.json --to mjcf -o robot.xml --option kp=400
 
 The target usd is a layer over the USD stage that was identified, with masses, centres of mass and inertias.
 """
@@ -103,10 +107,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.actuators.estimate import is_actuators
     from dynident.api.export import check_target, is_estimate, read_subject
     from dynident.errors import BadOption
     from dynident.excitation.design.plan import Plan
 
+    if is_actuators(options.file):
+        from dynident.cli.actuators import export
+
+        return export(options)
     is_plan = not is_estimate(options.file)
     kind, other = ("a plan", "an estimate") if is_plan else ("an estimate", "a plan")
     for name, default in (_MODEL_ONLY if is_plan else _PLAN_ONLY).items():

@@ -15,6 +15,7 @@ from dynident.case.draft.log_text import log_lines
 from dynident.case.draft.readings import long_gap
 from dynident.case.draft.recognise import cutoff_of, facts_of
 from dynident.case.draft.recognition import Recognised
+from dynident.case.draft.servo_text import is_servo_log, servo_lines
 from dynident.case.draft.signal_units import position_factors
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.case.evidence.torques import agrees
@@ -79,14 +80,24 @@ def case_text(found: Recognised, files: Files, remarks: Sequence[str]) -> str:
         f"robot: {quoted(files.robot_named)}",
         *_gravity(found),
         *_joints(found),
+        *(_servo(found, files) if is_servo_log(found) else _model(found)),
+        *_data(found, files),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _model(found: Recognised) -> list[str]:
+    return [
         *drive_lines(found),
         *_friction(found),
         *log_lines(found),
         *_preprocessing(found),
         "estimator: consistent",
-        *_data(found, files),
     ]
-    return "\n".join(lines) + "\n"
+
+
+def _servo(found: Recognised, files: Files) -> list[str]:
+    return [*servo_lines(found, (*files.train, *files.test)), *log_lines(found)]
 
 
 def _head(found: Recognised, files: Files, remarks: Sequence[str]) -> list[str]:
@@ -240,6 +251,8 @@ def _data(found: Recognised, files: Files) -> list[str]:
     if len(train) > 1:
         text = f"which logs train and which test? Taken: the last of {len(train)} tests"
         return [_paths("train", files, train[:-1]), offered(_paths("test", files, train[-1:]), text)]
+    if is_servo_log(found):
+        return [_paths("train", files, train), offered("# test: other-run.csv", "is there another log to test on?")]
     if found.is_large:
         text = "is there another log to test on? One this large is reduced as a whole, no part of it is kept for a test"
         return [_paths("train", files, train), offered("# test: other-run.csv", text)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
+from dynident.case.draft.servo_text import is_servo_log
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.case.questions import MARK
 
@@ -111,7 +112,9 @@ def _columns(found: Recognised) -> list[str]:
     if "q" not in found.sources and "q" not in found.rivals:
         lines.append(asked("    q", f"{_WORDS['q']}, one column per joint{_refused(found, 'q')}{_listing(found)}"))
     effort = {"torque", "current"}
-    if not found.effort and not effort & found.rivals.keys():
+    if is_servo_log(found):
+        lines.append("    torque: none")
+    elif not found.effort and not effort & found.rivals.keys():
         lines.append(f"    {_missing_effort(found)}")
     if found.effort == "current":
         lines.append("    torque: none")

@@ -13,6 +13,7 @@ from dynident.case.draft.joint_choice import JointChoice, choose_joints
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
 from dynident.case.draft.readings import LogReading, band, cutoff_from, read_rows
 from dynident.case.draft.recognition import Recognised, SignalSource
+from dynident.case.draft.servo_text import is_servo_log
 from dynident.case.draft.signal_choice import choose_signals
 from dynident.case.draft.signal_units import (
     HEADER,
@@ -42,6 +43,9 @@ from dynident.data.log import Log
 from dynident.data.turns import jumps_of_a_turn, turns_counted
 from dynident.errors import LogFormatError
 from dynident.model.robot import Robot
+
+#: Commands of servos span at most this many times what the positions span, and at least the inverse.
+_SPAN = 5.0
 
 
 def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> Recognised:
@@ -301,6 +305,12 @@ def _with_effort(found: Recognised, moving: Robot | None, factors: Array, stated
     return replace(found, units=units, evidence=evidence, sample=sample)
 
 
+def _is_alike(q: Array, q_ref: Array) -> bool:
+    """Return whether commands span about as much as the positions: a servo strays, and does so in the same unit."""
+    spans = np.ptp(q_ref, axis=0) / np.maximum(np.ptp(q, axis=0), STILL)
+    return bool(np.all((spans > 1 / _SPAN) & (spans < _SPAN)))
+
+
 def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
     """Return which velocities and commanded positions are read, and which joints stand still."""
     sources, left_out, units = dict(found.sources), dict(found.left_out), dict(found.units)
@@ -323,7 +333,8 @@ def _with_motion(found: Recognised, q: Array, factors: Array) -> Recognised:
             )
             left_out["dq"] = f"{sources.pop('dq').shown()}: {said}; only the filter as_given reads velocities"
     if "q_ref" in sources:
-        if np.any(strays(first.signals["q"], first.signals["q_ref"])):
+        apart = np.any(strays(first.signals["q"], first.signals["q_ref"]))
+        if apart and not (is_servo_log(found) and _is_alike(first.signals["q"], first.signals["q_ref"])):
             left_out["q_ref"] = f"{sources.pop('q_ref').shown()} stray from the measured positions"
             sources.pop("dq_ref", None)
     if "dq_ref" in sources and ("q_ref" not in sources or "velocity" not in units):

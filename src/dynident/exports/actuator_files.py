@@ -1,0 +1,244 @@
+"""Actuators as files: MuJoCo models, tables for Isaac and Genesis, joint dynamics of a URDF, C."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+from defusedxml import ElementTree
+
+from dynident.actuators.estimate import ActuatorEstimate, JointActuator
+from dynident.actuators.parameters import PLACE
+from dynident.errors import BadOption, MissingDependency, UnknownChoice
+
+#: Step of an exported MuJoCo model in s.
+TIMESTEP: Final = 5e-4
+
+
+@dataclass(frozen=True)
+class SimulatorJoint:
+    """The actuator of a joint in the terms of simulators: friction is Coulomb and viscous, the parameters are SI.
+
+    Attributes:
+        name: The joint.
+        stiffness: Torque per rad of error, in N m/rad.
+        damping: Viscous friction and back-EMF together, in N m s/rad: that of the joint while the drive is on.
+        viscous: Viscous friction alone, in N m s/rad.
+        frictionloss: Coulomb friction, in N m.
+        armature: Rotor inertia at the joint, in kg m^2.
+        largest_torque: Torque at the duty limit, in N m; infinite where the law has none.
+        damping_gain: Torque per velocity error, in N m s/rad.
+        delay_s: Time until a command acts.
+        slew_limit: Fastest change of the goal inside the drive, in rad/s; infinite for none.
+        angle_offset: True joint angle less the encoder's, in rad.
+    """
+
+    name: str
+    stiffness: float
+    damping: float
+    viscous: float
+    frictionloss: float
+    armature: float
+    largest_torque: float
+    damping_gain: float
+    delay_s: float
+    slew_limit: float
+    angle_offset: float
+
+
+def simulator_joint(joint: JointActuator, kp: float) -> SimulatorJoint:
+    """Return the actuator of a joint at a position gain, by its fit with Coulomb and viscous friction."""
+    values = joint.simple
+
+    def value(name: str) -> float:
+        return float(values[PLACE[name]])
+
+    return SimulatorJoint(
+        name=joint.name,
+        stiffness=value("full_torque") * value("gain_ratio") * joint.law.error_gain * kp,
+        damping=value("viscous") + value("back_emf"),
+        viscous=value("viscous"),
+        frictionloss=value("coulomb"),
+        armature=value("armature"),
+        largest_torque=value("full_torque") * joint.law.limit,
+        damping_gain=value("full_torque") * value("damping_gain"),
+        delay_s=value("delay"),
+        slew_limit=value("slew_limit"),
+        angle_offset=value("angle_offset"),
+    )
+
+
+def gain_for(estimate: ActuatorEstimate, kp: float | None) -> float:
+    """Return the position gain of an export: the given one, or that of the training logs where there is one.
+
+    Raises:
+        BadOption: The training logs have several, and none is given.
+    """
+    if kp is not None:
+        if not 0 < kp < np.inf:
+            raise BadOption("kp", kp, "give the position gain of the drive, above 0")
+        return kp
+    gains = sorted({value for joint in estimate.joints for value in joint.kp})
+    if len(gains) > 1:
+        those = ", ".join(f"{value:g}" for value in gains)
+        raise BadOption("kp", None, f"the logs have kp {those}; say which with --option kp=...")
+    return gains[0] if gains else 1.0
+
+
+def _robot_path(estimate: ActuatorEstimate) -> str:
+    path = str(dict(estimate.provenance.get("robot", {})).get("path", ""))
+    if not Path(path).is_file():
+        raise BadOption("robot", path or None, "the robot model of the identification is not there; put it back")
+    return path
+
+
+def mujoco_model(estimate: ActuatorEstimate, kp: float) -> str:
+    """Return the robot model as MJCF with position actuators, armature, damping, frictionloss and delay.
+
+    Raises:
+        MissingDependency: MuJoCo is not installed.
+        BadOption: The robot model is not where it was.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        raise MissingDependency("the MuJoCo model", "mujoco", "mujoco") from error
+    spec = mujoco.MjSpec.from_file(_robot_path(estimate))
+    spec.option.timestep = TIMESTEP
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    for own in estimate.joints:
+        one = simulator_joint(own, kp)
+        joint = spec.joint(one.name)
+        joint.armature, joint.damping, joint.frictionloss = one.armature, [one.damping, 0, 0], one.frictionloss
+        joint.solref_friction = [2.0 * TIMESTEP, 1.0]
+        actuator = spec.add_actuator(name=one.name, target=one.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        actuator.set_to_position(kp=one.stiffness, kv=one.damping_gain)
+        if np.isfinite(one.largest_torque):
+            actuator.forcelimited, actuator.forcerange = True, [-one.largest_torque, one.largest_torque]
+        if one.delay_s > 0:
+            actuator.delay = one.delay_s
+            actuator.nsample = int(np.ceil(one.delay_s / TIMESTEP)) + 1
+    spec.compile()
+    return spec.to_xml()
+
+
+def _rows(estimate: ActuatorEstimate, kp: float) -> dict[str, SimulatorJoint]:
+    return {joint.name: simulator_joint(joint, kp) for joint in estimate.joints}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def isaac_table(estimate: ActuatorEstimate, kp: float) -> str:
+    """Return JSON with the fields of an implicit actuator of Isaac Lab, by joint."""
+    table = {
+        name: {
+            "stiffness": one.stiffness,
+            "damping": one.damping_gain,
+            "effort_limit_sim": _finite(one.largest_torque),
+            "armature": one.armature,
+            "friction": one.frictionloss,
+            "viscous_friction": one.damping,
+            "delay_s": one.delay_s,
+            "goal_slew_limit": _finite(one.slew_limit),
+            "angle_offset": one.angle_offset,
+        }
+        for name, one in _rows(estimate, kp).items()
+    }
+    return json.dumps(table, indent=1) + "\n"
+
+
+def genesis_table(estimate: ActuatorEstimate, kp: float) -> str:
+    """Return YAML with the values of the degree-of-freedom setters of Genesis, by joint."""
+    table = {
+        name: {
+            "kp": one.stiffness,
+            "kv": one.damping_gain,
+            "force_range": [_finite(-one.largest_torque), _finite(one.largest_torque)],
+            "armature": one.armature,
+            "frictionloss": one.frictionloss,
+            "damping": one.damping,
+            "delay_s": one.delay_s,
+            "goal_slew_limit": _finite(one.slew_limit),
+            "angle_offset": one.angle_offset,
+        }
+        for name, one in _rows(estimate, kp).items()
+    }
+    return str(yaml.safe_dump(table, sort_keys=False))
+
+
+def urdf_dynamics(estimate: ActuatorEstimate, kp: float) -> str:
+    """Return the URDF of the identification with ``<dynamics damping friction>`` and effort limits of the joints.
+
+    Raises:
+        BadOption: The robot model is no URDF, or not where it was.
+    """
+    path = _robot_path(estimate)
+    if not path.lower().endswith(".urdf"):
+        raise BadOption("to", "urdf", f"the robot model of the identification is {path}, no URDF")
+    tree = ElementTree.parse(path)
+    root = tree.getroot()
+    assert root is not None
+    rows = _rows(estimate, kp)
+    for joint in root.iter("joint"):
+        one = rows.get(joint.get("name", ""))
+        if one is None:
+            continue
+        for old in joint.findall("dynamics"):
+            joint.remove(old)
+        dynamics = {"damping": f"{one.damping:.9g}", "friction": f"{one.frictionloss:.9g}"}
+        joint.append(joint.makeelement("dynamics", dynamics))
+        limit = joint.find("limit")
+        if limit is not None and np.isfinite(one.largest_torque):
+            limit.set("effort", f"{one.largest_torque:.9g}")
+    return str(ElementTree.tostring(root, encoding="unicode")) + "\n"
+
+
+def c_header(estimate: ActuatorEstimate, kp: float) -> str:
+    """Return a C header with one constant per parameter and joint, in SI units."""
+    lines = ["/* Actuators in SI units; friction is Coulomb and viscous. */", "#pragma once", "#include <math.h>", ""]
+    for name, one in _rows(estimate, kp).items():
+        for key, value in vars(one).items():
+            if key != "name":
+                written = f"{value:.17g}" if np.isfinite(value) else "INFINITY"
+                lines.append(f"static const double {re.sub(r'[^A-Za-z0-9_]', '_', name)}_{key} = {written};")
+        lines.append("")
+    return "\n".join(lines)
+
+
+#: What writes the text of each target.
+TARGETS: Final[Mapping[str, Callable[[ActuatorEstimate, float], str]]] = {
+    "mjcf": mujoco_model,
+    "isaac": isaac_table,
+    "genesis": genesis_table,
+    "urdf": urdf_dynamics,
+    "c_header": c_header,
+}
+
+
+def actuator_file(estimate: ActuatorEstimate, target: str, options: Mapping[str, Any]) -> str:
+    """Return the text of a target.
+
+    Raises:
+        UnknownChoice: No such target.
+        BadOption: Another option than kp, or one that is no number; several gains and none is given.
+        MissingDependency: MuJoCo is not installed.
+    """
+    if target not in TARGETS:
+        raise UnknownChoice("target for actuators", target, tuple(TARGETS))
+    for key, value in options.items():
+        if key != "kp":
+            raise BadOption(key, value, "actuators take the option kp")
+    stated = options.get("kp")
+    try:
+        kp = gain_for(estimate, None if stated is None else float(stated))
+    except ValueError as error:
+        raise BadOption("kp", stated, "give a number") from error
+    return TARGETS[target](estimate, kp)

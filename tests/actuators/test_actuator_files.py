@@ -1,0 +1,91 @@
+"""Actuators as files of other programs: MuJoCo follows the roll-out, the others hold the same numbers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+from servo_bench import PENDULUM, motions, parameters, virtual_logs
+
+from dynident.actuators.drive_law import preset
+from dynident.actuators.estimate import ActuatorEstimate, JointActuator, write_actuators
+from dynident.actuators.joint_load import joint_loads, measured_motion
+from dynident.actuators.rollout import record_of, rolled_out
+from dynident.cli.main import main
+from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
+
+KP = 4.0
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a robot model and the true actuator of its joint as an answer."""
+    monkeypatch.chdir(tmp_path)
+    Path("pendulum.urdf").write_text(PENDULUM)
+    true = parameters(angle_offset=0.0)
+    joint = JointActuator(
+        "joint1", preset("feetech_sts3215"), (KP, 6.0), "m1", true, (), (), true, true, {}, {}, {}, {}, 0.0
+    )
+    write_actuators(ActuatorEstimate("pendulum", (joint,), {"robot": {"path": "pendulum.urdf"}}), "a.json")
+    return tmp_path
+
+
+def test_mujoco_follows_the_roll_out(folder: Path) -> None:
+    """Within 3 mrad on average over chirp and steps with saturation, with its delay and force range."""
+    assert main(["export", "a.json", "--to", "mjcf", "-o", "robot.xml", "--option", "kp=4", "--quiet"]) == 0
+    model = mujoco.MjModel.from_xml_path("robot.xml")
+    assert model.dof_armature[0] == pytest.approx(0.012) and model.dof_frictionloss[0] == pytest.approx(0.04)
+    assert model.actuator_forcerange[0, 1] == pytest.approx(2.4 * 0.97)
+    robot: Robot = read_robot("pendulum.urdf")
+    time, each = motions()
+    law, true = preset("feetech_sts3215"), parameters(angle_offset=0.0)
+    for name in ("chirp", "steps"):
+        command = each[name][0]
+        log = next(one for one, key in zip(virtual_logs(robot, true, gains=(KP,)), each, strict=True) if key == name)
+        log = type(log)(**{**vars(log), "time": time})
+        record = record_of(log, 0, joint_loads(robot, log, measured_motion(log))[0], law)
+        ours = rolled_out(record, true).q
+        data = mujoco.MjData(model)
+        data.qpos[0] = ours[0]
+        steps = round((time[1] - time[0]) / model.opt.timestep)
+        theirs = np.empty(len(time))
+        for k in range(len(time)):
+            theirs[k] = data.qpos[0]
+            data.ctrl[0] = command[k]
+            mujoco.mj_step(model, data, nstep=steps)
+        assert np.mean(np.abs(theirs - ours)) < 3e-3, (name, np.mean(np.abs(theirs - ours)))
+
+
+def test_tables_hold_the_numbers(folder: Path) -> None:
+    stiffness = 2.4 * 0.166 * KP
+    for target, name in (("isaac", "a.isaac"), ("genesis", "a.yaml"), ("urdf", "b.urdf"), ("c_header", "a.h")):
+        assert main(["export", "a.json", "--to", target, "-o", name, "--option", "kp=4", "--quiet"]) == 0
+    isaac = json.loads(Path("a.isaac").read_text())["joint1"]
+    genesis = yaml.safe_load(Path("a.yaml").read_text())["joint1"]
+    assert isaac["stiffness"] == genesis["kp"] == pytest.approx(stiffness)
+    assert isaac["effort_limit_sim"] == genesis["force_range"][1] == pytest.approx(2.4 * 0.97)
+    assert genesis["damping"] == pytest.approx(0.26) and isaac["armature"] == pytest.approx(0.012)
+    assert '<dynamics damping="0.26' in Path("b.urdf").read_text()
+    assert read_robot("b.urdf").active[0].limits.effort == pytest.approx(2.4 * 0.97)
+    assert f"joint1_stiffness = {stiffness:.17g};" in Path("a.h").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--to", "mjcf"], "the logs have kp 4, 6; say which"),
+        (["--to", "gazebo", "--option", "kp=4"], "no target for actuators called 'gazebo'"),
+        (["--to", "isaac", "--option", "kv=4"], "kv"),
+        (["--to", "isaac", "--option", "kp=4", "--speed", "20"], "holds actuators"),
+    ],
+)
+def test_what_cannot_be_written_is_said(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    assert main(["export", "a.json", "-o", "out", *words]) == 1
+    assert said in capsys.readouterr().err and not Path("out").exists()
