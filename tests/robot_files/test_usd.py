@@ -116,6 +116,33 @@ def test_drives_and_what_physx_adds(stage: Any) -> None:
     assert "the joint friction of PhysX of joint2 is not read" in robot.note
 
 
+def test_what_newton_adds(stage: Any) -> None:
+    """Attributes of newton-usd-schemas, as the converters of URDF and MJCF write them."""
+    first, second = (stage.GetPrimAtPath(f"/arm/joints/joint{k}") for k in (1, 2))
+    for name, value in (("armature", 0.25), ("damping", 0.5), ("friction", 1.5), ("velocityLimit", 180.0)):
+        first.CreateAttribute(f"newton:{name}", Sdf.ValueTypeNames.Float).Set(value)
+    body = stage.GetPrimAtPath("/arm/body2")
+    six = [0.03, 0.05, 0.04, 0.002, 0.001, -0.003]
+    body.CreateAttribute("newton:inertia", Sdf.ValueTypeNames.DoubleArray).Set(six)
+    robot = again(stage)
+    one = robot.joints[0]
+    assert (one.damping, one.friction, one.drive.rotor_inertia) == (pytest.approx(np.degrees(0.5)), 1.5, 0.25)
+    assert one.limits.velocity == pytest.approx(np.pi)
+    inertia = robot.links[1].inertia
+    assert inertia is not None
+    values = inertia.about_centre
+    np.testing.assert_allclose(values[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], six, atol=1e-12)
+    second.CreateRelationship("newton:mimicJoint").SetTargets(["/arm/joints/joint1"])
+    second.CreateAttribute("newton:mimicCoef0", Sdf.ValueTypeNames.Float).Set(90.0)
+    second.CreateAttribute("newton:mimicCoef1", Sdf.ValueTypeNames.Float).Set(-0.5)
+    follow = again(stage).joints[1].mimic
+    assert follow is not None and (follow.joint, follow.multiplier) == ("joint1", -0.5)
+    assert follow.offset == pytest.approx(np.pi / 2)
+    second.CreateRelationship("newton:mimicJoint").SetTargets(["/arm/body1"])
+    with pytest.raises(DescriptionError, match="newton:mimicJoint names /arm/body1, which is no joint"):
+        again(stage)
+
+
 def test_inertia_that_is_not_stated_is_not_made_up(stage: Any, capsys: pytest.CaptureFixture[str]) -> None:
 
     mass = UsdPhysics.MassAPI(stage.GetPrimAtPath("/arm/body1"))
@@ -126,6 +153,17 @@ def test_inertia_that_is_not_stated_is_not_made_up(stage: Any, capsys: pytest.Ca
     assert main(["inspect", stage.GetRootLayer().realPath]) == 0
     told = "note: body1 states no diagonalInertia: simulators compute it from shapes"
     assert told in capsys.readouterr().out.splitlines()
+    second, body = stage.GetPrimAtPath("/arm/joints/joint2"), stage.GetPrimAtPath("/arm/body2")
+    second.SetTypeName("PhysicsFixedJoint")
+    UsdPhysics.MassAPI(stage.GetPrimAtPath("/arm/body1")).GetDiagonalInertiaAttr().Set(Gf.Vec3f(1, 1, 1))
+    assert again(stage).links[0].inertia is not None
+    UsdPhysics.MassAPI(body).GetCenterOfMassAttr().Clear()
+    assert again(stage).links[0].inertia is None  # it carries body2, whose centre is not known
+    for name in ("mass", "centerOfMass", "diagonalInertia"):
+        body.RemoveProperty(f"physics:{name}")
+    assert again(stage).links[0].inertia is not None  # a frame without mass and shapes
+    UsdPhysics.CollisionAPI.Apply(UsdGeom.Cube.Define(stage, "/arm/body2/shape").GetPrim())
+    assert again(stage).links[0].inertia is None
 
 
 def _loop(stage: Any) -> None:
@@ -258,8 +296,14 @@ def test_identified_values_go_into_a_layer_over_the_stage(tmp_path: Path, monkey
     """The stage stays as it is, the layer opens with it, and its torques are those of the estimate."""
 
     _, estimate = identified_stage(tmp_path, monkeypatch)
+    open_stage = Usd.Stage.Open("parts/arm.usda")
+    numbers = [2.0, 3.0, 2.5, 0.1, 0.2, -0.3]  # in kg cm^2: it goes before the diagonal, and has to change with it
+    open_stage.GetPrimAtPath("/arm/body2").CreateAttribute(
+        "newton:inertia", Sdf.ValueTypeNames.DoubleArray
+    ).Set(numbers)  # fmt: skip
+    open_stage.GetRootLayer().Save()
     before = Path("parts/arm.usda").read_bytes()
-    found = di.write_usd_layer(estimate, "identified.usda")
+    found = di.write_usd_layer(estimate, "identified.usda", stage="parts/arm.usda")
     assert Path("parts/arm.usda").read_bytes() == before and found.relative < 2e-6
     text = Path("identified.usda").read_text()
     assert "@./parts/arm.usda@" in text and str(tmp_path) not in text

@@ -21,13 +21,24 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.robot_files import read_robot
-from dynident.robot_files.usd_stage import StageBody, StageUnits, open_stage, pxr_module, read_stage
+from dynident.robot_files.usd_stage import (
+    WHOLE_INERTIA,
+    StageBody,
+    StageUnits,
+    open_stage,
+    pxr_module,
+    read_stage,
+    whole_inertia,
+)
 
 #: Largest difference of torques as a share of the largest of the joint: the schema holds single precision.
 _LARGEST: Final = 1e-5
 
 #: Mass in kg and moment of inertia in kg m^2 of a body whose inertia has gone to the link that carries it.
 _LEAST_MASS, _LEAST_INERTIA = 1e-6, 1e-9
+
+#: Places of the six numbers of ``newton:inertia``.
+_WHOLE: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 _ENDINGS: Final = (".usd", ".usda", ".usdc", ".usdz")
 
@@ -137,6 +148,9 @@ def _set_mass(stage: Any, path: Path, body: StageBody, inertia: Inertia | None, 
     schema.CreateCenterOfMassAttr().Set(values.Vec3f(*(centre / units.length).tolist()))
     schema.CreateDiagonalInertiaAttr().Set(values.Vec3f(*(diagonal / units.inertia).tolist()))
     schema.CreatePrincipalAxesAttr().Set(values.Quatf(float(w), float(x), float(y), float(z)))
+    if whole_inertia(prim) is not None:  # it would go before the diagonal
+        tensor = axes @ np.diag(diagonal / units.inertia) @ axes.T
+        prim.GetAttribute(WHOLE_INERTIA).Set([float(tensor[i, j]) for i, j in _WHOLE])
 
 
 def _difference(text: str, locked: Any, expected: Any, motion: Any, subject: Any) -> float:

@@ -1,6 +1,7 @@
 """The rigid bodies and joints of a USD stage, by the schema UsdPhysics, without a simulator.
 
-Source: OpenUSD, schema ``usdPhysics`` (rigid bodies, mass, joints, articulations, drives). Lengths are in units of
+Source: OpenUSD, schema ``usdPhysics`` (rigid bodies, mass, joints, articulations, drives), and what Newton and PhysX
+add to it (``newton:`` of newton-usd-schemas 0.6, ``physxJoint:``), read as plain attributes. Lengths are in units of
 ``metersPerUnit``, masses in units of ``kilogramsPerUnit``, angles of joints in degrees. A joint has a frame on each of
 its two bodies (``localPos``, ``localRot``); it is at zero where the two coincide, wherever the bodies are drawn.
 """
@@ -19,7 +20,7 @@ from dynident.arrays import Array
 from dynident.errors import DescriptionError, MissingDependency
 from dynident.model.documents.numbers import Place
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, JointLimits
+from dynident.model.robot import Drive, JointLimits, Mimic
 from dynident.robot_files.tree import Connection
 
 #: Name of what does not move.
@@ -37,6 +38,10 @@ _SCALE: Final = 1e-6
 
 #: Endings of files that a stage is composed of; textures and materials may be missing.
 _LAYERS: Final = (".usd", ".usda", ".usdc", ".usdz")
+
+#: Inertia of NewtonMassAPI: xx, yy, zz, xy, xz, yz about the centre of mass in the axes of the prim, in double
+#: precision.
+WHOLE_INERTIA: Final = "newton:inertia"
 
 #: Gravity of a scene that states none, in m/s^2.
 _GRAVITY: Final = 9.81
@@ -87,6 +92,7 @@ class StageParts:
         gravity: Gravity in the frame of the world, shape (3,), in m/s^2.
         units: Its units.
         notes: What is not read.
+        unknown: Bodies whose inertia the stage does not state in full; those without mass and shapes are frames.
     """
 
     name: str
@@ -96,6 +102,7 @@ class StageParts:
     gravity: Array
     units: StageUnits
     notes: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
 
     @property
     def inertias(self) -> dict[str, Inertia | None]:
@@ -163,6 +170,7 @@ class _StageReader:
     path: str | Path
     stage: Any
     notes: list[str] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         geometry, physics = pxr_module("UsdGeom"), pxr_module("UsdPhysics")
@@ -202,9 +210,9 @@ class _StageReader:
             bodies[name] = StageBody(key, moved, shifts[name])
         default = self.stage.GetDefaultPrim()
         name = default.GetName() if default else Path(str(self.path)).stem
-        return StageParts(
-            name, bodies, tuple(connections), drives, self._gravity(), self.units, tuple(dict.fromkeys(self.notes))
-        )
+        notes = tuple(dict.fromkeys(self.notes))
+        gravity, unknown = self._gravity(), tuple(self.unknown)
+        return StageParts(name, bodies, tuple(connections), drives, gravity, self.units, notes, unknown)
 
     def _place(self, prim: Any) -> Place:
         return Place(self.path, f"prim {prim.GetPath()}")
@@ -318,18 +326,24 @@ class _StageReader:
             step = "make it a PhysicsFixedJoint, or write the limits in order"
             raise self._place(prim).error("its lower limit is above the upper one: it is locked", step)
         force = self.units.inertia if kind == "revolute" else self.units.mass * self.units.length
-        damping, effort = self._drive(prim, name, "angular" if kind == "revolute" else "linear", force)
-        speed = self._number(prim, "physxJoint:maxJointVelocity")
+        angular = kind == "revolute"
+        damping, effort = self._drive(prim, name, "angular" if angular else "linear", force)
+        passive = self._number(prim, "newton:damping")
+        if passive is not None:
+            damping = (damping or 0.0) + passive * force / unit
+        dry = self._number(prim, "newton:friction")
+        speed = self._number(prim, "newton:velocityLimit", "physxJoint:maxJointVelocity")
         limits = JointLimits(
             lower, upper, math.inf if speed is None or speed <= 0 else speed * unit, effort=effort
         )  # fmt: skip
         if self._number(prim, "physxJoint:jointFriction"):
             self.notes.append(f"the joint friction of PhysX of {name} is not read: it is a share of the load")
-        armature = self._number(prim, "physxJoint:armature")
-        inertia = self.units.inertia if kind == "revolute" else self.units.mass
+        armature = self._number(prim, "newton:armature", "physxJoint:armature")
+        inertia = self.units.inertia if angular else self.units.mass
         drive = Drive(rotor_inertia=armature * inertia) if armature else None
         found = Connection(
-            name, kind, near.body, far.body, rotation, at, axis, limits, damping=damping
+            name, kind, near.body, far.body, rotation, at, axis, limits, self._mimic(prim, unit), damping,
+            None if dry is None else dry * force,
         )  # fmt: skip
         return found, drive
 
@@ -350,39 +364,70 @@ class _StageReader:
             return None, largest * force
         return damping, largest * force
 
+    def _mimic(self, prim: Any, unit: float) -> Mimic | None:
+        """Return what a joint follows by the schema NewtonMimicAPI: q = coef0 + coef1 q of the leader."""
+        leader = prim.GetRelationship("newton:mimicJoint")
+        targets = leader.GetTargets() if leader else []
+        enabled = prim.GetAttribute("newton:mimicEnabled").Get() if prim.HasAttribute("newton:mimicEnabled") else True
+        if not targets or not enabled:
+            return None
+        name = self.joint_names.get(str(targets[0]))
+        if name is None:
+            step = "name a joint of the stage"
+            raise self._place(prim).error(f"newton:mimicJoint names {targets[0]}, which is no joint", step)
+        ratio, offset = self._number(prim, "newton:mimicCoef1"), self._number(prim, "newton:mimicCoef0")
+        if ratio == 0.0:
+            raise self._place(prim).error("newton:mimicCoef1 0 holds it still", "make it a PhysicsFixedJoint")
+        return Mimic(name, 1.0 if ratio is None else ratio, (offset or 0.0) * unit)
+
     @staticmethod
-    def _number(prim: Any, name: str) -> float | None:
-        value = prim.GetAttribute(name).Get() if prim.HasAttribute(name) else None
-        return None if value is None else float(value)
+    def _number(prim: Any, *names: str) -> float | None:
+        """Return the value of the first of some attributes that is there."""
+        values = (prim.GetAttribute(name).Get() for name in names if prim.HasAttribute(name))
+        return next((float(value) for value in values if value is not None), None)
 
     def _inertia(self, prim: Any) -> Inertia | None:
         """Return the inertia of a body about the origin of its prim; None where a part of it is not stated."""
         mass = self.physics.MassAPI(prim)
         value, centre = float(mass.GetMassAttr().Get() or 0.0), np.array(mass.GetCenterOfMassAttr().Get(), dtype=float)
         diagonal = np.array(mass.GetDiagonalInertiaAttr().Get(), dtype=float)
+        whole = whole_inertia(prim)
         missing = [
             what
             for what, is_there in (
                 ("mass", value != 0.0),
                 ("centerOfMass", bool(np.all(np.isfinite(centre)))),
-                ("diagonalInertia", bool(np.any(diagonal))),
+                ("diagonalInertia", whole is not None or bool(np.any(diagonal))),
             )
             if not is_there
         ]
         name = self.body_names[str(prim.GetPath())]
         if missing:
-            if len(missing) < 3:
+            if len(missing) < 3 or self._has_shapes(prim):
+                self.unknown.append(name)
                 self.notes.append(f"{name} states no {' and no '.join(missing)}: simulators compute it from shapes")
             return None
         if not 0.0 < value < math.inf or np.any(diagonal < 0) or not np.all(np.isfinite(diagonal)):
             evidence = f"its mass is {value:g} and its diagonal inertia {diagonal.tolist()}"
             raise self._place(prim).error(evidence, "write a mass above 0 and moments of inertia of 0 or more")
-        axes = mass.GetPrincipalAxesAttr().Get()
-        quaternion = np.array([axes.GetReal(), *axes.GetImaginary()], dtype=float)
-        length = float(np.linalg.norm(quaternion))
-        turn = rotation_of(quaternion / length) if length > 0 else np.eye(3)  # zero stands for none
-        tensor = turn @ np.diag(diagonal * self.units.inertia) @ turn.T
+        if whole is None:
+            axes = mass.GetPrincipalAxesAttr().Get()
+            quaternion = np.array([axes.GetReal(), *axes.GetImaginary()], dtype=float)
+            length = float(np.linalg.norm(quaternion))
+            turn = rotation_of(quaternion / length) if length > 0 else np.eye(3)  # zero stands for none
+            whole = turn @ np.diag(diagonal) @ turn.T
+        tensor = whole * self.units.inertia
         return Inertia.from_centre_of_mass(value * self.units.mass, centre * self.units.length, tensor)
+
+    def _has_shapes(self, body: Any) -> bool:
+        """Return whether a body has collision shapes of its own, from which simulators would compute its mass."""
+        waiting = [body]
+        while waiting:
+            prim = waiting.pop()
+            if prim.HasAPI(self.physics.CollisionAPI):
+                return True
+            waiting += [child for child in prim.GetAllChildren() if str(child.GetPath()) not in self.rigid]
+        return False
 
     def _gravity(self) -> Array:
         up = np.array([0.0, 1.0, 0.0] if str(self.geometry.GetStageUpAxis(self.stage)) == "Y" else [0.0, 0.0, 1.0])
@@ -394,6 +439,15 @@ class _StageReader:
         length = float(np.linalg.norm(direction))
         along = direction / length if length > 0 else -up
         return along * (size * self.units.length if 0 <= size < math.inf else _GRAVITY)
+
+
+def whole_inertia(prim: Any) -> Array | None:
+    """Return the inertia about the centre of mass of the schema NewtonMassAPI, (3, 3); it goes before the diagonal."""
+    values = prim.GetAttribute(WHOLE_INERTIA).Get() if prim.HasAttribute(WHOLE_INERTIA) else None
+    if values is None or len(values) != 6:
+        return None
+    xx, yy, zz, xy, xz, yz = map(float, values)
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def rotation_of(quaternion: Array) -> Array:

@@ -60,10 +60,14 @@ def robot_of_stage(path: object, parts: StageParts) -> Robot:
     """
     note = "; ".join([f"read from {PurePath(str(path)).name}", *parts.notes])
     robot = assemble(path, parts.name, parts.inertias, parts.connections, note)
-    frames = dict(robot.frames)
+    frames, links = dict(robot.frames), list(robot.links)
+    for name in parts.unknown:  # a link that carries such a body is of unknown inertia as well
+        carrier = frames[name].link if name in frames else -1
+        if carrier >= 0:
+            links[carrier] = replace(links[carrier], inertia=None)
     for number, link in enumerate(robot.links):
         shift = parts.bodies[link.name].shift
         if np.any(shift):
             frames[f"{link.name}_prim"] = Frame(number, np.eye(3), -shift)
-    robot = replace(robot, frames=frames).with_gravity(parts.gravity)
+    robot = replace(robot, links=tuple(links), frames=frames).with_gravity(parts.gravity)
     return robot.with_drives(parts.drives) if parts.drives else robot
