@@ -57,8 +57,8 @@ class Identified:
         """What the reader has to know about theta, and about friction that remembers."""
         slipped = [FRICTION.name_of(part) for part in self.model.friction if part.without_memory is not part]
         told = tuple(
-            f"{name}: the file keeps no history, so the part is Coulomb friction at its full level; right after a "
-            "reversal the torque differs by up to twice that"
+            f"{name}: a single state has no history, so the part is there Coulomb friction at its full level; right "
+            "after a reversal the torque differs by up to twice that"
             for name in dict.fromkeys(slipped)
         )
         if self.origin != PROJECTED:
