@@ -41,6 +41,9 @@ def urdf(parts: list[str]) -> bytes:
 #: A sound file of each format that ships; a format of another package is tried with those, which it refuses.
 SAMPLES = {
     "urdf": urdf([*_BODIES, *_JOINTS]),
+    "mjcf": b"""<mujoco><worldbody><body name="a"><joint name="j1" axis="0 1 0"/><geom size=".1"/>
+<body name="b" pos="1 0 0">
+<joint name="j2"/><inertial pos="0 0.37 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody></mujoco>""",
     "dh": b"name: arm\nconvention: modified\njoints:\n- {a: 0, alpha: 0, d: 0.3}\n- {a: 0.25, alpha: 1.5, d: 0}\n",
     "native": json.dumps(robot_to_dict(read_robot("generic-scara"))).encode(),
 }
@@ -100,7 +103,7 @@ def test_every_cut_is_refused_or_a_robot(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in PARTS if name in SAMPLES])
 @pytest.mark.parametrize("word", [b"nan", b"inf", b"-.inf", b"1e999", b"one", b"[]"])
 def test_numbers_that_are_none_are_refused(name: str, word: bytes) -> None:
-    number = {"urdf": b"0.02", "dh": b"0.25", "native": b"0.35"}[name]
+    number = {"urdf": b"0.02", "dh": b"0.25", "native": b"0.35", "mjcf": b"0.37"}[name]
     data = SAMPLES[name]
     assert number in data
     with pytest.raises(DescriptionError) as caught:

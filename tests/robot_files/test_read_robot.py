@@ -32,7 +32,7 @@ def failure(path: str | Path) -> str:
 
 def test_the_formats_are_a_family() -> None:
     assert isinstance(reading.DESCRIPTIONS, Family)
-    assert reading.DESCRIPTIONS.names() == ("dh", "native", "urdf", "usd")
+    assert reading.DESCRIPTIONS.names() == ("dh", "mjcf", "native", "urdf", "usd")
     for name in reading.DESCRIPTIONS.names():
         assert reading.DESCRIPTIONS.get(name).suffixes
 
@@ -88,10 +88,10 @@ def test_folder() -> None:
 
 
 def test_unknown_ending() -> None:
-    Path("arm.sdf").write_text("name: arm\n")
-    assert failure("arm.sdf") == (
-        "arm.sdf: a file that ends with '.sdf' is not known; give a file that ends with one of: "
-        ".yaml, .yml, .json, .urdf, .xacro, .usda, .usd, .usdc, .usdz"
+    Path("arm.step").write_text("name: arm\n")
+    assert failure("arm.step") == (
+        "arm.step: a file that ends with '.step' is not known; give a file that ends with one of: "
+        ".yaml, .yml, .mjcf, .xml, .json, .urdf, .xacro, .usda, .usd, .usdc, .usdz"
     )
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
@@ -17,6 +19,10 @@ from dynident.robot_files.xacro import expand, is_xacro, split_arguments
 MAX_BYTES: Final = 20_000_000
 
 _SHIPPED: Final = "dynident.robot_files.robots"
+#: The first element, behind the declaration, comments and processing instructions.
+_FIRST: Final = re.compile(
+    rb"[\xef\xbb\xbf\xff\xfe\s]*(?:<\?.*?\?>\s*|<!--.*?-->\s*|<![^>]*>\s*)*<([A-Za-z_][^\s/>]*)", re.DOTALL
+)
 _SPACE: Final = b"\xef\xbb\xbf \t\r\n"  # with the byte order mark of UTF-8
 
 
@@ -106,12 +112,23 @@ def _bytes(file: Path) -> bytes:
     return data
 
 
+def format_name(path: object, data: bytes) -> str:
+    """Return the name of the format of a file, such as ``urdf`` or ``mjcf``.
+
+    Raises:
+        DescriptionError: It is empty or of no format that is known.
+    """
+    return DESCRIPTIONS.name_of(_format(path, Path(str(path)).suffix.lower(), data))
+
+
 def _format(path: object, suffix: str, data: bytes) -> Description:
     """Return the format of a file, by its first visible bytes and then by its suffix."""
     head = data[:4096].lstrip(_SPACE)
     if not head:
         raise DescriptionError(path, "", "the file is empty", "give a URDF, or a DH table in YAML")
     kinds = [DESCRIPTIONS.get(name) for name in DESCRIPTIONS.names()]
+    if head.startswith(b"<"):
+        return _xml_format(kinds, suffix, data)()
     for kind in kinds:
         if kind.opening and head.startswith(kind.opening):
             return kind()
@@ -121,3 +138,12 @@ def _format(path: object, suffix: str, data: bytes) -> Description:
     endings = ", ".join(ending for kind in kinds for ending in kind.suffixes)
     step = f"give a file that ends with one of: {endings}"
     raise DescriptionError(path, "", f"a file that ends with '{suffix}' is not known", step)
+
+
+def _xml_format(kinds: Sequence[type[Description]], suffix: str, data: bytes) -> type[Description]:
+    """Return the format of an XML file by its first element, else by its suffix, else URDF."""
+    found = _FIRST.match(data.replace(b"\0", b"") if data[:2] in (b"\xff\xfe", b"\xfe\xff") else data)
+    root = found.group(1).decode("utf-8", "replace") if found else ""
+    xml = [kind for kind in kinds if kind.roots]
+    named = [kind for kind in xml if root in kind.roots] or [kind for kind in xml if suffix in kind.suffixes]
+    return next(iter(named or [kind for kind in xml if "robot" in kind.roots]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -12,7 +12,7 @@ from dynident.arrays import Array
 from dynident.errors import nearest
 from dynident.model.documents.numbers import Place, shown
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Frame, Joint, JointLimits, Link, Mimic, Robot
+from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot
 from dynident.model.shapes import Shape
 
 
@@ -32,6 +32,7 @@ class Connection:
         mimic: What it follows, or None.
         damping: Viscous friction of the file, or None.
         friction: Coulomb friction of the file, or None.
+        drive: What moves it.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Connection:
     mimic: Mimic | None = None
     damping: float | None = None
     friction: float | None = None
+    drive: Drive = field(default_factory=Drive)
 
 
 def assemble(
@@ -88,7 +90,7 @@ def assemble(
         taken.append(list(own))
         joints.append(
             Joint(
-                joint.name, joint.kind, target, rotation, translation, joint.axis, joint.limits,
+                joint.name, joint.kind, target, rotation, translation, joint.axis, joint.limits, joint.drive,
                 mimic=follow.get(joint.name), damping=joint.damping, friction=joint.friction,
             )
         )  # fmt: skip

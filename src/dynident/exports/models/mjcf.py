@@ -13,10 +13,13 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.engines import mujoco_torque, mujoco_version, pinocchio_torque, pinocchio_version
+from dynident.exports.models.proving.mjcf_proof import reload_mjcf
 from dynident.exports.models.subject.drives import Drives, drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.source import OwnDescription
 from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
+from dynident.exports.models.writing.mjcf_own import beside, patched_mjcf
 from dynident.exports.models.writing.xml_text import checked_names, number, numbers, quaternion, unused_name
 from dynident.model.parameters import to_mujoco_fullinertia
 from dynident.model.robot import Joint, Robot
@@ -25,20 +28,27 @@ from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 
 @dataclass(frozen=True)
 class Mjcf(ModelExporter):
-    """MJCF for MuJoCo: bodies, armature, damping, frictionloss, a motor a joint; coupled drives as fixed tendons.
+    """MJCF for MuJoCo: the robot model's own file, every other byte as it was, or a new one.
+
+    Bodies, armature, damping, frictionloss. A new file has a motor a joint and coupled drives as fixed tendons.
 
     Attributes:
         motors: Whether each joint that moves on its own gets a motor, with its effort limit where that is known.
+        lump: Whether bodies fixed to a moving one lose their inertia to it, in place of keeping what the file states.
     """
 
     motors: bool = True
+    lump: bool = False
 
     suffix: ClassVar[str] = ".xml"
     proof: ClassVar[str] = "bodies, armature, damping and Coulomb friction by MuJoCo and Pinocchio"
     needs_bodies: ClassVar[bool] = True
+    edits_description: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:
         drives = drives_of(subject)
+        if subject.source is not None and subject.source.kind == "mjcf":
+            return self._own(subject, subject.source, path)
         files = {path: self._text(subject, drives), place_beside(path): document_bytes(subject, drives)}
         left = left_out(drives, armature=True, coupled=True)
         notes = ["shapes are drawn and do not touch; meshes are left out"]
@@ -51,6 +61,11 @@ class Mjcf(ModelExporter):
     def reload(self, subject: Identified, content: ModelContent, folder: Path, states: StateSet) -> Iterator[Reloaded]:
         path = folder / next(iter(content.files)).name
         drives = drives_of(subject)
+        if subject.source is not None and subject.source.kind == "mjcf":
+            patched = patched_mjcf(subject, drives, subject.source, self.lump)
+            files = dict(list(content.files.items())[:-1])
+            yield from reload_mjcf(subject, subject.source, patched, files, folder)
+            return
         rigid = rigid_torque(subject, states.motion)
         what = "bodies, armature, damping, Coulomb friction"
         if name := mujoco_version():
@@ -67,6 +82,18 @@ class Mjcf(ModelExporter):
         else:
             expected = rigid + drives.torque(states.motion, armature=True, coupled=False)
             yield Reloaded(name, what, pinocchio_torque(path, "mjcf", states), expected)
+
+    def _own(self, subject: Identified, source: OwnDescription, path: Path) -> ModelContent:
+        """Return the files of the user's MJCF with the model in them."""
+        drives = drives_of(subject)
+        patched = patched_mjcf(subject, drives, source, self.lump)
+        files = {**beside(path, source, patched), place_beside(path): document_bytes(subject, drives)}
+        notes = ((source.note,) if source.note else ()) + patched.notes
+        if path.absolute().parent != source.path.absolute().parent:
+            notes += (f"its meshes and includes are found from {source.path.parent}: put it there",)
+        return ModelContent(
+            files, left_out(drives, armature=True, coupled=False), (*notes, *sharp_note(drives, "MJCF"))
+        )
 
     def _text(self, subject: Identified, drives: Drives) -> bytes:
         robot = subject.model.robot

@@ -15,10 +15,12 @@ class Description(ABC):
     Attributes:
         suffixes: Endings of its file names, with the dot.
         opening: First visible bytes of every file of the format; empty where it has no mark.
+        roots: Names of the first element of an XML file of the format; empty for those that are no XML.
     """
 
     suffixes: ClassVar[tuple[str, ...]]
     opening: ClassVar[bytes] = b""
+    roots: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     def read(self, path: object, data: bytes) -> Robot:

@@ -17,9 +17,10 @@ from dynident.model.inertia import Inertia
 from dynident.model.robot import JointLimits, Mimic, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from dynident.robot_files.formats.base import Description
-from dynident.robot_files.rotations import rotation_from_rpy
+from dynident.robot_files.rotations import rotation_from_quaternion, rotation_from_rpy
 from dynident.robot_files.tree import Connection, assemble
-from dynident.robot_files.urdf_elements import Element, parse_urdf
+from dynident.robot_files.urdf_elements import parse_urdf
+from dynident.robot_files.xml_elements import Element
 
 _KINDS: Final[dict[str, Literal["fixed", "revolute", "prismatic"]]] = {
     "fixed": "fixed",
@@ -56,6 +57,7 @@ class Urdf(Description):
 
     suffixes: ClassVar[tuple[str, ...]] = (".urdf", ".xacro")
     opening: ClassVar[bytes] = b"<"
+    roots: ClassVar[tuple[str, ...]] = ("robot",)
 
     def read(self, path: object, data: bytes) -> Robot:
         """Return the robot of a URDF; see :class:`Description`."""
@@ -265,13 +267,7 @@ class _Reader:
                 f"origin quat_xyzw {text} has length {length:.4g}, not 1", "write a unit quaternion x y z w"
             )
         x, y, z, w = quaternion / length
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        return rotation_from_quaternion([w, x, y, z])
 
     def _only(self, place: Place, element: Element, tag: str) -> Element | None:
         found = element.all(tag)

@@ -74,12 +74,13 @@ def mujoco_version() -> str:
     return f"MuJoCo {mujoco.__version__}"
 
 
-def mujoco_torque(path: Path, kind: Literal["urdf", "mjcf"], states: StateSet) -> Array:
+def mujoco_torque(path: Path, kind: Literal["urdf", "mjcf"], states: StateSet, *, bodies_only: bool = False) -> Array:
     """Return the torques of a URDF or MJCF on the states, shape (N, n), in N m or N.
 
     ``mj_inverse`` has armature and damping of joints and tendons. Dry friction is a constraint of its solver: it is
     added from the loaded model with the sharp sign, the other constraints are off. Shapes of a URDF are left out, so
-    that no mesh is looked for, and gravity is set, which a URDF has none of.
+    that no mesh is looked for, and gravity is set, which a URDF has none of. ``bodies_only`` leaves out what is not
+    read of an MJCF: springs, tendons, gravity compensation, a fluid.
     """
     import mujoco
 
@@ -95,9 +96,12 @@ def mujoco_torque(path: Path, kind: Literal["urdf", "mjcf"], states: StateSet) -
     if is_urdf:
         model.opt.gravity = states.gravity
     model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_CONSTRAINT)
-    joints = [model.joint(i).name for i in range(model.njnt)]
+    joints = [model.joint(i).name or f"joint{i + 1}" for i in range(model.njnt)]
     q, dq, ddq = states.of(joints)
     state, found = api.MjData(model), np.empty_like(q)
+    if bodies_only:
+        model.opt.gravity = states.gravity
+        _without_forces(api, model, state)
     for k in range(len(q)):
         state.qpos, state.qvel, state.qacc = q[k], dq[k], ddq[k]
         api.mj_inverse(model, state)
@@ -109,6 +113,17 @@ def mujoco_torque(path: Path, kind: Literal["urdf", "mjcf"], states: StateSet) -
         row[model.wrap_objid[part]] = model.wrap_prm[part]
         found += np.sign(dq @ row)[:, None] * row * model.tendon_frictionloss[tendon]
     return states.gather(joints, found)
+
+
+def _without_forces(api: Any, model: Any, state: Any) -> None:
+    """Take springs, tendons, gravity compensation and fluid out of a model of MuJoCo."""
+    model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_SPRING)
+    model.body_gravcomp[:] = 0.0
+    model.opt.density = model.opt.viscosity = 0.0
+    for name in ("tendon_stiffness", "tendon_damping", "tendon_armature", "tendon_frictionloss", "dof_dampingpoly"):
+        if hasattr(model, name):
+            getattr(model, name)[:] = 0.0
+    api.mj_setConst(model, state)
 
 
 def drake_version() -> str:

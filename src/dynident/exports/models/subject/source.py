@@ -8,7 +8,7 @@ from pathlib import Path
 from dynident.errors import DynidentError
 from dynident.files import sha256_of
 from dynident.identification.estimate.estimate import Estimate
-from dynident.robot_files.reading import robot_text
+from dynident.robot_files.reading import format_name, robot_text
 from dynident.robot_files.xacro import with_arguments
 
 
@@ -27,10 +27,17 @@ class OwnDescription:
     note: str = ""
 
     @property
+    def kind(self) -> str:
+        """Its format: ``urdf``, ``mjcf`` and so on; empty where it is none that is known."""
+        try:
+            return format_name(self.path, self.data)
+        except DynidentError:
+            return ""
+
+    @property
     def is_urdf(self) -> bool:
-        """Whether it is XML, which of all descriptions only a URDF is; by its name or its first sign."""
-        head = self.data[:4096].lstrip(b"\xef\xbb\xbf \t\r\n")
-        return head.startswith(b"<") or self.path.suffix.lower() in (".urdf", ".xacro")
+        """Whether it is a URDF."""
+        return self.kind == "urdf"
 
 
 def find_source(estimate: Estimate, path: str | Path | None) -> OwnDescription | None:

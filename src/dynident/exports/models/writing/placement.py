@@ -186,6 +186,19 @@ def shared(subject: Identified, placement: Placement, lump: bool) -> Shares:
     return Shares(inertias, tuple(notes))
 
 
+def kept_notes(shares: Shares, placement: Placement, left: Sequence[str]) -> list[str]:
+    """Return where sums go and what stays as in the file; ``left`` are joints of which the model has no friction."""
+    notes = list(shares.notes)
+    if left:
+        notes.append(f"the model has no friction of {', '.join(left)}: their damping and friction are as in the file")
+    if placement.locked:
+        at = some([f"{name} at {position:.6g}" for name, position in placement.locked.items()])
+        notes.append(
+            f"identified with locked joints ({at}): their friction and the links after them are as in the file"
+        )
+    return notes
+
+
 def _has_room(rest: Inertia, total: Inertia) -> bool:
     least = ROOM * float(np.linalg.eigvalsh(total.pseudo)[0])
     return bool(np.linalg.eigvalsh(rest.pseudo)[0] >= least)

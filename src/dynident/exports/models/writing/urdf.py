@@ -13,7 +13,7 @@ from dynident.errors import BadOption
 from dynident.exports.models.subject.drives import Drives
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription
-from dynident.exports.models.writing.placement import Placement, place, shared, some
+from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared
 from dynident.exports.models.writing.xml_edit import (
     ByteEdit,
     PlacedElement,
@@ -82,14 +82,7 @@ def patched(subject: Identified, drives: Drives, source: OwnDescription, lump: b
         if joint.attributes["name"] in tags:
             edits += _dynamics(source.data, joint, *tags[joint.attributes["name"]])
     left = [name for name in subject.model.robot.joint_names if name not in tags]
-    notes = list(shares.notes)
-    if left:
-        notes.append(f"the model has no friction of {', '.join(left)}: their damping and friction are as in the file")
-    if placement.locked:
-        at = some([f"{name} at {position:.6g}" for name, position in placement.locked.items()])
-        notes.append(
-            f"identified with locked joints ({at}): their friction and the links after them are as in the file"
-        )
+    notes = kept_notes(shares, placement, left)
     return Patched(apply(source.data, edits), placement, tuple(notes))
 
 

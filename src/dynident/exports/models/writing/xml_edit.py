@@ -125,6 +125,16 @@ def with_attributes(data: bytes, element: PlacedElement, values: dict[str, str])
     return ByteEdit(start, match.end(1), text)
 
 
+def without_attributes(data: bytes, element: PlacedElement, gone: Collection[str], values: dict[str, str]) -> ByteEdit:
+    """Return the edit that takes attributes out of a start tag and sets others as :func:`with_attributes` does."""
+    edit = with_attributes(data, element, values)
+
+    def put(found: re.Match[bytes]) -> bytes:
+        return b"" if found.group(2).decode("utf-8", "replace") in gone else found.group(0)
+
+    return ByteEdit(edit.start, edit.end, _ATTRIBUTE.sub(put, edit.text))
+
+
 def indent_of(data: bytes, place: int) -> bytes:
     """Return the line end and blanks before ``place``; empty where something else stands on its line."""
     head = data.rfind(b"\n", 0, place)

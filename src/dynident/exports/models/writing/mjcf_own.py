@@ -1,0 +1,254 @@
+"""The user's own MJCF with other masses, inertias, armature, damping and friction loss; every other byte is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import DescriptionError
+from dynident.exports.models.subject.drives import Drives
+from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.source import OwnDescription
+from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared
+from dynident.exports.models.writing.urdf import joint_tags
+from dynident.exports.models.writing.xml_edit import (
+    ByteEdit,
+    PlacedElement,
+    added_child,
+    apply,
+    elements,
+    with_attributes,
+    without_attributes,
+)
+from dynident.exports.models.writing.xml_text import number, numbers, quaternion
+from dynident.model.inertia import Inertia
+from dynident.model.parameters import to_mujoco_fullinertia
+from dynident.robot_files.mjcf.bodies import BodySource
+from dynident.robot_files.mjcf.model import MjcfModel, read_mjcf_model
+from dynident.robot_files.mjcf.poses import ORIENTATIONS
+from dynident.robot_files.xml_elements import Element
+
+_SIX = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_STEP = "put it into the main file, with names of its own, and identify again"
+#: Settings of the compiler under which a stated inertia is not the one that counts, and what ends that.
+_NEUTRAL = {
+    "inertiafromgeom": ("true", "auto"),
+    "settotalmass": (None, "-1"),
+    "boundmass": (None, "0"),
+    "boundinertia": (None, "0"),
+    "balanceinertia": ("true", "false"),
+}
+
+
+@dataclass(frozen=True)
+class PatchedMjcf:
+    """The MJCF of a user with a model in it.
+
+    Attributes:
+        texts: Bytes of each changed file by its path; the main file is always there.
+        before: What the user's files say.
+        after: What the changed files say.
+        placement: Bodies of the file on the links of the model.
+        tags: Armature, damping and friction loss that were set, by joint; None keeps what the file states.
+        notes: What the reader has to know.
+    """
+
+    texts: Mapping[str, bytes]
+    before: MjcfModel
+    after: MjcfModel
+    placement: Placement
+    tags: Mapping[str, tuple[float, float | None, float | None]]
+    notes: tuple[str, ...]
+
+
+def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lump: bool) -> PatchedMjcf:
+    """Return the files of an MJCF with the inertias and drives of a model.
+
+    Raises:
+        DescriptionError: It is faulty or of another robot, or what was identified has no place of its own in it.
+    """
+    before = read_mjcf_model(source.path, source.data)
+    placement = place(source.path, subject.model.robot, before.tree.bodies, before.connections)
+    shares = shared(subject, placement, lump)
+    writer = _Writer(before)
+    for name, body in _bodies(before, shares.inertias).items():
+        writer.inertial(name, body)
+    tags, left = _tags(subject, drives)
+    for name, values in tags.items():
+        writer.joint(name, values)
+    texts = writer.texts()
+    after = read_mjcf_model(source.path, texts[str(source.path)], texts)
+    notes = kept_notes(shares, placement, left)
+    if before.document.compiler.changes_inertia:
+        notes.append("all bodies state their inertia now: <compiler> had settings that change what is stated")
+    return PatchedMjcf(texts, before, after, placement, tags, tuple(notes))
+
+
+def _bodies(model: MjcfModel, new: Mapping[str, Inertia | None]) -> dict[str, Inertia | None]:
+    """Return the bodies that are written: the new ones, and all where the compiler changes what is stated.
+
+    Raises:
+        DescriptionError: A body between two joints of one body has an inertia, which MJCF cannot say.
+    """
+    pinned = model.tree.bodies if model.document.compiler.changes_inertia else {}
+    found: dict[str, Inertia | None] = {}
+    for name, body in {**pinned, **new}.items():
+        if name in model.tree.sources:
+            found[name] = body
+        elif name in new and body is not None and np.abs(body.vector).max() > 0.0:
+            evidence = "the model has an inertia between two joints of one body, which MJCF cannot say"
+            step = "write a body for each joint and identify again"
+            raise DescriptionError(model.document.path, f"body '{name}'", evidence, step)
+    return {name: body for name, body in found.items() if body is not None or name in new}
+
+
+def _tags(subject: Identified, drives: Drives) -> tuple[dict[str, tuple[float, float | None, float | None]], list[str]]:
+    """Return armature, damping and friction loss of each joint, and the joints of which the model has no friction."""
+    armature, _, _ = drives.at_joints()
+    friction = joint_tags(subject, drives)
+    tags: dict[str, tuple[float, float | None, float | None]] = {}
+    for joint in subject.model.robot.joints:
+        is_led = joint.mimic is not None
+        rotor = 0.0 if is_led else float(armature[drives.joints.index(joint.name)])
+        if joint.name in friction or not is_led:
+            damping, dry = friction.get(joint.name, (None, None))
+            tags[joint.name] = (rotor, damping, dry)
+    return tags, [name for name in subject.model.robot.joint_names if name not in friction]
+
+
+class _Writer:
+    """Collects the edits of each file."""
+
+    def __init__(self, model: MjcfModel) -> None:
+        self._model = model
+        self._placed: dict[str, list[PlacedElement]] = {}
+        self._edits: dict[str, list[ByteEdit]] = {}
+        if model.document.compiler.changes_inertia:
+            for element in model.document.compiler.elements:
+                self._neutralise(element)
+
+    def texts(self) -> dict[str, bytes]:
+        """Return the files that changed, and the main one."""
+        document = self._model.document
+        edits = {str(document.path): [], **self._edits}
+        return {path: apply(document.texts[path], found) for path, found in edits.items()}
+
+    def inertial(self, name: str, body: Inertia | None) -> None:
+        """Give a body another inertia about the origin of its link, or none."""
+        source = self._model.tree.sources[name]
+        self._check(f"body '{name}'", source)
+        element = source.element
+        stated = element.all("inertial")
+        if body is None and not stated and not element.all("geom"):
+            return
+        values = _inertial_values(body, source.origin)
+        text = " ".join(f'{key}="{value}"' for key, value in values.items())
+        data, place = self._of(element)
+        if not stated:
+            self._add(element, _first_child(data, place, f"<inertial {text}/>".encode("ascii")))
+            return
+        _, own = self._of(stated[0])
+        gone = [key for key in ("diaginertia", "fullinertia", *ORIENTATIONS) if key not in values]
+        self._add(stated[0], without_attributes(data, own, gone, values))
+
+    def joint(self, name: str, values: tuple[float, float | None, float | None]) -> None:
+        """Give a joint another armature, damping and friction loss; None keeps that of the file."""
+        tree = self._model.tree
+        if name not in tree.joints:
+            return
+        joint = next(one for one in self._model.connections if one.name == name)
+        stated = (joint.drive.reflected_inertia, joint.damping or 0.0, joint.friction or 0.0)
+        keys = ("armature", "damping", "frictionloss")
+        changed = {
+            key: number(new)
+            for key, new, old in zip(keys, values, stated, strict=True)
+            if new is not None and new != old and not np.isclose(new, old, rtol=1e-14, atol=0.0)
+        }
+        source = tree.joints[name]
+        if changed.keys() & {"armature", "damping"} and name in tree.motors:
+            motor = tree.motors[name]
+            data, place = self._of(motor)
+            self._add(motor, with_attributes(data, place, {"armature": "0", "damping": "0"}))
+            changed |= {key: number(new) for key, new in zip(keys[:2], values[:2], strict=True) if new is not None}
+        if changed:
+            self._check(f"joint '{name}'", source)
+            data, place = self._of(source.element)
+            self._add(source.element, with_attributes(data, place, changed))
+
+    def _neutralise(self, element: Element) -> None:
+        given = element.attributes
+        values = {
+            key: new for key, (old, new) in _NEUTRAL.items() if key in given and (old is None or given[key] == old)
+        }
+        if values:
+            data, place = self._of(element)
+            self._add(element, with_attributes(data, place, values))
+
+    def _check(self, where: str, source: BodySource | object) -> None:
+        if not getattr(source, "is_own", True):
+            evidence = "it comes from an attached model or a replica, whose elements stand for several"
+            raise DescriptionError(self._model.document.path, where, evidence, _STEP)
+
+    def _of(self, element: Element) -> tuple[bytes, PlacedElement]:
+        key = str(element.path)
+        data = self._model.document.texts[key]
+        if key not in self._placed:
+            self._placed[key] = list(_preorder(elements(element.path, data)))
+        return data, self._placed[key][element.number]
+
+    def _add(self, element: Element, edit: ByteEdit) -> None:
+        self._edits.setdefault(str(element.path), []).append(edit)
+
+
+def _preorder(element: PlacedElement) -> Iterator[PlacedElement]:
+    yield element
+    for child in element.children:
+        yield from _preorder(child)
+
+
+def _first_child(data: bytes, parent: PlacedElement, text: bytes) -> ByteEdit:
+    """Return the edit that puts an element before the others in ``parent``, on a line of its own where those are."""
+    if not parent.children:
+        return added_child(data, parent, text)
+    first = replace(parent, children=parent.children[:1])
+    edit = added_child(data, first, text)
+    indent = edit.text[: len(edit.text) - len(text)]
+    start = parent.children[0].start
+    return ByteEdit(start, start, text + indent)
+
+
+def _inertial_values(body: Inertia | None, origin: Array) -> dict[str, str]:
+    """Return the attributes of an ``<inertial>`` for a body about the origin of its link."""
+    own = None if body is None else body.moved(np.eye(3), -origin)
+    if own is None or not own.vector.any():
+        return {"pos": "0 0 0", "mass": "0", "diaginertia": "0 0 0"}
+    where = {"pos": numbers(own.centre_of_mass), "mass": number(own.mass)}
+    tensor = np.asarray(own.about_centre)
+    if not np.any(tensor - np.diag(np.diag(tensor))):
+        return {**where, "diaginertia": numbers(np.diag(tensor))}
+    moments, axes = np.linalg.eigh(tensor)
+    if moments[0] > 0.0:
+        return {**where, "fullinertia": numbers(to_mujoco_fullinertia(np.array([tensor[a] for a in _SIX])))}
+    axes[:, 2] *= np.sign(np.linalg.det(axes))  # a thin rod: MuJoCo takes no full inertia that is not above zero
+    return {**where, "quat": numbers(quaternion(axes)), "diaginertia": numbers(np.maximum(moments, 0.0))}
+
+
+def beside(path: Path, source: OwnDescription, patched: PatchedMjcf) -> dict[Path, bytes]:
+    """Return the changed files at the places where they are written.
+
+    Raises:
+        DescriptionError: A changed include is in another folder than the main file.
+    """
+    found = {path: patched.texts[str(source.path)]}
+    for key, data in patched.texts.items():
+        if key == str(source.path) or data == patched.before.document.texts[key]:
+            continue
+        if Path(key).parent != source.path.parent:
+            evidence = "an include in another folder has bodies or joints that change"
+            raise DescriptionError(key, "", evidence, "put it beside the main file")
+        found[path.with_name(Path(key).name)] = data
+    return found

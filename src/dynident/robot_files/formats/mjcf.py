@@ -1,0 +1,36 @@
+"""MJCF, the model of MuJoCo: strict, with its includes, defaults, frames and geoms as inertia."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, final
+
+from dynident.model.robot import Robot
+from dynident.robot_files.formats.base import Description
+from dynident.robot_files.mjcf.model import read_mjcf_model
+
+
+@final
+@dataclass(frozen=True)
+class MjcfFile(Description):
+    """MJCF of MuJoCo (documentation of version 4.0): the bodies and joints of an arm on a fixed base.
+
+    Read are compiler settings, defaults classes, includes, frames, replicas, attached models, hinges and slides with
+    armature, damping, frictionloss, ref and ranges, inertials, geoms as inertia (meshes too), sites as frames, linear
+    equality constraints of joints, gears and force limits of actuators.
+
+    * A body with several joints is one link a joint; the links before the last are without mass. Link frames stand at
+      the anchor of the joint, with the axes of the body.
+    * ``Robot.note`` names what has a torque in MuJoCo and none here: springs, tendons, gravity compensation, a fluid,
+      damping of higher order.
+    * Refused with the remedy: free and ball joints, loops of bodies, muscles, flexible bodies, redundant equalities,
+      a missing include or mesh that is needed, unknown attributes.
+    """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".mjcf", ".xml")
+    opening: ClassVar[bytes] = b"<"
+    roots: ClassVar[tuple[str, ...]] = ("mujoco", "mujocoinclude")
+
+    def read(self, path: object, data: bytes) -> Robot:
+        """Return the robot of an MJCF; see :class:`Description`."""
+        return read_mjcf_model(path, data).robot()

@@ -1,0 +1,435 @@
+"""The tree of bodies of an MJCF: joints, frames, replicas and attached models, with the elements they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import nearest
+from dynident.model.documents.numbers import Place, shown
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Drive, Frame, JointLimits, rotation_about
+from dynident.model.shapes import Shape
+from dynident.robot_files.mjcf.body_inertia import inertia_of_body, stated_body
+from dynident.robot_files.mjcf.defaults import Defaults
+from dynident.robot_files.mjcf.document import MjcfDocument, file_beside, read_document
+from dynident.robot_files.mjcf.geoms import Geoms
+from dynident.robot_files.mjcf.poses import IDENTITY, ORIENTATIONS, Pose, placed, pose_of
+from dynident.robot_files.tree import Connection
+from dynident.robot_files.xml_elements import MAX_LINKS, Element
+from dynident.robot_files.xml_values import Values
+
+WORLD: Final = "world"
+
+_BODY: Final = frozenset(
+    ("childclass", "fuse", "gravcomp", "mocap", "name", "pos", "simple", "sleep", "user", *ORIENTATIONS)
+)
+_FRAME: Final = frozenset(("name", "childclass", "pos", "scale", *ORIENTATIONS))
+_JOINT: Final = frozenset(
+    "actuatorfrclimited actuatorfrcrange actuatorgravcomp armature axis class damping frictionloss group limited "
+    "margin name pos range ref solimpfriction solimplimit solreffriction solreflimit springdamper springref "
+    "springyield stiffness type user".split()
+)
+_FLEXIBLE: Final = {"composite": "a flexible body", "flexcomp": "a flexible body"}
+_MAX_ATTACHED: Final = 8
+
+
+@dataclass(frozen=True)
+class JointSource:
+    """A joint and where it is written.
+
+    Attributes:
+        element: Its element.
+        armature: Rotor inertia that counts, in kg m^2 or kg.
+        ref: Position at which the bodies are placed as written, in rad or m.
+        is_own: Whether nothing else comes from the same element.
+    """
+
+    element: Element
+    armature: float
+    ref: float
+    is_own: bool
+
+
+@dataclass(frozen=True)
+class BodySource:
+    """A body and where it is written.
+
+    Attributes:
+        element: Its element.
+        origin: Origin of the body's own frame in the frame of its link, shape (3,), in m.
+        is_own: Whether nothing else comes from the same element.
+    """
+
+    element: Element
+    origin: Array
+    is_own: bool
+
+
+@dataclass
+class MjcfTree:
+    """What the elements of the world are.
+
+    Attributes:
+        bodies: Inertia of each body by name, about the origin of its link; None where nothing states one.
+        shapes: Their shapes.
+        connections: Their joints, fixed ones included.
+        sites: Named frames: the body, rotation and translation in the frame of its link.
+        joints: The joints that move, by name.
+        sources: The bodies of the file, by name.
+        motors: The actuators that give a joint armature or damping, by joint.
+        notes: What has a torque in MuJoCo and none here.
+    """
+
+    bodies: dict[str, Inertia | None] = field(default_factory=lambda: {WORLD: None})
+    shapes: dict[str, list[Shape]] = field(default_factory=lambda: {WORLD: []})
+    connections: list[Connection] = field(default_factory=list)
+    sites: dict[str, tuple[str, Pose]] = field(default_factory=dict)
+    joints: dict[str, JointSource] = field(default_factory=dict)
+    sources: dict[str, BodySource] = field(default_factory=dict)
+    motors: dict[str, Element] = field(default_factory=dict)
+    notes: dict[str, list[str]] = field(default_factory=dict)
+
+    def note(self, what: str, name: str) -> None:
+        """Keep that a thing has something that is not read."""
+        self.notes.setdefault(what, []).append(name)
+
+    def frames(self, links: Mapping[str, Frame]) -> dict[str, Frame]:
+        """Return the sites as frames, from the place of each body on a link."""
+        found: dict[str, Frame] = {}
+        for name, (body, pose) in self.sites.items():
+            link = links[body]
+            rotation, translation = placed((link.rotation, link.translation), pose)
+            found[name] = Frame(link.link, rotation, translation)
+        return found
+
+
+@dataclass(frozen=True)
+class _Scope:
+    """What holds for the elements of a part of the tree.
+
+    Attributes:
+        document: Their model.
+        defaults: Its classes.
+        geoms: Its geoms.
+        childclass: The class that elements have by default.
+        prefix: What comes before names.
+        suffix: What comes behind names.
+        depth: Of models attached to models.
+    """
+
+    document: MjcfDocument
+    defaults: Defaults
+    geoms: Geoms
+    childclass: str = ""
+    prefix: str = ""
+    suffix: str = ""
+    depth: int = 0
+
+    @classmethod
+    def of(cls, document: MjcfDocument, prefix: str = "", suffix: str = "", depth: int = 0) -> _Scope:
+        defaults = Defaults(document.sections.get("default", []))
+        return cls(document, defaults, Geoms(document, defaults), "", prefix, suffix, depth)
+
+    @property
+    def is_own(self) -> bool:
+        """Whether elements are written once in the main model."""
+        return not self.suffix and not self.depth
+
+    def inner(self, element: Element) -> _Scope:
+        """Return what holds in a body or frame."""
+        name = element.attributes.get("childclass", "")
+        if not name:
+            return self
+        self.defaults.check(element, name)
+        return replace(self, childclass=name)
+
+    def named(self, name: str) -> str:
+        """Return a name as the whole model has it."""
+        return f"{self.prefix}{name}{self.suffix}"
+
+
+@dataclass(frozen=True)
+class _Carrier:
+    """The body that elements stand in.
+
+    Attributes:
+        name: Its name.
+        origin: Origin of its frame in the frame of its link, shape (3,), in m.
+    """
+
+    name: str
+    origin: Array
+
+
+def read_tree(document: MjcfDocument) -> MjcfTree:
+    """Return the bodies and joints of a model.
+
+    Raises:
+        DescriptionError: Any fault; the message names the file, the line and the element.
+    """
+    return _TreeReader(document).tree
+
+
+class _TreeReader:
+    """Walks through the world from the top."""
+
+    def __init__(self, document: MjcfDocument) -> None:
+        self.tree = MjcfTree()
+        self._moving = 0
+        scope = _Scope.of(document)
+        carrier = _Carrier(WORLD, np.zeros(3))
+        for world in document.sections["worldbody"]:
+            self._inside(list(self._flat(world, IDENTITY, scope)), carrier)
+
+    def _flat(self, element: Element, frame: Pose, scope: _Scope) -> Iterator[tuple[Element, Pose, _Scope]]:
+        """Yield the children of an element, those of frames, replicas and attached models in place of these."""
+        for child in element.children:
+            if child.tag == "frame":
+                yield from self._framed(child, frame, scope)
+            elif child.tag == "replicate":
+                yield from self._replicas(child, frame, scope)
+            elif child.tag == "attach":
+                yield from self._attached(child, frame, scope)
+            else:
+                yield child, frame, scope
+
+    def _framed(self, element: Element, frame: Pose, scope: _Scope) -> Iterator[tuple[Element, Pose, _Scope]]:
+        values = Values(element.place, element.attributes).known(_FRAME)
+        if values.number("scale", 1.0) != 1.0:
+            raise values.place.error("a frame with a scale is not read", "scale what is in it, and remove the scale")
+        yield from self._flat(element, placed(frame, pose_of(values, scope.document.compiler)), scope.inner(element))
+
+    def _replicas(self, element: Element, frame: Pose, scope: _Scope) -> Iterator[tuple[Element, Pose, _Scope]]:
+        values = Values(element.place, element.attributes).known(("count", "sep", "offset", "euler", "childclass"))
+        count = values.number("count")
+        if not 1 <= count <= MAX_LINKS or count != int(count):
+            raise values.place.error(f"count {count:g} is no number of replicas", f"write 1 to {MAX_LINKS}")
+        turned = Values(values.place, {k: v for k, v in values.given.items() if k == "euler"})
+        rotation, _ = pose_of(turned, scope.document.compiler)
+        step = rotation, values.numbers("offset", 3) if "offset" in values else np.zeros(3)
+        digits = len(str(int(count) - 1)) if count > 1 else 1
+        pose = IDENTITY
+        for number in range(int(count)):
+            suffix = f"{values.text('sep', '')}{number:0{digits}d}{scope.suffix}"
+            yield from self._flat(element, placed(frame, pose), replace(scope, suffix=suffix).inner(element))
+            pose = placed(pose, step)
+
+    def _attached(self, element: Element, frame: Pose, scope: _Scope) -> Iterator[tuple[Element, Pose, _Scope]]:
+        values = Values(element.place, element.attributes).known(("model", "body", "frame", "prefix"))
+        inner = _submodel(values, scope)
+        prefix = scope.prefix + values.text("prefix", "")
+        own = _Scope.of(inner, prefix, scope.suffix, scope.depth + 1)
+        _check_attached(values.place, inner)
+        children = [child for world in inner.sections["worldbody"] for child in self._flat(world, IDENTITY, own)]
+        if "frame" in values:
+            raise values.place.error("a frame of another model is attached", "attach the body that it stands in")
+        if "body" not in values:
+            yield from ((child, placed(frame, pose), held) for child, pose, held in children)
+            return
+        bodies = {child.attributes.get("name", ""): (child, held) for child, _, held in children if child.tag == "body"}
+        name = values.text("body")
+        if name not in bodies:
+            step = f"correct the name{nearest(name, bodies)}"
+            raise values.place.error(f"the world of the attached model has no body {shown(name)}", step)
+        child, held = bodies[name]
+        yield child, frame, held
+
+    def _inside(self, children: list[tuple[Element, Pose, _Scope]], carrier: _Carrier) -> None:
+        """Read what stands in a body beside its joints and inertia."""
+        for child, frame, scope in children:
+            if child.tag in _FLEXIBLE:
+                step = "remove it, or write rigid bodies: arms of rigid links are read"
+                raise child.place.error(f"<{child.tag}> is {_FLEXIBLE[child.tag]}", step)
+            if child.tag == "body":
+                self._body(child, frame, scope, carrier)
+            elif child.tag == "site":
+                self._site(child, frame, scope, carrier)
+            elif child.tag == "geom":
+                shape = scope.geoms.shape(child, scope.childclass, frame)
+                if shape is not None:
+                    self.tree.shapes[carrier.name].append(shape.moved(np.eye(3), carrier.origin))
+            elif carrier.name == WORLD and child.tag in ("joint", "freejoint", "inertial"):
+                raise child.place.error("it stands in the world, which does not move", "put it into a <body>")
+            elif child.tag not in ("joint", "freejoint", "inertial"):
+                known = ("body", "joint", "freejoint", "geom", "site", "inertial", "frame", "replicate", "attach")
+                raise child.place.error("no element of a body has this name", f"remove it{nearest(child.tag, known)}")
+
+    def _site(self, element: Element, frame: Pose, scope: _Scope, carrier: _Carrier) -> None:
+        values = scope.defaults.values(element, scope.childclass)
+        if "name" not in element.attributes or "fromto" in values:
+            return
+        rotation, translation = placed(frame, pose_of(values, scope.document.compiler))
+        name = scope.named(values.name("name"))
+        self.tree.sites.setdefault(name, (carrier.name, (rotation, translation + carrier.origin)))
+
+    def _body(self, element: Element, frame: Pose, scope: _Scope, carrier: _Carrier) -> None:
+        values = Values(element.place, element.attributes).known(_BODY)
+        scope = scope.inner(element)
+        name = scope.named(values.name("name")) if "name" in values else f"body{len(self.tree.sources) + 1}"
+        if name in self.tree.bodies:
+            step = "give each body a name of its own"
+            raise values.place.error(f"a second body is called {shown(name)}", step)
+        if len(self.tree.bodies) > MAX_LINKS:
+            raise values.place.error(f"more than {MAX_LINKS} bodies", "give the MJCF of one robot")
+        if values.number("gravcomp", 0.0):
+            self.tree.note("gravity compensation of bodies", name)
+        children = list(self._flat(element, IDENTITY, scope))
+        self._check_free(children, name)
+        rotation, translation = placed(frame, pose_of(values, scope.document.compiler))
+        joints = [one for one in children if one[0].tag == "joint"]
+        origin = self._connect(name, joints, (rotation, translation + carrier.origin), carrier)
+        inertia = self._inertia(element, children, scope)
+        self.tree.bodies[name] = None if inertia is None else inertia.moved(np.eye(3), origin)
+        self.tree.shapes[name] = []
+        self.tree.sources[name] = BodySource(element, origin, scope.is_own)
+        self._inside(children, _Carrier(name, origin))
+
+    def _check_free(self, children: list[tuple[Element, Pose, _Scope]], name: str) -> None:
+        for child, _, scope in children:
+            kind = "free" if child.tag == "freejoint" else ""
+            if child.tag == "joint":
+                kind = scope.defaults.values(child, scope.childclass).text("type", "hinge")
+            if kind == "free":
+                step = "remove the joint to fix the base, or remove the body if it is no part of the robot"
+                raise child.place.error(f"body {shown(name)} floats freely: arms on a fixed base are read", step)
+            if kind == "ball":
+                step = "replace it by three hinges"
+                raise child.place.error("a ball joint has three degrees of freedom", step)
+
+    def _inertia(self, body: Element, children: list[tuple[Element, Pose, _Scope]], scope: _Scope) -> Inertia | None:
+        compiler = scope.document.compiler
+        inertials = [child for child, _, _ in children if child.tag == "inertial"]
+        if len(inertials) > 1:
+            raise inertials[1].place.error("a second <inertial> in one body", "keep one of the two")
+        if inertials and inertials[0] not in body.children:
+            raise inertials[0].place.error("an <inertial> in a frame", "move it out of the <frame>, with its pos")
+        stated = stated_body(inertials[0], compiler) if inertials else None
+        geoms: list[Inertia] = []
+        if compiler.from_geoms == "true" or (compiler.from_geoms == "auto" and stated is None):
+            for child, frame, inner in children:
+                found = inner.geoms.body(child, inner.childclass, frame) if child.tag == "geom" else None
+                if found is not None:
+                    geoms.append(found)
+        return inertia_of_body(stated, geoms, compiler)
+
+    def _connect(self, body: str, joints: list[tuple[Element, Pose, _Scope]], pose: Pose, carrier: _Carrier) -> Array:
+        """Add the joints of a body, and return where its origin is in the frame of its link."""
+        rotation, translation = pose
+        if not joints:
+            fixed = np.array([0.0, 0.0, 1.0])
+            name = f"{body} (fixed)"
+            joint = Connection(name, "fixed", carrier.name, body, rotation, translation, fixed, JointLimits())
+            self.tree.connections.append(joint)
+            return np.zeros(3)
+        parent, at = carrier.name, np.zeros(3)
+        for number, (element, frame, scope) in enumerate(joints):
+            is_last = number == len(joints) - 1
+            joint, anchor = self._joint(element, frame, scope, (rotation, translation, at))
+            child = body if is_last else f"{body} before joint {len(self.tree.joints) + 1}"
+            if not is_last:
+                self.tree.bodies[child] = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+            self.tree.connections.append(replace(joint, parent=parent, child=child))
+            parent, rotation, translation, at = child, np.eye(3), np.zeros(3), anchor
+        return -at
+
+    def _joint(
+        self, element: Element, frame: Pose, scope: _Scope, place: tuple[Array, Array, Array]
+    ) -> tuple[Connection, Array]:
+        """Return a joint without its bodies, and its anchor in the frame of its body."""
+        values = scope.defaults.values(element, scope.childclass).known(_JOINT)
+        self._moving += 1
+        name = scope.named(values.name("name")) if "name" in values else f"joint{self._moving}"
+        if name in self.tree.joints:
+            raise values.place.error(f"a second joint is called {shown(name)}", "give each joint a name of its own")
+        kind: Literal["revolute", "prismatic"] = "revolute"
+        if values.choice("type", ("hinge", "slide"), "hinge") == "slide":
+            kind = "prismatic"
+        unit = scope.document.compiler.unit if kind == "revolute" else 1.0
+        anchor = frame[1] + frame[0] @ (values.numbers("pos", 3) if "pos" in values else np.zeros(3))
+        axis = values.numbers("axis", 3) if "axis" in values else np.array([0.0, 0.0, 1.0])
+        if np.linalg.norm(axis) < 1e-9:
+            raise values.place.error(f"axis {shown(values.text('axis'))} has no direction", "write it as '0 0 1'")
+        axis = frame[0] @ axis / np.linalg.norm(axis)
+        ref = unit * values.number("ref", 0.0)
+        rotation, translation, at = place
+        translation = translation + rotation @ (anchor - at)
+        if kind == "revolute":
+            rotation = rotation @ rotation_about(axis, -ref)
+        else:
+            translation = translation - ref * rotation @ axis
+        self.tree.joints[name] = JointSource(element, values.at_least_zero("armature", 0.0), ref, scope.is_own)
+        joint = Connection(
+            name, kind, "", "", rotation, translation, axis, _limits(values, scope, unit),
+            damping=self._damping(values, name), friction=values.at_least_zero("frictionloss", 0.0),
+            drive=Drive(rotor_inertia=values.at_least_zero("armature", 0.0)),
+        )  # fmt: skip
+        return joint, anchor
+
+    def _damping(self, values: Values, name: str) -> float:
+        """Return the viscous damping; what follows another law is noted."""
+        if "stiffness" in values and np.any(values.numbers("stiffness", 1, 3)):
+            self.tree.note("springs of joints", name)
+        if "springdamper" in values and np.all(values.numbers("springdamper", 2) > 0.0):
+            self.tree.note("springdamper of joints", name)
+            return 0.0
+        damping = values.numbers("damping", 1, 3) if "damping" in values else np.zeros(1)
+        if np.any(damping < 0.0):
+            raise values.place.error(f"damping {shown(values.text('damping'))} is negative", "write 0 or more")
+        if np.any(damping[1:]):
+            self.tree.note("damping of second and third order", name)
+        return float(damping[0])
+
+
+def _limits(values: Values, scope: _Scope, unit: float) -> JointLimits:
+    """Return the limits of position and torque that a joint states."""
+    lower, upper = -np.inf, np.inf
+    if _is_limited(values, scope, "limited", "range"):
+        lower, upper = unit * values.numbers("range", 2)
+        if not lower <= upper:
+            step = "exchange the two numbers"
+            raise values.place.error(f"range {shown(values.text('range'))} ends below its start", step)
+    effort = np.inf
+    if _is_limited(values, scope, "actuatorfrclimited", "actuatorfrcrange"):
+        effort = float(np.abs(values.numbers("actuatorfrcrange", 2)).max())
+    return JointLimits(lower=float(lower), upper=float(upper), effort=effort)
+
+
+def _is_limited(values: Values, scope: _Scope, flag: str, bounds: str) -> bool:
+    word = values.choice(flag, ("true", "false", "auto"), "auto")
+    if word == "auto" and bounds in values and not scope.document.compiler.autolimits:
+        if np.any(values.numbers(bounds, 2)):
+            step = f'write {flag}="true", or autolimits="true" in <compiler>'
+            raise values.place.error(f"{bounds} without {flag} where autolimits is false", step)
+        return False
+    return word == "true" or (word == "auto" and bounds in values and bool(np.any(values.numbers(bounds, 2))))
+
+
+def _submodel(values: Values, scope: _Scope) -> MjcfDocument:
+    """Return the model that an ``<attach>`` names."""
+    name = values.text("model")
+    models: dict[str, Element] = {}
+    for element in scope.document.each("asset"):
+        if element.tag == "model":
+            file = element.attributes.get("file", "")
+            models[element.attributes.get("name") or Place(file).path.__str__()] = element
+    if name not in models:
+        step = f"add <model name={shown(name)} file=.../> to <asset>{nearest(name, models)}"
+        raise values.place.error(f"there is no model {shown(name)} to attach", step)
+    if scope.depth >= _MAX_ATTACHED:
+        raise values.place.error("models attached to models without end", "attach each model to another one once")
+    element = models[name]
+    file = Values(element.place, element.attributes).name("file")
+    return read_document(scope.document.folder / file, file_beside(element, "file", file, scope.document.folder))
+
+
+def _check_attached(place: Place, document: MjcfDocument) -> None:
+    """Refuse an attached model with something outside of its world that would be lost."""
+    for section in ("equality", "actuator", "tendon", "deformable"):
+        if any(True for _ in document.each(section)) and section != "actuator":
+            step = f"write its <{section}> in the main file, or put the bodies there"
+            raise place.error(f"the attached model has <{section}>, which is not read", step)

@@ -1,0 +1,234 @@
+"""An MJCF file with its includes as one tree, its sections, and the settings of its compiler."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePath
+from typing import Final
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import nearest
+from dynident.model.documents.numbers import Place, shown
+from dynident.robot_files.xml_elements import Element, XmlLanguage, parse_xml
+from dynident.robot_files.xml_values import Values
+
+#: Largest file that is included.
+MAX_BYTES: Final = 20_000_000
+MAX_FILES: Final = 200
+
+_SECTIONS: Final = frozenset(
+    "compiler option size visual statistic default extension custom asset worldbody contact deformable equality tendon "
+    "actuator sensor keyframe include".split()
+)
+#: Sections that say nothing of bodies and joints: passed over.
+_PASSED: Final = frozenset("size visual statistic extension custom contact sensor keyframe".split())
+_SKIPPED: Final = frozenset({"texture", "material", "skin", "light", "camera", "user", "plugin", "lengthrange"})
+_COMPILER: Final = frozenset(
+    "alignfree angle assetdir autolimits balanceinertia boundinertia boundmass convexhull coordinate discardvisual "
+    "eulerseq exactmeshinertia fitaabb fusestatic inertiafromgeom inertiagrouprange meshdir passthrough savecanonical "
+    "savecompiled saveinertial settotalmass strippath texturedir usethread".split()
+)
+_LANGUAGE: Final = XmlLanguage("MJCF", ("mujoco", "mujocoinclude"), "body")
+_INCLUDED: Final = XmlLanguage("MJCF", ("mujoco", "mujocoinclude"), "body")
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """Settings of the compiler of a model, as MuJoCo has them by default.
+
+    Attributes:
+        degrees: Whether angles are in degrees.
+        sequence: Axes of Euler angles.
+        autolimits: Whether a range alone makes a limit.
+        from_geoms: ``"auto"``, ``"true"`` or ``"false"``: when bodies get their inertia from their geoms.
+        groups: First and last group of the geoms that count for it.
+        least_mass: Lower bound of masses, in kg.
+        least_inertia: Lower bound of principal moments of inertia, in kg m^2.
+        balances: Whether impossible principal moments are replaced by their mean.
+        total_mass: What all masses together are scaled to, in kg; none where it is not above 0.
+        exact_meshes: Whether meshes are taken for exact ones unless they say how.
+        mesh_folder: Folder of the mesh files, as written.
+        strips: Whether folders in names of mesh files are dropped.
+        elements: The elements that state it.
+    """
+
+    degrees: bool = True
+    sequence: str = "xyz"
+    autolimits: bool = True
+    from_geoms: str = "auto"
+    groups: tuple[float, float] = (0.0, 5.0)
+    least_mass: float = 0.0
+    least_inertia: float = 0.0
+    balances: bool = False
+    total_mass: float = -1.0
+    exact_meshes: bool = False
+    mesh_folder: str = ""
+    strips: bool = False
+    elements: tuple[Element, ...] = ()
+
+    @property
+    def unit(self) -> float:
+        """What an angle of the file is multiplied by to be in rad."""
+        return float(np.pi / 180.0) if self.degrees else 1.0
+
+    @property
+    def changes_inertia(self) -> bool:
+        """Whether a stated inertia may not be the one that counts."""
+        bounds = self.least_mass > 0 or self.least_inertia > 0 or self.balances
+        return self.from_geoms == "true" or bounds or self.total_mass > 0
+
+
+@dataclass(frozen=True)
+class MjcfDocument:
+    """A model with its includes.
+
+    Attributes:
+        path: The main file.
+        name: Name of the model.
+        sections: The elements of each section, in the order of the file.
+        compiler: Settings of the compiler.
+        gravity: Gravity, shape (3,), in m/s^2.
+        texts: The bytes of each file by its path as messages call it.
+        notes: What has a torque in MuJoCo and none here.
+    """
+
+    path: object
+    name: str
+    sections: Mapping[str, list[Element]]
+    compiler: Compiler
+    gravity: Array
+    texts: Mapping[str, bytes]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the main file."""
+        return Path(str(self.path)).parent
+
+    def each(self, section: str) -> Iterator[Element]:
+        """Yield the elements in all sections of one name."""
+        for element in self.sections.get(section, ()):
+            yield from element.children
+
+
+def read_document(path: object, data: bytes, known: Mapping[str, bytes] | None = None) -> MjcfDocument:
+    """Return the tree of a file with its includes in place; ``known`` has bytes of includes by their path.
+
+    Raises:
+        DescriptionError: No MJCF, an include that is missing or comes back, an unknown section, setting or unit.
+    """
+    texts: dict[str, bytes] = {str(path): data}
+    root = parse_xml(path, data, _LANGUAGE)
+    _include(root, Path(str(path)).parent, texts, known or {})
+    sections: dict[str, list[Element]] = {}
+    for element in root.children:
+        if element.tag not in _SECTIONS:
+            step = f"remove or correct it{nearest(element.tag, sorted(_SECTIONS))}"
+            raise element.place.error("no section of MJCF has this name", step)
+        if element.tag not in _PASSED:
+            sections.setdefault(element.tag, []).append(element)
+    if "worldbody" not in sections:
+        raise Place(path).error("no <worldbody> in <mujoco>", "give the MJCF of a robot")
+    gravity, notes = _options(sections.get("option", []))
+    name = root.attributes.get("model") or PurePath(str(path)).stem
+    compiler = _compiler(sections.get("compiler", []))
+    return MjcfDocument(path, name if name.isprintable() else "robot", sections, compiler, gravity, texts, notes)
+
+
+def _include(root: Element, folder: Path, texts: dict[str, bytes], known: Mapping[str, bytes]) -> None:
+    """Put what files include in place of their ``<include>``, in the whole tree below an element."""
+    for place in range(len(root.children) - 1, -1, -1):
+        child = root.children[place]
+        if child.tag in _SKIPPED:
+            del root.children[place]
+        elif child.tag != "include":
+            _include(child, folder, texts, known)
+    for place in range(len(root.children) - 1, -1, -1):
+        child = root.children[place]
+        if child.tag == "include":
+            inner = _included(child, folder, texts, known)
+            _include(inner, folder, texts, known)
+            root.children[place : place + 1] = inner.children
+
+
+def _included(element: Element, folder: Path, texts: dict[str, bytes], known: Mapping[str, bytes]) -> Element:
+    name = Values(element.place, element.attributes).name("file")
+    key = str(folder / name)
+    data = known[key] if key in known else file_beside(element, "file", name, folder)
+    if key in texts or len(texts) >= MAX_FILES:
+        evidence = f"the file {shown(name)} is included twice"
+        raise element.place.error(evidence, "include each file once: remove one of the two")
+    texts[key] = data
+    return parse_xml(key, data, _INCLUDED)
+
+
+def file_beside(element: Element, attribute: str, name: str, folder: Path) -> bytes:
+    """Return the bytes of a file that an element names, relative to the folder of the main file.
+
+    Raises:
+        DescriptionError: An absolute name, no such file, or one that cannot be read or is too large.
+    """
+    file = folder / name
+    if PurePath(name).is_absolute() or ".." in PurePath(name).parts[1:-1] or "\0" in name:
+        evidence = f"{attribute} {shown(name)} leads elsewhere"
+        raise element.place.error(evidence, "write a name relative to the folder of the main file")
+    if not os.path.isfile(file):
+        evidence = f"the file {shown(name)} is missing in {folder}"
+        raise element.place.error(evidence, f"put it there, or correct the name or remove the <{element.tag}>")
+    try:
+        with file.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except OSError as problem:
+        evidence = f"the file {shown(name)} cannot be read ({problem.strerror})"
+        raise element.place.error(evidence, "check its permissions") from problem
+    if len(data) > MAX_BYTES:
+        raise element.place.error(f"the file {shown(name)} is larger than 20 MB", "give the model of one robot")
+    return data
+
+
+def _options(elements: list[Element]) -> tuple[Array, list[str]]:
+    gravity, on, fluid = np.array([0.0, 0.0, -9.81]), True, False
+    for element in elements:
+        values = Values(element.place, element.attributes)
+        gravity = values.numbers("gravity", 3) if "gravity" in values else gravity
+        fluid |= any(name in values and values.number(name) > 0 for name in ("density", "viscosity"))
+        for flag in element.all("flag"):
+            inner = Values(flag.place, flag.attributes)
+            on = inner.choice("gravity", ("enable", "disable"), "enable" if on else "disable") == "enable"
+    return gravity if on else np.zeros(3), ["a fluid"] if fluid else []
+
+
+def _compiler(elements: list[Element]) -> Compiler:
+    if not elements:
+        return Compiler()
+    given: dict[str, str] = {}
+    for element in elements:
+        given.update(Values(element.place, element.attributes).known(_COMPILER).given)
+    values = Values(elements[-1].place, given)
+    if values.text("coordinate", "local") != "local":
+        step = 'save it with MuJoCo 2.3.3 or earlier, which writes local coordinates, or write coordinate="local"'
+        raise values.place.error(f"coordinate {shown(values.text('coordinate'))} is no longer read", step)
+    sequence = values.text("eulerseq", "xyz")
+    if len(sequence) != 3 or any(letter not in "xyzXYZ" for letter in sequence):
+        raise values.place.error(f"eulerseq {shown(sequence)} is no order of axes", "write three of x y z X Y Z")
+    groups = values.numbers("inertiagrouprange", 2) if "inertiagrouprange" in values else (0.0, 5.0)
+    exact = values.flag("exactmeshinertia", False)
+    return Compiler(
+        degrees=values.choice("angle", ("degree", "radian"), "degree") == "degree",
+        sequence=sequence,
+        autolimits=values.flag("autolimits", True),
+        from_geoms=values.choice("inertiafromgeom", ("false", "true", "auto"), "auto"),
+        groups=(float(groups[0]), float(groups[1])),
+        least_mass=values.at_least_zero("boundmass", 0.0),
+        least_inertia=values.at_least_zero("boundinertia", 0.0),
+        balances=values.flag("balanceinertia", False),
+        total_mass=values.number("settotalmass", -1.0),
+        exact_meshes=exact,
+        mesh_folder=values.text("meshdir", values.text("assetdir", "")),
+        strips=values.flag("strippath", False),
+        elements=tuple(elements),
+    )

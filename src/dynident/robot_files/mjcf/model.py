@@ -1,0 +1,67 @@
+"""An MJCF as a whole: its robot, and the bodies and joints of the file before they are merged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import PurePath
+
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Frame, Robot
+from dynident.robot_files.mjcf.bodies import WORLD, MjcfTree, read_tree
+from dynident.robot_files.mjcf.defaults import Defaults
+from dynident.robot_files.mjcf.document import MjcfDocument, read_document
+from dynident.robot_files.mjcf.poses import IDENTITY
+from dynident.robot_files.mjcf.ties import tied
+from dynident.robot_files.tree import Connection, assemble
+
+
+@dataclass(frozen=True)
+class MjcfModel:
+    """What a file says.
+
+    Attributes:
+        document: Its elements.
+        tree: Its bodies, with the elements that they come from.
+        connections: Its joints, fixed ones included, in the order of the file.
+    """
+
+    document: MjcfDocument
+    tree: MjcfTree
+    connections: Sequence[Connection]
+
+    def robot(self) -> Robot:
+        """Return the robot, fixed bodies merged.
+
+        Raises:
+            DescriptionError: No joint moves.
+        """
+        document, tree = self.document, self.tree
+        left = [*document.notes, *(f"{what} ({', '.join(names[:4])})" for what, names in tree.notes.items())]
+        note = f"read from {PurePath(str(document.path)).name}" + (f"; without {', '.join(left)}" if left else "")
+        found = assemble(document.path, document.name, tree.bodies, self.connections, note, tree.shapes)
+        places = {WORLD: Frame(-1, *IDENTITY)}
+        places |= {link.name: Frame(i, *IDENTITY) for i, link in enumerate(found.links)} | dict(found.frames)
+        sites = {name: frame for name, frame in tree.frames(places).items() if name not in places}
+        return replace(found, gravity=document.gravity, frames={**found.frames, **sites})
+
+
+def read_mjcf_model(path: object, data: bytes, texts: Mapping[str, bytes] | None = None) -> MjcfModel:
+    """Return what an MJCF says.
+
+    Args:
+        path: The file, beside which its includes and meshes are.
+        data: Its bytes.
+        texts: Bytes of includes by their path that count in place of what is in those files.
+
+    Raises:
+        DescriptionError: Any fault; the message names the file, the line and the element.
+    """
+    document = read_document(path, data, texts)
+    tree = read_tree(document)
+    total = sum(body.mass for body in tree.bodies.values() if body is not None)
+    wanted = document.compiler.total_mass
+    if wanted > 0.0 and total > 0.0:
+        for name, body in tree.bodies.items():
+            tree.bodies[name] = None if body is None else Inertia.from_vector(wanted / total * body.vector)
+    return MjcfModel(document, tree, tied(document, Defaults(document.sections.get("default", [])), tree))

@@ -1,0 +1,159 @@
+"""What an MJCF says of joints outside of its bodies: equality constraints, actuators, tendons, flexible bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from dynident.errors import nearest
+from dynident.model.documents.numbers import shown
+from dynident.model.robot import Drive, Mimic, rotation_about
+from dynident.robot_files.mjcf.bodies import MjcfTree
+from dynident.robot_files.mjcf.defaults import ACTUATORS, Defaults
+from dynident.robot_files.mjcf.document import MjcfDocument
+from dynident.robot_files.tree import Connection
+from dynident.robot_files.xml_elements import Element
+from dynident.robot_files.xml_values import Values
+
+_RIGID: Final = "arms of rigid links moved by joints are read"
+_PARAMETERS: Final = ("dyntype", "gaintype", "biastype")
+
+
+def tied(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Connection]:
+    """Return the joints with what follows another, what is held still, gears and limits of torque.
+
+    Raises:
+        DescriptionError: A muscle, a flexible body, an equality constraint that closes a loop, is redundant or is not
+            linear.
+    """
+    for element in document.each("deformable"):
+        if element.tag == "flex":
+            raise element.place.error("a flexible body is not read", f"remove it: {_RIGID}")
+    joints = _followed(document, defaults, tree)
+    for element in document.each("tendon"):
+        _note_tendon(defaults.values(element, ""), element, tree)
+    return _driven(document, defaults, tree, joints)
+
+
+def _followed(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Connection]:
+    joints = {joint.name: joint for joint in tree.connections}
+    ties: dict[str, Element] = {}
+    for element in document.each("equality"):
+        values = defaults.values(element, "")
+        if not values.flag("active", True):
+            continue
+        if element.tag != "joint":
+            step = 'remove it, or write active="false": loops of bodies are not read'
+            raise values.place.error(f"the equality constraint <{element.tag}> closes a loop of bodies", step)
+        one = _joint_named(values, "joint1", joints, tree)
+        if one in ties:
+            evidence = f"joint {shown(one)} is tied twice, at line {ties[one].line} too: redundant equalities"
+            raise values.place.error(evidence, "keep one of the two")
+        ties[one] = element
+        joints[one] = _tie(values, joints, joints[one], tree)
+    _check_rings(ties, joints)
+    return list(joints.values())
+
+
+def _joint_named(values: Values, key: str, joints: Mapping[str, Connection], tree: MjcfTree) -> str:
+    name = values.text(key)
+    if name not in tree.joints:
+        known = [joint for joint in joints if joint in tree.joints]
+        raise values.place.error(f"{key} {shown(name)} is no joint", f"correct the name{nearest(name, known)}")
+    return name
+
+
+def _tie(values: Values, joints: Mapping[str, Connection], joint: Connection, tree: MjcfTree) -> Connection:
+    """Return a joint that follows another, or that an equality constraint holds still."""
+    coefficients = np.zeros(5)
+    given = values.numbers("polycoef", 1, 5) if "polycoef" in values else np.array([0.0, 1.0])
+    coefficients[: len(given)] = given
+    constant, slope = float(coefficients[0]), float(coefficients[1])
+    zero = tree.joints[joint.name].ref
+    if "joint2" not in values:
+        position = zero + constant
+        if joint.kind == "prismatic":
+            return replace(joint, kind="fixed", translation=joint.translation + position * joint.rotation @ joint.axis)
+        return replace(joint, kind="fixed", rotation=joint.rotation @ rotation_about(joint.axis, position))
+    if np.any(coefficients[2:]):
+        step = "write a linear one: the last three numbers of polycoef are 0"
+        raise values.place.error(f"polycoef {shown(values.text('polycoef'))} is not linear", step)
+    other = _joint_named(values, "joint2", joints, tree)
+    if slope == 0.0:
+        step = "remove joint2 to hold the joint still, or correct polycoef"
+        raise values.place.error(f"polycoef {shown(values.text('polycoef'))} does not follow joint2", step)
+    offset = zero + constant - slope * tree.joints[other].ref
+    return replace(joint, mimic=Mimic(other, slope, offset))
+
+
+def _check_rings(ties: Mapping[str, Element], joints: Mapping[str, Connection]) -> None:
+    """Refuse joints that follow each other in a ring: one of their equalities is redundant."""
+    for start in ties:
+        seen, name = [start], start
+        while (mimic := joints[name].mimic) is not None and joints[name].kind != "fixed":
+            name = mimic.joint
+            if name in seen:
+                words = " -> ".join(shown(each) for each in [*seen, name])
+                evidence = f"joints follow each other: {words}: redundant equalities"
+                raise ties[start].place.error(evidence, "remove one of them")
+            seen.append(name)
+
+
+def _note_tendon(values: Values, element: Element, tree: MjcfTree) -> None:
+    """Keep that a tendon has a torque of its own."""
+    for key in ("stiffness", "damping", "frictionloss", "armature"):
+        if key in values and np.any(values.numbers(key, 1, 3)):
+            tree.note("tendons", element.attributes.get("name", f"line {element.line}"))
+            return
+
+
+def _driven(document: MjcfDocument, defaults: Defaults, tree: MjcfTree, joints: list[Connection]) -> list[Connection]:
+    """Return the joints with the gears, rotor inertia, damping and limits of torque of their actuators."""
+    found = {joint.name: joint for joint in joints}
+    driven: set[str] = set()
+    for element in document.each("actuator"):
+        values = defaults.values(element, "")
+        words = {values.text(name, "") for name in _PARAMETERS}
+        if element.tag == "muscle" or "muscle" in words:
+            raise values.place.error("a muscle is not read", f"replace it by a motor of the joint: {_RIGID}")
+        name = values.text("joint", values.text("jointinparent", ""))
+        if element.tag not in ACTUATORS or not name:
+            continue
+        if name not in tree.joints:
+            step = f"correct the name{nearest(name, tree.joints)}"
+            raise values.place.error(f"its joint {shown(name)} is not there", step)
+        joint = found[name]
+        if name in driven:  # several actuators of one joint have no one gear
+            ratio = joint.drive.gear_ratio
+            drive = Drive(rotor_inertia=joint.drive.reflected_inertia)
+            found[name] = replace(joint, drive=drive if ratio != 1.0 else joint.drive)
+            continue
+        driven.add(name)
+        if any(key in values and np.any(values.numbers(key, 1, 3)) for key in ("armature", "damping")):
+            tree.motors[name] = element
+        found[name] = _moved(document, values, element, joint)
+    return list(found.values())
+
+
+def _moved(document: MjcfDocument, values: Values, element: Element, joint: Connection) -> Connection:
+    """Return a joint with the values of its actuator."""
+    gear = float(values.numbers("gear", 1, 6)[0]) if "gear" in values else 1.0
+    if gear == 0.0:
+        return joint
+    rotor = values.at_least_zero("armature", 0.0) + joint.drive.rotor_inertia / gear**2
+    damping = values.numbers("damping", 1, 3)[0] * gear**2 if "damping" in values else 0.0
+    force = np.inf
+    if "forcerange" in values and values.text("forcelimited", "auto") != "false":
+        force = float(np.abs(values.numbers("forcerange", 2)).max())
+    elif element.tag == "motor" and "ctrlrange" in values and values.text("ctrllimited", "auto") != "false":
+        force = float(np.abs(values.numbers("ctrlrange", 2)).max())
+    effort = min(joint.limits.effort, abs(gear) * force if force > 0 else np.inf)
+    return replace(
+        joint,
+        drive=Drive(gear, rotor),
+        damping=(joint.damping or 0.0) + float(damping),
+        limits=replace(joint.limits, effort=effort),
+    )

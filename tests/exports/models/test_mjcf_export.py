@@ -1,0 +1,156 @@
+"""MJCF: the user's own file with what was identified in it, every other byte kept; MuJoCo reads the same torques."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from identified_arms import estimate_of
+
+from dynident.data.log import Log
+from dynident.errors import DescriptionError
+from dynident.exports.models import export_model
+from dynident.exports.models.proving.mjcf_proof import reload_mjcf
+from dynident.exports.models.subject.drives import drives_of
+from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.source import OwnDescription
+from dynident.exports.models.writing.mjcf_own import PatchedMjcf, beside, patched_mjcf
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import default_friction
+from dynident.model.inertia import Inertia
+from dynident.robot_files import read_robot
+
+#: An arm with what files have: comments, odd blanks and quotes, classes, an include, geoms as inertia, a fixed body.
+MJCF = """<?xml version='1.0' encoding="utf-8"?>
+<!-- <joint damping="9"/> a comment is no joint; café -->
+<mujoco model="arm">
+  <compiler  angle = 'radian'  autolimits="true"/>
+  <default><joint armature=".05" damping="1"/><default class="fast"><joint frictionloss='0.4'/></default></default>
+  <include file="tip.xml"/>
+  <worldbody>
+    <geom type="plane" size="1 1 1"/>
+    <body name="upper" pos="0 0 .3" euler="0 .2 0">
+      <joint   name='shoulder' axis="0 1 0" class="fast" range="-2 2" />
+      <inertial mass="3" pos=".1 0 .02" quat="1 .1 0 0" diaginertia=".03 .04 .05"
+      /><geom type="capsule" fromto="0 0 0 .3 0 0" size=".04" mass="7"/>
+      <body name="lower" pos=".3 0 0">
+        <!-- no inertial: the geoms give it -->
+        <joint name="elbow" axis="0 0 1" pos="0 .02 0" damping="0.5"/>
+        <geom type="box" size=".1 .02 .03" pos=".1 0 0"/>
+        <body name="flange" pos=".2 0 0"><geom size=".03" pos="0 .1 0"/></body>
+        <body name="wrist" pos=".25 0 0"><joint name="wrist" axis="1 0 1"/>
+          <geom name="hand" type="cylinder" size=".03 .05"/><body name="tip"/></body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><position joint="shoulder" kp="100"/><motor joint="wrist" gear="30" armature="1e-4"/></actuator>
+</mujoco>
+"""
+TIP = '<mujocoinclude><size memory="1M"/></mujocoinclude>\n'
+
+
+def subject_of(path: Path, seed: int = 1) -> Identified:
+    """Return other bodies, and friction, for the robot of a file, as if they were identified."""
+    model, random = DynamicModel(read_robot(path), default_friction()), np.random.default_rng(seed)
+    bodies = []
+    for link in model.robot.links:
+        assert link.inertia is not None
+        turn = np.eye(4) + np.pad(0.05 * random.normal(size=(3, 3)), (0, 1))
+        bodies.append(Inertia.from_pseudo(1.2 * turn @ link.inertia.pseudo @ turn.T).vector)
+    rest = random.uniform(0.1, 1.0, len(model.parameters) - model.inertial_count)
+    estimate: Any = SimpleNamespace(model=model)
+    source = OwnDescription(path, path.read_bytes())
+    return Identified(estimate, np.concatenate([*bodies, rest]), "of the estimate", source)
+
+
+def reloaded(path: Path, folder: Path) -> tuple[PatchedMjcf, dict[Path, bytes]]:
+    """Write into a file and compare torques of dynident and MuJoCo."""
+    subject = subject_of(path)
+    assert subject.source is not None
+    patched = patched_mjcf(subject, drives_of(subject), subject.source, False)
+    files = beside(folder / "out.xml", subject.source, patched)
+    engines = list(reload_mjcf(subject, subject.source, patched, files, folder))
+    assert len(engines) == 2
+    for one in engines:
+        assert one.torque is not None and one.expected is not None, one.why_not
+        np.testing.assert_allclose(one.torque, one.expected, atol=1e-9 * np.abs(one.expected).max())
+    return patched, files
+
+
+def given(folder: Path, text: str = MJCF) -> Path:
+    (folder / "arm.xml").write_text(text)
+    (folder / "tip.xml").write_text(TIP)
+    return folder / "arm.xml"
+
+
+def test_only_inertias_and_joint_values_change(tmp_path: Path, exact_log: Callable[..., Log]) -> None:
+    estimate = estimate_of(read_robot(given(tmp_path)), exact_log, exact=True)
+    found = export_model(estimate, "mjcf", tmp_path / "out.xml", description=tmp_path / "arm.xml")
+    relative = [proof.relative for proof in found.proofs if proof.relative is not None]
+    assert len(relative) == 2 and max(relative) < 1e-9
+    after = (tmp_path / "out.xml").read_text()
+    new = after.splitlines()
+    changed = [line for line in MJCF.splitlines() if line not in new]
+    parts = ("<joint", "<inertial", "diaginertia", "<geom size", "<geom name", "<motor", "</actuator>")
+    assert changed and all(any(part in line for part in parts) for line in changed)
+    assert "café" in after and "angle = 'radian'" in after and "joint   name='shoulder' axis" in after
+    assert after.count("<inertial") == 3 and 'quat="1 .1 0 0"' not in after
+    assert 'armature="0" damping="0"' in after and next(Path(file).name for file in found.files) == "out.xml"
+    assert "'lower' was identified as one body with the links fixed to it" in " ".join(found.notes)
+    again = read_robot(tmp_path / "out.xml")
+    assert again.nominal is not None and estimate.theta is not None
+    bodies = np.asarray(estimate.theta)[: len(again.nominal)]
+    np.testing.assert_allclose(again.nominal, bodies, rtol=1e-9, atol=1e-12)
+    export_model(estimate, "mjcf", tmp_path / "twice.xml", description=tmp_path / "out.xml")
+    then = read_robot(tmp_path / "twice.xml").nominal
+    np.testing.assert_allclose(np.asarray(then), again.nominal, rtol=1e-12, atol=1e-15)
+    assert len((tmp_path / "twice.xml").read_text().splitlines()) == len(new)
+
+
+@pytest.mark.parametrize(
+    "setting", ['inertiafromgeom="true"', 'settotalmass="20"', 'boundmass="5"', 'boundinertia=".3"']
+)
+def test_settings_that_change_inertia_are_ended(setting: str, tmp_path: Path) -> None:
+    path = given(tmp_path, MJCF.replace('autolimits="true"', f'autolimits="true" {setting}'))
+    patched, files = reloaded(path, tmp_path)
+    assert setting not in files[tmp_path / "out.xml"].decode()
+    assert "all bodies state their inertia now" in " ".join(patched.notes)
+
+
+def test_values_in_an_include_are_changed_there(tmp_path: Path) -> None:
+    inside = MJCF[MJCF.index('    <body name="upper"') : MJCF.index("  </worldbody>")]
+    (tmp_path / "bodies.xml").write_text(f"<mujocoinclude>\n{inside}</mujocoinclude>\n")
+    (tmp_path / "new").mkdir()
+    path = given(tmp_path, MJCF.replace(inside, '    <include file="bodies.xml"/>\n'))
+    _, files = reloaded(path, tmp_path / "new")
+    assert [file.name for file in files] == ["out.xml", "bodies.xml"]
+    assert b"fullinertia" in files[tmp_path / "new" / "bodies.xml"]
+    assert files[tmp_path / "new" / "out.xml"].count(b"armature") == path.read_bytes().count(b"armature")
+
+
+def test_a_replica_has_no_place_of_its_own(tmp_path: Path) -> None:
+    text = MJCF.replace('    <body name="upper"', '    <replicate count="1">\n    <body name="upper"')
+    text = text.replace("  </worldbody>", "    </replicate>\n  </worldbody>")
+    path = given(tmp_path, text[: text.index("  <actuator>")] + "</mujoco>")
+    with pytest.raises(DescriptionError, match="body 'upper0': it comes from an attached model or a replica"):
+        reloaded(path, tmp_path)
+
+
+def test_an_inertia_between_two_joints_of_one_body_has_no_place(tmp_path: Path) -> None:
+    path = given(tmp_path, MJCF.replace('<body name="tip"/>', '<joint name="more" axis="0 1 0"/>'))
+    subject = subject_of(path)
+    subject.theta[10 * 2 : 10 * 3] = 1e-3
+    assert subject.source is not None
+    with pytest.raises(DescriptionError, match=r"between two joints of one body.*write a body for each joint"):
+        patched_mjcf(subject, drives_of(subject), subject.source, False)
+
+
+def test_a_joint_that_follows_has_the_friction_of_its_leader(tmp_path: Path) -> None:
+    tie = '<equality><joint joint1="wrist" joint2="elbow" polycoef="0 2 0 0 0"/></equality>'
+    path = given(tmp_path, MJCF.replace("  <actuator>", f"  {tie}\n  <actuator>"))
+    _, files = reloaded(path, tmp_path)
+    assert b'<joint name="wrist" axis="1 0 1" armature="0.0" damping="0.0"' in files[tmp_path / "out.xml"]

@@ -1,0 +1,88 @@
+"""The regressor of a file by MuJoCo: torques of ten bodies a link, from which its ten columns follow."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Robot
+
+#: What has a torque beside the bodies.
+FORCES = (
+    *("body_gravcomp", "dof_armature", "dof_damping", "dof_dampingpoly", "actuator_armature", "actuator_damping"),
+    *("actuator_dampingpoly", "tendon_damping", "tendon_dampingpoly", "tendon_armature", "tendon_stiffness"),
+)
+
+
+def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
+    """Return the columns of the inertial parameters, shape (N, n, 10 l); NaN for links that are no body of the file."""
+    import mujoco
+
+    api: Any = mujoco
+    model = api.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_CONSTRAINT) | int(api.mjtDisableBit.mjDSBL_SPRING)
+    model.opt.density = model.opt.viscosity = 0.0
+    for name in (
+        "body_gravcomp",
+        "dof_armature",
+        "dof_damping",
+        "tendon_damping",
+        "tendon_armature",
+        "tendon_stiffness",
+    ):
+        getattr(model, name)[:] = 0.0
+    if hasattr(model, "dof_dampingpoly"):
+        model.dof_dampingpoly[:] = 0.0
+    names = [model.joint(i).name or f"joint{i + 1}" for i in range(model.njnt)]
+    bodies = [model.body(i).name or f"body{i}" for i in range(model.nbody)]
+    column = {name: i for i, name in enumerate(robot.joint_names)}
+    turn, shift = np.zeros((len(names), robot.dof)), np.zeros(len(names))
+    for joint in robot.joints:
+        row = names.index(joint.name)
+        leader = joint.mimic.joint if joint.mimic else joint.name
+        turn[row, column[leader]] = joint.mimic.multiplier if joint.mimic else 1.0
+        shift[row] = joint.mimic.offset if joint.mimic else 0.0
+    data = api.MjData(model)
+    states = q @ turn.T + shift, dq @ turn.T, ddq @ turn.T
+    model.body_mass[:], model.body_inertia[:] = 0.0, 0.0
+    bare = _torques(api, model, data, states) @ turn  # of what is no body, such as rotors of actuators
+    found = np.full((len(q), robot.dof, 10 * len(robot.links)), np.nan)
+    designs = [Inertia.from_log_cholesky(np.random.default_rng(k).normal(scale=0.6, size=10)) for k in range(10)]
+    table = np.column_stack([body.vector for body in designs])
+    for number, link in enumerate(robot.links):
+        if link.name not in bodies:
+            continue
+        row = bodies.index(link.name)
+        last = model.body_jntadr[row] + model.body_jntnum[row] - 1
+        anchor = np.array(model.jnt_pos[last])
+        torques = np.empty((len(q), robot.dof, 10))
+        for k, design in enumerate(designs):
+            model.body_mass[:], model.body_inertia[:] = 0.0, 0.0
+            body = design.moved(np.eye(3), anchor)
+            moments, axes = np.linalg.eigh(body.about_centre)
+            axes[:, 2] *= np.sign(np.linalg.det(axes))
+            quaternion = np.zeros(4)
+            api.mju_mat2Quat(quaternion, axes.ravel())
+            model.body_mass[row], model.body_ipos[row] = body.mass, body.centre_of_mass
+            model.body_iquat[row], model.body_inertia[row] = quaternion, moments
+            model.body_sameframe[:] = 0
+            model.body_simple[:] = 0
+            with contextlib.chdir(path.parent):  # MuJoCo writes its warnings of joints without inertia there
+                api.mj_setConst(model, data)
+            torques[:, :, k] = _torques(api, model, data, states) @ turn - bare
+        found[:, :, 10 * number : 10 * number + 10] = np.linalg.solve(table.T, torques.swapaxes(1, 2)).swapaxes(1, 2)
+    return found
+
+
+def _torques(api: Any, model: Any, data: Any, states: tuple[Array, Array, Array]) -> Array:
+    found = np.empty_like(states[0])
+    for i, (position, velocity, acceleration) in enumerate(zip(*states, strict=True)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = position, velocity, acceleration
+        api.mj_inverse(model, data)
+        found[i] = data.qfrc_inverse
+    return found
