@@ -10,7 +10,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.model.documents.numbers import shown
 from dynident.model.inertia import Inertia
-from dynident.robot_files.mjcf.document import Compiler
+from dynident.robot_files.mjcf.document import CompilerSettings
 from dynident.robot_files.mjcf.poses import ORIENTATIONS, pose_of
 from dynident.robot_files.xml_elements import Element
 from dynident.robot_files.xml_values import Values
@@ -21,7 +21,7 @@ Body = tuple[float, Array, Array]
 _INERTIAL: Final = frozenset(("pos", "mass", "diaginertia", "fullinertia", *ORIENTATIONS))
 
 
-def stated_body(element: Element, compiler: Compiler) -> Body:
+def stated_body(element: Element, compiler: CompilerSettings) -> Body:
     """Return mass, centre of mass and inertia about it of an ``<inertial>``, in the axes of its body.
 
     Raises:
@@ -48,7 +48,7 @@ def stated_body(element: Element, compiler: Compiler) -> Body:
     return mass, centre, tensor
 
 
-def inertia_of_body(stated: Body | None, geoms: Sequence[Inertia], compiler: Compiler) -> Inertia | None:
+def inertia_of_body(stated: Body | None, geoms: Sequence[Inertia], compiler: CompilerSettings) -> Inertia | None:
     """Return the inertia that counts, about the origin of the body; None where nothing states one."""
     found = stated
     if geoms and (compiler.from_geoms == "true" or (compiler.from_geoms == "auto" and stated is None)):

@@ -37,7 +37,7 @@ _INCLUDED: Final = XmlLanguage("MJCF", ("mujoco", "mujocoinclude"), "body")
 
 
 @dataclass(frozen=True)
-class Compiler:
+class CompilerSettings:
     """Settings of the compiler of a model, as MuJoCo has them by default.
 
     Attributes:
@@ -99,7 +99,7 @@ class MjcfDocument:
     path: object
     name: str
     sections: Mapping[str, list[Element]]
-    compiler: Compiler
+    compiler: CompilerSettings
     gravity: Array
     texts: Mapping[str, bytes]
     notes: list[str] = field(default_factory=list)
@@ -202,9 +202,9 @@ def _options(elements: list[Element]) -> tuple[Array, list[str]]:
     return gravity if on else np.zeros(3), ["a fluid"] if fluid else []
 
 
-def _compiler(elements: list[Element]) -> Compiler:
+def _compiler(elements: list[Element]) -> CompilerSettings:
     if not elements:
-        return Compiler()
+        return CompilerSettings()
     given: dict[str, str] = {}
     for element in elements:
         given.update(Values(element.place, element.attributes).known(_COMPILER).given)
@@ -217,7 +217,7 @@ def _compiler(elements: list[Element]) -> Compiler:
         raise values.place.error(f"eulerseq {shown(sequence)} is no order of axes", "write three of x y z X Y Z")
     groups = values.numbers("inertiagrouprange", 2) if "inertiagrouprange" in values else (0.0, 5.0)
     exact = values.flag("exactmeshinertia", False)
-    return Compiler(
+    return CompilerSettings(
         degrees=values.choice("angle", ("degree", "radian"), "degree") == "degree",
         sequence=sequence,
         autolimits=values.flag("autolimits", True),

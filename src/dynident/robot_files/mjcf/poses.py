@@ -9,7 +9,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.model.documents.numbers import shown
 from dynident.model.robot import rotation_about
-from dynident.robot_files.mjcf.document import Compiler
+from dynident.robot_files.mjcf.document import CompilerSettings
 from dynident.robot_files.rotations import rotation_from_euler, rotation_from_quaternion, rotation_to_axis
 from dynident.robot_files.xml_values import Values
 
@@ -19,7 +19,7 @@ ORIENTATIONS: Final = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
 IDENTITY: Final[Pose] = (np.eye(3), np.zeros(3))
 
 
-def pose_of(values: Values, compiler: Compiler) -> Pose:
+def pose_of(values: Values, compiler: CompilerSettings) -> Pose:
     """Return rotation and position of an element in the frame that it stands in.
 
     Raises:
@@ -29,7 +29,7 @@ def pose_of(values: Values, compiler: Compiler) -> Pose:
     return rotation_of(values, compiler), position
 
 
-def rotation_of(values: Values, compiler: Compiler) -> Array:
+def rotation_of(values: Values, compiler: CompilerSettings) -> Array:
     """Return the orientation of an element, shape (3, 3)."""
     written = [name for name in ORIENTATIONS if name in values]
     if not written:
