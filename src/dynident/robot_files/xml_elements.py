@@ -72,8 +72,8 @@ class XmlLanguage:
     roots: tuple[str, ...]
     link: str
     children: Mapping[str, frozenset[str]] | None = None
-    opened: Callable[[Place, str], None] = lambda place, name: None
-    kept: Callable[[Place, Element, Element | None], None] = lambda place, element, parent: None
+    opened: Callable[[Place, str], None] | None = None
+    kept: Callable[[Place, Element, Element | None], None] | None = None
 
     def reads(self, parent: Element, name: str) -> bool:
         """Return whether an element of this name is read in another."""
@@ -131,7 +131,8 @@ class _Builder(ContentHandler):
         if len(self._open) >= MAX_DEPTH:
             step = f"give the {language.noun} of one robot"
             raise self.place().error(f"elements more than {MAX_DEPTH} levels deep", step)
-        language.opened(self.place(), name)
+        if language.opened is not None:
+            language.opened(self.place(), name)
         parent = self._open[-1] if self._open else None
         self._begun += 1
         if not self._open and name not in language.roots:
@@ -168,4 +169,5 @@ class _Builder(ContentHandler):
             raise self.place().error(
                 f"more than {MAX_ELEMENTS} elements", f"give the {self._language.noun} of one robot"
             )
-        self._language.kept(self.place(), element, parent)
+        if self._language.kept is not None:
+            self._language.kept(self.place(), element, parent)

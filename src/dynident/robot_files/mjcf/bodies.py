@@ -10,15 +10,14 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import nearest
-from dynident.model.documents.numbers import Place, shown
+from dynident.model.documents.numbers import shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, JointLimits, rotation_about
 from dynident.model.shapes import Shape
 from dynident.robot_files.mjcf.body_inertia import inertia_of_body, stated_body
-from dynident.robot_files.mjcf.defaults import Defaults
-from dynident.robot_files.mjcf.document import MjcfDocument, file_beside, read_document
-from dynident.robot_files.mjcf.geoms import Geoms
+from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.poses import IDENTITY, ORIENTATIONS, Pose, placed, pose_of
+from dynident.robot_files.mjcf.scope import MjcfScope, check_attached, submodel
 from dynident.robot_files.tree import Connection
 from dynident.robot_files.xml_elements import MAX_LINKS, Element
 from dynident.robot_files.xml_values import Values
@@ -35,7 +34,10 @@ _JOINT: Final = frozenset(
     "springyield stiffness type user".split()
 )
 _FLEXIBLE: Final = {"composite": "a flexible body", "flexcomp": "a flexible body"}
-_MAX_ATTACHED: Final = 8
+
+
+#: An element, where it stands in its body, and what holds for it.
+_Placed = tuple[Element, Pose, MjcfScope]
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ class BodySource:
     is_own: bool
 
 
-@dataclass
+@dataclass(frozen=True)
 class MjcfTree:
     """What the elements of the world are.
 
@@ -109,51 +111,6 @@ class MjcfTree:
 
 
 @dataclass(frozen=True)
-class _Scope:
-    """What holds for the elements of a part of the tree.
-
-    Attributes:
-        document: Their model.
-        defaults: Its classes.
-        geoms: Its geoms.
-        childclass: The class that elements have by default.
-        prefix: What comes before names.
-        suffix: What comes behind names.
-        depth: Of models attached to models.
-    """
-
-    document: MjcfDocument
-    defaults: Defaults
-    geoms: Geoms
-    childclass: str = ""
-    prefix: str = ""
-    suffix: str = ""
-    depth: int = 0
-
-    @classmethod
-    def of(cls, document: MjcfDocument, prefix: str = "", suffix: str = "", depth: int = 0) -> _Scope:
-        defaults = Defaults(document.sections.get("default", []))
-        return cls(document, defaults, Geoms(document, defaults), "", prefix, suffix, depth)
-
-    @property
-    def is_own(self) -> bool:
-        """Whether elements are written once in the main model."""
-        return not self.suffix and not self.depth
-
-    def inner(self, element: Element) -> _Scope:
-        """Return what holds in a body or frame."""
-        name = element.attributes.get("childclass", "")
-        if not name:
-            return self
-        self.defaults.check(element, name)
-        return replace(self, childclass=name)
-
-    def named(self, name: str) -> str:
-        """Return a name as the whole model has it."""
-        return f"{self.prefix}{name}{self.suffix}"
-
-
-@dataclass(frozen=True)
 class _Carrier:
     """The body that elements stand in.
 
@@ -181,12 +138,12 @@ class _TreeReader:
     def __init__(self, document: MjcfDocument) -> None:
         self.tree = MjcfTree()
         self._moving = 0
-        scope = _Scope.of(document)
+        scope = MjcfScope.of(document)
         carrier = _Carrier(WORLD, np.zeros(3))
         for world in document.sections["worldbody"]:
             self._inside(list(self._flat(world, IDENTITY, scope)), carrier)
 
-    def _flat(self, element: Element, frame: Pose, scope: _Scope) -> Iterator[tuple[Element, Pose, _Scope]]:
+    def _flat(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
         """Yield the children of an element, those of frames, replicas and attached models in place of these."""
         for child in element.children:
             if child.tag == "frame":
@@ -198,13 +155,13 @@ class _TreeReader:
             else:
                 yield child, frame, scope
 
-    def _framed(self, element: Element, frame: Pose, scope: _Scope) -> Iterator[tuple[Element, Pose, _Scope]]:
+    def _framed(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
         values = Values(element.place, element.attributes).known(_FRAME)
         if values.number("scale", 1.0) != 1.0:
             raise values.place.error("a frame with a scale is not read", "scale what is in it, and remove the scale")
         yield from self._flat(element, placed(frame, pose_of(values, scope.document.compiler)), scope.inner(element))
 
-    def _replicas(self, element: Element, frame: Pose, scope: _Scope) -> Iterator[tuple[Element, Pose, _Scope]]:
+    def _replicas(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
         values = Values(element.place, element.attributes).known(("count", "sep", "offset", "euler", "childclass"))
         count = values.number("count")
         if not 1 <= count <= MAX_LINKS or count != int(count):
@@ -219,12 +176,12 @@ class _TreeReader:
             yield from self._flat(element, placed(frame, pose), replace(scope, suffix=suffix).inner(element))
             pose = placed(pose, step)
 
-    def _attached(self, element: Element, frame: Pose, scope: _Scope) -> Iterator[tuple[Element, Pose, _Scope]]:
+    def _attached(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
         values = Values(element.place, element.attributes).known(("model", "body", "frame", "prefix"))
-        inner = _submodel(values, scope)
+        inner = submodel(values, scope)
         prefix = scope.prefix + values.text("prefix", "")
-        own = _Scope.of(inner, prefix, scope.suffix, scope.depth + 1)
-        _check_attached(values.place, inner)
+        own = MjcfScope.of(inner, prefix, scope.suffix, scope.depth + 1)
+        check_attached(values.place, inner)
         children = [child for world in inner.sections["worldbody"] for child in self._flat(world, IDENTITY, own)]
         if "frame" in values:
             raise values.place.error("a frame of another model is attached", "attach the body that it stands in")
@@ -239,7 +196,7 @@ class _TreeReader:
         child, held = bodies[name]
         yield child, frame, held
 
-    def _inside(self, children: list[tuple[Element, Pose, _Scope]], carrier: _Carrier) -> None:
+    def _inside(self, children: list[_Placed], carrier: _Carrier) -> None:
         """Read what stands in a body beside its joints and inertia."""
         for child, frame, scope in children:
             if child.tag in _FLEXIBLE:
@@ -259,7 +216,7 @@ class _TreeReader:
                 known = ("body", "joint", "freejoint", "geom", "site", "inertial", "frame", "replicate", "attach")
                 raise child.place.error("no element of a body has this name", f"remove it{nearest(child.tag, known)}")
 
-    def _site(self, element: Element, frame: Pose, scope: _Scope, carrier: _Carrier) -> None:
+    def _site(self, element: Element, frame: Pose, scope: MjcfScope, carrier: _Carrier) -> None:
         values = scope.defaults.values(element, scope.childclass)
         if "name" not in element.attributes or "fromto" in values:
             return
@@ -267,7 +224,7 @@ class _TreeReader:
         name = scope.named(values.name("name"))
         self.tree.sites.setdefault(name, (carrier.name, (rotation, translation + carrier.origin)))
 
-    def _body(self, element: Element, frame: Pose, scope: _Scope, carrier: _Carrier) -> None:
+    def _body(self, element: Element, frame: Pose, scope: MjcfScope, carrier: _Carrier) -> None:
         values = Values(element.place, element.attributes).known(_BODY)
         scope = scope.inner(element)
         name = scope.named(values.name("name")) if "name" in values else f"body{len(self.tree.sources) + 1}"
@@ -289,7 +246,7 @@ class _TreeReader:
         self.tree.sources[name] = BodySource(element, origin, scope.is_own)
         self._inside(children, _Carrier(name, origin))
 
-    def _check_free(self, children: list[tuple[Element, Pose, _Scope]], name: str) -> None:
+    def _check_free(self, children: list[_Placed], name: str) -> None:
         for child, _, scope in children:
             kind = "free" if child.tag == "freejoint" else ""
             if child.tag == "joint":
@@ -301,7 +258,7 @@ class _TreeReader:
                 step = "replace it by three hinges"
                 raise child.place.error("a ball joint has three degrees of freedom", step)
 
-    def _inertia(self, body: Element, children: list[tuple[Element, Pose, _Scope]], scope: _Scope) -> Inertia | None:
+    def _inertia(self, body: Element, children: list[_Placed], scope: MjcfScope) -> Inertia | None:
         compiler = scope.document.compiler
         inertials = [child for child, _, _ in children if child.tag == "inertial"]
         if len(inertials) > 1:
@@ -317,7 +274,7 @@ class _TreeReader:
                     geoms.append(found)
         return inertia_of_body(stated, geoms, compiler)
 
-    def _connect(self, body: str, joints: list[tuple[Element, Pose, _Scope]], pose: Pose, carrier: _Carrier) -> Array:
+    def _connect(self, body: str, joints: list[_Placed], pose: Pose, carrier: _Carrier) -> Array:
         """Add the joints of a body, and return where its origin is in the frame of its link."""
         rotation, translation = pose
         if not joints:
@@ -338,7 +295,7 @@ class _TreeReader:
         return -at
 
     def _joint(
-        self, element: Element, frame: Pose, scope: _Scope, place: tuple[Array, Array, Array]
+        self, element: Element, frame: Pose, scope: MjcfScope, place: tuple[Array, Array, Array]
     ) -> tuple[Connection, Array]:
         """Return a joint without its bodies, and its anchor in the frame of its body."""
         values = scope.defaults.values(element, scope.childclass).known(_JOINT)
@@ -385,7 +342,7 @@ class _TreeReader:
         return float(damping[0])
 
 
-def _limits(values: Values, scope: _Scope, unit: float) -> JointLimits:
+def _limits(values: Values, scope: MjcfScope, unit: float) -> JointLimits:
     """Return the limits of position and torque that a joint states."""
     lower, upper = -np.inf, np.inf
     if _is_limited(values, scope, "limited", "range"):
@@ -399,7 +356,7 @@ def _limits(values: Values, scope: _Scope, unit: float) -> JointLimits:
     return JointLimits(lower=float(lower), upper=float(upper), effort=effort)
 
 
-def _is_limited(values: Values, scope: _Scope, flag: str, bounds: str) -> bool:
+def _is_limited(values: Values, scope: MjcfScope, flag: str, bounds: str) -> bool:
     word = values.choice(flag, ("true", "false", "auto"), "auto")
     if word == "auto" and bounds in values and not scope.document.compiler.autolimits:
         if np.any(values.numbers(bounds, 2)):
@@ -407,29 +364,3 @@ def _is_limited(values: Values, scope: _Scope, flag: str, bounds: str) -> bool:
             raise values.place.error(f"{bounds} without {flag} where autolimits is false", step)
         return False
     return word == "true" or (word == "auto" and bounds in values and bool(np.any(values.numbers(bounds, 2))))
-
-
-def _submodel(values: Values, scope: _Scope) -> MjcfDocument:
-    """Return the model that an ``<attach>`` names."""
-    name = values.text("model")
-    models: dict[str, Element] = {}
-    for element in scope.document.each("asset"):
-        if element.tag == "model":
-            file = element.attributes.get("file", "")
-            models[element.attributes.get("name") or Place(file).path.__str__()] = element
-    if name not in models:
-        step = f"add <model name={shown(name)} file=.../> to <asset>{nearest(name, models)}"
-        raise values.place.error(f"there is no model {shown(name)} to attach", step)
-    if scope.depth >= _MAX_ATTACHED:
-        raise values.place.error("models attached to models without end", "attach each model to another one once")
-    element = models[name]
-    file = Values(element.place, element.attributes).name("file")
-    return read_document(scope.document.folder / file, file_beside(element, "file", file, scope.document.folder))
-
-
-def _check_attached(place: Place, document: MjcfDocument) -> None:
-    """Refuse an attached model with something outside of its world that would be lost."""
-    for section in ("equality", "actuator", "tendon", "deformable"):
-        if any(True for _ in document.each(section)) and section != "actuator":
-            step = f"write its <{section}> in the main file, or put the bodies there"
-            raise place.error(f"the attached model has <{section}>, which is not read", step)

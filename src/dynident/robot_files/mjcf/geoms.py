@@ -52,18 +52,19 @@ class MeshAsset:
         return self.values.choice("inertia", ("convex", "exact", "legacy", "shell"), "legacy")
 
 
-@dataclass
+@dataclass(frozen=True)
 class Meshes:
     """The meshes of a model, each read when its inertia is wanted.
 
     Attributes:
         document: The model.
         assets: The meshes by name.
+        bodies: Those of unit density that were asked for, by name and kind.
     """
 
     document: MjcfDocument
     assets: Mapping[str, MeshAsset]
-    _bodies: dict[tuple[str, str], Inertia] = field(default_factory=dict)
+    bodies: dict[tuple[str, str], Inertia] = field(default_factory=dict)
 
     @classmethod
     def of(cls, document: MjcfDocument, defaults: Defaults) -> Meshes:
@@ -100,16 +101,16 @@ class Meshes:
         kind = asset.kind
         if "inertia" not in asset.values and self.document.compiler.exact_meshes:
             kind = "exact"
-        if (name, kind) not in self._bodies:
+        if (name, kind) not in self.bodies:
             kinds: dict[str, MeshKind] = {"convex": "convex", "exact": "exact", "legacy": "legacy", "shell": "shell"}
             try:
-                self._bodies[name, kind] = mesh_body(self._triangles(asset), kinds[kind])
+                self.bodies[name, kind] = mesh_body(self._triangles(asset), kinds[kind])
             except DescriptionError:
                 raise
             except (ValueError, DynidentError) as problem:
                 step = f"put the file there or correct it, or {_WRITE}"
                 raise asset.values.place.error(f"the mesh {shown(name)} gives no inertia: {problem}", step) from problem
-        return self._bodies[name, kind]
+        return self.bodies[name, kind]
 
     def shape(self, values: Values, pose: Pose) -> Mesh | None:
         """Return the mesh of a geom at its place; None where no file has it as it is."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from dynident.exports.models.writing.xml_edit import (
     added_child,
     apply,
     elements,
+    preorder,
     with_attributes,
     without_attributes,
 )
@@ -197,17 +198,11 @@ class _Writer:
         key = str(element.path)
         data = self._model.document.texts[key]
         if key not in self._placed:
-            self._placed[key] = list(_preorder(elements(element.path, data)))
+            self._placed[key] = list(preorder(elements(element.path, data)))
         return data, self._placed[key][element.number]
 
     def _add(self, element: Element, edit: ByteEdit) -> None:
         self._edits.setdefault(str(element.path), []).append(edit)
-
-
-def _preorder(element: PlacedElement) -> Iterator[PlacedElement]:
-    yield element
-    for child in element.children:
-        yield from _preorder(child)
 
 
 def _first_child(data: bytes, parent: PlacedElement, text: bytes) -> ByteEdit:

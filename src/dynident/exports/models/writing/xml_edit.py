@@ -86,6 +86,13 @@ def elements(path: object, data: bytes) -> PlacedElement:
     return stack[0].children[0]
 
 
+def preorder(element: PlacedElement) -> Iterator[PlacedElement]:
+    """Yield an element and all in it, in the order in which they begin in the file."""
+    yield element
+    for child in element.children:
+        yield from preorder(child)
+
+
 @dataclass(frozen=True)
 class ByteEdit:
     """Bytes in place of those from ``start`` to ``end``."""
