@@ -28,7 +28,7 @@ from dynident.model.reduction import Reduced, Triangle, reduce, triangle_of
 
 #: Rise of the root mean square residual below which nothing is said; draws, and how many times the largest of them it
 #: must be: an error of the model that is the same in all blocks scatters no fit.
-RISE, DRAWS, BEYOND = 0.02, 99, 4.0
+RISE, DRAWS, BEYOND = 0.05, 99, 4.0
 
 
 @dataclass(frozen=True)
