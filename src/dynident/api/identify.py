@@ -96,10 +96,7 @@ def identify(
     part = estimator_of(case) if estimator is None else estimator
     knowledge = knowledge or PriorKnowledge(case.constraints, prior_of(case))
     provenance = _provenance(case, record)
-    robot, faults = with_mesh_points(case.robot, case.robot_path, case.workspace.mesh_folders if case.workspace else ())
-    case = replace(case, robot=robot)
-    if faults:
-        provenance["meshes"] = [fault.figures() for fault in faults]
+    case = _with_meshes(case, provenance)
     if is_digest(logs):
         from dynident.identification.streaming.estimate import identify_digest
 
@@ -116,6 +113,14 @@ def identify(
         add_causes(error, provenance.get("log_quality", ()))
         raise
     return replace(estimate, columns=record.columns or case.columns, provenance={**estimate.provenance, **provenance})
+
+
+def _with_meshes(case: Case, provenance: dict[str, Any]) -> Case:
+    """Return a case whose links have the points of their meshes; meshes that cannot be read go into the provenance."""
+    robot, faults = with_mesh_points(case.robot, case.robot_path, case.workspace.mesh_folders if case.workspace else ())
+    if faults:
+        provenance["meshes"] = [fault.figures() for fault in faults]
+    return replace(case, robot=robot)
 
 
 def is_digest(logs: object) -> TypeGuard[Digest]:

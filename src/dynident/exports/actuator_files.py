@@ -109,15 +109,16 @@ def mujoco_model(estimate: ActuatorEstimate, kp: float) -> str:
         import mujoco
     except ImportError as error:
         raise MissingDependency("the MuJoCo model", "mujoco", "mujoco") from error
-    spec = mujoco.MjSpec.from_file(_robot_path(estimate))
+    engine: Any = mujoco  # without types of its own
+    spec = engine.MjSpec.from_file(_robot_path(estimate))
     spec.option.timestep = TIMESTEP
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.integrator = engine.mjtIntegrator.mjINT_IMPLICITFAST
     for own in estimate.joints:
         one = simulator_joint(own, kp)
         joint = spec.joint(one.name)
         joint.armature, joint.damping, joint.frictionloss = one.armature, [one.damping, 0, 0], one.frictionloss
         joint.solref_friction = [2.0 * TIMESTEP, 1.0]
-        actuator = spec.add_actuator(name=one.name, target=one.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        actuator = spec.add_actuator(name=one.name, target=one.name, trntype=engine.mjtTrn.mjTRN_JOINT)
         actuator.set_to_position(kp=one.stiffness, kv=one.damping_gain)
         if np.isfinite(one.largest_torque):
             actuator.forcelimited, actuator.forcerange = True, [-one.largest_torque, one.largest_torque]

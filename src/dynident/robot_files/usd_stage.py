@@ -17,14 +17,21 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import DescriptionError, MissingDependency
+from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import Place
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, JointLimits, Mimic
+from dynident.robot_files.rotations import rotation_from_quaternion
 from dynident.robot_files.tree import Connection
-
-#: Name of what does not move.
-WORLD: Final = "world"
+from dynident.robot_files.usd_parts import (
+    WORLD,
+    StageBody,
+    StageParts,
+    StageUnits,
+    open_stage,
+    pxr_module,
+    whole_inertia,
+)
 
 #: Joints that are read, by the names of their prim types.
 _KINDS: Final[Mapping[str, Literal["fixed", "revolute", "prismatic"]]] = {
@@ -36,92 +43,8 @@ _KINDS: Final[Mapping[str, Literal["fixed", "revolute", "prismatic"]]] = {
 #: Largest deviation from 1 of the scale of a body.
 _SCALE: Final = 1e-6
 
-#: Endings of files that a stage is composed of; textures and materials may be missing.
-_LAYERS: Final = (".usd", ".usda", ".usdc", ".usdz")
-
-#: Inertia of NewtonMassAPI: xx, yy, zz, xy, xz, yz about the centre of mass in the axes of the prim, in double
-#: precision.
-WHOLE_INERTIA: Final = "newton:inertia"
-
 #: Gravity of a scene that states none, in m/s^2.
 _GRAVITY: Final = 9.81
-
-
-@dataclass(frozen=True)
-class StageUnits:
-    """Units of a stage.
-
-    Attributes:
-        length: m in its unit of length.
-        mass: kg in its unit of mass.
-    """
-
-    length: float
-    mass: float
-
-    @property
-    def inertia(self) -> float:
-        """Kg m^2 in its unit of moments of inertia, and N m in its unit of torque."""
-        return self.mass * self.length**2
-
-
-@dataclass(frozen=True)
-class StageBody:
-    """A rigid body of a stage.
-
-    Attributes:
-        prim: Path of its prim.
-        inertia: About the origin and in the axes of its link frame; None where the stage does not state all of it.
-        shift: Origin of its link frame in the frame of the prim, shape (3,), in m: where its joint turns.
-    """
-
-    prim: str
-    inertia: Inertia | None
-    shift: Array
-
-
-@dataclass(frozen=True)
-class StageParts:
-    """What a stage holds of a robot.
-
-    Attributes:
-        name: Name of the robot.
-        bodies: The bodies by name, with their link frames; what does not move is not among them.
-        connections: The joints, each towards the body that is farther from the world.
-        drives: Known rotor inertias by joint.
-        gravity: Gravity in the frame of the world, shape (3,), in m/s^2.
-        units: Its units.
-        notes: What is not read.
-        unknown: Bodies whose inertia the stage does not state in full; those without mass and shapes are frames.
-    """
-
-    name: str
-    bodies: Mapping[str, StageBody]
-    connections: tuple[Connection, ...]
-    drives: Mapping[str, Drive]
-    gravity: Array
-    units: StageUnits
-    notes: tuple[str, ...] = ()
-    unknown: tuple[str, ...] = ()
-
-    @property
-    def inertias(self) -> dict[str, Inertia | None]:
-        """Inertia of each body about its link frame, the world first."""
-        return {WORLD: None, **{name: body.inertia for name, body in self.bodies.items()}}
-
-
-def pxr_module(name: str) -> Any:
-    """Return a module of OpenUSD.
-
-    Raises:
-        MissingDependency: It is not installed.
-    """
-    import importlib
-
-    try:
-        return importlib.import_module(f"pxr.{name}")
-    except ImportError as problem:
-        raise MissingDependency("a robot model in USD", "usd-core", "usd") from problem
 
 
 def read_stage(path: str | Path) -> StageParts:
@@ -132,28 +55,6 @@ def read_stage(path: str | Path) -> StageParts:
         DescriptionError: No stage, a missing layer, or something that is no arm on a fixed base.
     """
     return _StageReader(path, open_stage(path)).parts()
-
-
-def open_stage(path: str | Path) -> Any:
-    """Return the ``Usd.Stage`` of a file with all layers that it names.
-
-    Raises:
-        MissingDependency: OpenUSD (usd-core) is not installed.
-        DescriptionError: It cannot be opened, or a layer is missing.
-    """
-    engine, utilities = pxr_module("Usd"), pxr_module("UsdUtils")
-    trap = pxr_module("Tf")
-    try:
-        stage = engine.Stage.Open(str(path))
-    except trap.ErrorException as problem:
-        reason = " ".join(str(problem).split("--")[-1].split())[:200]
-        raise DescriptionError(path, "", f"not USD ({reason})", "export the stage again") from problem
-    _, _, unresolved = utilities.ComputeAllDependencies(str(path))
-    missing = [str(name) for name in unresolved if str(name).lower().endswith(_LAYERS)]
-    if missing:
-        evidence = f"{len(missing)} layers are missing: {', '.join(missing)}"
-        raise DescriptionError(path, "", evidence, "put them where the stage names them, or flatten it (usdcat -f)")
-    return stage
 
 
 @dataclass(frozen=True)
@@ -261,7 +162,7 @@ class _StageReader:
         length = float(np.linalg.norm(quaternion))
         if not abs(length - 1.0) < 1e-3:
             raise place.error(f"physics:localRot{number} has length {length:.4g}, not 1", "write a unit quaternion")
-        rotation, translation = rotation_of(quaternion / length), np.array(position, dtype=float)
+        rotation, translation = rotation_from_quaternion(quaternion / length), np.array(position, dtype=float)
         if not targets:
             return _Side(WORLD, rotation, translation * self.units.length)
         target = self.stage.GetPrimAtPath(targets[0])
@@ -414,7 +315,7 @@ class _StageReader:
             axes = mass.GetPrincipalAxesAttr().Get()
             quaternion = np.array([axes.GetReal(), *axes.GetImaginary()], dtype=float)
             length = float(np.linalg.norm(quaternion))
-            turn = rotation_of(quaternion / length) if length > 0 else np.eye(3)  # zero stands for none
+            turn = rotation_from_quaternion(quaternion / length) if length > 0 else np.eye(3)  # zero stands for none
             whole = turn @ np.diag(diagonal) @ turn.T
         tensor = whole * self.units.inertia
         return Inertia.from_centre_of_mass(value * self.units.mass, centre * self.units.length, tensor)
@@ -439,24 +340,3 @@ class _StageReader:
         length = float(np.linalg.norm(direction))
         along = direction / length if length > 0 else -up
         return along * (size * self.units.length if 0 <= size < math.inf else _GRAVITY)
-
-
-def whole_inertia(prim: Any) -> Array | None:
-    """Return the inertia about the centre of mass of the schema NewtonMassAPI, (3, 3); it goes before the diagonal."""
-    values = prim.GetAttribute(WHOLE_INERTIA).Get() if prim.HasAttribute(WHOLE_INERTIA) else None
-    if values is None or len(values) != 6:
-        return None
-    xx, yy, zz, xy, xz, yz = map(float, values)
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def rotation_of(quaternion: Array) -> Array:
-    """Return the rotation of a unit quaternion (w, x, y, z), shape (3, 3)."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -126,4 +126,4 @@ if __name__ == "__main__":
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
-    sys.stdout.write(json.dumps(expanded(sys.argv[1], json.loads(sys.argv[2]), json.loads(sys.argv[3]))))
+    json.dump(expanded(sys.argv[1], json.loads(sys.argv[2]), json.loads(sys.argv[3])), sys.stdout)

@@ -130,7 +130,7 @@ def _links_only(fit: QuickFit, program: Program) -> Program:
     """Return the program without the conditions on the signs of friction."""
     is_friction = np.array([parameter.kind == "friction" for parameter in fit.model.parameters])
     rules = program.conditions
-    kept: BoolArray = np.all(rules.sign[:, is_friction] == 0.0, axis=1)
+    kept: BoolArray = (rules.sign[:, is_friction] == 0.0).all(axis=1)
     words = tuple(word for word, keep in zip(rules.sign_words, kept, strict=True) if keep)
     sizes = tuple(size for size, keep in zip(rules.sign_sizes, kept, strict=False) if keep)
     signs = {"sign": rules.sign[kept], "sign_offset": rules.sign_offset[kept], "sign_words": words}

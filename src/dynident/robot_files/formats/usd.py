@@ -13,7 +13,8 @@ from dynident.errors import DescriptionError
 from dynident.model.robot import Frame, Robot
 from dynident.robot_files.formats.base import Description
 from dynident.robot_files.tree import assemble
-from dynident.robot_files.usd_stage import StageParts, read_stage
+from dynident.robot_files.usd_parts import StageParts
+from dynident.robot_files.usd_stage import read_stage
 
 #: First bytes of its kinds of files: text, binary ("crate"), archive.
 _HEADS: Final = {b"#usda": ".usda", b"PXR-USDC": ".usdc", b"PK\x03\x04": ".usdz"}

@@ -1,0 +1,134 @@
+"""What a USD stage holds of a robot, as plain records, and how a stage is opened."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import DescriptionError, MissingDependency
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Drive
+from dynident.robot_files.tree import Connection
+
+#: Name of what does not move.
+WORLD: Final = "world"
+
+#: Endings of files that a stage is composed of; textures and materials may be missing.
+_LAYERS: Final = (".usd", ".usda", ".usdc", ".usdz")
+
+#: Inertia of NewtonMassAPI: xx, yy, zz, xy, xz, yz about the centre of mass in the axes of the prim, in double
+#: precision.
+WHOLE_INERTIA: Final = "newton:inertia"
+
+
+@dataclass(frozen=True)
+class StageUnits:
+    """Units of a stage.
+
+    Attributes:
+        length: m in its unit of length.
+        mass: kg in its unit of mass.
+    """
+
+    length: float
+    mass: float
+
+    @property
+    def inertia(self) -> float:
+        """Kg m^2 in its unit of moments of inertia, and N m in its unit of torque."""
+        return self.mass * self.length**2
+
+
+@dataclass(frozen=True)
+class StageBody:
+    """A rigid body of a stage.
+
+    Attributes:
+        prim: Path of its prim.
+        inertia: About the origin and in the axes of its link frame; None where the stage does not state all of it.
+        shift: Origin of its link frame in the frame of the prim, shape (3,), in m: where its joint turns.
+    """
+
+    prim: str
+    inertia: Inertia | None
+    shift: Array
+
+
+@dataclass(frozen=True)
+class StageParts:
+    """What a stage holds of a robot.
+
+    Attributes:
+        name: Name of the robot.
+        bodies: The bodies by name, with their link frames; what does not move is not among them.
+        connections: The joints, each towards the body that is farther from the world.
+        drives: Known rotor inertias by joint.
+        gravity: Gravity in the frame of the world, shape (3,), in m/s^2.
+        units: Its units.
+        notes: What is not read.
+        unknown: Bodies whose inertia the stage does not state in full; those without mass and shapes are frames.
+    """
+
+    name: str
+    bodies: Mapping[str, StageBody]
+    connections: tuple[Connection, ...]
+    drives: Mapping[str, Drive]
+    gravity: Array
+    units: StageUnits
+    notes: tuple[str, ...] = ()
+    unknown: tuple[str, ...] = ()
+
+    @property
+    def inertias(self) -> dict[str, Inertia | None]:
+        """Inertia of each body about its link frame, the world first."""
+        return {WORLD: None, **{name: body.inertia for name, body in self.bodies.items()}}
+
+
+def pxr_module(name: str) -> Any:
+    """Return a module of OpenUSD.
+
+    Raises:
+        MissingDependency: It is not installed.
+    """
+    import importlib
+
+    try:
+        return importlib.import_module(f"pxr.{name}")
+    except ImportError as problem:
+        raise MissingDependency("a robot model in USD", "usd-core", "usd") from problem
+
+
+def open_stage(path: str | Path) -> Any:
+    """Return the ``Usd.Stage`` of a file with all layers that it names.
+
+    Raises:
+        MissingDependency: OpenUSD (usd-core) is not installed.
+        DescriptionError: It cannot be opened, or a layer is missing.
+    """
+    engine, utilities = pxr_module("Usd"), pxr_module("UsdUtils")
+    trap = pxr_module("Tf")
+    try:
+        stage = engine.Stage.Open(str(path))
+    except trap.ErrorException as problem:
+        reason = " ".join(str(problem).split("--")[-1].split())[:200]
+        raise DescriptionError(path, "", f"not USD ({reason})", "export the stage again") from problem
+    _, _, unresolved = utilities.ComputeAllDependencies(str(path))
+    missing = [str(name) for name in unresolved if str(name).lower().endswith(_LAYERS)]
+    if missing:
+        evidence = f"{len(missing)} layers are missing: {', '.join(missing)}"
+        raise DescriptionError(path, "", evidence, "put them where the stage names them, or flatten it (usdcat -f)")
+    return stage
+
+
+def whole_inertia(prim: Any) -> Array | None:
+    """Return the inertia about the centre of mass of the schema NewtonMassAPI, (3, 3); it goes before the diagonal."""
+    values = prim.GetAttribute(WHOLE_INERTIA).Get() if prim.HasAttribute(WHOLE_INERTIA) else None
+    if values is None or len(values) != 6:
+        return None
+    xx, yy, zz, xy, xz, yz = map(float, values)
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
