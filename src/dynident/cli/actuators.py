@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -94,3 +95,36 @@ def export(options: argparse.Namespace) -> int:
     else:
         console.remark(f"{'would write' if options.check else 'wrote'} {options.output}", options.quiet)
     return 0
+
+
+def check(case: Case, options: argparse.Namespace) -> int:
+    """Look at the logs of a case with servos; 1 where a log has an error.
+
+    Raises:
+        BadOption: An option that is for logs with torques.
+        DynidentError: A log that cannot be read.
+    """
+    from dynident.actuators.log_findings import servo_findings
+    from dynident.api.actuators import read_servo_logs
+    from dynident.cli import console
+    from dynident.errors import BadOption
+
+    for name in ("against", "fix"):
+        if getattr(options, name):
+            raise BadOption(f"--{name}", getattr(options, name), "leave it out: it is for logs with torques")
+    assert case.servo is not None
+    case = replace(case, train=tuple(options.logs), test=()) if options.logs else case
+    logs = [log for part in read_servo_logs(case) for log in part]
+    found = [(log, servo_findings(log, case.servo.laws)) for log in logs]
+    sound = all(one.severity != "error" for _, own in found for one in own)
+    if options.json:
+        told = [{"path": log.name, "findings": [asdict(one) for one in own]} for log, own in found]
+        console.answer_json({"robot": case.robot.name, "sound": sound, "logs": told})
+        return 0 if sound else 1
+    for log, own in found:
+        console.answer(f"{log.name}: {f'{len(own)} findings' if own else 'nothing found'}")
+        for one in own:
+            of = f" ({one.joint})" if one.joint else ""
+            console.answer(f"  {one.severity}: {one.name}{of}: {one.evidence}")
+            console.answer(f"    {one.remedy}")
+    return 0 if sound else 1

@@ -47,6 +47,10 @@ def run(options: argparse.Namespace) -> int:
     from dynident.files import check_outputs, check_place
 
     case = read_case(options.case)
+    if case.servo is not None:
+        from dynident.cli import actuators
+
+        return actuators.check(case, options)
     names = tuple(options.logs) or tuple(dict.fromkeys((*case.train, *case.test)))
     if not names:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")

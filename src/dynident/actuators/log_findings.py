@@ -1,0 +1,106 @@
+"""What spoils a log of commands and positions, before any fit: evidence and remedy by joint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.actuators.drive_law import DriveLaw
+from dynident.actuators.servo_log import ServoLog
+
+#: Share of failed reads, of saturated samples that is an error, and that is a warning.
+_FAILED, _ALL_SATURATED, _MUCH_SATURATED = 0.005, 0.9, 0.3
+
+#: Positions with fewer steps of the encoder over their travel are coarse.
+_COARSE = 60
+
+#: A gap in time is this many median steps.
+_GAP = 8.0
+
+
+@dataclass(frozen=True)
+class ServoFinding:
+    """A finding about one log.
+
+    Attributes:
+        severity: error, warning or note.
+        name: What it is.
+        joint: The joint; empty for the whole log.
+        evidence: What was seen.
+        remedy: What to do.
+    """
+
+    severity: str
+    name: str
+    joint: str
+    evidence: str
+    remedy: str
+
+
+def servo_findings(log: ServoLog, laws: Sequence[DriveLaw]) -> list[ServoFinding]:
+    """Return what spoils a log, the worst first.
+
+    Args:
+        log: The log as it was read.
+        laws: Drive law of each joint.
+    """
+    found = _gaps(log)
+    for joint, law in enumerate(laws):
+        found += [*_failed(log, joint), *_saturated(log, joint, law), *_coarse(log, joint), *_never_off(log, joint)]
+    return sorted(found, key=lambda one: ("error", "warning", "note").index(one.severity))
+
+
+def _gaps(log: ServoLog) -> list[ServoFinding]:
+    steps = np.diff(log.time)
+    usual = float(np.median(steps))
+    long = np.flatnonzero(steps > _GAP * usual)
+    if not len(long):
+        return []
+    evidence = f"{len(long)} gaps, the longest {steps.max():.3g} s at {log.time[int(np.argmax(steps))]:.4g} s"
+    remedy = "log the goal at a steady rate: between two samples the command is taken to hold"
+    return [ServoFinding("warning", "gaps in time", "", f"{evidence} ({1e3 * usual:.3g} ms between samples)", remedy)]
+
+
+def _failed(log: ServoLog, joint: int) -> list[ServoFinding]:
+    share = float(log.failed[:, joint].mean())
+    if share <= _FAILED:
+        return []
+    evidence = f"{log.failed[:, joint].sum()} of {log.samples} reads are missing or leave the motion and come back"
+    remedy = "they have no weight in the fit; check cable, power and speed of the bus"
+    return [ServoFinding("warning", "failed reads", log.joints[joint], evidence, remedy)]
+
+
+def _saturated(log: ServoLog, joint: int, law: DriveLaw) -> list[ServoFinding]:
+    if not np.isfinite(log.kp) or law.gain_is_free or not np.isfinite(law.limit):
+        return []
+    on = log.enabled[:, joint]
+    error = np.abs(log.q_ref[:, joint] - log.q[:, joint])
+    share = float(np.mean((log.kp * law.error_gain * error >= law.limit)[on])) if on.any() else 0.0
+    if share < _MUCH_SATURATED:
+        return []
+    severity = "error" if share > _ALL_SATURATED else "warning"
+    evidence = f"duty at its limit in {100 * share:.0f} % of the samples, by kp {log.kp:g} and the drive law"
+    remedy = "lower kp, or smaller and slower motions; or correct kp, error_gain and limit under servo:"
+    return [ServoFinding(severity, "saturated", log.joints[joint], evidence, remedy)]
+
+
+def _coarse(log: ServoLog, joint: int) -> list[ServoFinding]:
+    levels = np.unique(np.round(log.q[~log.failed[:, joint], joint], 9))
+    if len(levels) < 3:
+        return []
+    step = float(np.median(np.diff(levels)))
+    count = float(np.ptp(levels)) / step
+    if count >= _COARSE:
+        return []
+    evidence = f"the motion spans {count:.0f} steps of the encoder ({1e3 * step:.3g} mrad each)"
+    return [ServoFinding("warning", "quantisation", log.joints[joint], evidence, "log a larger motion")]
+
+
+def _never_off(log: ServoLog, joint: int) -> list[ServoFinding]:
+    if not log.enabled[:, joint].all():
+        return []
+    evidence = "the drive is on throughout"
+    remedy = "a log with a free swing (torque off) tells friction from back-EMF; without one only their sum is known"
+    return [ServoFinding("note", "no free swing", log.joints[joint], evidence, remedy)]

@@ -1,0 +1,63 @@
+"""What spoils a log of commands and positions is named, and nothing is said of a sound one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from servo_bench import PENDULUM, parameters, virtual_logs, write_csv
+
+from dynident.actuators.drive_law import preset
+from dynident.actuators.log_findings import servo_findings
+from dynident.actuators.servo_log import ServoLog
+from dynident.cli.main import main
+from dynident.model.robot import Robot
+
+LAW = preset("feetech_sts3215")
+
+
+@pytest.fixture(scope="module")
+def log(robot: Robot) -> ServoLog:
+    return virtual_logs(robot, parameters(), gains=(2.0,))[2]
+
+
+def names(log: ServoLog) -> list[tuple[str, str]]:
+    return [(one.severity, one.name) for one in servo_findings(log, (LAW,))]
+
+
+def test_a_sound_log_has_no_findings(log: ServoLog) -> None:
+    assert names(log) == []
+
+
+def test_each_fault_is_found(log: ServoLog) -> None:
+    def changed(**signals: object) -> ServoLog:
+        return ServoLog(**{**vars(log), **signals})  # type: ignore[arg-type]
+
+    failed = log.failed.copy()
+    failed[::50] = True
+    assert names(changed(failed=failed)) == [("warning", "failed reads")]
+    assert names(changed(time=log.time + (log.time > 3.0) * 0.5)) == [("warning", "gaps in time")]
+    assert names(changed(kp=200.0)) == [("error", "saturated")]
+    coarse = np.round(log.q / 0.05) * 0.05
+    assert names(changed(q=coarse)) == [("warning", "quantisation")]
+    assert names(changed(enabled=log.enabled | True)) == [("note", "no free swing")]
+
+
+def test_check_is_the_command_for_it(
+    log: ServoLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("pendulum.urdf").write_text(PENDULUM)
+    write_csv(log, Path("drop_kp2.csv"))
+    write_csv(log, Path("drop_kp200.csv"))
+    Path("case.yaml").write_text(
+        "case: 2\nrobot: pendulum.urdf\nservo: {law: feetech_sts3215, kp: 'kp{}', enabled: torque_enable}\n"
+        "log: {columns: {time: t, q: [q1], q_ref: [q_ref1], torque: none}}\n"
+    )
+    assert main(["check", "case.yaml", "drop_kp2.csv"]) == 0
+    assert "nothing found" in capsys.readouterr().out
+    assert main(["check", "case.yaml", "drop_kp200.csv", "--json"]) == 1
+    (found,) = json.loads(capsys.readouterr().out)["logs"][0]["findings"]
+    assert found["name"] == "saturated" and found["severity"] == "error"
