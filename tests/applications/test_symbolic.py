@@ -95,8 +95,9 @@ def test_friction_parts(part: str) -> None:
     for row in range(4):
         values = {s: getattr(motion, array)[row, k] for array, own in moving.items() for k, s in enumerate(own)}
         for symbol in found.regressor.free_symbols - set(values):
-            signal = motion.torque if symbol.name.startswith("load") else motion.temperature
-            assert signal is not None and symbol.name[:-1] in ("load", "T")
+            state = None if motion.state is None else motion.state[..., 0]
+            signal = {"load": motion.torque, "T": motion.temperature, "z1_": state}[symbol.name[:-1]]
+            assert signal is not None
             values[symbol] = signal[row, int(symbol.name[-1]) - 1]
         np.testing.assert_allclose(np.array(found.regressor.subs(values), float), columns[row], rtol=1e-12, atol=1e-12)
 

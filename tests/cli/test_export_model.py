@@ -82,7 +82,7 @@ def test_tables_hold_the_numbers_of_the_estimate(estimate_text: str) -> None:
         (["--to", "urdx"], "no model exporter called 'urdx'"),
         (["--to", "urscript"], "--to = 'urscript' is not possible; it takes a plan"),
         (["--to", "urdf", "--speed", "50"], "--speed = 50.0 is not possible; estimate.json is an estimate"),
-        (["--to", "urdf", "--description", "none.urdf"], "none.urdf: there is no such file"),
+        (["--to", "urdf", "--description", "none.urdf"], "none.urdf: no such file"),
         (["--to", "urdf", "--option", "lump=maybe"], "lump = 'maybe' is not possible; write true or false"),
         (["--to", "json", "-o", "estimate.json"], "it is an input of this command"),
         (["--to", "json", "-o", "none/arm.json"], "there is no folder"),

@@ -98,8 +98,6 @@ def test_the_friction_of_each_joint_is_chosen(
         "degressive",
         "load",
         "stribeck",
-        "load_stribeck",
-        "presliding",
     }
 
 

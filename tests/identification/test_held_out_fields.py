@@ -189,9 +189,11 @@ def test_a_late_torque_is_no_wider_sign(planar_2r: Robot, exact_motion: Callable
     measured, behind = (exact_motion(2, time - lag, 0.5, seed=3) for lag in (0.0, 0.008))
     torque = model.torque(behind, theta) + 0.02 * np.random.default_rng(0).normal(size=(2000, 2))
     log = Log(planar_2r.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque)
-    asked = replace(model, friction=(Coulomb(0.02, choose=("width",)), Viscous()))
+    asked = replace(model, friction=(Coulomb(0.02, choose=("width",)), Viscous(), FADING))
     for late in (False, True):
-        _, (width,) = choose_fields(asked, rows(log), delay_is_free=late)
+        _, found = choose_fields(asked, rows(log), delay_is_free=late)
+        width, part = found
+        assert (width.field, part.field, part.value) == ("width", "part", 0.0)
         assert (width.value > 0.03 and width.gain > 0.1) if not late else (width.value == 0.02 and width.gain < 0.01)
 
 

@@ -138,7 +138,7 @@ def test_loss_of_load_fades_with_speed_and_depends_on_the_direction_of_the_power
     np.testing.assert_allclose(found, expected, atol=1e-12)
     forth, back = np.moveaxis(LoadDirectional(velocity, 0.05).columns(at), -1, 0)
     np.testing.assert_allclose(forth + back, found, atol=1e-12)
-    driving = torque * dq > 0
+    driving = np.sign(torque) * np.sign(dq) > 0
     np.testing.assert_array_equal(forth[~driving], 0.0)
     np.testing.assert_array_equal(back[driving], 0.0)
     assert np.all(forth * dq >= 0) and np.all(back * dq >= 0)

@@ -122,7 +122,7 @@ def test_gaps_of_a_curve_stay_gaps() -> None:
     ("name", "text", "kind"),
     [
         ("a.urdf", "<?xml version='1.0'?><robot name='x'/>", "robot"),
-        ("a.xml", "<mujoco/>", "other"),
+        ("a.xml", "<mujoco/>", "robot"),
         ("a.yaml", "case: 1\nrobot: er16\n", "case"),
         ("b.yaml", "case: 1\nrobot: [er16\n", "case"),
         ("c.yaml", "joints:\n  - name: a\n", "robot"),

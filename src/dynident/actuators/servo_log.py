@@ -210,7 +210,7 @@ def kp_of(path: str | Path, kp: float | str | Mapping[str, float] | None) -> flo
 def _bam_log(path: str | Path, how: ServoColumns) -> ServoLog:
     """Return a log of the JSON that Rhoban BAM records: entries of position, goal_position, torque_enable."""
     try:
-        data: Any = json.loads(Path(path).read_text())
+        data: Any = json.loads(Path(path).read_text(encoding="utf-8"))
         entries = data["entries"]
         signals = {
             name: np.array([float(entry.get(name, fallback)) for entry in entries])

@@ -94,8 +94,7 @@ def identify(
         raise BadOption("logs", None, "give logs with a model, or a case that names its logs")
     case = subject if preprocessing is None else replace(subject, preprocessing=preprocessing)
     part = estimator_of(case) if estimator is None else estimator
-    knowledge = knowledge or PriorKnowledge(case.constraints, prior_of(case))
-    provenance = _provenance(case, record)
+    knowledge, provenance = knowledge or PriorKnowledge(case.constraints, prior_of(case)), _provenance(case, record)
     case = _with_meshes(case, provenance)
     if is_digest(logs):
         from dynident.identification.streaming.estimate import identify_digest

@@ -159,7 +159,7 @@ def _difference(text: str, locked: Any, expected: Any, motion: Any, subject: Any
 
     with tempfile.TemporaryDirectory(prefix="dynident-") as folder:
         file = Path(folder) / "again.usda"
-        file.write_text(text, encoding="utf-8")
+        file.write_text(text, encoding="utf-8", newline="\n")
         robot = read_robot(file)
     robot = robot.locked(locked) if locked else robot
     order = [robot.joint_names.index(name) for name in subject.model.robot.joint_names]

@@ -21,9 +21,6 @@ from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, default_friction
 
-#: Rounds in which friction that remembers and the delay are found in turn, and the change in samples that ends them.
-DELAY_ROUNDS, DELAY_SETTLED = 4, 0.1
-
 
 @dataclass(frozen=True)
 class PriorKnowledge:
@@ -75,9 +72,7 @@ def build_problem(
         from dynident.identification.selection.friction.alike import starting_friction  # few need it
 
         model = replace(model, friction=starting_friction())
-    # a delay passes for friction that builds up over a distance: it is found beside that
-    lasting = replace(model, friction=tuple(part for part in model.friction if part.states or not part.is_optional))
-    prepared, delays = _prepared(lasting, ordered, preprocessing, progress)
+    prepared, delays = _prepared(without_optional(model), ordered, preprocessing, progress)
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
         model, prepared, choices = _with_chosen_fields(model, ordered, preprocessing, (prepared, choices), progress)
@@ -116,16 +111,9 @@ def _with_chosen_fields(
     delay_is_free = preprocessing.delay_s is None
     chosen, held = choose_fields(model, prepared, progress, delay_is_free)
     if delay_is_free:
-        is_open = "state" in model.needs or any(choice.value != choice.stated for choice in held)
-        for _ in range(DELAY_ROUNDS if is_open else 0):
-            earlier = [delay.applied for delay in choices.delays or ()]
+        if any(choice.value != choice.stated for choice in held):
             prepared, delays = _prepared(chosen, logs, preprocessing, progress)
             choices = replace(choices, **delays)
-            moved = [abs(delay.applied - old) for delay, old in zip(choices.delays or (), earlier, strict=True)]
-            remembers = any(part.states for part in chosen.friction)
-            if not remembers or max(moved) * max(log.rate for log in logs) < DELAY_SETTLED:
-                break
-            chosen, held = choose_fields(model, prepared, progress, delay_is_free)
         first, (chosen, held) = chosen, choose_fields(model, prepared, progress)
         if chosen != first:
             prepared, delays = _prepared(chosen, logs, preprocessing, progress)

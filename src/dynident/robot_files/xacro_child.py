@@ -122,8 +122,11 @@ def _line(file: str, text: str) -> int:
 
 
 if __name__ == "__main__":
-    with contextlib.suppress(ImportError, ValueError, OSError):  # not on Windows, or not allowed
+    try:
         import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
+    except ImportError:  # Windows has no such limit
+        pass
+    else:
+        with contextlib.suppress(ValueError, OSError):  # not allowed
+            resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     json.dump(expanded(sys.argv[1], json.loads(sys.argv[2]), json.loads(sys.argv[3])), sys.stdout)

@@ -190,8 +190,6 @@ def _friction(found: Recognised) -> list[str]:
         f"  - load: {{{width}, choose: [part, width]}}   # load-dependent friction",
         f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
         "   # Stribeck effect",
-        "  - presliding: {choose: [part, length]}   # builds up over a distance after a reversal",
-        f"  - load_stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity]}}   # the same of load",
     ]
 
 

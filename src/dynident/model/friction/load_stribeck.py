@@ -12,7 +12,6 @@ from dynident.model.friction.base import (
     Number,
     Range,
     SelectionCandidate,
-    SharedUse,
     check_positive,
     exponential,
     smooth_sign,
@@ -41,7 +40,6 @@ class LoadStribeck(Friction):
         SelectionCandidate(85, {"velocity": 0.1}, width=1.0),
         SelectionCandidate(95, {"velocity": 0.03}, width=1.0),
     )
-    shared: ClassVar = SharedUse(7, "optional", {"width": 0.01, "choose": ("part", "width", "velocity")})
     refined: ClassVar = ("velocity",)
 
     def __post_init__(self) -> None:

@@ -15,7 +15,6 @@ from dynident.model.friction.base import (
     Motion,
     Number,
     Range,
-    SharedUse,
     State,
     check_positive,
     larger,
@@ -40,7 +39,6 @@ class Presliding(Friction):
 
     coefficients: ClassVar = Slipped.coefficients
     ranges: ClassVar = {"length": Range(3e-4, 0.1)}
-    shared: ClassVar = SharedUse(8, "optional", {"choose": ("part", "length")})
 
     def __post_init__(self) -> None:
         check_positive(self.length, "length", "a distance in rad, at least the resolution of the encoder,")

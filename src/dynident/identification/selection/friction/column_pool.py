@@ -22,7 +22,7 @@ from dynident.identification.problem.problem import counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream, RowSegment
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction.base import Coefficient, Friction, Inputs, Motion, Number, State
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, State
 
 # Cholesky solution of LAPACK, thousands of times; it has no type stubs.
 _POSV: Any = scipy.linalg.get_lapack_funcs("posv", dtype=np.float64)
@@ -30,8 +30,8 @@ _POSV: Any = scipy.linalg.get_lapack_funcs("posv", dtype=np.float64)
 #: Ridge in units of a column's square: far above rounding of the products, far below what data say.
 RIDGE = 1e-11
 
-#: Share of a joint's rows that are not among its fastest, its most loaded and those farthest from its usual position.
-INNER = 0.8
+#: Share of a joint's rows that are not among its fastest.
+FASTEST = 0.8
 
 
 @dataclass(frozen=True)
@@ -60,10 +60,6 @@ class PartCandidate(Friction):
         """Return that of the part."""
         return self.part.update(at)
 
-    def states_along(self, motion: Motion, step: float) -> Array:
-        """Return those of the part."""
-        return self.part.states_along(motion, step)
-
 
 @dataclass(frozen=True)
 class ColumnPool:
@@ -76,9 +72,8 @@ class ColumnPool:
         products: [W, tau]' [W, tau] of each joint in each block, shape (B, n, c + 1, c + 1).
         rows: Rows of each joint in each block, shape (B, n).
         nonnegative: Which columns have coefficients that physics wants >= 0, shape (c,).
-        outer: Products of the rows in which a joint is among the fastest of its own, the most loaded, and the farthest
-            from its usual position, shape (3, n, c + 1, c + 1).
-        outer_rows: Number of them, shape (3, n).
+        fast: Products of the rows in which a joint is among the fastest of its own, shape (n, c + 1, c + 1).
+        fast_rows: Number of them, shape (n,).
     """
 
     parts: tuple[Friction, ...]
@@ -87,8 +82,8 @@ class ColumnPool:
     products: Array
     rows: IntArray
     nonnegative: BoolArray
-    outer: Array
-    outer_rows: IntArray
+    fast: Array
+    fast_rows: IntArray
 
     def weighted(self, weights: Array) -> Array:
         """Return the products of each block over all joints, their rows times the weights (n,): (B, c + 1, c + 1)."""
@@ -120,19 +115,19 @@ class ColumnPool:
         return weights
 
 
-def fit_inside(whole: Array, outer: Array, keep: IntArray, shared: int) -> tuple[Array, float]:
-    """Return coefficients whose friction is fitted to the inner rows alone, and their loss of these rows.
+def beyond(whole: Array, fast: Array, keep: IntArray, shared: int) -> float:
+    """Return the sum of squared residuals of the fastest rows, by friction that is fitted to all the others.
 
     The ``shared`` first columns of ``keep`` stay at their fit of all rows: what is asked is how friction goes on beyond
-    the range that it is fitted to. ``whole`` and ``outer`` are products of all and of the outer rows, (c + 1, c + 1).
+    the speeds it is fitted to. ``whole`` and ``fast`` are products of all and of the fastest rows, (c + 1, c + 1).
     """
-    beta, inner = fit(whole, keep), whole - outer
+    beta, slow = fit(whole, keep), whole - fast
     friction = keep[shared:]
     if len(friction):
-        left = inner.copy()
-        left[:, -1] -= inner[:, keep[:shared]] @ beta[:shared]
+        left = slow.copy()
+        left[:, -1] -= slow[:, keep[:shared]] @ beta[:shared]
         beta[shared:] = fit(left, friction)
-    return beta, loss(inner, keep, beta)
+    return loss(fast, keep, beta)
 
 
 class PooledLogs:
@@ -163,8 +158,8 @@ class PooledLogs:
         self._rigid = base_parameters(bare)
         self._start = None if load is None else self._rigid.from_standard(load)
         self._bodies = RegressorStream(bare, self._rigid)
-        sizes = _sizes_of(logs)
-        limits = np.quantile(np.concatenate(sizes, axis=1), INNER, axis=1)[:, None]
+        speeds = [np.abs(np.asarray(log.log.dq)[log.keep]) for log in logs]
+        limits = np.quantile(np.concatenate(speeds), FASTEST, axis=0)
         total = sum(len(log.keep) for log in logs)
         self._logs = [
             _PooledLog(
@@ -174,7 +169,7 @@ class PooledLogs:
                 own > limits,
                 self._shared_rows(log),
             )
-            for log, own in zip(logs, sizes, strict=True)
+            for log, own in zip(logs, speeds, strict=True)
             for mask in [counting_rows(bare, log)]
         ]
 
@@ -207,7 +202,7 @@ class PooledLogs:
             for own, extra in zip(self._bodies.columns, friction.columns, strict=True)
         ]
         found = [log.products(friction.segments(log.log), places, size) for log in self._logs]
-        products, rows, outer, outer_rows = (list(each) for each in zip(*found, strict=True))
+        products, rows, fast, fast_rows = (list(each) for each in zip(*found, strict=True))
         drive, column = whole.terms
         starts = np.cumsum([0, *(len(part.coefficients) for part in parts)])
         columns = tuple(
@@ -225,8 +220,8 @@ class PooledLogs:
             np.concatenate(products),
             np.concatenate(rows),
             signs,
-            np.sum(outer, axis=0),
-            np.sum(outer_rows, axis=0),
+            np.sum(fast, axis=0),
+            np.sum(fast_rows, axis=0),
         )
 
 
@@ -238,39 +233,42 @@ class _PooledLog:
         log: The log.
         block: Block of each kept row, -1 for none, shape (N,).
         mask: Which of the rows count for each joint, shape (N, n).
-        outer: In which of them a joint is beyond most of its speeds, torques and positions, shape (3, N, n).
+        fast: In which of them a joint is among the fastest of its own, shape (N, n).
         segments: The rows of the shared columns and the torque.
     """
 
     log: Prepared
     block: IntArray
     mask: BoolArray
-    outer: BoolArray
+    fast: BoolArray
     segments: list[RowSegment]
 
     def products(
         self, friction: Iterable[RowSegment], places: Sequence[tuple[IntArray, IntArray]], size: int
     ) -> tuple[Array, IntArray, Array, IntArray]:
-        """Return products and rows of each block, and those of the outer rows.
+        """Return products and rows of each block, and those of the fastest rows.
 
         Args:
             friction: Rows of the friction columns in the same segments.
             places: By joint, the positions of the shared columns with the torque, and of the friction columns.
             size: Number of all columns, that of the torque among them.
         """
-        counts, joints, kinds = int(self.block.max()) + 1, len(places), len(self.outer)
-        found = np.zeros((counts + kinds, joints, size, size))
-        rows = np.zeros((counts + kinds, joints), dtype=np.int64)
+        counts, joints = int(self.block.max()) + 1, len(places)
+        found, fast = np.zeros((counts, joints, size, size)), np.zeros((joints, size, size))
+        rows, fast_rows = np.zeros((counts, joints), dtype=np.int64), np.zeros(joints, dtype=np.int64)
         for (part, shared), (_, added) in zip(self.segments, friction, strict=True):
             for i, (own, extra) in enumerate(places):
                 values, columns = np.vstack([shared[i], added[i][:-1]]), np.concatenate([own, extra])
-                place, inside = np.ix_(columns, columns), self.mask[part, i] & (self.block[part] >= 0)
-                wanted = [self.block[part] == b for b in range(counts)] + list(self.outer[:, part, i])
-                for b, each in enumerate(wanted):
-                    chosen = values[:, each & inside]
+                place = np.ix_(columns, columns)
+                for b in range(counts):
+                    counted = (self.block[part] == b) & self.mask[part, i]
+                    chosen = values[:, counted]
                     found[b, i][place] += chosen @ chosen.T
                     rows[b, i] += chosen.shape[1]
-        return found[:counts], rows[:counts], found[counts:], rows[counts:]
+                    chosen = values[:, counted & self.fast[part, i]]
+                    fast[i][place] += chosen @ chosen.T
+                    fast_rows[i] += chosen.shape[1]
+        return found, rows, fast, fast_rows
 
 
 def fit(products: Array, keep: IntArray) -> Array:
@@ -290,13 +288,6 @@ def loss(products: Array, keep: IntArray, beta: Array) -> float:
     return float(beta @ gram @ beta - 2.0 * beta @ right + products[-1, -1])
 
 
-def losses(products: Array, keep: IntArray, beta: Array) -> Array:
-    """Return the sums of squared residuals (n,) of coefficients of the columns ``keep``, as :func:`loss`."""
-    found = np.append(beta, -1.0)
-    place = np.append(keep, products.shape[-1] - 1)
-    return np.einsum("k,ikl,l->i", found, products[:, place[:, None], place], found, optimize=True)
-
-
 def held_out(held: Array, rest: Array, rows: IntArray, keep: IntArray) -> Array:
     """Return the mean squared residual of each block by the columns ``keep`` in a fit of the others, shape (B,).
 
@@ -308,15 +299,6 @@ def held_out(held: Array, rest: Array, rows: IntArray, keep: IntArray) -> Array:
     """
     squares = [loss(own, keep, fit(other, keep)) for own, other in zip(held, rest, strict=True)]
     return np.array(squares) / np.maximum(rows, 1)
-
-
-def _sizes_of(logs: Sequence[Prepared]) -> list[Array]:
-    """Return speed, torque and distance from the usual position in the kept rows of each log, (3, N, n)."""
-    middle = np.median(np.concatenate([log.kept.q for log in logs]), axis=0)
-    return [
-        np.abs([np.asarray(log.log.dq)[log.keep], np.asarray(log.log.torque)[log.keep], log.kept.q - middle])
-        for log in logs
-    ]
 
 
 def _blocks_of(log: Prepared, mask: BoolArray, blocks: int) -> IntArray:

@@ -6,10 +6,12 @@ values are compared by what they say about stretches of the logs that the fit ha
 only where its error is smaller than that of the stated one by more than chance makes it look in one of twenty logs
 (Student's t of the differences, block by block). Then it is found to a finer step, in a fit of all rows near it.
 
-Parts that ``choose`` names as a whole are added as :mod:`added_parts` says, their first field beside the width by
-variable projection (Golub and Pereyra 1973). Where a part is taken, all other fields are chosen once more beside it.
-Signs of dry friction that are left to the logs turn over one width on the same joints. A wide sign and a part that
-builds up slowly pass for each other, so fields and parts are chosen in both orders, and the better outcome is taken.
+Parts that ``choose`` names as a whole are added one by one, on all their drives at once, as long as that lowers the
+held-out error, and the shortest list within one standard error of the best is kept (Breiman, Friedman, Olshen and Stone
+1984, section 3.4.3). The fastest rows are one more block for them: a part has to go on beyond the speeds of the fit. A
+part with fields of its own beside the width is held against its absence with their best values. Where a part is taken,
+all fields are chosen once more beside it. Signs of dry friction that are left to the logs turn over one width on the
+same joints. Errors of blocks are compared by their ratios: a block of large torques has no more say than others.
 
 Where the delay of the torque is to be found as well, it is free in every fit: friction shows at reversals, a delay in
 all that the torque does, so that neither is compared by what the other one does.
@@ -19,23 +21,22 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
-from dynident.identification.selection.friction.added_parts import AddedParts
-from dynident.identification.selection.friction.column_pool import PooledLogs
-from dynident.identification.selection.friction.held_out_errors import FoldErrors, is_better, share_of
+from dynident.identification.residuals.quantiles import student_quantile
+from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs, beyond, fit, held_out, loss
 from dynident.identification.selection.friction.load import default_load
-from dynident.identification.selection.friction.variable_projection import fastest_of, spans_of
+from dynident.identification.selection.friction.variable_projection import fastest_of, minimum, spans_of
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE, Friction
 
-#: Blocks of rows at least.
-BLOCKS = 8
+#: Blocks of rows at least; fewer than three tell nothing about chance.
+BLOCKS, FEWEST = 8, 3
 
 #: Rows in a period of the filter's cut-off that are compared.
 ROWS = 8.0
@@ -45,6 +46,15 @@ COARSE, FINE = 13, 7
 
 #: How often the values taken are made finer in turn where a part came to those that are there.
 POLISHED = 2
+
+#: Chance of a difference as large where there is none.
+CHANCE = 0.05
+
+#: A value that takes less than this share off the held-out error is not worth another one than the stated.
+NOTHING = 5e-3
+
+#: Least mean squared residual that is told from none, in units of its joint's own.
+TINY = 1e-12
 
 #: Values of a part that is left out, and of one that is there.
 _ABSENT, _THERE = 0.0, 1.0
@@ -83,12 +93,16 @@ def choose_fields(
     load = default_load(without_optional(model), logs) if "torque" in model.needs else None
     pooled = PooledLogs(model, logs, max(BLOCKS, len(logs)), load, delay_is_free)
     search = _FieldSearch(model, pooled, fastest_of(model, logs), progress)
-    found = search.chosen()
-    if search.optional and any(held.value != held.stated for held in found.values() if held.field != WHOLE):
-        other = _FieldSearch(model, pooled, fastest_of(model, logs), progress)
-        others = other.chosen(parts_first=True)
-        if np.mean(other.errors()) < np.mean(search.errors()):
-            search, found = other, others
+    found = search.fields()
+    decided = search.with_linear_parts()
+    if any(held.value == _THERE for held in decided.values()):
+        found |= search.polished(search.fields())
+    for p in search.absent:
+        if p not in decided:
+            decided[p] = search.with_part(p)
+            if decided[p].value == _THERE:
+                found |= search.polished(search.fields())
+    found |= {(p, WHOLE): held for p, held in decided.items()}
     kept = tuple(part for p, part in enumerate(search.model.friction) if p not in search.absent)
     return replace(model, friction=kept), tuple(found[key] for key in sorted(found, key=lambda key: key[0]))
 
@@ -115,34 +129,20 @@ class _FieldSearch:
 
     Attributes:
         model: All parts, with the values taken so far.
-        optional: Places of the parts that are only there if held-out rows ask for them.
-        absent: Those of them that are not there so far.
+        absent: Places of the parts that are not there so far.
     """
 
     def __init__(
         self, model: DynamicModel, pooled: PooledLogs, fastest: float, progress: Callable[[str], None]
     ) -> None:
         self.model, self.stated = model, model
-        self.optional = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
-        self.absent = self.optional
+        self.absent = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
         self._pooled, self._progress = pooled, progress
         self._spans = {
             (p, name): span
             for p, part in enumerate(model.friction)
             for name, span in spans_of(part, "choose", fastest).items()
         }
-
-    def chosen(self, parts_first: bool = False) -> dict[tuple[int, str], FieldChoice]:
-        """Choose fields and parts, the fields of the parts that are always there first, or all parts before them."""
-        found = {} if parts_first else self.fields()
-        decided = self.with_parts()
-        if parts_first or any(held.value == _THERE for held in decided.values()):
-            found |= self.polished(self.fields())
-        return found | {(p, WHOLE): held for p, held in decided.items()}
-
-    def errors(self) -> Array:
-        """Return the logarithms of the errors of the blocks, by the model as far as it is chosen."""
-        return self._tried((), "", np.empty(0)).errors(outer=False)[0]
 
     def fields(self) -> dict[tuple[int, str], FieldChoice]:
         """Choose the fields of all parts that are there, one after another."""
@@ -166,33 +166,41 @@ class _FieldSearch:
             found[key] = replace(found[key], best=best, value=best)
         return found
 
-    def with_parts(self) -> dict[int, FieldChoice]:
-        """Put the absent parts there that held-out rows ask for, each with the best value of its first own field."""
-        absent = self.absent
-        if not absent:
+    def with_linear_parts(self) -> dict[int, FieldChoice]:
+        """Put the absent parts there that have no field of their own beside a width and that held-out rows ask for."""
+        linear = [p for p in self.absent if not self._own_fields(p)]
+        for p in linear:
+            self._share_width(p)
+        present = [p for p in range(len(self.model.friction)) if p not in self.absent]
+        if not linear:
             return {}
-        named = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in absent))
+        named = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in linear))
         self._progress(f"friction: {named} on held-out samples")
-        others = {p: self._alternatives(p) for p in absent}
-        present = [part for p, part in enumerate(self.model.friction) if p not in absent]
-        added = AddedParts.over(self.model, self._pooled, present, others)
-        if not added.tried.tells:
-            return {p: self._told(p, False, None) for p in absent}
-        taken, gaps = added.chosen()
-        self.model = replace(
-            self.model, friction=tuple(taken.get(p, part) for p, part in enumerate(self.model.friction))
-        )
-        self.absent = tuple(p for p in absent if p not in taken)
-        return {p: self._told(p, p in taken, gaps[p]) for p in absent}
+        pool, own = self._pooled.pool(self.model.friction), self._drives(present)
+        tried = _Tried.of(pool, pool.weights(own), [own])
+        if not tried.tells:
+            return {p: self._told(p, False, None) for p in linear}
+        whole = tried.held.sum(axis=0)
 
-    def _alternatives(self, p: int) -> list[Friction]:
-        """Return a part that is absent with the width that it shares, once for each value of its first own field."""
-        self._share_width(p)
-        part = self.model.friction[p]
-        fields = self._own_fields(p)
-        if not fields:
-            return [part]
-        return [replace(part, **{fields[0]: float(x)}) for x in np.geomspace(*self._spans[p, fields[0]], COARSE)]
+        def errors_of(added: Sequence[tuple[int, ...]]) -> list[Array]:
+            sets = (np.sort(pool.chosen(self._drives((*present, *extra)))) for extra in added)
+            return replace(tried, keeps=tuple(pool.possible(whole, keep, tried.keeps[0]) for keep in sets)).errors()
+
+        path, scores = list[tuple[int, ...]]([()]), errors_of([()])
+        while left := [p for p in linear if p not in path[-1]]:
+            longer = [(*path[-1], p) for p in left]
+            errors = errors_of(longer)
+            k = int(np.argmin([np.mean(each) for each in errors]))
+            path.append(longer[k])
+            scores.append(errors[k])
+        lowest = scores[int(np.argmin([np.mean(each) for each in scores]))]
+        gaps = [each - lowest for each in scores]
+        chosen = next(own for own, gap in zip(path, gaps, strict=True) if np.mean(gap) <= max(_share(gap)[1], NOTHING))
+        others = [tuple(q for q in linear if (q in chosen) != (q == p)) for p in linear]
+        first, *errors = errors_of([chosen, *others])
+        self.absent = tuple(p for p in self.absent if p not in chosen)
+        gaps = [(each - first) * (1.0 if p in chosen else -1.0) for p, each in zip(linear, errors, strict=True)]
+        return {p: self._told(p, p in chosen, own) for p, own in zip(linear, gaps, strict=True)}
 
     def _told(self, p: int, is_taken: bool, gaps: Array | None) -> FieldChoice:
         """Return what is said of a part, from the logarithms of the blocks' errors without less those with it (B,)."""
@@ -200,7 +208,7 @@ class _FieldSearch:
         about = (FRICTION.name_of(part), part.joints, WHOLE, _ABSENT)
         if gaps is None:
             return FieldChoice(*about, _ABSENT, _ABSENT, 0.0, None)
-        gain, error = share_of(gaps)
+        gain, error = _share(gaps)
         return FieldChoice(*about, _THERE if is_taken or gain > 0 else _ABSENT, float(is_taken), gain, error)
 
     def _own_fields(self, p: int) -> list[str]:
@@ -213,6 +221,29 @@ class _FieldSearch:
             if shared not in self.absent:
                 width = self.model.friction[shared].options["width"]
                 self.model = _with_value(self.model, [p], "width", width)
+
+    def _drives(self, parts: Sequence[int]) -> list[list[int]]:
+        """Return which of some parts each drive has."""
+        acts = {p: set(self.model.drives_of(self.model.friction[p])) for p in parts}
+        return [[p for p in parts if drive in acts[p]] for drive in range(self.model.robot.dof)]
+
+    def with_part(self, p: int) -> FieldChoice:
+        """Hold a part against its absence, with the best value of its first field, and put it there if it is better."""
+        part = self.model.friction[p]
+        self._progress(f"friction: {FRICTION.name_of(part)} on held-out samples")
+        self._share_width(p)
+        name = self._own_fields(p)[0]
+        grid = np.geomspace(*self._spans[p, name], COARSE)
+        tried = self._tried((p,), name, grid)
+        if not tried.tells:
+            return self._told(p, False, None)
+        first, *others = tried.errors()
+        k = int(np.argmin([np.mean(each) for each in others]))
+        gaps = first - others[k]
+        if better := _is_better(gaps):
+            self.absent = tuple(other for other in self.absent if other != p)
+            self.model = _with_value(self.model, [p], name, float(grid[k]))
+        return self._told(p, better, gaps)
 
     def _group(self, p: int, name: str) -> tuple[int, ...]:
         """Return the parts whose fields have one value: signs of dry friction on the same joints, stated alike."""
@@ -239,13 +270,10 @@ class _FieldSearch:
         tried = self._tried(there, name, grid)
         if not tried.tells:
             return FieldChoice(*about, stated, stated, 0.0, None)
-        first, *others = tried.errors(outer=False)
+        first, *others = tried.errors(fastest=False)
         k = int(np.argmin([np.mean(each) for each in others]))
-        is_projected = part.is_optional and name == (self._own_fields(there[0]) or [""])[0]
-        if is_projected:
-            k = int(np.argmin(tried.losses()))
-        gain, error = share_of(first - others[k])
-        if not is_projected and not is_better(first - others[k]):
+        gain, error = _share(first - others[k])
+        if not _is_better(first - others[k]):
             return FieldChoice(*about, float(grid[k]), stated, gain, error)
         self.model = _with_value(self.model, there, name, float(grid[k]))
         grid = np.geomspace(grid[max(k - 1, 0)], grid[min(k + 1, len(grid) - 1)], FINE)
@@ -253,7 +281,7 @@ class _FieldSearch:
         self.model = _with_value(self.model, there, name, best)
         return FieldChoice(*about, best, best, gain, error)
 
-    def _tried(self, group: Sequence[int], name: str, grid: Array) -> FoldErrors:
+    def _tried(self, group: Sequence[int], name: str, grid: Array) -> _Tried:
         """Return the model with values of a field of some parts; of one that is absent, it with each beside itself."""
         model = self.model
         present = [p for p in range(len(model.friction)) if p not in self.absent]
@@ -269,10 +297,66 @@ class _FieldSearch:
                 places |= {p: len(parts) + value * len(group) + k for k, p in enumerate(group)}
             return [[place for place in places.values() if drive in acts[place]] for drive in range(model.robot.dof)]
 
-        tried = FoldErrors.of(
-            pool, pool.weights(columns(None)), [columns(value) for value in (None, *range(len(grid)))]
-        )
-        stated = [k for k, p in enumerate(present) if not model.friction[p].is_optional]
-        always = pool.chosen([[k for k in stated if drive in acts[k]] for drive in range(model.robot.dof)])
-        whole = tried.whole
-        return replace(tried, families=tuple([pool.possible(whole, keep, always)] for (keep,) in tried.families))
+        tried = _Tried.of(pool, pool.weights(columns(None)), [columns(value) for value in (None, *range(len(grid)))])
+        if any(p in self.absent for p in group):
+            whole, always = tried.held.sum(axis=0), tried.keeps[0]
+            return replace(tried, keeps=tuple(pool.possible(whole, keep, always) for keep in tried.keeps))
+        return tried
+
+
+def _share(gaps: Array) -> tuple[float, float]:
+    """Return the share that is taken off an error and its standard error, from logarithms of its ratios (B,)."""
+    return float(-np.expm1(-np.mean(gaps))), float(np.std(gaps, ddof=1) / np.sqrt(len(gaps)))
+
+
+def _is_better(gaps: Array) -> bool:
+    """Return whether logarithms of ratios of errors (B,) are above nothing by more than chance."""
+    gain, error = _share(gaps)
+    return gain > max(NOTHING, error * float(student_quantile(1.0 - CHANCE, len(gaps) - 1)))
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A model with several values of a field, or several lists of parts, as products of the columns.
+
+    Attributes:
+        held: Products of each block, the joints weighted by their residuals in the model, shape (B, c + 1, c + 1).
+        rows: Rows of each block, shape (B,).
+        fast: Products of the fastest rows, shape (c + 1, c + 1), and their number.
+        shared: Number of columns that every fit has.
+        keeps: Columns of the model, and of each value or list in place of its own.
+    """
+
+    held: Array
+    rows: IntArray
+    fast: tuple[Array, int]
+    shared: int
+    keeps: tuple[IntArray, ...]
+
+    @classmethod
+    def of(cls, pool: ColumnPool, weights: Array, sets: Sequence[Sequence[Sequence[int]]]) -> _Tried:
+        """Return the models whose drives have the parts ``sets[k][drive]``."""
+        fast = np.einsum("i,ikl->kl", weights**2, pool.fast)
+        keeps = tuple(np.sort(pool.chosen(own)) for own in sets)
+        return cls(pool.weighted(weights), pool.rows.sum(axis=1), (fast, int(pool.fast_rows.sum())), pool.shared, keeps)
+
+    @property
+    def tells(self) -> bool:
+        """Whether there are rows enough to hold some out."""
+        return len(self.held) >= FEWEST and bool(np.min(self.rows) >= 2 * len(self.keeps[0]))
+
+    def errors(self, fastest: bool = True) -> list[Array]:
+        """Return the logarithms of the held-out errors of each: of the blocks, and of the fastest rows, (B + 1,)."""
+        whole = self.held.sum(axis=0)
+        rest, (fast, count) = whole - self.held, self.fast
+        found = [held_out(self.held, rest, self.rows, keep) for keep in self.keeps]
+        if fastest:
+            last = [beyond(whole, fast, keep, self.shared) / max(count, 1) for keep in self.keeps]
+            found = [np.append(each, own) for each, own in zip(found, last, strict=True)]
+        return [np.log(np.maximum(each, TINY)) for each in found]
+
+    def finest(self, grid: Array) -> float:
+        """Return the value between those of a grid that fits all rows best."""
+        whole = self.held.sum(axis=0)
+        losses = np.array([loss(whole, keep, fit(whole, keep)) for keep in self.keeps[1:]])
+        return minimum(np.log(grid), losses, float(np.sum(self.rows)))[0]
