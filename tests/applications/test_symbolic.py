@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -96,9 +97,10 @@ def test_friction_parts(part: str) -> None:
         values = {s: getattr(motion, array)[row, k] for array, own in moving.items() for k, s in enumerate(own)}
         for symbol in found.regressor.free_symbols - set(values):
             state = None if motion.state is None else motion.state[..., 0]
-            signal = {"load": motion.torque, "T": motion.temperature, "z1_": state}[symbol.name[:-1]]
+            word, joint = re.fullmatch(r"(load|T|z)(\d)(?:_1)?", symbol.name).groups()  # type: ignore[union-attr]
+            signal = {"load": motion.torque, "T": motion.temperature, "z": state}[word]
             assert signal is not None
-            values[symbol] = signal[row, int(symbol.name[-1]) - 1]
+            values[symbol] = signal[row, int(joint) - 1]
         np.testing.assert_allclose(np.array(found.regressor.subs(values), float), columns[row], rtol=1e-12, atol=1e-12)
 
 
