@@ -90,8 +90,10 @@ def power_spectrum(signal: Array, rate: float) -> tuple[Array, Array]:
     length = min(len(jerky), max(16, int(SEGMENT_S * rate)), SEGMENT_SAMPLES)
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(length) / length)
     starts = range(0, len(jerky) - length + 1, length - length // 2)
-    segments = (np.fft.rfft(jerky[start : start + length] * window[:, None], axis=0) for start in starts)
-    power = 2.0 * sum(np.abs(segment) ** 2 for segment in segments) / (len(starts) * rate * np.sum(window**2))
+    power = np.zeros((length // 2 + 1, jerky.shape[1]))
+    for start in starts:
+        power += np.abs(np.fft.rfft(jerky[start : start + length] * window[:, None], axis=0)) ** 2
+    power *= 2.0 / (len(starts) * rate * np.sum(window**2))
     hertz = np.fft.rfftfreq(length, 1.0 / rate)
     gain = (2.0 * np.sin(np.pi * hertz / rate)) ** 4
     return hertz[1:-1], power[1:-1] / gain[1:-1, None]
