@@ -112,7 +112,7 @@ def check(case: Case, options: argparse.Namespace) -> int:
     for name in ("against", "fix"):
         if getattr(options, name):
             raise BadOption(f"--{name}", getattr(options, name), "leave it out: it is for logs with torques")
-    laws = case.servo.laws if case.servo else {}
+    laws = case.servo.laws if case.servo else ()
     case = replace(case, train=tuple(options.logs), test=()) if options.logs else case
     logs = [log for part in read_servo_logs(case) for log in part]
     found = [(log, servo_findings(log, laws)) for log in logs]
