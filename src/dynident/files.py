@@ -152,6 +152,27 @@ def sha256_of(path: str | os.PathLike[str]) -> str:
     return digest.hexdigest()
 
 
+def read_at_most(path: Path, most: int, step: str) -> bytes:
+    """Return the bytes of a file of a sane size.
+
+    Args:
+        path: The file.
+        most: Its largest size in bytes.
+        step: What to do where it is larger.
+
+    Raises:
+        FileError: The file cannot be read, or is larger.
+    """
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(most + 1)
+    except OSError as error:
+        raise FileError(path, f"it cannot be read ({error.strerror})", "check its permissions") from error
+    if len(data) > most:
+        raise FileError(path, f"it is larger than {most // 1_000_000} MB", step)
+    return data
+
+
 def read_json(path: str | os.PathLike[str], step: str, kind: Callable[[object, str, str], DynidentError]) -> Any:
     """Return what a file of JSON holds.
 

@@ -146,11 +146,11 @@ def test_few_points_stand_for_the_hull_of_many() -> None:
 
 
 def test_volumes_of_shapes() -> None:
-    assert volume_of(Sphere(0.3), ()) == pytest.approx(4 / 3 * np.pi * 0.027)
-    assert volume_of(Cylinder(0.1, 0.5), ()) == pytest.approx(np.pi * 0.005)
-    assert volume_of(Box(SIZE), ()) == pytest.approx(VOLUME)
+    assert volume_of(Sphere(0.3)) == pytest.approx(4 / 3 * np.pi * 0.027)
+    assert volume_of(Cylinder(0.1, 0.5)) == pytest.approx(np.pi * 0.005)
+    assert volume_of(Box(SIZE)) == pytest.approx(VOLUME)
     pill = Capsule(np.zeros(3), np.array([0.0, 0.3, 0.4]), 0.1)
-    assert volume_of(pill, ()) == pytest.approx(np.pi * 0.005 + 4 / 3 * np.pi * 0.001)
+    assert volume_of(pill) == pytest.approx(np.pi * 0.005 + 4 / 3 * np.pi * 0.001)
 
 
 def test_the_volume_of_a_mesh_depends_on_no_frame_and_no_winding() -> None:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from dynident.actuators.drive_law import DriveLaw
-from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, start_at
+from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, refinable, start_at
 from dynident.actuators.output_error import FOLD, ServoProblem, output_error, starts_from
-from dynident.actuators.parameters import FRICTION_MODELS, PLACE
+from dynident.actuators.parameters import FRICTION_MODELS
 from dynident.actuators.rollout import JointRecord, mean_errors
 from dynident.errors import DynidentError
 
@@ -84,10 +84,7 @@ def _held_out_error(
     for held in folds:
         kept = [k for k in range(len(records)) if k not in held]
         try:
-            start = start_at([rows[k] for k in kept], law, model, scanned)
-            if not has_off and not law.controls_torque:
-                start[PLACE["viscous"]] += start[PLACE["back_emf"]]
-                start[PLACE["back_emf"]] = 0.0
+            start = refinable(start_at([rows[k] for k in kept], law, model, scanned), law, has_off)
             free = free_parameters(law, model, start, has_off=has_off)
             seeded = starts_from(start, model)[:1]  # at zero the Stribeck terms have no slope to follow
             fit = output_error(ServoProblem(tuple(records[k] for k in kept), free, model), seeded, effort=FOLD)

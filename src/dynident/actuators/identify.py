@@ -11,9 +11,17 @@ from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
 from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.joint_load import joint_loads, measured_motion, rigid_inertia
-from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, linear_start, start_at, start_rows
+from dynident.actuators.linear_start import (
+    LinearStart,
+    StartRows,
+    free_parameters,
+    linear_start,
+    refinable,
+    start_at,
+    start_rows,
+)
 from dynident.actuators.output_error import ServoProblem, output_error, starts_from
-from dynident.actuators.parameters import FRICTION_MODELS, PLACE, FrictionModel
+from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import JointRecord, mean_errors, record_of, rolled_out
 from dynident.actuators.servo_log import AUTO, ServoLog, ServoSetup, check_gains, kp_values
 from dynident.actuators.verdict import EXPERIMENTS, Known, known_parameters
@@ -103,7 +111,7 @@ def identify_actuators(
 def _joint(data: JointData, friction: str, kp: tuple[float, ...], progress: Callable[[str], None]) -> JointActuator:
     progress(f"{data.name}: linear start")
     richest = FRICTION_MODELS["m3" if friction == AUTO else friction]
-    law, ratio = _gain(data, richest)
+    law, ratio = data.law, _gain(data)
     if ratio != 1.0:
         data = _at_ratio(data, ratio)
     scanned = linear_start(data.rows, data.train, law, richest)
@@ -116,22 +124,21 @@ def _joint(data: JointData, friction: str, kp: tuple[float, ...], progress: Call
     linear = start_at(data.rows, law, model, scanned)
     progress(f"{data.name}: output error, friction {friction}")
     free = free_parameters(law, model, linear, has_gain, data.has_off)
-    start = linear if data.has_off or law.controls_torque else _summed(linear)
     problem = ServoProblem(data.train, free, model)
-    fit = output_error(problem, starts_from(start, model))
-    known, _ = known_parameters(problem, fit.parameters)
+    fit = output_error(problem, starts_from(refinable(linear, law, data.has_off), model))
+    known = known_parameters(problem, fit.parameters)
     simple = fit.parameters.copy() if friction == "m1" else _simple(data, law, scanned, has_gain)
-    parameters, shown = fit.parameters.copy(), law
+    parameters = fit.parameters.copy()
     if ratio != 1.0:  # the ratio of the scan is part of the gain that is reported
         parameters[PLACE["gain_ratio"]] *= ratio
         simple[PLACE["gain_ratio"]] *= ratio
         known = tuple(one.scaled(ratio) if one.name == "gain_ratio" else one for one in known)
     saturated = float(np.mean(np.concatenate([rolled_out(one, fit.parameters).saturated for one in data.train])))
-    known, combinations = _known_together(data, shown, known, parameters, has_gain, kp)
+    known, combinations = _known_together(data, law, known, parameters, has_gain, kp)
     tested = data.test or data.train
     return JointActuator(
         name=data.name,
-        law=shown,
+        law=law,
         kp=kp,
         friction=friction,
         parameters=parameters,
@@ -151,25 +158,16 @@ def _joint(data: JointData, friction: str, kp: tuple[float, ...], progress: Call
 def _simple(data: JointData, law: DriveLaw, scanned: LinearStart, has_gain: bool) -> Array:
     """Return the parameters of the fit with Coulomb and viscous friction, shape (COUNT,)."""
     model = FRICTION_MODELS["m1"]
-    start = start_at(data.rows, law, model, scanned)
-    start = start if data.has_off or law.controls_torque else _summed(start)
+    start = refinable(start_at(data.rows, law, model, scanned), law, data.has_off)
     free = free_parameters(law, model, start, has_gain, data.has_off)
     return output_error(ServoProblem(data.train, free, model), [start]).parameters
 
 
-def _summed(linear: Array) -> Array:
-    """Return a start whose viscous friction has the back-EMF in it: without torque-off motion only the sum is known."""
-    found = linear.copy()
-    found[PLACE["viscous"]] += found[PLACE["back_emf"]]
-    found[PLACE["back_emf"]] = 0.0
-    return found
-
-
-def _gain(data: JointData, friction: FrictionModel) -> tuple[DriveLaw, float]:
-    """Return the law, and the multiple of its gain at which saturation explains the logs; 1 where none does."""
+def _gain(data: JointData) -> float:
+    """Return the multiple of the law's gain at which saturation explains the logs; 1 where none does."""
     law = data.law
     if not law.gain_is_free or not np.isfinite(law.limit):
-        return law, 1.0
+        return 1.0
     errors: dict[float, float] = {}
     for ratio in GAIN_RATIOS:
         own = _at_ratio(data, ratio)
@@ -182,7 +180,7 @@ def _gain(data: JointData, friction: FrictionModel) -> tuple[DriveLaw, float]:
             errors[ratio] = found.error
     best = min(errors, key=lambda ratio: errors[ratio])
     plain = errors[min(errors)]
-    return law, best if best != min(errors) and errors[best] < (1.0 - SEPARATES) * plain else 1.0
+    return best if best != min(errors) and errors[best] < (1.0 - SEPARATES) * plain else 1.0
 
 
 def _at_ratio(data: JointData, ratio: float) -> JointData:

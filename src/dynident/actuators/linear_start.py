@@ -13,7 +13,7 @@ from dynident.actuators.joint_load import JointLoad, MeasuredMotion
 from dynident.actuators.parameters import COUNT, PARAMETERS, PLACE, FrictionModel, neutral
 from dynident.actuators.rollout import JointRecord, mean_errors
 from dynident.actuators.servo_log import ServoLog
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import LogMismatch
 from dynident.model.kernels.jit import compiled
 
@@ -94,7 +94,7 @@ def start_rows(log: ServoLog, joint: int, load: JointLoad, motion: MeasuredMotio
     q = motion.q[:, joint]
     c0, c1, c2 = (on_grid(column) for column in load.bias.T)
     bias = c0 + c1 * np.cos(q) + c2 * np.sin(q)
-    held = np.clip(np.searchsorted(log.time, time, side="right") - 1, 0, log.samples - 1)
+    held = _held(log, time)
     return StartRows(
         log=log,
         joint=joint,
@@ -109,10 +109,15 @@ def start_rows(log: ServoLog, joint: int, load: JointLoad, motion: MeasuredMotio
     )
 
 
+def _held(log: ServoLog, time: Array) -> IntArray:
+    """Return the sample of a log that holds at each time, shape (K,)."""
+    return np.clip(np.searchsorted(log.time, time, side="right") - 1, 0, log.samples - 1)
+
+
 def _duty(rows: StartRows, delay: float, slew: float) -> tuple[Array, BoolArray]:
     """Return the duty on the grid at the measured position, and where it is at its limit or nearly so."""
     log, time = rows.log, rows.motion.time
-    held = np.clip(np.searchsorted(log.time, time - delay, side="right") - 1, 0, log.samples - 1)
+    held = _held(log, time - delay)
     command, goal = log.q_ref[held, rows.joint], np.empty(len(time))
     if np.isfinite(slew):
         _goals(time, np.ascontiguousarray(command), slew, goal)
@@ -186,6 +191,18 @@ def start_at(rows: Sequence[StartRows], law: DriveLaw, friction: FrictionModel, 
     return _regression(rows, law, friction, scanned.delay_s, scanned.slew_limit)[0]
 
 
+def refinable(start: Array, law: DriveLaw, has_off: bool) -> Array:
+    """Return the start of the output error, shape (COUNT,).
+
+    Where no motion without torque tells back-EMF from viscous friction, viscous friction has the sum of both.
+    """
+    found = start.copy()
+    if not has_off and not law.controls_torque:
+        found[PLACE["viscous"]] += found[PLACE["back_emf"]]
+        found[PLACE["back_emf"]] = 0.0
+    return found
+
+
 def _regression(
     rows: Sequence[StartRows], law: DriveLaw, friction: FrictionModel, delay: float, slew: float
 ) -> tuple[Array, float]:
@@ -242,8 +259,7 @@ def _column(name: str, rows: StartRows, duty: Array, torque: float) -> Array:
     dq, drive = rows.motion.dq[:, rows.joint], rows.on * rows.supply
     sign = np.tanh(dq / REST)
     if name == "damping_gain":
-        held = np.clip(np.searchsorted(rows.log.time, rows.motion.time, side="right") - 1, 0, rows.log.samples - 1)
-        return drive * (rows.log.dq_ref[held, rows.joint] - dq)
+        return drive * (rows.log.dq_ref[_held(rows.log, rows.motion.time), rows.joint] - dq)
     if name == "load_motor":
         motor = drive * duty * torque if torque else -rows.on * rows.external
         return -np.abs(rows.external - motor) * sign

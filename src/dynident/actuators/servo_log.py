@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -148,7 +148,6 @@ def read_servo_log(path: str | Path, how: ServoColumns) -> ServoLog:
     def chosen(columns: Sequence[str]) -> Array:
         return values[:, [place[name] for name in columns]]
 
-    rows = len(values)
     zero = np.array([names.zero[k] for k in order]) if names.zero else 0.0
     rows = len(values)
     enabled = chosen(how.enabled) > 0.5 if how.enabled else np.ones((rows, 1), dtype=bool)
@@ -269,12 +268,12 @@ def _checked(log: ServoLog) -> ServoLog:
             raise LogMismatch(log.name, evidence, "repair the bus (speed, cable, power) and record again")
         q[bad, joint] = np.interp(log.time[bad], log.time[~bad], q[~bad, joint])
     _check_meaning(log, q)
-    return ServoLog(**{**vars(log), "q": q, "failed": failed})
+    return replace(log, q=q, failed=failed)
 
 
 def _rows(log: ServoLog, keep: BoolArray) -> ServoLog:
     signals = ("time", "q", "q_ref", "dq_ref", "added", "enabled", "supply", "failed")
-    return ServoLog(**{**vars(log), **{name: getattr(log, name)[keep] for name in signals}})
+    return replace(log, **{name: getattr(log, name)[keep] for name in signals})
 
 
 def _failed_reads(time: Array, q: Array) -> BoolArray:

@@ -55,11 +55,11 @@ class Known:
         return replace(self, value=self.value * factor, half_width=self.half_width * factor)
 
 
-def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[tuple[Known, ...], Array]:
-    """Return how far each free parameter is known, and the covariance (f, f).
+def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[Known, ...]:
+    """Return how far each free parameter is known.
 
-    The sandwich covariance of clustered scores: errors of one roll-out are correlated over its whole length, so pieces
-    of it (whole logs where there are eight or more) are taken as the independent ones. Cameron and Miller, "A
+    By the sandwich covariance of clustered scores: errors of one roll-out are correlated over its whole length, so
+    pieces of it (whole logs where there are eight or more) are taken as the independent ones. Cameron and Miller, "A
     practitioner's guide to cluster-robust inference", Journal of Human Resources 50, 2015, equation (10).
     """
     errors, slopes = problem.errors(parameters)
@@ -108,7 +108,7 @@ def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[tuple[Kn
         partner = _partner(problem.free, covariance, k, free, TOGETHER)
         label = "identified" if half < WEAK * abs(values[k]) or name == "angle_offset" else "weak"
         found.append(Known(name, float(values[k]), half, label, partner if label == "weak" else ""))
-    return tuple(found), covariance
+    return tuple(found)
 
 
 def _partner(names: Sequence[str], matrix: Array, k: int, free: Sequence[int], least: float = 0.0) -> str:

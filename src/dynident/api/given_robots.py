@@ -16,6 +16,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
 from dynident.robot_files import read_robot
+from dynident.robot_files.rotations import rotation_from_quaternion
 
 #: A robot: a value, a file or a name, a ``pinocchio.Model``, a ``mujoco.MjModel`` or ``MjSpec``.
 RobotLike: TypeAlias = Any
@@ -307,15 +308,8 @@ def _note(model: Any) -> str:
 
 
 def _rotation(quaternion: Array) -> Array:
-    """Return the rotation of a quaternion (w, x, y, z), shape (3, 3)."""
-    w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    """Return the rotation of a quaternion (w, x, y, z) of any length, shape (3, 3)."""
+    return rotation_from_quaternion(quaternion / np.linalg.norm(quaternion))
 
 
 def _bound(value: float, none: float = np.inf) -> float:

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.case.mesh_bounds import mesh_with_points
+from dynident.case.mesh_bounds import check_unit
 from dynident.errors import BadOption, FileError
 from dynident.model.body_constraints import ValueRange
-from dynident.model.meshes import mesh_triangles
+from dynident.model.meshes import mesh_triangles, outermost
 from dynident.model.robot import Robot
-from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 
 
 def mass_of_density(
@@ -40,10 +40,14 @@ def mass_of_density(
         raise BadOption("density", link.name, f"the robot model states no shape, so the volume is not known; {step}")
     if not density.high > 0:
         raise BadOption("density", density.high, "give densities above 0 kg/m^3, such as {min: 500, max: 8000}")
+    volume = 0.0
     for shape in link.shapes:
         if isinstance(shape, Mesh):
-            mesh_with_points(robot, index, shape, folders)  # raises where its unit is another
-    volume = sum(volume_of(shape, folders) for shape in link.shapes)
+            triangles = mesh_triangles(shape, folders)
+            check_unit(robot, index, shape, outermost(triangles.reshape(-1, 3)))
+            volume += mesh_volume(triangles, shape.file)
+        else:
+            volume += volume_of(shape)
     low, high = max(density.low * volume, mass.low), min(density.high * volume, mass.high)
     if low > high:
         stated = f"{mass.low:g} to {mass.high:g} kg" if mass.low < mass.high else f"{mass.low:g} kg"
@@ -52,21 +56,14 @@ def mass_of_density(
     return ValueRange(low, high)
 
 
-def volume_of(shape: Shape, folders: Sequence[str | Path]) -> float:
-    """Return the volume of a shape, in m^3; ``folders`` hold the files of meshes.
-
-    Raises:
-        FileError: A mesh that is not there, not readable, or open.
-    """
-    if isinstance(shape, Mesh):
-        return mesh_volume(mesh_triangles(shape, folders), shape.file)
+def volume_of(shape: Box | Cylinder | Capsule | Sphere) -> float:
+    """Return the volume of a shape, in m^3."""
     if isinstance(shape, Box):
         return float(np.prod(shape.size))
     if isinstance(shape, Cylinder):
         return float(np.pi * shape.radius**2 * shape.length)
     if isinstance(shape, Capsule):
         return shape.volume
-    assert isinstance(shape, Sphere)
     return float(4.0 / 3.0 * np.pi * shape.radius**3)
 
 

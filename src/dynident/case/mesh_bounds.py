@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dynident.arrays import Array
 from dynident.errors import FileError, MissingDependency
 from dynident.model.meshes import mesh_points, outermost
 from dynident.model.plausible import extent_of, link_points
@@ -72,6 +73,16 @@ def mesh_with_points(robot: Robot, index: int, mesh: Mesh, folders: Sequence[str
         MissingDependency: Neither STL, nor coal installed.
     """
     points = outermost(mesh_points(mesh, folders))
+    check_unit(robot, index, mesh, points)
+    return replace(mesh, points=points)
+
+
+def check_unit(robot: Robot, index: int, mesh: Mesh, points: Array) -> None:
+    """Refuse a mesh of a link whose points (k, 3) lie as in another unit than m.
+
+    Raises:
+        FileError: Its extent is that of the frames of the link in another unit.
+    """
     bare = replace(robot.links[index], shapes=())
     frames = replace(robot, links=(*robot.links[:index], bare, *robot.links[index + 1 :]))
     size, usual = extent_of(points), extent_of(link_points(frames, index))
@@ -79,4 +90,3 @@ def mesh_with_points(robot: Robot, index: int, mesh: Mesh, folders: Sequence[str
         scale, unit = (0.001, "millimetres") if size > usual else (1000.0, "metres, with a scale for millimetres")
         evidence = f"it is {size:.3g} m large where the frames of {bare.name} are {usual:.2g} m apart: in {unit}?"
         raise FileError(mesh.file, evidence, f'write scale="{scale:g} {scale:g} {scale:g}" at the mesh')
-    return replace(mesh, points=points)

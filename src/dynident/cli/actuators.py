@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
@@ -63,8 +64,8 @@ def run(case: Case, options: argparse.Namespace) -> int:
     return 0
 
 
-def export(options: argparse.Namespace) -> int:
-    """Write actuators for a simulator or a controller.
+def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
+    """Write actuators for a simulator or a controller, with the options of the target that are stated.
 
     Raises:
         BadOption: An option that is for plans or models.
@@ -80,12 +81,6 @@ def export(options: argparse.Namespace) -> int:
         if getattr(options, name):
             option = f"--{name.replace('_', '-')}"
             raise BadOption(option, getattr(options, name), f"{options.file} holds actuators; leave it out")
-    stated: dict[str, str] = {}
-    for item in options.option:
-        key, equals, value = item.partition("=")
-        if not equals:
-            raise BadOption("--option", item, "write key=value")
-        stated[key] = value
     check_outputs((options.output,), (options.file,))
     text = actuator_file(read_actuators(options.file), options.to, stated)
     if not options.check:

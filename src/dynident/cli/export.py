@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> int:
     if is_actuators(options.file):
         from dynident.cli.actuators import export
 
-        return export(options)
+        return export(options, _pairs(options.option))
     is_plan = not is_estimate(options.file)
     kind, other = ("a plan", "an estimate") if is_plan else ("an estimate", "a plan")
     for name, default in (_MODEL_ONLY if is_plan else _PLAN_ONLY).items():
@@ -210,10 +210,10 @@ def _remark(options: argparse.Namespace, files: tuple[str, ...]) -> None:
         console.remark(f"{'would write' if options.check else 'saved'} {file}", options.quiet)
 
 
-def _pairs(items: list[str]) -> dict[str, str | None]:
+def _pairs(items: list[str]) -> dict[str, str]:
     from dynident.errors import BadOption
 
-    found: dict[str, str | None] = {}
+    found: dict[str, str] = {}
     for item in items:
         key, equals, value = item.partition("=")
         if not equals:

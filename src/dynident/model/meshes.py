@@ -11,7 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import FileError, MissingDependency
-from dynident.files import resolved
+from dynident.files import read_at_most, resolved
 from dynident.model.shapes import Mesh
 
 #: Largest mesh file that is read, in bytes.
@@ -50,7 +50,8 @@ def outermost(points: Array) -> Array:
 def mesh_triangles(mesh: Mesh, folders: Sequence[str | Path]) -> Array:
     """Return the corners of the triangles of a mesh, shape (k, 3, 3); else as :func:`mesh_points`."""
     file = mesh_file(mesh.file, folders)
-    corners = _stl(file, _bytes(file)) if file.suffix.lower() == ".stl" else _by_coal(file)
+    data = read_at_most(file, MAX_BYTES, "simplify the mesh")
+    corners = _stl(file, data) if file.suffix.lower() == ".stl" else _by_coal(file)
     if not len(corners) or not np.all(np.isfinite(corners)):
         raise FileError(file, "it has no points, or points that are no numbers", "export the mesh again")
     return corners[: len(corners) // 3 * 3].reshape(-1, 3, 3) * mesh.scale
@@ -92,17 +93,6 @@ def _candidates(name: str, roots: Sequence[Path]) -> list[Path]:
     return inner + [root / rest.lstrip("/") for root in roots]
 
 
-def _bytes(file: Path) -> bytes:
-    try:
-        with file.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as problem:
-        raise FileError(file, f"it cannot be read ({problem.strerror})", "check its permissions") from problem
-    if len(data) > MAX_BYTES:
-        raise FileError(file, f"it is larger than {MAX_BYTES // 1_000_000} MB", "simplify the mesh")
-    return data
-
-
 def _stl(file: Path, data: bytes) -> Array:
     """Return the corners of the triangles of an STL file, binary or text, shape (3 k, 3)."""
     faces = int.from_bytes(data[80:_BINARY_HEAD], "little") if len(data) >= _BINARY_HEAD else -1
@@ -126,7 +116,6 @@ def _by_coal(file: Path) -> Array:
         import coal  # pyright: ignore[reportMissingImports]
     except ImportError as problem:
         raise MissingDependency(f"reading the mesh '{file.name}'", "pin", "pin") from problem
-    _bytes(file)  # readable, and of a sane size
     try:
         found = coal.MeshLoader().load(str(file))
         rows = [[found.tri_indices(k)[j] for j in range(3)] for k in range(found.num_tris)]

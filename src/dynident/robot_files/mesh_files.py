@@ -66,7 +66,7 @@ def missing_meshes(robot: Robot, robot_file: str | Path, folders: Sequence[str |
         robot_file: Its robot model.
         folders: Further folders that hold meshes.
     """
-    roots = [Path(robot_file).parent, *folders, *package_folders(robot, robot_file)]
+    roots = [*mesh_places(robot, str(robot_file)), *map(Path, folders)]
     found: dict[tuple[str, str], MissingMesh] = {}
     for link, mesh in _meshes(robot):
         if (link, mesh.file) not in found and not _is_there(mesh, roots):

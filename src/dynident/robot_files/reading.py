@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from dynident.errors import BadOption, DescriptionError, FileError, nearest
+from dynident.files import read_at_most
 from dynident.model.robot import Robot
 from dynident.robot_files.formats.base import DESCRIPTIONS, Description
 from dynident.robot_files.robot_catalogue import ENDING, CataloguedFile, catalogued_file
@@ -102,14 +103,7 @@ def _bytes(file: Path) -> bytes:
         raise FileError(file, "no such file", step)
     if not os.path.isfile(file):
         raise FileError(file, "it is no regular file", "give a file")
-    try:
-        with file.open("rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except OSError as problem:
-        raise FileError(file, f"it cannot be read ({problem.strerror})", "check its permissions") from problem
-    if len(data) > MAX_BYTES:
-        raise FileError(file, f"it is larger than {MAX_BYTES // 1_000_000} MB", "give the model of one robot")
-    return data
+    return read_at_most(file, MAX_BYTES, "give the model of one robot")
 
 
 def format_name(path: object, data: bytes) -> str:
