@@ -17,7 +17,8 @@ from dynident.arrays import Array, BoolArray, IntArray
 from dynident.errors import LogMismatch
 from dynident.model.kernels.jit import compiled
 
-#: Slower than this, in rad/s, a joint rests: dry friction then has any value, and the row is left out.
+#: Slower than this, in rad/s, a joint is at rest: Coulomb friction then has any value within its level, and the sample
+#: is left out.
 REST = 0.05
 
 #: Delays in s that are scanned where none is stated.
