@@ -44,6 +44,10 @@ SAMPLES = {
     "mjcf": b"""<mujoco><worldbody><body name="a"><joint name="j1" axis="0 1 0"/><geom size=".1"/>
 <body name="b" pos="1 0 0">
 <joint name="j2"/><inertial pos="0 0.37 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody></mujoco>""",
+    "sdf": b"""<sdf version="1.7"><model name="m"><link name="a"/><link name="b"><pose>0 0.37 0 0 0 0</pose></link>
+<link name="c"/><joint name="j1" type="revolute"><parent>a</parent><child>b</child><axis><xyz>0 1 0</xyz></axis></joint>
+<joint name="j2" type="prismatic"><parent>b</parent><child>c</child><axis><xyz>0 1 0</xyz></axis></joint>
+</model></sdf>""",
     "dh": b"name: arm\nconvention: modified\njoints:\n- {a: 0, alpha: 0, d: 0.3}\n- {a: 0.25, alpha: 1.5, d: 0}\n",
     "native": json.dumps(robot_to_dict(read_robot("generic-scara"))).encode(),
 }
@@ -103,7 +107,7 @@ def test_every_cut_is_refused_or_a_robot(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in PARTS if name in SAMPLES])
 @pytest.mark.parametrize("word", [b"nan", b"inf", b"-.inf", b"1e999", b"one", b"[]"])
 def test_numbers_that_are_none_are_refused(name: str, word: bytes) -> None:
-    number = {"urdf": b"0.02", "dh": b"0.25", "native": b"0.35", "mjcf": b"0.37"}[name]
+    number = {"urdf": b"0.02", "dh": b"0.25", "native": b"0.35", "mjcf": b"0.37", "sdf": b"0.37"}[name]
     data = SAMPLES[name]
     assert number in data
     with pytest.raises(DescriptionError) as caught:

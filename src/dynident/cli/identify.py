@@ -1,6 +1,6 @@
 """Identify the dynamic model of a robot from logs.
 
-CASE is a case file (see 'dynident init') or a robot model: URDF, DH table in YAML or built-in example robot.
+CASE is a case file (see 'dynident init') or a robot model: URDF, MJCF, SDF, DH table in YAML or built-in example robot.
 Without a case file the model has Coulomb and viscous friction and an offset; columns are t, q1.., tau1.. (or i1.. with
 drive gains) in chain order, in SI units; the filter is a zero-phase Butterworth on both sides, its cut-off chosen.
 

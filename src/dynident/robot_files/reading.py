@@ -28,7 +28,7 @@ _SPACE: Final = b"\xef\xbb\xbf \t\r\n"  # with the byte order mark of UTF-8
 
 
 def read_robot(path: str | Path) -> Robot:
-    """Read a robot model: a URDF, a DH table in YAML, the JSON of dynident, or a robot that ships, by name.
+    """Read a robot model: a URDF, MJCF, SDF or USD, a DH table, JSON, or a robot that ships, by name.
 
     The format follows from the first visible character (``<`` is XML) and then from the ending of the file name. Macros
     of xacro are expanded by the package xacro (extra ``xacro``).

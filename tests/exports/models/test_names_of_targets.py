@@ -76,8 +76,8 @@ def test_other_names_that_sdf_keeps_are_refused(
 
 
 def test_a_description_is_refused_where_nothing_is_written_into_one(on_world: Estimate, tmp_path: Path) -> None:
-    with pytest.raises(BadOption, match="sdf is written from the estimate alone"):
-        export_model(on_world, "sdf", tmp_path / "arm.sdf", description=tmp_path / "other.urdf")
+    with pytest.raises(BadOption, match="drake is written from the estimate alone"):
+        export_model(on_world, "drake", tmp_path / "arm.dmd.yaml", description=tmp_path / "other.urdf")
 
 
 @pytest.mark.parametrize("mixed", [False, True])

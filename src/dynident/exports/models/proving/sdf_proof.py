@@ -1,37 +1,32 @@
-"""A written SDF loaded again: by a reader of the specification, and by Drake where it is installed."""
+"""A written SDF loaded again: by the strict reader, and by Drake where it is installed."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 import numpy as np
-from defusedxml import ElementTree
 
 from dynident.arrays import Array
 from dynident.exports.models.proving.engines import drake_torque, drake_version
 from dynident.exports.models.proving.proof import Reloaded
 from dynident.exports.models.subject.drives import drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.states import StateSet
+from dynident.exports.models.subject.source import OwnDescription
+from dynident.exports.models.subject.states import StateSet, states_of
+from dynident.exports.models.writing.sdf_own import PatchedSdf
 from dynident.exports.models.writing.sdf_text import base_name
-from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
-from dynident.model.robot import Drive, Joint, Link, Mimic, Robot
-from dynident.robot_files.rotations import rotation_from_rpy
+from dynident.model.robot import Robot
+from dynident.robot_files.sdf_model import read_sdf_model
 
 
 def sdf_by_reader(subject: Identified, path: Path, states: StateSet) -> Reloaded:
-    """Return the torques of an SDF by the rules of the specification."""
-    known, motion = subject.model.robot, states.motion
-    follows = {joint.name: joint.mimic for joint in known.joints if joint.mimic is not None}
-    robot = read_sdf(path.read_bytes(), known.gravity, follows)
-    assert robot.nominal is not None
-    rigid = batched.inverse_dynamics(robot.chain, robot.nominal, motion.q, motion.dq, motion.ddq)
-    damping, dry = (np.array([getattr(j, key) or 0.0 for j in robot.active]) for key in ("damping", "friction"))
-    found = rigid + motion.ddq @ robot.reflected_inertia + motion.dq * damping + np.sign(motion.dq) * dry
-    expected = rigid_torque(subject, motion) + drives_of(subject).torque(motion, armature=True, coupled=False)
-    return Reloaded("dynident", "bodies, armature, damping, Coulomb friction", found, expected)
+    """Return the torques of an SDF by the strict reader."""
+    found = _own_torque(read_sdf_model(path, path.read_bytes()).robot(), subject, states, armature=True)
+    own = drives_of(subject).torque(states.motion, armature=True, coupled=False)
+    what = "bodies, armature, damping, Coulomb friction"
+    return Reloaded("dynident", what, found, rigid_torque(subject, states.motion) + own)
 
 
 def sdf_by_drake(subject: Identified, path: Path, states: StateSet, package: str = "") -> Reloaded:
@@ -44,75 +39,33 @@ def sdf_by_drake(subject: Identified, path: Path, states: StateSet, package: str
     return Reloaded(name, "bodies, armature, damping", found, rigid_torque(subject, states.motion) + own)
 
 
-_DRAKE = "{http://drake.mit.edu}"
+def reload_own_sdf(subject: Identified, source: OwnDescription, patched: PatchedSdf) -> Iterator[Reloaded]:
+    """Load the changed file again by the strict reader."""
+    states = states_of(subject.model, patched.placement.locked)
+    expected = rigid_torque(subject, states.motion)
+    for joint in patched.before.connections:
+        if joint.kind != "fixed":
+            damping, dry = patched.tags.get(joint.name, (joint.damping or 0.0, joint.friction or 0.0))
+            expected = expected + _at_joint(joint.name, 0.0, damping, dry, states)
+    robot = read_sdf_model(source.path, patched.data).robot()
+    found = _own_torque(robot, subject, states, armature=False)
+    yield Reloaded("dynident", "bodies, damping, Coulomb friction", found, expected)
+    yield Reloaded("Drake", why_not="not asked for a file of yours, which may name packages")
+    yield Reloaded("Gazebo", why_not="not a Python package; Drake reads with its parser, libsdformat")
 
 
-def read_sdf(data: bytes, gravity: Array, follows: dict[str, Mimic]) -> Robot:
-    """Return the robot of an SDF; joints that follow another, which SDF 1.7 cannot say, are told."""
-    model = ElementTree.fromstring(data).find("model")
-    assert model is not None
-    joints = {_name(joint): joint for joint in model.findall("joint")}
-    bodies = {_name(link): link for link in model.findall("link")}
-    carried = {_text(joint, "child"): name for name, joint in joints.items()}
-    (base,) = (name for name in bodies if name not in carried)
-    order: list[str] = []
-    for name in bodies:  # a link stands behind its parent in the file
-        if name != base:
-            order.append(name)
-    links, moving = [], []
-    for name in order:
-        joint = joints[carried[name]]
-        pose = bodies[name].find("pose")
-        assert pose is not None and pose.get("relative_to") == _name(joint) and not _numbers(pose).any()
-        parent = _text(joint, "parent")
-        moving.append(_joint(joint, -1 if parent == base else order.index(parent), follows.get(_name(joint))))
-        links.append(Link(name, _inertia(bodies[name])))
-    return Robot(str(model.get("name")), tuple(links), tuple(moving), gravity, base=base)
-
-
-def _joint(joint: Element, parent: int, mimic: Mimic | None) -> Joint:
-    pose = joint.find("pose")
-    assert pose is not None and pose.get("relative_to") == _text(joint, "parent")
-    values = _numbers(pose)
-    rotor, ratio = (float(joint.findtext(f"{_DRAKE}{key}") or default) for key, default in _ROTOR)
-    return Joint(
-        _name(joint),
-        "prismatic" if joint.get("type") == "prismatic" else "revolute",
-        parent,
-        rotation_from_rpy(values[3:]),
-        values[:3],
-        np.array(_text(joint, "axis/xyz").split(), dtype=float),
-        drive=Drive(ratio, rotor),
-        mimic=mimic,
-        damping=float(_text(joint, "axis/dynamics/damping")),
-        friction=float(_text(joint, "axis/dynamics/friction")),
-    )
-
-
-_ROTOR = (("rotor_inertia", "0"), ("gear_ratio", "1"))
-
-
-def _inertia(link: Element) -> Inertia:
-    pose = link.find("inertial/pose")
-    assert pose is not None
-    values = _numbers(pose)
-    ixx, ixy, ixz, iyy, iyz, izz = (
-        float(_text(link, f"inertial/inertia/{key}")) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    )
-    turn = rotation_from_rpy(values[3:])
-    tensor = turn @ np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]) @ turn.T
-    return Inertia.from_centre_of_mass(float(_text(link, "inertial/mass")), values[:3], tensor)
-
-
-def _name(element: Element) -> str:
-    return str(element.get("name"))
-
-
-def _text(element: Element, path: str) -> str:
-    found = element.findtext(path)
-    assert found is not None
+def _own_torque(robot: Robot, subject: Identified, states: StateSet, *, armature: bool) -> Array:
+    """Return the torque of the bodies and joints that a file states, shape (N, n), in N m or N."""
+    robot = robot.with_gravity(subject.model.robot.gravity)
+    names = [joint.name for joint in robot.active]
+    assert robot.nominal is not None
+    found = states.gather(names, batched.inverse_dynamics(robot.chain, robot.nominal, *states.of(names)))
+    for joint in robot.joints:
+        rotor = joint.drive.reflected_inertia if armature else 0.0
+        found = found + _at_joint(joint.name, rotor, joint.damping or 0.0, joint.friction or 0.0, states)
     return found
 
 
-def _numbers(element: Element) -> Array:
-    return np.array((element.text or "").split(), dtype=float)
+def _at_joint(name: str, rotor: float, damping: float, dry: float, states: StateSet) -> Array:
+    _, dq, ddq = states.of([name])
+    return states.gather([name], rotor * ddq + damping * dq + dry * np.sign(dq))

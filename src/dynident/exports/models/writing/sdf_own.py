@@ -1,0 +1,120 @@
+"""The user's own SDF with other inertias and joint friction; every other byte is kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.exports.models.subject.drives import Drives
+from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.source import OwnDescription
+from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared
+from dynident.exports.models.writing.urdf import joint_tags
+from dynident.exports.models.writing.xml_edit import (
+    ByteEdit,
+    PlacedElement,
+    added_child,
+    apply,
+    elements,
+    indent_of,
+    preorder,
+    removed,
+)
+from dynident.exports.models.writing.xml_text import number, numbers
+from dynident.model.inertia import Inertia
+from dynident.robot_files.sdf_model import SdfModel, read_sdf_model
+
+_ENTRIES = (("ixx", 0, 0), ("ixy", 0, 1), ("ixz", 0, 2), ("iyy", 1, 1), ("iyz", 1, 2), ("izz", 2, 2))
+
+
+@dataclass(frozen=True)
+class PatchedSdf:
+    """The SDF of a user with a model in it.
+
+    Attributes:
+        data: Its bytes.
+        before: What the user's file says.
+        placement: Its links on those of the model.
+        tags: Damping and Coulomb friction that were set, by joint.
+        notes: What the reader has to know.
+    """
+
+    data: bytes
+    before: SdfModel
+    placement: Placement
+    tags: dict[str, tuple[float, float]]
+    notes: tuple[str, ...]
+
+
+def patched_sdf(subject: Identified, drives: Drives, source: OwnDescription, lump: bool) -> PatchedSdf:
+    """Return the SDF with the inertias and joint friction of a model; rotor inertias stay as they are.
+
+    Raises:
+        DescriptionError: It is faulty, in UTF-16, or of another robot.
+    """
+    before = read_sdf_model(source.path, source.data)
+    placement = place(source.path, subject.model.robot, before.bodies, before.connections)
+    shares = shared(subject, placement, lump)
+    placed = list(preorder(elements(source.path, source.data)))
+    edits: list[ByteEdit] = []
+    for name, body in shares.inertias.items():
+        link = before.links[name]
+        own = None if body is None else body.moved(np.eye(3), -link.origin)
+        edits += _inertial(source.data, placed[link.element.number], own)
+    tags = dict(joint_tags(subject, drives))
+    for joint in before.connections:
+        if joint.name in tags and (joint.damping or 0.0, joint.friction or 0.0) != tags[joint.name]:
+            edits.append(_dynamics(source.data, placed[before.joints[joint.name].number], tags[joint.name]))
+    left = [name for name in subject.model.robot.joint_names if name not in tags]
+    notes = [*kept_notes(shares, placement, left), "rotor inertias are as in the file"]
+    return PatchedSdf(apply(source.data, edits), before, placement, tags, tuple(notes))
+
+
+def _inertial(data: bytes, link: PlacedElement, body: Inertia | None) -> Iterator[ByteEdit]:
+    """Yield the edits that give a link another inertia, or none."""
+    found = link.all("inertial")
+    if body is None:
+        yield from (removed(data, element) for element in found)
+        return
+    tensor = "".join(f"<{tag}>{number(body.about_centre[i, j])}</{tag}>" for tag, i, j in _ENTRIES)
+    parts = {
+        "pose": f"<pose>{numbers(np.asarray(body.centre_of_mass))} 0 0 0</pose>",
+        "mass": f"<mass>{number(body.mass)}</mass>",
+        "inertia": f"<inertia>{tensor}</inertia>",
+    }
+    if not found:
+        text = f"<inertial>{''.join(parts.values())}</inertial>"
+        yield added_child(data, link, text.encode("ascii"))
+        return
+    for tag, text in parts.items():
+        given = found[0].all(tag)
+        if given:
+            yield ByteEdit(given[0].start, given[0].end, text.encode("ascii"))
+        else:
+            first = found[0].children[0].start
+            yield ByteEdit(first, first, text.encode("ascii") + indent_of(data, first))
+
+
+def _dynamics(data: bytes, joint: PlacedElement, tags: tuple[float, float]) -> ByteEdit:
+    """Return the edit that sets damping and friction of a joint; other elements of ``<dynamics>`` stay."""
+    texts = {tag: f"<{tag}>{number(value)}</{tag}>".encode("ascii") for tag, value in zip(_TAGS, tags, strict=True)}
+    axis = joint.all("axis")[0]
+    found = axis.all("dynamics")
+    if not found:
+        return added_child(data, axis, b"<dynamics>" + b"".join(texts.values()) + b"</dynamics>")
+    element = found[0]
+    if element.is_empty:
+        return ByteEdit(element.start, element.end, b"<dynamics>" + b"".join(texts.values()) + b"</dynamics>")
+    inner = [
+        ByteEdit(child.start - element.start, child.end - element.start, texts.pop(child.tag))
+        for child in element.children
+        if child.tag in texts
+    ]
+    end = element.close - element.start
+    inner.append(ByteEdit(end, end, b"".join(texts.values())))
+    return ByteEdit(element.start, element.end, apply(data[element.start : element.end], inner))
+
+
+_TAGS = ("damping", "friction")

@@ -1,0 +1,195 @@
+"""Elements of an SDF as values: poses, joints, inertials, limits and shapes, each checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, Literal
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import nearest
+from dynident.model.documents.numbers import check_name, check_order, shown
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Drive, JointLimits
+from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from dynident.robot_files.rotations import rotation_from_quaternion, rotation_from_rpy
+from dynident.robot_files.xml_elements import Element
+from dynident.robot_files.xml_values import Values
+
+Pose = tuple[Array, Array]
+JointKind = Literal["fixed", "revolute", "prismatic"]
+
+KINDS: Final[Mapping[str, JointKind]] = {
+    "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed",
+}  # fmt: skip
+_UNREAD: Final = ("ball", "screw", "universal", "gearbox", "revolute2")
+_TENSOR: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_NONE: Final = 1e16  # what the format writes where there is no limit
+
+
+def version_of(root: Element) -> tuple[int, int]:
+    """Return the version of the format that a file states."""
+    text = Values(root.place, root.attributes).text("version", "1.12")
+    parts = text.split(".")
+    if len(parts) != 2 or not all(part.isascii() and part.isdigit() and len(part) < 4 for part in parts):
+        raise root.place.error(f"version {shown(text)} is no version of SDF", 'write version="1.7"')
+    return int(parts[0]), int(parts[1])
+
+
+def name_of(element: Element) -> str:
+    """Return the name of an element."""
+    return check_name(element.place, f"{element.tag} name", Values(element.place, element.attributes).text("name"))
+
+
+def model_pose(model: Element) -> Pose:
+    """Return where a model stands in the world."""
+    poses = model.all("pose")
+    if poses and poses[0].attributes.get("relative_to"):
+        raise poses[0].place.error("the model stands in a frame of the world", "write its pose in the world")
+    return pose_of_element(poses[0]) if poses else (np.eye(3), np.zeros(3))
+
+
+def pose_of_element(element: Element) -> Pose:
+    """Return rotation and position that a ``<pose>`` writes, angles or a quaternion."""
+    values = Values(element.place, element.attributes)
+    form = values.choice("rotation_format", ("euler_rpy", "quat_xyzw"), "euler_rpy")
+    if not element.text:
+        return np.eye(3), np.zeros(3)
+    if form == "quat_xyzw":
+        numbers = numbers_in(element, 7)
+        length = float(np.linalg.norm(numbers[3:]))
+        if abs(length - 1.0) > 1e-3:
+            evidence = f"the quaternion has length {length:.4g}, not 1"
+            raise element.place.error(evidence, "write a unit quaternion x y z w")
+        x, y, z, w = numbers[3:] / length
+        return rotation_from_quaternion([w, x, y, z]), numbers[:3]
+    numbers = numbers_in(element, 6)
+    in_degrees = values.choice("degrees", ("true", "false", "1", "0"), "false") in ("true", "1")
+    unit = float(np.pi / 180.0) if in_degrees else 1.0
+    return rotation_from_rpy(unit * numbers[3:]), numbers[:3]
+
+
+def placed(outer: Pose, inner: Pose) -> Pose:
+    """Return where a pose in a frame is in the frame of the frame."""
+    return outer[0] @ inner[0], outer[1] + outer[0] @ inner[1]
+
+
+def numbers_in(element: Element, count: int) -> Array:
+    """Return the numbers in an element, shape (count,)."""
+    return Values(element.place, {"the value": element.text}).numbers("the value", count)
+
+
+def number_in(parent: Element, tag: str, default: float) -> float:
+    """Return the number in a child, ``default`` where there is none."""
+    found = parent.all(tag)
+    return Values(found[0].place, {tag: found[0].text}).number(tag) if found else default
+
+
+def only_child(parent: Element, tag: str, step: str) -> Element:
+    """Return the one child of a name; errors advise ``step``."""
+    found = parent.all(tag)
+    if len(found) != 1:
+        raise parent.place.error(f"{len(found)} <{tag}> in <{parent.tag}>", step)
+    return found[0]
+
+
+def kind_of_joint(joint: Element) -> JointKind:
+    """Return what a joint is; a continuous one is revolute."""
+    word = Values(joint.place, joint.attributes).text("type")
+    if word in _UNREAD:
+        step = "replace it by revolute and prismatic joints, or by a fixed one"
+        raise joint.place.error(f"type {shown(word)} is not read", step)
+    if word not in KINDS:
+        step = f"choose one of: {', '.join(KINDS)}{nearest(word, KINDS)}"
+        raise joint.place.error(f"type {shown(word)} is not known", step)
+    return KINDS[word]
+
+
+def inertia_of_link(link: Element) -> Inertia | None:
+    """Return the inertia of a link about its frame; None where the file has none."""
+    if not link.all("inertial"):
+        return None
+    inertial = only_child(link, "inertial", "keep one of them")
+    if inertial.attributes.get("auto", "false") in ("true", "1"):
+        raise inertial.place.error('auto="true" computes it from shapes', "write <mass> and <inertia>")
+    poses = inertial.all("pose")
+    rotation, centre = pose_of_element(poses[0]) if poses else (np.eye(3), np.zeros(3))
+    only_child(inertial, "mass", "write one <mass>, in kg")
+    mass = number_in(inertial, "mass", 0.0)
+    if mass < 0.0:
+        raise inertial.place.error(f"mass {mass:g} is negative", "write the mass in kg, 0 or more")
+    holder = only_child(inertial, "inertia", "write one <inertia> with <ixx>, <iyy>, <izz>")
+    for tag in ("ixx", "iyy", "izz"):
+        only_child(holder, tag, f"write one <{tag}>")
+    ixx, ixy, ixz, iyy, iyz, izz = (number_in(holder, tag, 0.0) for tag in _TENSOR)
+    tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+    return Inertia.from_centre_of_mass(mass, centre, rotation @ tensor @ rotation.T)
+
+
+def limits_of_joint(joint: Element, holder: Element) -> JointLimits:
+    """Return the limits of a joint with its ``<axis>``."""
+    found = holder.all("limit")
+    if not found:
+        return JointLimits()
+    lower, upper = (_bound(found[0], tag, sign) for tag, sign in (("lower", -1.0), ("upper", 1.0)))
+    if joint.attributes.get("type") == "continuous":
+        lower, upper = -np.inf, np.inf
+    check_order(found[0].place, lower, upper)
+    effort, velocity = (number_in(found[0], tag, -1.0) for tag in ("effort", "velocity"))
+    return JointLimits(
+        lower, upper, velocity=velocity if velocity >= 0 else np.inf, effort=effort if effort >= 0 else np.inf
+    )
+
+
+def _bound(limit: Element, tag: str, sign: float) -> float:
+    found = limit.all(tag)
+    if not found or found[0].text.lower() in ("inf", "-inf", "+inf"):
+        return sign * np.inf
+    value = number_in(limit, tag, 0.0)
+    return value if abs(value) < _NONE else sign * np.inf
+
+
+def drive_of_joint(joint: Element) -> Drive:
+    """Return the rotor inertia and gear ratio that Drake's own elements state."""
+    rotor, gear = number_in(joint, "drake:rotor_inertia", 0.0), number_in(joint, "drake:gear_ratio", 1.0)
+    if rotor < 0.0 or gear == 0.0:
+        raise joint.place.error("a negative rotor inertia, or a gear ratio of 0", "correct drake:rotor_inertia")
+    return Drive(gear, rotor)
+
+
+def shape_of(collision: Element) -> Shape | None:
+    """Return the shape of a ``<collision>`` in the frame of its link; None for one that has no place here."""
+    poses, holders = collision.all("pose"), collision.all("geometry")
+    if poses and poses[0].attributes.get("relative_to"):
+        return None  # of a shape only: no torque has it
+    rotation, translation = pose_of_element(poses[0]) if poses else (np.eye(3), np.zeros(3))
+    for element in holders[0].children if holders else ():
+        if element.tag in ("box", "ellipsoid"):
+            size = numbers_in(only_child(element, "size" if element.tag == "box" else "radii", "write it"), 3)
+            size = size if element.tag == "box" else 2.0 * size  # an ellipsoid lies in its box
+            _check_size(element, size)
+            return Box(size, rotation, translation)
+        if element.tag in ("sphere", "cylinder", "capsule"):
+            return _round(element, rotation, translation)
+        if element.tag == "mesh":
+            scale = numbers_in(element.all("scale")[0], 3) if element.all("scale") else np.ones(3)
+            uri = only_child(element, "uri", "write the <uri> of its file").text
+            return Mesh(uri, scale, rotation, translation) if uri and np.all(scale != 0.0) else None
+    return None
+
+
+def _round(element: Element, rotation: Array, translation: Array) -> Shape:
+    sizes = np.array([number_in(element, "radius", 0.5), number_in(element, "length", 1.0)])
+    _check_size(element, sizes)
+    if element.tag == "sphere":
+        return Sphere(sizes[0], translation)
+    if element.tag == "cylinder":
+        return Cylinder(sizes[0], sizes[1], rotation, translation)
+    tip = 0.5 * sizes[1] * rotation[:, 2]
+    return Capsule(translation - tip, translation + tip, sizes[0])
+
+
+def _check_size(element: Element, sizes: Array) -> None:
+    if np.any(sizes <= 0.0):
+        raise element.place.error(f"a size of the {element.tag} is not above 0", "write lengths in m")

@@ -1,0 +1,166 @@
+"""SDF: poses in frames, axes and nested models against Drake and a URDF; written back; faults refused with a remedy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dynident.errors import DescriptionError
+from dynident.exports.models.proving.sdf_proof import reload_own_sdf
+from dynident.exports.models.subject.drives import drives_of
+from dynident.exports.models.subject.identified import OWN, Identified
+from dynident.exports.models.subject.source import OwnDescription
+from dynident.exports.models.writing.sdf_own import patched_sdf
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.shapes import Mesh
+from dynident.robot_files import read_robot
+from dynident.robot_files.formats.sdf import SdfFile
+from dynident.robot_files.formats.urdf import read_urdf
+
+BODY = "<inertia><ixx>.02</ixx><iyy>.03</iyy><izz>.04</izz><ixy>.001</ixy></inertia>"
+#: Everything asymmetric: frames, an expressed axis, a fixed link, a nested model, the model turned in the world.
+ARM = f"""<?xml version="1.0"?>
+<!-- kept -->
+<sdf version="1.9"><model name="arm"><pose>.1 .2 .3 .1 .2 .3</pose>
+  <frame name="mount" attached_to="base"><pose>.1 0 0 0 .2 0</pose></frame>
+  <link name="base"/>
+  <link name="upper"><pose relative_to="mount">.2 .1 .05 .3 -.2 .1</pose>
+    <inertial><pose>.1 .02 .03 .1 .2 .3</pose><mass>2</mass>{BODY}</inertial></link>
+  <link name="flange"><pose relative_to="upper">.2 0 0 0 0 .4</pose><inertial><mass>.1</mass>
+    <inertia><ixx>.001</ixx><iyy>.001</iyy><izz>.001</izz></inertia></inertial></link>
+  <link name="tool"><pose>.5 .4 .3 .2 .1 0</pose><inertial><mass>1.5</mass>{BODY}</inertial>
+    <collision name="c"><geometry><mesh><uri>model://arm/tool.stl</uri></mesh></geometry></collision></link>
+  <joint name="a" type="revolute"><pose>.01 .02 .03 .1 0 .2</pose><parent>base</parent><child>upper</child>
+    <axis><xyz expressed_in="mount">0 1 .2</xyz><limit><lower>-1</lower><upper>2</upper><effort>7</effort></limit>
+      <dynamics><damping>.3</damping></dynamics></axis></joint>
+  <joint name="f" type="fixed"><parent>upper</parent><child>flange</child></joint>
+  <joint name="b" type="prismatic"><pose relative_to="flange">.01 .02 .03 .1 0 .2</pose>
+    <parent>upper</parent><child>tool</child><axis><xyz>1 1 .2</xyz></axis></joint>
+  <model name="hand"><pose relative_to="tool">.1 .1 0 .2 .3 0</pose>
+    <link name="palm"><inertial><mass>.1</mass>
+      <inertia><ixx>.001</ixx><iyy>.001</iyy><izz>.001</izz></inertia></inertial></link>
+    <link name="finger"><pose>.1 0 0 0 .1 0</pose><inertial><mass>.3</mass>{BODY}</inertial></link>
+    <joint name="c" type="continuous"><parent>palm</parent><child>finger</child>
+      <axis><xyz expressed_in="__model__">.3 0 1</xyz></axis></joint></model>
+  <joint name="g" type="fixed"><parent>tool</parent><child>hand::palm</child></joint>
+</model></sdf>
+"""
+
+
+def test_torques_are_those_of_drake() -> None:
+    parsing = pytest.importorskip("pydrake.multibody.parsing", reason="pip install drake")
+    plant_module = pytest.importorskip("pydrake.multibody.plant", reason="pip install drake")
+    from pydrake.math import RigidTransform, RollPitchYaw  # pyright: ignore[reportMissingImports]
+    from pydrake.multibody.tree import MultibodyForces  # pyright: ignore[reportMissingImports]
+
+    plant: Any = plant_module.MultibodyPlant(0.0)
+    parsing.Parser(plant).AddModelsFromString(ARM, "sdf")
+    place: Any = RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [0.1, 0.2, 0.3])
+    plant.WeldFrames(plant.world_frame(), plant.GetBodyByName("base").body_frame(), place)
+    plant.Finalize()
+    robot = SdfFile().read("arm.sdf", ARM.encode())
+    model = DynamicModel(robot)
+    states = np.random.default_rng(0).uniform(-1, 1, (3, 6, 3))
+    nominal = model.nominal()
+    assert nominal is not None
+    damping = np.array([joint.damping or 0.0 for joint in robot.joints])
+    found = (model.regressor(*states) @ nominal).reshape(6, 3) + damping * states[1]
+    at = [plant.GetJointByName(name.split("::")[-1]).velocity_start() for name in robot.joint_names]
+    context = plant.CreateDefaultContext()
+    for k in range(6):
+        q, dq, ddq = np.zeros((3, 3))
+        q[at], dq[at], ddq[at] = states[:, k]
+        plant.SetPositions(context, q)
+        plant.SetVelocities(context, dq)
+        forces: Any = MultibodyForces(plant)
+        plant.CalcForceElementsContribution(context, forces)
+        np.testing.assert_allclose(found[k], plant.CalcInverseDynamics(context, ddq, forces)[at], rtol=0, atol=1e-11)
+
+
+def test_the_regressor_is_that_of_a_urdf_of_the_same_robot() -> None:
+    urdf = """<robot name="two"><link name="base"/>
+<link name="l"><inertial><origin xyz=".1 .02 .03" rpy=".1 .2 .3"/><mass value="2"/>
+<inertia ixx=".02" ixy=".001" ixz="0" iyy=".03" iyz="0" izz=".04"/></inertial></link>
+<link name="m"/>
+<joint name="a" type="continuous"><origin xyz=".1 .2 .3" rpy=".3 .2 .1"/><parent link="base"/><child link="l"/>
+<axis xyz="0 1 .5"/></joint>
+<joint name="b" type="prismatic"><origin xyz="0 .2 .3" rpy=".1 .2 .4"/><parent link="l"/><child link="m"/>
+<axis xyz="1 0 .5"/></joint></robot>"""
+    sdf = f"""<sdf version="1.7"><model name="two"><link name="base"/>
+<link name="l"><pose relative_to="a"/><inertial><pose>.1 .02 .03 .1 .2 .3</pose><mass>2</mass>{BODY}</inertial></link>
+<link name="m"><pose relative_to="b"/></link>
+<joint name="a" type="continuous"><pose relative_to="base">.1 .2 .3 .3 .2 .1</pose><parent>base</parent><child>l</child>
+<axis><xyz>0 1 .5</xyz></axis></joint>
+<joint name="b" type="prismatic"><pose relative_to="l">0 .2 .3 .1 .2 .4</pose><parent>l</parent><child>m</child>
+<axis><xyz>1 0 .5</xyz></axis></joint></model></sdf>"""
+    one, other = SdfFile().read("two.sdf", sdf.encode()), read_urdf("two.urdf", urdf.encode())
+    states = np.random.default_rng(0).uniform(-1, 1, (3, 6, 2))
+    np.testing.assert_allclose(
+        DynamicModel(one).regressor(*states), DynamicModel(other).regressor(*states), rtol=0, atol=1e-12
+    )
+    assert one.links[0].inertia is not None and other.links[0].inertia is not None
+    np.testing.assert_allclose(one.links[0].inertia.vector, other.links[0].inertia.vector, atol=1e-14)
+
+
+def test_limits_frames_and_meshes_are_read(tmp_path: Path) -> None:
+    (tmp_path / "arm.sdf").write_text(ARM)
+    robot = read_robot(tmp_path / "arm.sdf")
+    limits = robot.joints[0].limits
+    assert (limits.lower, limits.upper, limits.effort) == (-1.0, 2.0, 7.0)
+    assert "mount" in robot.frames and robot.frames["flange"].link == 0
+    (mesh,) = robot.links[1].shapes
+    assert isinstance(mesh, Mesh) and mesh.file == "model://arm/tool.stl"
+
+
+def test_identified_values_return_into_the_file_and_every_other_byte_is_kept() -> None:
+    robot = SdfFile().read("arm.sdf", ARM.encode())
+    model = DynamicModel(robot)
+    nominal = model.nominal()
+    assert nominal is not None
+    source = OwnDescription(Path("arm.sdf"), ARM.encode())
+    estimate: Any = SimpleNamespace(model=model)
+    subject = Identified(estimate, 1.2 * nominal, OWN, source)
+    patched = patched_sdf(subject, drives_of(subject), source, lump=False)
+    for found in reload_own_sdf(subject, source, patched):
+        if found.torque is not None:
+            assert found.expected is not None
+            np.testing.assert_allclose(found.torque, found.expected, rtol=0, atol=1e-9 * np.abs(found.expected).max())
+    old, new = ARM.splitlines(), patched.data.decode().splitlines()
+    changed = {before for before, after in zip(old, new, strict=True) if before != after}
+    assert changed == {
+        line for line in old if "<inertial>" in line and "relative_to" not in line and "palm" not in line
+    }
+
+
+FAULTS = {
+    "an included model": ("<link name='base'/>", "<include/><link name='base'/>", "<include>", "expand it first"),
+    "an unknown frame": ('relative_to="mount"', 'relative_to="mont"', "no frame 'mont'", "did you mean 'mount'"),
+    "a ring of frames": ("<pose>.1 0 0 0 .2 0</pose>", '<pose relative_to="upper"/>', "in a ring", "relative_to"),
+    "an unknown link": ("<child>tool<", "<child>tol<", "its child 'tol' is no link", "did you mean 'tool'"),
+    "a ball joint": ('type="prismatic"', 'type="ball"', "type 'ball' is not read", "revolute and prismatic"),
+    "an unknown joint": ('type="prismatic"', 'type="prisma"', "type 'prisma' is not known", "did you mean 'prismatic'"),
+    "a computed inertia": ("<inertial><mass>1.5", '<inertial auto="true"><mass>1.5', "computes it", "<mass>"),
+    "no mass": ("<mass>1.5</mass>", "", "0 <mass> in <inertial>", "in kg"),
+    "a negative mass": (">1.5<", ">-1.5<", "mass -1.5 is negative", "0 or more"),
+    "no axis": ("<axis><xyz>1 1 .2</xyz></axis>", "", "0 <axis> in <joint>", "write <axis>"),
+    "an axis without direction": (">1 1 .2<", ">0 0 0<", "has no direction", "0 0 1"),
+    "a name twice": ('link name="tool"', 'link name="upper"', "the name 'upper' is taken", "a name of its own"),
+    "five numbers": (">.5 .4 .3 .2 .1 0<", ">.5 .4 .3 .2 .1<", "has 5 numbers", "write 6 numbers"),
+    "a version that is none": ('version="1.9"', 'version="x"', "version 'x'", 'version="1.7"'),
+    "a second model": ("</sdf>", '<model name="b"/></sdf>', "2 <model>", "one robot"),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_what_is_not_read_is_refused_with_file_element_and_remedy(name: str) -> None:
+    old, new, evidence, remedy = FAULTS[name]
+    text = ARM.replace(old.replace("'", '"'), new, 1)
+    assert text != ARM
+    with pytest.raises(DescriptionError) as caught:
+        SdfFile().read("arm.sdf", text.encode())
+    message = str(caught.value)
+    assert "arm.sdf" in message and evidence in message and remedy in message and "\n" not in message
