@@ -38,6 +38,26 @@ _OTHERS = r" *<coll.*</collision>|  <link name=.lower.*?</link>\n|  <joint name=
 #: The first joint of it alone: what is read in a moment is read often.
 ONE = re.sub(_OTHERS, "", URDF, flags=re.DOTALL)
 
+MJCF = """<mujoco model="arm"><compiler angle="radian"/><default><joint damping="0.1"/></default><worldbody>
+<body name="upper" euler="0 0.1 0"><joint name="shoulder" axis="0 1 0" armature="0.1" range="-3 3"/>
+<geom type="capsule" size="0.05" fromto="0 0 0 0.4 0 0"/>
+<body name="lower" pos="0.4 0 0"><joint name="elbow" type="slide"/>
+<inertial pos="0.1 0 0" mass="1" diaginertia="1 1 1"/><site name="tip"/></body></body></worldbody>
+<equality><joint joint1="elbow" joint2="shoulder" polycoef="0 2 0 0 0"/></equality>
+<actuator><motor joint="shoulder" gear="2" forcerange="-5 5"/></actuator></mujoco>
+"""
+SDF = """<sdf version="1.9"><model name="arm"><pose>0 0 1 0 0.1 0</pose><link name="base"/>
+<frame name="mount" attached_to="base"><pose degrees="true">0 0 0.2 0 10 0</pose></frame>
+<link name="upper"><pose relative_to="shoulder"/><inertial><pose>0.1 0 0 0 0 0</pose><mass>2</mass>
+<inertia><ixx>0.1</ixx><iyy>0.1</iyy><izz>0.1</izz></inertia></inertial>
+<collision name="c"><geometry><box><size>0.4 0.1 0.1</size></box></geometry></collision></link>
+<joint name="shoulder" type="revolute"><pose relative_to="mount"/><parent>base</parent><child>upper</child>
+<axis><xyz expressed_in="mount">0 1 0</xyz><limit><lower>-1</lower></limit>
+<dynamics><damping>0.1</damping></dynamics></axis></joint>
+<model name="hand"><link name="palm"/></model>
+<joint name="g" type="fixed"><parent>upper</parent><child>hand::palm</child></joint></model></sdf>
+"""
+
 DH = """name: one
 convention: modified
 joints:
@@ -112,6 +132,18 @@ def urdf(folder: Path) -> list[Path]:
     """Write URDFs."""
     (folder / "a.urdf").write_text(URDF)
     return [folder / "a.urdf"]
+
+
+def mjcf(folder: Path) -> list[Path]:
+    """Write MJCFs."""
+    (folder / "a.xml").write_text(MJCF)
+    return [folder / "a.xml"]
+
+
+def sdf(folder: Path) -> list[Path]:
+    """Write SDFs."""
+    (folder / "a.sdf").write_text(SDF)
+    return [folder / "a.sdf"]
 
 
 def dh(folder: Path) -> list[Path]:
@@ -335,6 +367,7 @@ def triangles(folder: Path) -> list[Path]:
 MAKERS: Mapping[str, Callable[[Path], list[Path]]] = {
     maker.__name__: maker
     for maker in (
-        urdf, dh, robot_json, case, csv, twincat, npz, parquet, mat, bag1, db3, mcap, plan, estimate, triangles,
+        urdf, mjcf, sdf, dh, robot_json, case, csv, twincat, npz, parquet, mat, bag1, db3, mcap, plan, estimate,
+        triangles,
     )
 }  # fmt: skip

@@ -25,6 +25,8 @@ _XML = (
     "${1+1}",
     "<mesh filename='../x'/>",
 )
+_MJCF = ("<include file='../x'/>", "<frame/>", "<replicate count='9'/>", "class='main'", "<geom size='.1'/>", "0 0 0 0")
+_SDF = ("relative_to='upper'", "attached_to='mount'", "world", "__model__", "<include/>", "hand::palm", "version='1.4'")
 _YAML = ("&a [*a]", "*a", "!!python/object:os.system", "{<<: *a}", "- - - -", "? ", "%TAG ! !", "~", "auto", "case: 1")
 _TEXT = ("#", '"', ",,", ";", "\t", "\ufeff", "nan", "inf", "0x10", "1_000", "1,5", "=1+1", "EOF", "Name")
 
@@ -68,6 +70,18 @@ def _robot(path: Path) -> object:
     from dynident.robot_files import read_robot
 
     return read_robot(path)
+
+
+def _mjcf(path: Path) -> object:
+    from dynident.robot_files.formats.mjcf import MjcfFile
+
+    return MjcfFile().read(path, path.read_bytes())
+
+
+def _sdf(path: Path) -> object:
+    from dynident.robot_files.formats.sdf import SdfFile
+
+    return SdfFile().read(path, path.read_bytes())
 
 
 def _case(path: Path) -> object:
@@ -175,6 +189,8 @@ _SAVED = ("dynident.identification.files.saved_values", "dynident.data.preproces
 
 TARGETS: Mapping[str, Target] = {
     "urdf": Target(".urdf", "text", _robot, _XML, instrument=_MODEL),
+    "mjcf": Target(".xml", "text", _mjcf, (*_XML, *_MJCF), instrument=_MODEL),
+    "sdf": Target(".sdf", "text", _sdf, (*_XML, *_SDF), instrument=_MODEL),
     "dh": Target(".yaml", "text", _robot, _YAML, instrument=_MODEL),
     "robot_json": Target(".json", "json", _robot, instrument=_MODEL),
     "case": Target(
