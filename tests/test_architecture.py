@@ -16,6 +16,12 @@ from test_documentation import ROOT, rows_after
 PACKAGE = ROOT / "src" / "dynident"
 
 
+@pytest.fixture(scope="module")
+def figures() -> dict[str, Any]:
+    """Return the figures of the whole source: they take seconds."""
+    return loaded_file("scripts/sizes.py").figures(PACKAGE)
+
+
 def _contract(name: str) -> dict[str, Any]:
     facts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     return next(one for one in facts["tool"]["importlinter"]["contracts"] if one["name"] == name)
@@ -77,8 +83,8 @@ def test_the_data_flow_has_a_file_for_each_step() -> None:
     "figure",
     ["class names that are defined twice", "functions with more than 8 parameters", "functions with **kwargs"],
 )
-def test_the_source_has_none_of(figure: str) -> None:
-    assert loaded_file("scripts/sizes.py").figures(PACKAGE)[figure] == []
+def test_the_source_has_none_of(figure: str, figures: dict[str, Any]) -> None:
+    assert figures[figure] == []
 
 
 #: Files under 60 lines that are neither parts nor ``__init__.py``, and why each stands alone.
@@ -131,8 +137,8 @@ SMALL = {
 }
 
 
-def test_small_files_stand_alone_for_a_reason() -> None:
-    found = loaded_file("scripts/sizes.py").figures(PACKAGE)["files under 60 lines, no parts and no __init__"]
+def test_small_files_stand_alone_for_a_reason(figures: dict[str, Any]) -> None:
+    found = figures["files under 60 lines, no parts and no __init__"]
     assert {one.split()[0] for one in found} <= set(SMALL)
 
 
@@ -140,7 +146,8 @@ def test_tests_take_no_private_name_of_the_package() -> None:
     """Modules with an underscore are rooms' own files beside parts; a test may import what is public in them."""
     private = []
     for path in sorted((ROOT / "tests").rglob("*.py")):
-        imports = [node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.ImportFrom)]
+        nodes = list(ast.walk(ast.parse(path.read_text("utf-8"))))
+        imports = [node for node in nodes if isinstance(node, ast.ImportFrom)]
         own = [node for node in imports if (node.module or "").startswith("dynident")]
         modules = {alias.asname or alias.name for node in own for alias in node.names}
         private += [
@@ -148,7 +155,7 @@ def test_tests_take_no_private_name_of_the_package() -> None:
         ]
         private += [
             f"{path.name}: {ast.unparse(node)}"
-            for node in ast.walk(ast.parse(path.read_text("utf-8")))
+            for node in nodes
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
             if node.value.id in modules and node.attr.startswith("_") and not node.attr.startswith("__")
         ]
