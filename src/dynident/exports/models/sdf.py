@@ -31,7 +31,7 @@ class Sdf(ModelExporter):
 
     suffix: ClassVar[str] = ".sdf"
     proof: ClassVar[str] = (
-        "bodies, armature and damping by Drake, and with Coulomb friction by dynident; not run in Gazebo"
+        "bodies, armature and damping of a new file by Drake, and with Coulomb friction by dynident; not run in Gazebo"
     )
     needs_bodies: ClassVar[bool] = True
     edits_description: ClassVar[bool] = True
