@@ -89,3 +89,24 @@ def test_what_cannot_be_written_is_said(
 ) -> None:
     assert main(["export", "a.json", "-o", "out", *words]) == 1
     assert said in capsys.readouterr().err and not Path("out").exists()
+
+
+def test_the_armature_and_the_actuators_of_a_model_are_replaced(folder: Path) -> None:
+    """A model that states an armature has no part of it left: neither in the load of the fit nor beside the export."""
+    body = '<geom size="0.02" pos="0 0 -0.15" mass="0.8"/>'
+    joint = '<joint name="joint1" axis="0 1 0" range="-180 180" armature="0.5" damping="3" frictionloss="1"/>'
+    actuator = '<actuator><position name="joint1" joint="joint1" kp="50"/></actuator>'
+    Path("pendulum.xml").write_text(
+        f'<mujoco><worldbody><body name="arm">{joint}{body}</body></worldbody>{actuator}</mujoco>'
+    )
+    robot = read_robot("pendulum.xml")
+    (log,) = virtual_logs(robot, parameters(), gains=(KP,))[:1]
+    (load,) = joint_loads(robot, log, measured_motion(log))
+    assert np.allclose(load.inertia, 0.8 * 0.15**2 + 0.4 * 0.8 * 0.02**2)
+    saved = json.loads(Path("a.json").read_text())
+    saved["provenance"]["robot"]["path"] = "pendulum.xml"
+    Path("a.json").write_text(json.dumps(saved))
+    assert main(["export", "a.json", "--to", "mjcf", "-o", "robot.xml", "--option", "kp=4", "--quiet"]) == 0
+    model = mujoco.MjModel.from_xml_path("robot.xml")
+    assert model.nu == 1 and model.actuator_gainprm[0, 0] == pytest.approx(2.4 * 0.166 * 4)
+    assert model.dof_armature[0] == pytest.approx(0.012) and model.dof_frictionloss[0] == pytest.approx(0.04)

@@ -128,14 +128,14 @@ def _joint(data: JointData, friction: str, kp: tuple[float, ...], progress: Call
     fit = output_error(problem, starts_from(refinable(linear, law, data.has_off), model))
     known = known_parameters(problem, fit.parameters)
     simple = fit.parameters.copy() if friction == "m1" else _simple(data, law, scanned, has_gain)
+    linear_test = _errors(data.test or data.train, linear)
     parameters = fit.parameters.copy()
     if ratio != 1.0:  # the ratio of the scan is part of the gain that is reported
-        parameters[PLACE["gain_ratio"]] *= ratio
-        simple[PLACE["gain_ratio"]] *= ratio
+        for values in (parameters, simple, linear):
+            values[PLACE["gain_ratio"]] *= ratio
         known = tuple(one.scaled(ratio) if one.name == "gain_ratio" else one for one in known)
     saturated = float(np.mean(np.concatenate([rolled_out(one, fit.parameters).saturated for one in data.train])))
     known, combinations = _known_together(data, law, known, parameters, has_gain, kp)
-    tested = data.test or data.train
     return JointActuator(
         name=data.name,
         law=law,
@@ -148,7 +148,7 @@ def _joint(data: JointData, friction: str, kp: tuple[float, ...], progress: Call
         simple=simple,
         train=_errors(data.train, fit.parameters),
         test=_errors(data.test, fit.parameters),
-        linear_test=_errors(tested, linear),
+        linear_test=linear_test,
         folds=folds,
         saturated=saturated,
         remarks=_remarks(data, kp),

@@ -89,6 +89,7 @@ def rigid_inertia(robot: Robot) -> Array:
 def joint_loads(robot: Robot, log: ServoLog, motion: MeasuredMotion) -> list[JointLoad]:
     """Return the load of every joint; the order of the log's joints is that of the robot.
 
+    Rotor inertia that the robot model states is no part of the load: the armature is found as a whole.
     The bias of a joint that turns is taken at three of its own angles a third of a turn apart, the other joints on
     their measured motion: gravity is exact at every angle, and for a single joint so is all of it.
     """
@@ -99,7 +100,6 @@ def joint_loads(robot: Robot, log: ServoLog, motion: MeasuredMotion) -> list[Joi
     )
     chain = robot.chain
     masses = batched.mass_matrix(chain, theta, q)
-    masses = masses + np.asarray(robot.reflected_inertia)
     loads = []
     for joint, active in enumerate(robot.active):
         still = ddq.copy()

@@ -101,6 +101,8 @@ def _robot_path(estimate: ActuatorEstimate) -> str:
 def mujoco_model(estimate: ActuatorEstimate, kp: float) -> str:
     """Return the robot model as MJCF with position actuators, armature, damping, frictionloss and delay.
 
+    They replace the actuators and the armature, damping and frictionloss that the model has for these joints.
+
     Raises:
         MissingDependency: MuJoCo is not installed.
         BadOption: The robot model is not where it was.
@@ -113,6 +115,10 @@ def mujoco_model(estimate: ActuatorEstimate, kp: float) -> str:
     spec = engine.MjSpec.from_file(_robot_path(estimate))
     spec.option.timestep = TIMESTEP
     spec.option.integrator = engine.mjtIntegrator.mjINT_IMPLICITFAST
+    names = {joint.name for joint in estimate.joints}
+    for old in list(spec.actuators):  # the model's own would act beside the identified ones
+        if old.trntype == engine.mjtTrn.mjTRN_JOINT and old.target in names:
+            spec.delete(old)
     for own in estimate.joints:
         one = simulator_joint(own, kp)
         joint = spec.joint(one.name)
