@@ -32,7 +32,7 @@ def failure(path: str | Path) -> str:
 
 def test_the_formats_are_a_family() -> None:
     assert isinstance(reading.DESCRIPTIONS, Family)
-    assert reading.DESCRIPTIONS.names() == ("dh", "mjcf", "native", "urdf", "usd")
+    assert reading.DESCRIPTIONS.names() == ("dh", "mjcf", "native", "sdf", "urdf", "usd")
     for name in reading.DESCRIPTIONS.names():
         assert reading.DESCRIPTIONS.get(name).suffixes
 
@@ -91,7 +91,7 @@ def test_unknown_ending() -> None:
     Path("arm.step").write_text("name: arm\n")
     assert failure("arm.step") == (
         "arm.step: a file that ends with '.step' is not known; give a file that ends with one of: "
-        ".yaml, .yml, .mjcf, .xml, .json, .urdf, .xacro, .usda, .usd, .usdc, .usdz"
+        ".yaml, .yml, .mjcf, .xml, .json, .sdf, .urdf, .xacro, .usda, .usd, .usdc, .usdz"
     )
 
 

@@ -60,7 +60,7 @@ CASES: dict[str, Fault] = {
         '<?xml version="1.0" encoding="no-such"?>',
         "line 1: not XML (unknown encoding: no-such); save the file as UTF-8",
     ),
-    "root": (None, '<sdf version="1.6"></sdf>', "line 1: the file begins with <sdf>, not with <robot>; give a URDF"),
+    "root": (None, "<scene></scene>", "line 1: the file begins with <scene>, not with <robot>; give a URDF"),
     "xacro value": (
         '"0 0 0.3"',
         '"0 0 ${h}"',
