@@ -113,12 +113,16 @@ def read_sdf_model(path: object, data: bytes) -> SdfModel:
     holders = [root, *root.all("world")]
     models = [model for holder in holders for model in holder.all("model")]
     for holder in holders:
-        for element in holder.all("include"):
-            raise element.place.error("an included model is not read", "expand it first: gz sdf -p FILE > model.sdf")
+        _refuse_includes(holder)
     if len(models) != 1:
         step = "give the SDF of one robot"
         raise Place(path).error(f"{len(models)} <model> elements in <sdf>", step)
     return _SdfReader(path, root, models[0]).read()
+
+
+def _refuse_includes(holder: Element) -> None:
+    for element in holder.all("include"):
+        raise element.place.error("an included model is not read", "expand it first: gz sdf -p FILE > model.sdf")
 
 
 class _SdfReader:
@@ -160,10 +164,8 @@ class _SdfReader:
         return replace(self.found, gravity=gravity)
 
     def _collect(self, model: Element, scope: str) -> None:
+        _refuse_includes(model)
         for element in model.children:
-            if element.tag == "include":
-                step = "expand it first: gz sdf -p FILE > model.sdf"
-                raise element.place.error("an included model is not read", step)
             if element.tag in ("link", "joint", "frame", "model"):
                 name = scope + name_of(element)
                 if name in self._frames or name == WORLD:
