@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,9 +10,9 @@ import pytest
 import scipy.signal
 
 from arm_models import theta_of
+from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import FILTERS, Preprocessing, preprocess
-from dynident.data.preprocessing._thinning import thinning
 from dynident.identification.problem import thinned_rows
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.model.base_parameters import base_parameters
@@ -24,25 +24,41 @@ MakeLog = Callable[..., Log]
 
 
 @pytest.mark.parametrize(
-    ("cutoff", "order", "rate", "every"),
-    [(5.0, 4, 1000.0, 5), (5.0, 4, 1000.0, 25), (60.0, 5, 500.0, 7), (2.0, 1, 100.0, 2)],
+    ("cutoff", "order", "rate", "every", "periods"),
+    [
+        (5.0, 4, 1000.0, 5, 60),
+        (5.0, 4, 1000.0, 25, 60),
+        (60.0, 5, 500.0, 7, 60),
+        (2.0, 1, 100.0, 2, 60),
+        (5.0, 4, 1000.0, 7, 3.5),  # shorter than what the filter remembers
+        (20.0, 8, 1000.0, 3, 12),
+        (190.0, 7, 1000.0, 2, 200),
+    ],
 )
-def test_kept_samples_are_those_of_the_filter_of_scipy(cutoff: float, order: int, rate: float, every: int) -> None:
-    samples = int(60 * rate / cutoff)
-    signals = np.random.default_rng(order).normal(size=(7, samples)).cumsum(axis=1)
+@pytest.mark.parametrize("part", [(0.0, 1.0), (0.07, 0.4), (0.35, 0.65), (0.6, 0.97)])
+def test_kept_samples_are_those_of_the_filter_of_scipy(
+    cutoff: float, order: int, rate: float, every: int, periods: float, part: tuple[float, float]
+) -> None:
+    samples = int(periods * rate / cutoff)
+    signals = np.random.default_rng(order).normal(size=(7, samples)).cumsum(axis=1) + 30.0
     sections = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
-    wanted = scipy.signal.sosfiltfilt(sections, signals, axis=-1)
-    thin = thinning(cutoff, order, rate, every)
-    count = (samples - 2 * thin.half - 1) // every + 1
-    folded = np.zeros((7, count))
-    for first in range(0, count, 100):  # in parts, as the rows of a log come
-        many = min(100, count - first)
-        thin.fold(signals[:, first * every :][:, : (many - 1) * every + 2 * thin.half + 1], folded, first, many)
-    places = thin.half + every * np.arange(count)
-    inside = (places > samples / 3) & (places < samples * 2 / 3)
-    error = np.abs(thin.settle(folded) - wanted[:, places])[:, inside]
-    assert np.count_nonzero(inside) > 5
-    assert error.max() < 1e-9 * np.abs(wanted).max()
+    wanted = scipy.signal.sosfiltfilt(sections, signals, axis=-1, padlen=int(3 * rate / cutoff))
+    thin = FILTERS.make("butterworth", {"cutoff_hz": cutoff, "order": order}).thinning(rate, every)
+    assert thin is not None
+    keep = np.arange(int(part[0] * samples), int(part[1] * samples), every)
+    keep = np.delete(keep, slice(len(keep) // 3, len(keep) // 3 + 2))
+
+    def make(rows: slice, blocks: Sequence[Array]) -> None:
+        for block, own in zip(blocks, (signals[:4], signals[4:]), strict=True):
+            block[:-1] = own[:, rows]
+
+    found = np.concatenate(thinned_rows.thinned_rows(make, (4, 3), samples, keep, thin))
+    assert np.abs(found - wanted[:, keep]).max() < 1e-10 * np.abs(wanted).max()
+
+
+def test_filters_of_nearby_poles_are_not_thinned() -> None:
+    for cutoff, order in ((5.0, 9), (210.0, 4)):
+        assert FILTERS.make("butterworth", {"cutoff_hz": cutoff, "order": order}).thinning(1000.0, 3) is None
 
 
 @pytest.mark.parametrize("filter", ["butterworth", "smoothing_spline"])

@@ -91,7 +91,10 @@ class Butterworth(Filter):
         return signals if self.torque == "none" else _zero_phase(signals, self._cutoff, self.order, rate)
 
     def thinning(self, rate: float, every: int) -> Thinning | None:
-        return None if self.torque == "none" or every < 2 else thinning(self._cutoff, self.order, rate, every)
+        if self.torque == "none" or every < 2:
+            return None
+        cutoff = self._cutoff
+        return thinning(cutoff, self.order, rate, every, _memory(cutoff, self.order, rate), _pad(cutoff, rate))
 
     @property
     def is_open(self) -> bool:

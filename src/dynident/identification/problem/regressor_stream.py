@@ -136,7 +136,8 @@ class RegressorStream:
             starts = range(0, len(keep), PART)
             return [self._plain(prepared, motion, slice(k, min(k + PART, len(keep)))) for k in starts]
         torque = target_torque(self.model, prepared)
-        inner = ((own, slice(*np.searchsorted(keep, [own.start, own.stop]))) for own in stretches(log.samples, reach))
+        pieces = stretches(log.samples, reach, prepared.thinning is not None)
+        inner = ((own, slice(*np.searchsorted(keep, [own.start, own.stop]))) for own in pieces)
         return [
             self._filtered(prepared, motion, own, wanted, torque) for own, wanted in inner if wanted.start < wanted.stop
         ]
@@ -161,18 +162,17 @@ class RegressorStream:
     ) -> Iterator[RowSegment]:
         """Yield the kept rows ``wanted`` of the samples ``inner``, filtered; the torque is that already."""
         log, keep = prepared.log, prepared.keep
-        reach = prepared.how.filter.reach(log.rate)
-        outer = slice(max(0, inner.start - reach), min(log.samples, inner.stop + reach))
-        whole = outer.start == inner.start - reach and outer.stop == inner.stop + reach
-        if prepared.thinning is not None and whole:
+        if prepared.thinning is not None:
             own, sizes = keep[wanted], [len(columns) for columns in self.columns]
 
             def make(part: slice, blocks: Sequence[Array]) -> None:
                 self._block(motion, part, load=self.load, blocks=blocks)
 
-            found = thinned_rows(make, sizes, outer, own, prepared.thinning)
+            found = thinned_rows(make, sizes, log.samples, own, prepared.thinning)
             yield wanted, tuple(np.vstack([rows, torque[own, i]]) for i, rows in enumerate(found))
             return
+        reach = prepared.how.filter.reach(log.rate)
+        outer = slice(max(0, inner.start - reach), min(log.samples, inner.stop + reach))
         blocks = self._block(motion, outer, torque, self.load)
         for block in blocks:
             block[:-1] = prepared.smooth(block[:-1])

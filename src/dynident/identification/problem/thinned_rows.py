@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.data.preprocessing._thinning import Thinning
 
+#: Writes rows over a slice of the samples of a log into arrays.
+Make: TypeAlias = Callable[[slice, Sequence[Array]], object]
+
 #: Samples filtered at a time, and samples whose columns are made at a time: these stay in the cache.
 SEGMENT, FOLDED = 1 << 16, 2000
 
 
-def stretches(samples: int, reach: int) -> Iterator[slice]:
-    """Yield slices of all samples; the first and the last are those from which a filter sees the end of the log."""
-    inner = range(reach, samples - reach, SEGMENT)
-    edges = [0, *inner, samples - reach, samples] if inner else [0, samples]
+def stretches(samples: int, reach: int, is_thinned: bool) -> Iterator[slice]:
+    """Yield slices of all samples; unless thinned, the first and the last are those where a filter sees the ends."""
+    inner = range(0, samples, SEGMENT)[1:] if is_thinned else range(reach, samples - reach, SEGMENT)
+    edges = [0, *inner, samples] if is_thinned or not inner else [0, *inner, samples - reach, samples]
     yield from map(slice, edges[:-1], edges[1:])
 
 
@@ -26,33 +31,97 @@ def stretch_of(rows: IntArray) -> slice | IntArray:
     return slice(first, last + 1) if last - first + 1 == len(rows) else rows
 
 
-def thinned_rows(
-    make: Callable[[slice, Sequence[Array]], object], sizes: Sequence[int], outer: slice, keep: IntArray, thin: Thinning
-) -> list[Array]:
+def thinned_rows(make: Make, sizes: Sequence[int], samples: int, keep: IntArray, thin: Thinning) -> list[Array]:
     """Return the filtered columns W_i' of each joint at kept samples, shape (K_i, m) each.
 
     Args:
         make: Writes [W_i, tau_i]' over a slice of the samples, not filtered, into arrays (K_i + 1, N).
         sizes: K_i of each joint.
-        outer: Samples that are known, the reach of the filter beyond the kept ones.
-        keep: Kept samples, a multiple of ``thin.every`` apart, shape (m,).
+        samples: Of the whole log, N.
+        keep: Kept samples of a stretch of it, a multiple of ``thin.every`` apart, shape (m,).
         thin: The filter.
     """
-    every, half = thin.every, thin.half
-    begin = int(keep[0] - (keep[0] - half - outer.start) // every * every)
-    count = 1 + (outer.stop - 1 - half - begin) // every
-    folded = [np.empty((size, count)) for size in sizes]
+    log = _TurnedEnds(make, sizes, samples, min(thin.pad, samples - 1))
+    every, half, past = thin.every, thin.half, -(-thin.reach // thin.every)
+    begin, end = int(keep[0]) - past * every, int(keep[-1]) + past * every
+    at_start, at_end = begin < half, end > samples - 1 - half
+    last = samples - 1 + log.pad
+    if at_start:  # from where the window sees but the constant, and the end has forgotten what was before
+        begin = int(keep[0]) - -(-(int(keep[0]) + max(log.pad + half, thin.reach - last - half)) // every) * every
+    if at_end:
+        end = int(keep[-1]) - (int(keep[-1]) - last - half) // every * every
+    count = 1 + (end - begin) // every
+    folded = [np.empty((size, count + past * at_end)) for size in sizes]
+    left = [np.zeros((size, thin.memory.shape[1])) for size in sizes] if at_end else []
+    done = last - thin.reach
     step = max(1, max(FOLDED, 8 * (2 * half + 1)) // every)
-    blocks: list[Array] = []
     for first in range(0, count, step):
         many = min(step, count - first)
-        low, length = begin + first * every - half, (many - 1) * every + 2 * half + 1
-        if not blocks or blocks[0].shape[1] != length:  # fresh memory costs more than what is written into it
-            blocks = [np.empty((size + 1, length)) for size in sizes]
-        make(slice(low, low + length), blocks)
+        low, high = begin + first * every - half, begin + (first + many - 1) * every + half + 1
+        blocks = log.blocks(low, high)
         for block, out in zip(blocks, folded, strict=True):
             thin.fold(block[:-1], out, first, many)
+        if at_end and min(high, last) > max(low, done):
+            done = max(low, done)
+            weights = thin.memory[last - 1 - done :: -1][: min(high, last) - done]
+            for block, sums in zip(blocks, left, strict=True):
+                sums += block[:-1, done - low : min(high, last) - low] @ weights
+            done = min(high, last)
     places: IntArray | slice = (keep - begin) // every
     if places[-1] - places[0] == len(places) - 1:  # no gap: a view in place of a copy
         places = slice(places[0], places[-1] + 1)
-    return [thin.settle(rows)[:, places] for rows in folded]
+    rows = []
+    for k, own in enumerate(folded):
+        if at_end:
+            own[:, count:] = own[:, count - 1 : count]
+        found = thin.settle(own)[:, places]
+        if at_end:
+            late = slice(np.searchsorted(keep, last - thin.reach), None)
+            sums = left[k] - own[:, -1:] * thin.memory.sum(axis=0)
+            found[:, late] -= thin.last_outputs(sums, last - keep[late])
+        rows.append(found)
+    return rows
+
+
+class _TurnedEnds:
+    """The columns of a log, over its samples and over what a filter sees beyond both ends of it."""
+
+    def __init__(self, make: Make, sizes: Sequence[int], samples: int, pad: int) -> None:
+        self.make, self.sizes, self.samples, self.pad = make, sizes, samples, pad
+        self._blocks: list[Array] = []
+
+    def blocks(self, low: int, high: int) -> list[Array]:
+        """Return [W_i, tau_i]' over samples ``low`` to ``high``, shape (K_i + 1, high - low); overwritten by the next.
+
+        Before the first sample and after the last one they are turned about it for ``pad`` samples, then constant.
+        """
+        first, stop = max(low, 0), min(high, self.samples)
+        if low >= 0 and high <= self.samples:
+            return self._made(low, high)
+        found = [np.empty((size + 1, high - low)) for size in self.sizes]
+        if first < stop:
+            for block, own in zip(found, self._made(first, stop), strict=True):
+                block[:, first - low : stop - low] = own
+        if low < 0:
+            before = np.maximum(np.arange(low, min(high, 0)), -self.pad)
+            for block, head in zip(found, self._head, strict=True):
+                block[:, : len(before)] = 2.0 * head[:, :1] - head[:, -before]
+        if high > self.samples:
+            after = np.minimum(np.arange(max(low, self.samples), high) - self.samples + 1, self.pad)
+            for block, tail in zip(found, self._tail, strict=True):
+                block[:, block.shape[1] - len(after) :] = 2.0 * tail[:, -1:] - tail[:, self.pad - after]
+        return found
+
+    @cached_property
+    def _head(self) -> list[Array]:
+        return [block.copy() for block in self._made(0, self.pad + 1)]
+
+    @cached_property
+    def _tail(self) -> list[Array]:
+        return [block.copy() for block in self._made(self.samples - 1 - self.pad, self.samples)]
+
+    def _made(self, first: int, stop: int) -> list[Array]:
+        if not self._blocks or self._blocks[0].shape[1] != stop - first:  # fresh memory costs more than what is written
+            self._blocks = [np.empty((size + 1, stop - first)) for size in self.sizes]
+        self.make(slice(first, stop), self._blocks)
+        return self._blocks
