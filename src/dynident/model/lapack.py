@@ -1,22 +1,27 @@
-"""LAPACK by the addresses that SciPy hands to compiled code: called without the interpreter's lock.
+"""LAPACK called without the interpreter's lock: of the library that NumPy has loaded, or else of SciPy.
 
-SciPy's own functions keep the lock in most routines, so that threads wait for each other.
+NumPy's wheels carry the whole of LAPACK, of which NumPy offers little. SciPy offers more, but loads for longer than
+most commands work, and keeps the lock in most routines, so that threads wait for each other.
 """
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
-import scipy.linalg.cython_lapack
 
 from dynident.arrays import Array, address
+from dynident.model.threads import libraries
 
-#: LAPACK's whole numbers, as the signature of a routine names them.
+#: LAPACK's whole numbers, as the signature of a routine of SciPy names them.
 _INTEGERS = {b"int *": ctypes.c_int, b"int64_t *": ctypes.c_int64, b"npy_int64 *": ctypes.c_int64}
+
+#: How NumPy's wheels call a routine, and the whole numbers that it takes by that name.
+_WHEELS = (("scipy_{}_64_", ctypes.c_int64), ("scipy_{}_", ctypes.c_int))
 
 
 def tpqrt(factor: Array, rows: Array, block: int) -> None:
@@ -30,48 +35,131 @@ def tpqrt(factor: Array, rows: Array, block: int) -> None:
     Raises:
         ValueError: Another shape, type or order.
     """
-    (count, size), integer = rows.shape, _integer("dtpqrt")
+    count, size = rows.shape
     if factor.shape != (size, size) or not 1 <= block <= size:
         raise ValueError(f"a factor R of shape {factor.shape} and blocks of {block} do not fit rows of {rows.shape}")
     for array in (factor, rows):
         if not (array.flags.f_contiguous and array.flags.writeable and array.dtype == np.float64):
             raise ValueError("factor and rows must be writeable float64 arrays in Fortran order")
-    if not count:
-        return
-    numbers = (integer * 8)(count, size, 0, block, size, count, block, 0)
-    start, step = ctypes.addressof(numbers), ctypes.sizeof(integer)
-    m, n, trapezoid, columns, lda, ldb, ldt, info = range(start, start + 8 * step, step)
-    work = np.empty(2 * block * size)
-    reflectors, room = address(work), address(work) + work.nbytes // 2
-    call = _routine("dtpqrt", 12)
-    call(m, n, trapezoid, columns, address(factor.T), lda, address(rows.T), ldb, reflectors, ldt, room, info)
-    assert numbers[7] == 0  # arguments are as they should be
+    if count:
+        work = np.empty((2, block * size))
+        _run("dtpqrt", count, size, 0, block, factor, size, rows, count, work[0], block, work[1])
+
+
+def upper_triangle(rows: Array) -> Array:
+    """Return R of rows (N, k) by Householder's QR, shape (min(N, k), k), in Fortran order (LAPACK's ``dgeqrf``)."""
+    own = np.array(rows, dtype=np.float64, order="F")
+    count, size = own.shape
+    if not own.size:
+        return np.zeros((min(count, size), size), order="F")
+    work = np.empty(32 * size)
+    _run("dgeqrf", count, size, own, count, np.empty(min(count, size)), work, work.size)
+    return np.triu(own[:size])
+
+
+def cholesky(matrix: Array) -> Array | None:
+    """Return the upper U of a matrix U'U (k, k), in Fortran order; None where it is not positive (``dpotrf``)."""
+    own = np.array(matrix, dtype=np.float64, order="F")
+    if own.size and _run("dpotrf", b"U", len(own), own, len(own)):
+        return None
+    return np.triu(own)
+
+
+def solve_positive(matrix: Array, right: Array) -> Array | None:
+    """Return X of A X = B by Cholesky's factor of A (k, k); None where A is not positive (LAPACK's ``dposv``)."""
+    own, found = np.array(matrix, dtype=np.float64, order="F"), np.array(right, dtype=np.float64, order="F")
+    if found.size and _run("dposv", b"U", len(own), _many(found), own, len(own), found, len(own)):
+        return None
+    return found
+
+
+def solve_upper(factor: Array, right: Array, transposed: bool = False) -> Array:
+    """Return X of R X = B, or of R' X = B, for the upper triangle R of a matrix (k, k) (LAPACK's ``dtrtrs``).
+
+    Raises:
+        LinAlgError: R has a zero on its diagonal.
+        ValueError: R is no square, or B has not as many rows.
+    """
+    if factor.shape != (len(right), len(right)):
+        raise ValueError(f"a triangle of shape {factor.shape} does not fit a right side of {right.shape}")
+    own, found = np.asarray(factor, dtype=np.float64, order="F"), np.array(right, dtype=np.float64, order="F")
+    way = b"T" if transposed else b"N"
+    if found.size and _run("dtrtrs", b"U", way, b"N", len(own), _many(found), own, len(own), found, len(own)):
+        raise np.linalg.LinAlgError("a triangle with a zero on its diagonal")
+    return found
+
+
+def times_upper(factor: Array, right: Array) -> None:
+    """Overwrite B (k, m) in Fortran order with U B, for the upper triangle U of a matrix (k, k) (``dtrmm``)."""
+    own, scale = np.asarray(factor, dtype=np.float64, order="F"), np.ones(1)
+    size, many = right.shape
+    _run("dtrmm", b"L", b"U", b"N", b"N", size, many, scale, own, size, right, size, has_state=False)
+
+
+def _many(right: Array) -> int:
+    return 1 if right.ndim == 1 else right.shape[1]
+
+
+def _run(name: str, *given: int | bytes | Array, has_state: bool = True) -> int:
+    """Call a routine; its last argument, where it has one, is its state, which is returned: 0 if all went well.
+
+    Raises:
+        ValueError: It does not take these arguments, a number that is none among them.
+    """
+    routine = _routine(name, len(given) + has_state)
+    whole = [each for each in given if isinstance(each, int)]
+    numbers = (routine.integer * (len(whole) + 1))(*whole)
+    place, step = ctypes.addressof(numbers), ctypes.sizeof(routine.integer)
+    places: list[Any] = []
+    for each in given:
+        if isinstance(each, int):
+            places.append(place)
+            place += step
+        else:
+            writable = isinstance(each, np.ndarray) and each.flags.writeable
+            places.append(address(each.T) if writable else each if isinstance(each, bytes) else each.ctypes.data)
+    routine.call(*places, *[place] * has_state)
+    state = int(numbers[len(whole)])
+    if state < 0:
+        raise ValueError(f"LAPACK's {name} does not take argument {-state}")
+    return state
+
+
+@dataclass(frozen=True)
+class _Routine:
+    """A routine whose arguments are all addresses, and its type of whole numbers."""
+
+    call: Callable[..., None]
+    integer: Any
 
 
 @cache
-def _routine(name: str, arguments: int) -> Callable[..., None]:
-    """Return a routine whose arguments are all addresses."""
-    capsule = scipy.linalg.cython_lapack.__pyx_capi__[name]
+def _routine(name: str, arguments: int) -> _Routine:
+    made = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * arguments)
+    for library in (each.dynlib for each in libraries().lib_controllers if each.user_api == "blas"):
+        for pattern, integer in _WHEELS:
+            symbol = getattr(library, pattern.format(name), None)
+            if symbol is not None:
+                return _Routine(made(ctypes.cast(symbol, ctypes.c_void_p).value or 0), integer)
+    pointer, integer = of_scipy(name)
+    return _Routine(made(pointer), integer)
+
+
+def of_scipy(name: str) -> tuple[int, Any]:
+    """Return the address of a routine in the LAPACK of SciPy, and the type of its whole numbers.
+
+    Raises:
+        RuntimeError: It takes another one than is known here.
+    """
+    from scipy.linalg import cython_blas, cython_lapack  # loads slowly
+
+    capsule = (cython_blas if name in cython_blas.__pyx_capi__ else cython_lapack).__pyx_capi__[name]
+    named = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", ctypes.pythonapi))
+    signature = named(capsule)
+    whole = [each.strip() for each in signature.partition(b"(")[2].split(b",") if b"int" in each]
+    if not whole or whole[0] not in _INTEGERS:
+        raise RuntimeError(f"LAPACK's {name} of this SciPy takes {signature.decode()}; install the version pinned")
     pointer = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
         ("PyCapsule_GetPointer", ctypes.pythonapi)
     )
-    return ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * arguments)(pointer(capsule, _signature(name)))
-
-
-@cache
-def _integer(name: str) -> Any:
-    """Return the type of whole number that a routine takes.
-
-    Raises:
-        RuntimeError: Another one than is known here.
-    """
-    first = _signature(name).partition(b"(")[2].partition(b",")[0]
-    if first not in _INTEGERS:
-        raise RuntimeError(f"LAPACK's {name} of this SciPy takes {first.decode()!r}; install the version pinned")
-    return _INTEGERS[first]
-
-
-@cache
-def _signature(name: str) -> bytes:
-    named = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", ctypes.pythonapi))
-    return named(scipy.linalg.cython_lapack.__pyx_capi__[name])
+    return pointer(capsule, signature), _INTEGERS[whole[0]]

@@ -8,19 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array, IntArray, frozen
-from dynident.model.lapack import tpqrt
+from dynident.model.lapack import cholesky, times_upper, tpqrt, upper_triangle
 from dynident.model.threads import one_blas_thread
-
-# Householder QR, Cholesky and a product with a triangle, of LAPACK and BLAS; they have no type stubs.
-_GEQRF: Any = scipy.linalg.get_lapack_funcs("geqrf", dtype=np.float64)
-_POTRF: Any = scipy.linalg.get_lapack_funcs("potrf", dtype=np.float64)
-_TRMM: Any = scipy.linalg.get_blas_funcs("trmm", dtype=np.float64)
 
 #: Columns factored at a time inside a panel; 8 is the fastest for panels of 20 to 60 columns.
 _BLOCK = 8
@@ -34,12 +27,7 @@ MANY, _LARGE = 50_000, 100.0
 
 def triangle_of(rows: Array) -> Array:
     """Return the upper triangle of ``rows`` (N, k), shape (min(N, k), k), by Householder QR."""
-    if not len(rows):
-        return np.zeros((0, rows.shape[1]))
-    factor, _, _, info = _GEQRF(rows)
-    if info:
-        raise ValueError("the rows contain a value that is not a number")
-    return np.triu(factor[: min(rows.shape)])
+    return upper_triangle(rows)
 
 
 def absorb(factor: Array, rows: Array) -> Array:
@@ -73,9 +61,10 @@ def absorber(rows: int) -> Callable[[Array, Array], Array]:
         gram = preconditioned.gram(factor, panel)
         if not gram.diagonal().max() < _LARGE:  # or not a number
             return absorb(factor, panel)
-        upper, info = _POTRF(gram, overwrite_a=True, clean=False)
-        assert info == 0  # no eigenvalue is below 1
-        return _TRMM(1.0, upper, factor, overwrite_b=True)
+        upper = cholesky(gram)
+        assert upper is not None  # no eigenvalue is below 1
+        times_upper(upper, factor)
+        return factor
 
     return absorb_many
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -18,11 +19,13 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-@cache
-def _libraries() -> ThreadpoolController:
-    import scipy.linalg  # its BLAS may be another one than NumPy's; both must be loaded to be found
+def libraries() -> ThreadpoolController:
+    """Return what holds the libraries of NumPy, and of SciPy where that is loaded: its BLAS may be another one."""
+    return _libraries("scipy.linalg" in sys.modules)
 
-    assert scipy.linalg  # finding the libraries takes long enough to be done once
+
+@cache
+def _libraries(with_scipy: bool) -> ThreadpoolController:  # finding them takes long enough to be done once
     return ThreadpoolController()
 
 
@@ -37,7 +40,7 @@ class _OneBlasThread(threading.local, ContextDecorator):
 
     def __enter__(self) -> None:
         if not self._inside:
-            self._limit = _libraries().limit(limits=1, user_api="blas")
+            self._limit = libraries().limit(limits=1, user_api="blas")
             self._limit.__enter__()
         self._inside += 1
 

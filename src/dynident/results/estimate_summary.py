@@ -8,12 +8,12 @@ from html import escape
 from typing import Any
 
 import numpy as np
-import scipy.special
 
 from dynident.diagnosis.verdict import verdict_of
 from dynident.errors import BadArgument, MissingDependency
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
+from dynident.identification.residuals.quantiles import student_share
 from dynident.results.short_answer import error_lines, summary_lines
 from dynident.results.text import (
     Column,
@@ -101,7 +101,7 @@ def t_statistics(estimate: Estimate) -> np.ndarray:
 def p_values(estimate: Estimate) -> np.ndarray:
     """Return the two-sided p-value of each base parameter against zero, shape (b,), by Student's t."""
     degrees = np.full(len(estimate.beta), np.inf) if estimate.degrees is None else np.asarray(estimate.degrees)
-    return 2.0 * np.asarray(scipy.special.stdtr(degrees, -np.abs(t_statistics(estimate))))
+    return 2.0 * student_share(-np.abs(t_statistics(estimate)), degrees)
 
 
 def significance_table(estimate: Estimate) -> Table:

@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array, BoolArray
 from dynident.diagnosis.causes.held_out import BLOCKS
@@ -24,6 +23,7 @@ from dynident.identification.consistency.consistent_fit import Answer, pose_prog
 from dynident.identification.consistency.program import Program
 from dynident.identification.problem.prior import Scale, natural_scale
 from dynident.identification.problem.regressor_stream import motion_of
+from dynident.model.lapack import solve_upper
 from dynident.model.reduction import Reduced, Triangle, reduce, triangle_of
 
 #: Rise of the root mean square residual below which nothing is said; draws, and how many times the largest of them it
@@ -90,7 +90,7 @@ def _covariance_root(fit: QuickFit, reduced: Reduced) -> Array | None:
     weights = fit.counts / independent / fit.plain.variances
     try:
         inner = np.linalg.cholesky(np.tensordot(weights, products.grams, 1))
-        root = scipy.linalg.solve_triangular(reduced.r, inner, trans=1)
+        root = solve_upper(reduced.r, inner, transposed=True)
     except np.linalg.LinAlgError:
         return None
     scatter = _block_scatter(fit, reduced)

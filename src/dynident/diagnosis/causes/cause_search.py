@@ -13,11 +13,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.special
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.diagnosis.causes.quick_fit import EXACT, RIDGE, Solved, weighted_products
 from dynident.identification.residuals.covariance import correlation_factors
+from dynident.identification.residuals.quantiles import (
+    chi_square_tail,
+    normal_quantile,
+    student_quantile,
+    student_share,
+)
 from dynident.model.reduction import triangle_of
 
 #: Chance that a log without any cause has one told in a round, rows that hang together counted once.
@@ -93,11 +98,11 @@ class Blame:
     @property
     def half_widths(self) -> Array:
         """Half of the 95 % intervals of the coefficients, by Student's distribution, shape (k,)."""
-        return self.deviations * -float(scipy.special.stdtrit(min(self.freedom, MANY), 0.025))
+        return self.deviations * float(student_quantile(0.975, min(self.freedom, MANY)))
 
     def score(self, t: float) -> float:
         """Return the normal deviate that is as unlikely as this number of standard deviations."""
-        return -float(scipy.special.ndtri(scipy.special.stdtr(min(self.freedom, MANY), -t)))
+        return -float(normal_quantile(student_share(-t, min(self.freedom, MANY))))
 
 
 @dataclass(frozen=True)
@@ -200,7 +205,7 @@ class CauseSearch:
             after, columns = self.fit([*chosen, k]), len(self._places[k])
             worth = self.rows.counts / self.factors(after, [*chosen, k])
             ratio = _ratio(before, after, worth)
-            if len(self.causes) * scipy.special.chdtrc(columns, max(ratio, 0.0)) < CHANCE:
+            if len(self.causes) * chi_square_tail(ratio, columns) < CHANCE:
                 merit = self.causes[k].likelier * (ratio - columns * float(np.log(worth.sum())))
                 sure.append((merit, k, after, worth))
         if not sure:

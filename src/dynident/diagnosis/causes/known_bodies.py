@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.special
 
 from dynident.arrays import Array, IntArray
 from dynident.diagnosis.causes.cause_search import Cause, CauseRows, CauseSearch
@@ -23,6 +22,7 @@ from dynident.diagnosis.causes.quick_fit import PASSES, RIDGE, Solved
 from dynident.diagnosis.causes.trends import OVERSAMPLING, Trends
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.problem.regressor_stream import motion_of
+from dynident.identification.residuals.quantiles import chi_square_tail
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.kernels import batched
@@ -68,7 +68,7 @@ class KnownBodies:
     def agrees(self, beta: Array) -> bool:
         """Return whether it does not contradict other values of beta."""
         squares = float(np.sum((self.factor @ (beta[self.places] - self.values)) ** 2))
-        return bool(scipy.special.chdtrc(len(self.places), squares) > CONTRADICTS)
+        return bool(chi_square_tail(squares, len(self.places)) > CONTRADICTS)
 
     @cached_property
     def _information(self) -> Array:

@@ -11,10 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.case.case import Case
@@ -29,13 +27,9 @@ from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, default_friction
 from dynident.model.friction.rotor_inertia import RotorInertia
+from dynident.model.lapack import solve_positive
 from dynident.model.reduction import triangle_of
 from dynident.model.robot import Robot
-
-# Cholesky factor and solution by it, of LAPACK; they have no type stubs.
-_POTRF: Any
-_POTRS: Any
-_POTRF, _POTRS = scipy.linalg.get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)
 
 #: Cut-off of both sides in Hz at most, and samples kept a second per Hz of it.
 CUTOFF_HZ, ROWS_PER_HZ = 5.0, 8.0
@@ -337,9 +331,9 @@ def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array,
         gram = ((1.0 / variances) @ flat).reshape(grams.shape[1:])
         diagonal = gram.flat[:: len(norms) + 1]
         gram.flat[:: len(norms) + 1] = diagonal + RIDGE * np.maximum(diagonal, 1e-300 + diagonal.max(initial=0.0))
-        factor, info = _POTRF(gram, clean=False)
         side = (1.0 / variances) @ sides
-        beta = np.linalg.solve(gram, side) if info or not side.size else _POTRS(factor, side)[0]
+        found = solve_positive(gram, side)
+        beta = np.linalg.solve(gram, side) if found is None else found
         left = squares - 2 * sides @ beta + (grams @ beta) @ beta
         variances = np.maximum(left, 0.0) / counts + floors
     return Solved(beta / scale, variances, float(np.sum(np.log(variances))), gram * np.outer(scale, scale))

@@ -10,12 +10,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array
 from dynident.identification.consistency.conditions import IDENTITY_VECTOR, Conditions, stack_vectors
 from dynident.identification.consistency.conic import ConicCandidate
 from dynident.identification.consistency.program import Multipliers, Program, along_basis, whitened_rows
+from dynident.model.lapack import solve_upper
 from dynident.model.reduction import triangle_of
 
 #: The gap that ends the descent of mu, as a share of f + 1/2.
@@ -62,7 +62,7 @@ def solve_barrier(program: Program, start: Array, tolerance: float = TOLERANCE) 
     place = _place(program, start)
     if place is None:
         raise ValueError("the start breaks a condition")
-    free = scipy.linalg.null_space(rules.zero) if len(rules.zero) else np.eye(rules.size)
+    free = rules.free
     degree = max(len(rules.sign) + 4 * program.links, 1)
     quadratic = np.vstack([program.data, program.pull])
     whole = triangle_of(np.column_stack([quadratic, np.concatenate([program.target, program.pull_target])]))
@@ -192,7 +192,7 @@ def _least_squares(rows: Array, rest: Array) -> tuple[Array, float]:
     diagonal = np.abs(np.diag(root))
     if np.min(diagonal, initial=1.0) <= 1e-15 * np.max(diagonal, initial=1.0):  # directions that nothing holds
         return np.linalg.lstsq(root, aim)[0], float(np.linalg.norm(aim))
-    return scipy.linalg.solve_triangular(root, aim), float(np.linalg.norm(aim))
+    return solve_upper(root, aim), float(np.linalg.norm(aim))
 
 
 def _stepped(program: Program, place: _Place, step: Array, mu: float, decrement: float) -> tuple[_Place, float]:

@@ -60,6 +60,15 @@ class Conditions:
     thickness: tuple[float, ...] = ()
 
     @cached_property
+    def free(self) -> Array:
+        """Directions that no equation forbids, orthonormal, shape (p, f)."""
+        if not len(self.zero):
+            return np.eye(self.size)
+        _, values, directions = np.linalg.svd(self.zero)
+        taken = np.count_nonzero(values > np.finfo(float).eps * max(self.zero.shape) * values[0])
+        return directions[taken:].T
+
+    @cached_property
     def bases(self) -> Array:
         """The ten matrices of each link's cone, shape (l, 10, 4, 4)."""
         bases = np.tile(PSEUDO_BASIS, (len(self.links), 1, 1, 1))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array, IntArray
 from dynident.identification.consistency.conditions import (
@@ -18,6 +17,7 @@ from dynident.identification.consistency.conditions import (
     unstack_vectors,
 )
 from dynident.identification.consistency.program import Multipliers, Program, whitened_rows
+from dynident.model.lapack import solve_upper
 from dynident.model.reduction import triangle_of
 
 
@@ -81,11 +81,11 @@ def solve_whitened(program: Program) -> ConicCandidate:
     full = np.column_stack([stacked, np.concatenate([program.target, program.pull_target])])
     factor = triangle_of(full)
     root, aim = factor[:size, :size], factor[:size, size]
-    free = scipy.linalg.solve_triangular(root, aim)  # the optimum without conditions; v counts from there
+    free = solve_upper(root, aim)  # the optimum without conditions; v counts from there
     inside, offset, cones = cone_rows(program.conditions)
-    turned = scipy.linalg.solve_triangular(root, inside.T, trans=1).T
+    turned = solve_upper(root, inside.T, transposed=True).T
     found = run_clarabel(np.eye(size), np.zeros(size), turned, offset - inside @ free, cones)
-    phi = free + scipy.linalg.solve_triangular(root, np.array(found.x))
+    phi = free + solve_upper(root, np.array(found.x))
     duals = split_duals(program.conditions, np.array(found.z))
     return ConicCandidate(phi, duals, str(found.status), int(found.iterations))
 
@@ -134,8 +134,10 @@ def cone_rows(conditions: Conditions) -> tuple[Array, Array, list[Any]]:
         blocks.append(-conditions.sign)
         cones.append(clarabel.NonnegativeConeT(len(conditions.sign)))
     if links:
-        vectors = [stack_vectors(basis).T for basis in conditions.bases]
-        blocks.append(_widened(-np.asarray(scipy.linalg.block_diag(*vectors)), size))
+        vectors = np.zeros((links, 10, links, 10))
+        for link, basis in enumerate(conditions.bases):
+            vectors[link, :, link] = stack_vectors(basis).T
+        blocks.append(_widened(-vectors.reshape(10 * links, 10 * links), size))
         cones += [clarabel.PSDTriangleConeT(4)] * links
     offsets = [conditions.zero_offset, conditions.sign_offset, np.tile(-conditions.margin * IDENTITY_VECTOR, links)]
     return np.vstack(blocks), np.concatenate(offsets), cones

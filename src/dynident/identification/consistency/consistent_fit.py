@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array
 from dynident.errors import SolverFailed
@@ -21,6 +20,7 @@ from dynident.model.base_parameters import BaseParameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import PSEUDO_BASIS
+from dynident.model.lapack import solve_upper
 from dynident.model.reduction import Reduced, triangle_of
 from dynident.model.threads import one_blas_thread
 
@@ -378,7 +378,7 @@ def data_shares(program: Program, phi: Array) -> Array:
     free = np.abs(prior).sum(axis=0) == 0.0  # nothing but data
     both = triangle_of(np.vstack([program.data, prior]))
     rules = program.conditions
-    inverse = np.eye(size) if not len(rules.zero) else scipy.linalg.null_space(rules.zero)
+    inverse = rules.free
     after = _spread(both, inverse)
     before = _spread(triangle_of(np.vstack([prior, np.eye(size)[free]])), inverse)
     shares = 1.0 - np.divide(after, before, out=np.ones(size), where=before > 1e-20)
@@ -388,5 +388,5 @@ def data_shares(program: Program, phi: Array) -> Array:
 def _spread(root: Array, free: Array) -> Array:
     """Return the diagonal of F (F' root' root F)^-1 F' for free directions F, shape (p,)."""
     factor = triangle_of(root @ free)
-    turned = scipy.linalg.solve_triangular(factor, free.T, trans=1)
+    turned = solve_upper(factor, free.T, transposed=True)
     return np.sum(turned**2, axis=0)

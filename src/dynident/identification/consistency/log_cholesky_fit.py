@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array, BoolArray
 from dynident.identification.consistency.conditions import VECTOR_BASIS, stack_vectors
 from dynident.identification.consistency.program import Program
 from dynident.model.inertia import Inertia
+from dynident.model.lapack import solve_upper
 from dynident.model.reduction import triangle_of
 
 CONVERGED, BOUNDARY, UNFINISHED = "converged", "optimum on the boundary of the possible", "not converged"
@@ -129,7 +129,7 @@ def _step(
     for _ in range(40):
         stacked = np.vstack([columns, np.sqrt(damping) * np.diag(scale)])
         factor = triangle_of(np.column_stack([stacked, np.concatenate([-rest, np.zeros(len(x))])]))
-        step = scipy.linalg.solve_triangular(factor[: len(x), :-1], factor[: len(x), -1])
+        step = solve_upper(factor[: len(x), :-1], factor[: len(x), -1])
         step[: 10 * links] = np.clip(step[: 10 * links], -2.0, 2.0)  # exponents: no more than e^2 at a time
         moved = np.maximum(x + step, lower)
         predicted = cost - 0.5 * float(np.sum((rest + jacobian @ (moved - x)) ** 2))

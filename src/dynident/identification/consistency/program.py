@@ -12,11 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array
 from dynident.identification.consistency.conditions import Conditions, stack_vectors
 from dynident.model.inertia import PSEUDO_BASIS
+from dynident.model.lapack import solve_upper
 from dynident.model.reduction import triangle_of
 
 
@@ -158,7 +158,7 @@ def optimality(program: Program, phi: Array, multipliers: Multipliers) -> Optima
     slack += float(np.abs(prices.zero) @ np.abs(rules.equations(phi)))
     factor = triangle_of(program.curvature(phi))
     try:
-        distance = float(np.linalg.norm(scipy.linalg.solve_triangular(factor, residual, trans=1)))
+        distance = float(np.linalg.norm(solve_upper(factor, residual, transposed=True)))
     except (np.linalg.LinAlgError, ValueError):
         return bad
     if program.weight:

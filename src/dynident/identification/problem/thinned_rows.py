@@ -64,8 +64,8 @@ def thinned_rows(make: Make, sizes: Sequence[int], samples: int, keep: IntArray,
         if at_end and min(high, last) > max(low, done):
             done = max(low, done)
             weights = thin.memory[last - 1 - done :: -1][: min(high, last) - done]
-            for block, sums in zip(blocks, left, strict=True):
-                sums += block[:-1, done - low : min(high, last) - low] @ weights
+            for k, block in enumerate(blocks):
+                left[k] += block[:-1, done - low : min(high, last) - low] @ weights
             done = min(high, last)
     places: IntArray | slice = (keep - begin) // every
     if places[-1] - places[0] == len(places) - 1:  # no gap: a view in place of a copy

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
@@ -20,6 +19,7 @@ from dynident.identification.residuals.bands import Band, bands_of
 from dynident.identification.residuals.coloured import Influence, Uncertainty, error_root, uncertainty_of
 from dynident.identification.residuals.row_passes import RowPasses, Segment
 from dynident.identification.residuals.stretches import stretches_of
+from dynident.model.lapack import solve_upper
 from dynident.model.reduction import CHUNK, absorb, triangle_of
 from dynident.model.threads import one_blas_thread
 
@@ -70,7 +70,7 @@ class Instruments:
         """
         size = self.problem.base.count
         factor = self.stacked(weights)
-        inverse = scipy.linalg.solve_triangular(factor[:size, :size], np.eye(size), trans=1)
+        inverse = solve_upper(factor[:size, :size], np.eye(size), transposed=True)
         return np.linalg.solve(_projection(factor, size), inverse)
 
     def quick_covariance(self, weights: Array) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
@@ -43,7 +42,7 @@ def standard_covariance(estimate: Estimate, problem: Problem, pull: float = PULL
     spread = matrix * prior  # a square root of K P K'
     both = spread @ spread.T + estimate.covariance
     size = np.sqrt(np.diag(both))
-    gain = scipy.linalg.solve(both / size / size[:, None], spread / size[:, None], assume_a="pos").T / size
+    gain = np.linalg.solve(both / size / size[:, None], spread / size[:, None]).T / size
     left = (np.eye(len(prior)) - gain @ spread) * prior[:, None]
     found = left @ left.T + (prior[:, None] * gain) @ estimate.covariance @ (prior[:, None] * gain).T  # Joseph's form
     return 0.5 * (found + found.T)

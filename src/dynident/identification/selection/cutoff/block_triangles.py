@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.problem import check_rank, counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.model.lapack import solve_upper
 from dynident.model.reduction import CHUNK, Reduced, Triangle, reduce, triangle_of
 from dynident.model.threads import one_blas_thread
 
@@ -65,8 +65,8 @@ class BlockTriangles:
         beta, weights = self.fit
         scores = np.array([scores_of(block, weights, beta) for block in self.blocks])
         with one_blas_thread():
-            half = scipy.linalg.solve_triangular(self.reduced.r, scores.T, trans=1)
-            return scipy.linalg.solve_triangular(self.reduced.r, half).T
+            half = solve_upper(self.reduced.r, scores.T, transposed=True)
+            return solve_upper(self.reduced.r, half).T
 
     @property
     def covariance(self) -> Array:
@@ -138,7 +138,7 @@ def weighted_fit(triangles: Sequence[Triangle], size: int) -> tuple[Array, Array
     with one_blas_thread():
         for _ in range(PASSES):
             reduced = reduce(triangles, size, weights)
-            beta = np.asarray(scipy.linalg.solve_triangular(reduced.r, reduced.z))
+            beta = solve_upper(reduced.r, reduced.z)
             squares = np.array([t.residual_square(beta) / max(t.rows, 1) for t in triangles])
             weights = 1.0 / np.sqrt(squares + floors)
     return beta, weights

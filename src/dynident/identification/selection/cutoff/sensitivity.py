@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array
 from dynident.data.log import Log
@@ -17,6 +16,7 @@ from dynident.identification.problem.choices import CutoffSensitivity, CutoffTri
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.block_triangles import BlockTriangles, block_triangles
 from dynident.identification.selection.cutoff.candidates import SAMPLES_PER_HZ, thinned_out
+from dynident.model.lapack import solve_upper
 
 #: The other cut-offs, in units of the one used.
 FACTORS = (0.5, 2.0)
@@ -96,5 +96,5 @@ def _figures(
 def _spread(blocks: BlockTriangles, hertz: float) -> Array:
     """Return the variance of each parameter (b,) up to a factor, for 2 c independent rows in 1 s and white noise."""
     reduced = blocks.reduced
-    inverse = scipy.linalg.solve_triangular(reduced.r, np.eye(len(reduced.r)))
+    inverse = solve_upper(reduced.r, np.eye(len(reduced.r)))
     return np.sum(np.asarray(inverse) ** 2, axis=1) * reduced.rows / hertz

@@ -11,10 +11,8 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
-import scipy.linalg
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared
@@ -23,9 +21,7 @@ from dynident.identification.problem.regressor_stream import RegressorStream, Ro
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, State
-
-# Cholesky solution of LAPACK, thousands of times; it has no type stubs.
-_POSV: Any = scipy.linalg.get_lapack_funcs("posv", dtype=np.float64)
+from dynident.model.lapack import solve_positive
 
 #: Ridge in units of a column's square: far above rounding of the products, far below what data say.
 RIDGE = 1e-11
@@ -278,8 +274,8 @@ def fit(products: Array, keep: IntArray) -> Array:
     scale = np.where(size > 0, size, 1.0)
     ridged = gram / np.outer(scale, scale)
     ridged.flat[:: len(keep) + 1] += RIDGE + (size == 0)
-    _, found, info = _POSV(ridged, right / scale)
-    return found / scale if info == 0 else np.linalg.lstsq(gram, right)[0]
+    found = solve_positive(ridged, right / scale)
+    return np.linalg.lstsq(gram, right)[0] if found is None else found / scale
 
 
 def loss(products: Array, keep: IntArray, beta: Array) -> float:
