@@ -10,6 +10,7 @@ import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -115,9 +116,10 @@ def _run(name: str, *given: int | bytes | Array, has_state: bool = True) -> int:
         if isinstance(each, int):
             places.append(place)
             place += step
+        elif isinstance(each, bytes):
+            places.append(each)
         else:
-            writable = isinstance(each, np.ndarray) and each.flags.writeable
-            places.append(address(each.T) if writable else each if isinstance(each, bytes) else each.ctypes.data)
+            places.append(address(each.T) if each.flags.writeable else each.ctypes.data)
     routine.call(*places, *[place] * has_state)
     state = int(numbers[len(whole)])
     if state < 0:
@@ -151,9 +153,8 @@ def of_scipy(name: str) -> tuple[int, Any]:
     Raises:
         RuntimeError: It takes another one than is known here.
     """
-    from scipy.linalg import cython_blas, cython_lapack  # loads slowly
-
-    capsule = (cython_blas if name in cython_blas.__pyx_capi__ else cython_lapack).__pyx_capi__[name]
+    modules: list[Any] = [import_module(f"scipy.linalg.cython_{part}") for part in ("blas", "lapack")]  # loads slowly
+    capsule = next(module.__pyx_capi__[name] for module in modules if name in module.__pyx_capi__)
     named = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", ctypes.pythonapi))
     signature = named(capsule)
     whole = [each.strip() for each in signature.partition(b"(")[2].split(b",") if b"int" in each]

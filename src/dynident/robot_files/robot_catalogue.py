@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -67,6 +66,8 @@ def catalogued_file(name: str) -> CataloguedFile:
         raise FileError(name, evidence, f"list them with: robot_descriptions list{nearest(name, known)}")
     offline = {**os.environ, "GIT_ALLOW_PROTOCOL": "none"}  # a clone of another commit would be fetched anew
     command = [sys.executable, "-c", _LOOK, name]
+    import subprocess  # loads slowly, and few robots are named
+
     done = subprocess.run(command, capture_output=True, text=True, env=offline, check=False)
     if done.returncode:
         evidence = "the cache of robot_descriptions does not have this robot at its commit"

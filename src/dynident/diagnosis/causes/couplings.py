@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.held_out import ReadRows
+from dynident.diagnosis.causes.line_search import lowest_near
 from dynident.diagnosis.causes.quick_fit import EXACT, QuickFit, Solved, weighted_products
 from dynident.identification.problem.regressor_stream import motion_of
 from dynident.model.friction import Motion
@@ -31,6 +32,9 @@ DIFFERENTIALS = tuple(np.array([[1.0, a], [-a * b, b]]) for a in (1.0, -1.0) for
 
 #: Places at which the best value of an entry is looked for.
 REFINED = 2
+
+#: Share of an entry to which its best value is found.
+PRECISION = 1e-4
 
 #: Gain of the score for which an entry is kept, and entries found at most.
 KEPT, MOST = 1.5, 3
@@ -154,19 +158,9 @@ class _Scan:
     def _refined(self, matrix: Array, place: tuple[int, int], values: Array) -> tuple[float, float]:
         """Return gain and value of the best entry between the first and the last of three values."""
         low, value, high = values.tolist()
-        best = self.gain(_with(matrix, place, value)), value
-        for _ in range(2):  # the peak of a good log is narrower than what one search of the whole stretch sees
-            import scipy.optimize  # loads slowly, and few logs come here
-
-            solved: Any = scipy.optimize.minimize_scalar(
-                lambda value: -self.gain(_with(matrix, place, value)),
-                bounds=(low, high),
-                method="bounded",
-                options={"xatol": 1e-4 * abs(best[1])},
-            )
-            best = max(best, (-float(solved.fun), float(solved.x)))
-            low, high = sorted((0.98 * best[1], 1.02 * best[1]))
-        return best
+        step = 0.5 * min(value - low, high - value)
+        best = lowest_near(lambda each: -self.gain(_with(matrix, place, each)), value, step, PRECISION * abs(value))
+        return self.gain(_with(matrix, place, best)), best
 
     def _solved(self, matrix: Array) -> Solved:
         joints = [self.rows.products(matrix, i) for i in range(len(matrix))]

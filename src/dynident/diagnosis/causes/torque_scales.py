@@ -15,6 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.held_out import ReadRows, predicts_unseen
+from dynident.diagnosis.causes.line_search import lowest_near
 from dynident.diagnosis.causes.quick_fit import RIDGE, QuickFit
 from dynident.identification.residuals.covariance import correlation_factors
 
@@ -117,27 +118,12 @@ def _scale(fit: QuickFit, joint: int, name: str) -> JointScale:
 
     grid = [(x, STEP / 2) for x in np.arange(-WIDEST, WIDEST + STEP, STEP).tolist()]
     start, near = min(grid + [(x, NEAR) for x in _linear(fit, joint)], key=lambda each: score(each[0]))
-    best = _refined(score, start, near)
+    best = lowest_near(score, start, near, PRECISION / 2)
     at_best = logs(best)
     worth = fit.counts / _together(fit, joint, best)
     low, high = (_end(lambda x: float(worth @ (logs(x) - at_best)), best, side) for side in (-1.0, 1.0))
     gain = score(0.0) - float(at_best.sum())
     return JointScale(name, float(np.exp(best)), float(np.exp(low)), float(np.exp(high)), gain)
-
-
-def _refined(score: Callable[[float], float], start: float, step: float) -> float:
-    """Return where the likelihood is largest near a start: steps to the better side, then vertices of parabolas."""
-    best, found = start, score(start)
-    while step > PRECISION / 2:
-        low, high = score(best - step), score(best + step)
-        if min(low, high) < found:
-            best, found = (best - step, low) if low < high else (best + step, high)
-            continue
-        vertex = best + 0.5 * step * (low - high) / max(low - 2.0 * found + high, 1e-300)
-        value = score(vertex)
-        best, found = (vertex, value) if value < found else (best, found)
-        step /= 8
-    return best
 
 
 def _linear(fit: QuickFit, joint: int) -> list[float]:

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 import importlib
+import importlib.machinery
+import importlib.util
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -197,5 +204,43 @@ def _entropy_rows(program: Program, rows: int) -> tuple[Array, Array, list[Any]]
     return np.vstack(blocks), np.concatenate(offsets), cones
 
 
+@cache
 def _clarabel() -> Any:
-    return importlib.import_module("clarabel")  # a compiled module without type stubs
+    """Return Clarabel, a compiled module without type stubs, with its LAPACK.
+
+    It looks for that in two modules of SciPy at its first cone, whose usual import takes five times as long: all of
+    ``scipy.linalg`` comes with them.
+    """
+    clarabel = importlib.import_module("clarabel")
+    with _alone("scipy.linalg.cython_blas", "scipy.linalg.cython_lapack"):
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        cones = [clarabel.PSDTriangleConeT(2)]
+        point = np.array([1.0, 0.0, 1.0])
+        clarabel.DefaultSolver(_columns(np.zeros((3, 3))), point, _columns(-np.eye(3)), 0.0 * point, cones, settings)
+    return clarabel
+
+
+@contextmanager
+def _alone(*names: str) -> Iterator[None]:
+    """Have compiled modules at hand without the packages that they are in; where that fails, nothing is different."""
+    loaded: list[str] = []
+    for name in names:
+        top, *folders, last = name.split(".")
+        package = None if name in sys.modules else importlib.util.find_spec(top)
+        for place in (package and package.submodule_search_locations) or ():
+            files = [Path(place, *folders, last + ending) for ending in importlib.machinery.EXTENSION_SUFFIXES]
+            spec = next((importlib.util.spec_from_file_location(name, each) for each in files if each.exists()), None)
+            if spec is None or spec.loader is None:
+                continue
+            with suppress(ImportError):
+                sys.modules[name] = importlib.util.module_from_spec(spec)
+                loaded.append(name)
+                spec.loader.exec_module(sys.modules[name])
+                continue
+            sys.modules.pop(name, None)
+    try:
+        yield
+    finally:
+        for name in loaded:
+            sys.modules.pop(name, None)  # a later import finds them in their package

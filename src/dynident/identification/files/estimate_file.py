@@ -255,7 +255,11 @@ def _envelope(data: Mapping[str, Any], joints: int) -> Envelope | None:
 
 def _rounded(values: Array, digits: int = 7) -> Any:
     """Return signals as lists of few significant digits, enough to draw; stamps of the system clock need more."""
-    return [float(f"{x:.{digits}g}") for x in values] if values.ndim == 1 else [_rounded(row, digits) for row in values]
+    with np.errstate(divide="ignore"):
+        power = digits - 1 - np.floor(np.log10(np.abs(values)))
+    power = np.clip(np.where(np.isfinite(power), power, 0.0), -300.0, 300.0)
+    scale = 10.0 ** np.abs(power)
+    return np.where(power < 0, np.rint(values / scale) * scale, np.rint(values * scale) / scale).tolist()
 
 
 def _array(values: Any, shape: tuple[int, ...], name: str) -> Array:

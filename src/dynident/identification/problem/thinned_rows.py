@@ -98,7 +98,7 @@ class _TurnedEnds:
         first, stop = max(low, 0), min(high, self.samples)
         if low >= 0 and high <= self.samples:
             return self._made(low, high)
-        found = [np.empty((size + 1, high - low)) for size in self.sizes]
+        found: list[Array] = [np.empty((size + 1, high - low)) for size in self.sizes]
         if first < stop:
             for block, own in zip(found, self._made(first, stop), strict=True):
                 block[:, first - low : stop - low] = own

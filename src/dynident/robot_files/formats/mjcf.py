@@ -7,7 +7,6 @@ from typing import ClassVar, final
 
 from dynident.model.robot import Robot
 from dynident.robot_files.formats.base import Description
-from dynident.robot_files.mjcf.model import read_mjcf_model
 
 
 @final
@@ -33,4 +32,6 @@ class MjcfFile(Description):
 
     def read(self, path: object, data: bytes) -> Robot:
         """Return the robot of an MJCF; see :class:`Description`."""
+        from dynident.robot_files.mjcf.model import read_mjcf_model  # few need it
+
         return read_mjcf_model(path, data).robot()

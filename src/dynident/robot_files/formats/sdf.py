@@ -7,7 +7,6 @@ from typing import ClassVar, final
 
 from dynident.model.robot import Robot
 from dynident.robot_files.formats.base import Description
-from dynident.robot_files.sdf_model import read_sdf_model
 
 
 @final
@@ -28,4 +27,6 @@ class SdfFile(Description):
 
     def read(self, path: object, data: bytes) -> Robot:
         """Return the robot of an SDF; see :class:`Description`."""
+        from dynident.robot_files.sdf_model import read_sdf_model  # few need it
+
         return read_sdf_model(path, data).robot()
