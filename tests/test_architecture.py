@@ -105,6 +105,7 @@ SMALL = {
     "data/motor_side.py": "of logs and their streams",
     "data/preprocessing/_low_pass.py": "of two filters",
     "data/turns.py": "of reading, drafting, checking and repairing",
+    "diagnosis/causes/line_search.py": "of couplings and scales",
     "excitation/design/bounds/clearance.py": "a bound",
     "excitation/design/bounds/kinematic.py": "a bound",
     "excitation/design/bounds/tool_speed.py": "a bound",

@@ -15,11 +15,11 @@ from dynident.model import lapack
 @pytest.fixture(params=["NumPy", "SciPy"])
 def source(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Take the routines of one of the two."""
-    lapack._routine.cache_clear()
+    lapack.routine.cache_clear()
     if request.param == "SciPy":
-        monkeypatch.setattr(lapack, "_WHEELS", ())
+        monkeypatch.setattr(lapack, "WHEELS", ())
     yield
-    lapack._routine.cache_clear()
+    lapack.routine.cache_clear()
 
 
 def matrix(rows: int, columns: int) -> Array:

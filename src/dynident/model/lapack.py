@@ -22,7 +22,7 @@ from dynident.model.threads import libraries
 _INTEGERS = {b"int *": ctypes.c_int, b"int64_t *": ctypes.c_int64, b"npy_int64 *": ctypes.c_int64}
 
 #: How NumPy's wheels call a routine, and the whole numbers that it takes by that name.
-_WHEELS = (("scipy_{}_64_", ctypes.c_int64), ("scipy_{}_", ctypes.c_int))
+WHEELS = (("scipy_{}_64_", ctypes.c_int64), ("scipy_{}_", ctypes.c_int))
 
 
 def tpqrt(factor: Array, rows: Array, block: int) -> None:
@@ -107,10 +107,10 @@ def _run(name: str, *given: int | bytes | Array, has_state: bool = True) -> int:
     Raises:
         ValueError: It does not take these arguments, a number that is none among them.
     """
-    routine = _routine(name, len(given) + has_state)
+    found = routine(name, len(given) + has_state)
     whole = [each for each in given if isinstance(each, int)]
-    numbers = (routine.integer * (len(whole) + 1))(*whole)
-    place, step = ctypes.addressof(numbers), ctypes.sizeof(routine.integer)
+    numbers = (found.integer * (len(whole) + 1))(*whole)
+    place, step = ctypes.addressof(numbers), ctypes.sizeof(found.integer)
     places: list[Any] = []
     for each in given:
         if isinstance(each, int):
@@ -120,7 +120,7 @@ def _run(name: str, *given: int | bytes | Array, has_state: bool = True) -> int:
             places.append(each)
         else:
             places.append(address(each.T) if each.flags.writeable else each.ctypes.data)
-    routine.call(*places, *[place] * has_state)
+    found.call(*places, *[place] * has_state)
     state = int(numbers[len(whole)])
     if state < 0:
         raise ValueError(f"LAPACK's {name} does not take argument {-state}")
@@ -136,10 +136,11 @@ class _Routine:
 
 
 @cache
-def _routine(name: str, arguments: int) -> _Routine:
+def routine(name: str, arguments: int) -> _Routine:
+    """Return a routine of the library that NumPy has loaded, or of SciPy's where NumPy has none of the known names."""
     made = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * arguments)
     for library in (each.dynlib for each in libraries().lib_controllers if each.user_api == "blas"):
-        for pattern, integer in _WHEELS:
+        for pattern, integer in WHEELS:
             symbol = getattr(library, pattern.format(name), None)
             if symbol is not None:
                 return _Routine(made(ctypes.cast(symbol, ctypes.c_void_p).value or 0), integer)
