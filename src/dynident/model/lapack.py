@@ -82,11 +82,11 @@ def solve_upper(factor: Array, right: Array, transposed: bool = False) -> Array:
         ValueError: R is no square, or B has not as many rows.
     """
     if factor.shape != (len(right), len(right)):
-        raise ValueError(f"a triangle of shape {factor.shape} does not fit a right side of {right.shape}")
+        raise ValueError(f"R of shape {factor.shape} does not fit a right side of {right.shape}")
     own, found = np.asarray(factor, dtype=np.float64, order="F"), np.array(right, dtype=np.float64, order="F")
     way = b"T" if transposed else b"N"
     if found.size and _run("dtrtrs", b"U", way, b"N", len(own), _many(found), own, len(own), found, len(own)):
-        raise np.linalg.LinAlgError("a triangle with a zero on its diagonal")
+        raise np.linalg.LinAlgError("R has a zero on its diagonal")
     return found
 
 
