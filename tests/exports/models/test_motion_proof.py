@@ -12,6 +12,7 @@ import pytest
 import dynident
 from dynident.data.log import Log
 from dynident.errors import FileError, LogMismatch
+from dynident.exports.models.proving.engines import without_log
 from dynident.exports.models.proving.logged_motion import LONGEST, logged_motion
 from dynident.exports.models.proving.motion_proof import prove_motion
 from dynident.identification.estimate.estimate import Estimate
@@ -127,3 +128,19 @@ def test_the_motion_is_smooth_and_its_derivatives_agree_with_differences() -> No
 def test_logs_without_a_motion_to_follow_are_refused(time: np.ndarray, message: str) -> None:
     with pytest.raises(LogMismatch, match=message):
         logged_motion(Log(("a",), time, np.sin(time)[:, None]))
+
+
+def test_mujoco_writes_no_file_of_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)
+    body = '<worldbody><body><joint/><geom size="0.1"/></body></worldbody>'
+    warned = f'<mujoco><compiler settotalmass="2"/>{body}</mujoco>'
+    mujoco.MjModel.from_xml_string(warned)
+    if not list(tmp_path.iterdir()):
+        pytest.skip("this MuJoCo does not warn of it")
+    (tmp_path / "MUJOCO_LOG.TXT").unlink()
+    with without_log():
+        mujoco.MjModel.from_xml_string(warned)
+    assert not list(tmp_path.iterdir())
+    mujoco.MjModel.from_xml_string(warned)  # its own way is back
+    assert list(tmp_path.iterdir())

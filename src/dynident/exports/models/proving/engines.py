@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
@@ -74,6 +75,20 @@ def mujoco_version() -> str:
     return f"MuJoCo {mujoco.__version__}"
 
 
+@contextmanager
+def without_log() -> Iterator[None]:
+    """Have MuJoCo write no file of warnings into the folder that the user stands in; what is proved judges the model."""
+    import mujoco
+
+    api: Any = mujoco
+    before = api.get_mju_user_warning()
+    api.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        api.set_mju_user_warning(before)
+
+
 def mujoco_torque(path: Path, kind: Literal["urdf", "mjcf"], states: StateSet, *, bodies_only: bool = False) -> Array:
     """Return the torques of a URDF or MJCF on the states, shape (N, n), in N m or N.
 
@@ -92,7 +107,11 @@ def mujoco_torque(path: Path, kind: Literal["urdf", "mjcf"], states: StateSet, *
         stripped = path.with_name(f"stripped-{path.name}")
         stripped.write_bytes(data)
         path = stripped
-    model = api.MjModel.from_xml_path(str(path))
+    with without_log():
+        return _torque_of(api, api.MjModel.from_xml_path(str(path)), states, is_urdf, bodies_only)
+
+
+def _torque_of(api: Any, model: Any, states: StateSet, is_urdf: bool, bodies_only: bool) -> Array:
     if is_urdf:
         model.opt.gravity = states.gravity
     model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_CONSTRAINT)

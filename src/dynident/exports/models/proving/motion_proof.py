@@ -21,7 +21,7 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.errors import BadOption, DynidentError, NotConsistent, SolverFailed
 from dynident.exports.models.mjcf import Mjcf
-from dynident.exports.models.proving.engines import mujoco_version
+from dynident.exports.models.proving.engines import mujoco_version, without_log
 from dynident.exports.models.proving.followed_motion import FollowedMotion, MotionProof
 from dynident.exports.models.proving.logged_motion import LoggedMotion, logged_motion
 from dynident.exports.models.subject.drives import Drives, drives_of
@@ -178,7 +178,8 @@ def _mujoco_runs(followed: _Followed) -> Iterator[FollowedMotion]:
                 yield replace(run, why_not="not installed")
                 continue
             try:
-                errors, reference = _stepped(followed, control, step)
+                with without_log():
+                    errors, reference = _stepped(followed, control, step)
             except DynidentError:
                 raise
             except Exception as error:  # an engine of others may raise anything
