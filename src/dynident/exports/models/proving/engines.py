@@ -77,7 +77,7 @@ def mujoco_version() -> str:
 
 @contextmanager
 def without_log() -> Iterator[None]:
-    """Have MuJoCo write no file of warnings into the folder where the command runs; the proof itself judges the model."""
+    """Have MuJoCo write no file of warnings into the folder where the command runs; the proof judges the model."""
     import mujoco
 
     api: Any = mujoco
