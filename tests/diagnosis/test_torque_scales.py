@@ -16,7 +16,10 @@ from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.body_consistency import BEYOND, inconsistency
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
 from dynident.diagnosis.causes.torque_scales import JointScale, joint_scales, other_scales
+from dynident.diagnosis.checks import CHECKS, link_consistency
+from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.recording import read_recording
 from dynident.model.friction import FRICTION, default_friction
 from dynident.model.robot import Robot
 
@@ -119,3 +122,34 @@ def test_links_that_no_torque_of_this_scale_can_have_are_told(trial: Trial, tmp_
     assert found.link in [link.name for link in trial.case.robot.links]
     names = [one.name for one in faulty.examined(tmp_path).findings]
     assert "torque scale" in names and "inconsistent links" not in names  # the cause is told, not what follows
+
+
+def links_told(trial: Trial, folder: Path) -> list[str]:
+    """Return what the check of the links tells of a log by itself."""
+    recording = read_recording(trial.case, str(trial.written(folder)))
+    subject = CheckedLog(trial.case, recording, recording)
+    return [one.name for one in CHECKS.make("link_consistency").findings(subject)]
+
+
+def test_links_are_told_beside_friction_that_the_case_lacks(trial: Trial, tmp_path: Path) -> None:
+    columns = trial.columns
+    loaded = columns["tau"] * (1.0 + 0.1 * np.sign(columns["tau"]) * np.tanh(columns["dq"] / 0.005))
+    right = trial.with_columns(tau=loaded)
+    assert links_told(right, tmp_path) == []
+    assert links_told(put.scaled(right, -0.7, 1), tmp_path) == ["inconsistent links"]
+
+
+@pytest.mark.battery
+@pytest.mark.parametrize("seed", [122, 410])
+def test_links_are_not_told_for_friction_that_the_case_lacks(
+    seed: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Right logs whose free fit takes load friction for bodies: the rise falls where the friction is taken off."""
+    pytest.importorskip("pinocchio")
+    from benchmarks.faults.clean import told
+
+    found, _ = told(seed, tmp_path)
+    assert "inconsistent links" not in [one.name for one in found]
+    monkeypatch.setattr(link_consistency, "replace", lambda fit, **_: fit)  # nothing is taken off
+    found, _ = told(seed, tmp_path)
+    assert "inconsistent links" in [one.name for one in found]

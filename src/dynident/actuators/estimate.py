@@ -10,15 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from dynident.actuators import KIND
 from dynident.actuators.drive_law import DriveLaw, KnownFrom
 from dynident.actuators.parameters import PARAMETERS, PLACE
 from dynident.actuators.verdict import Known
 from dynident.arrays import Array
 from dynident.errors import EstimateFormatError
-from dynident.files import is_json_of, read_json, write_atomically
+from dynident.files import read_json, write_atomically
 
-#: What the file is, and its version.
-KIND, VERSION = "actuators", 1
+#: Version of the file.
+VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -150,11 +151,6 @@ def write_actuators(estimate: ActuatorEstimate, path: str | Path) -> None:
         FileError: The file cannot be written.
     """
     write_atomically(path, json.dumps(as_data(estimate), indent=1, allow_nan=False) + "\n")
-
-
-def is_actuators(path: str | Path) -> bool:
-    """Return whether a file states that it holds actuators."""
-    return is_json_of(path, f'"kind": "{KIND}"')
 
 
 def read_actuators(path: str | Path) -> ActuatorEstimate:

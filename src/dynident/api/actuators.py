@@ -1,15 +1,17 @@
-"""actuators: a case with servos and its logs to the actuators of its robot."""
+"""actuators and follow: a case with servos and its logs to the actuators of its robot, and these on other logs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
 from dynident.actuators.estimate import ActuatorEstimate
+from dynident.actuators.followed_log import FollowedJoint, followed
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_log import ServoLog, read_servo_log
+from dynident.api.case_logs import with_logs
 from dynident.case.case import Case, read_case
 from dynident.errors import BadOption, DescriptionError, LogMismatch
 from dynident.files import sha256_of
@@ -50,6 +52,37 @@ def actuators(
         "train": [log.name for log in train],
     }
     return replace(found, provenance=provenance)
+
+
+def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple[FollowedJoint, ...]:
+    """Roll out actuators over logs, read as the case of the estimate reads them; the commands are the only input.
+
+    Args:
+        estimate: The actuators, as :func:`actuators` or ``read_actuators`` gives them.
+        logs: The logs; by default the test logs of the case, or its training logs where it has none.
+
+    Raises:
+        FileError: The case file of the estimate is gone.
+        DescriptionError: The robot model is not the one that the actuators were identified with.
+        DynidentError: A log that is not sound, as of :func:`actuators`.
+    """
+    case = read_case(estimate.provenance.get("case", {}).get("path", ""))
+    known = estimate.provenance.get("robot", {}).get("sha256", "")
+    if known != sha256_of(case.robot_path):
+        step = "identify again: its inertias are the scale of all torques"
+        raise DescriptionError(case.robot_path, "", "it has changed since these actuators were identified", step)
+    if logs:
+        case, _ = with_logs(case, [str(log) for log in logs], ())
+    train, test = read_servo_logs(case)
+    with one_blas_thread():
+        return followed(estimate, case.robot, test or train, _seen(estimate, test or train))
+
+
+def _seen(estimate: ActuatorEstimate, logs: Sequence[ServoLog]) -> frozenset[str]:
+    """Return the names of logs whose content the estimate was trained on."""
+    known = set(estimate.provenance.get("train", ()))
+    digests = {one["sha256"] for one in estimate.provenance.get("logs", ()) if one["path"] in known}
+    return frozenset(log.name for log in logs if sha256_of(log.name) in digests)
 
 
 def read_servo_logs(case: Case) -> tuple[list[ServoLog], list[ServoLog]]:

@@ -1,13 +1,15 @@
-"""'dynident identify' of a case with the key servo: actuators in place of a dynamic model."""
+"""Commands on a case with the key servo, and on its answer: actuators in place of a dynamic model."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dynident.actuators.estimate import ActuatorEstimate
+    from dynident.actuators.followed_log import FollowedJoint
     from dynident.case.case import Case
 
 #: Options of 'identify' that are for logs with torques, and have no meaning here.
@@ -90,6 +92,102 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
     else:
         console.remark(f"{'would write' if options.check else 'wrote'} {options.output}", options.quiet)
     return 0
+
+
+def validate(options: argparse.Namespace) -> int:
+    """Follow logs with the actuators of a file and print the errors of the roll-outs.
+
+    Raises:
+        BadOption: An option that is for logs with torques.
+        DynidentError: A log that cannot be read, or a case that is not that of the file any more.
+    """
+    from dynident.cli import console
+    from dynident.results.actuator_report import errors_table, mean_lines
+    from dynident.results.actuator_text import joint_warnings
+
+    estimate, runs = _followed(options, ("accept", "split", "full"), options.logs, options.report)
+    if options.json:
+        console.answer_json({"robot": estimate.robot, "roll_outs": _listed(runs)})
+        return 0
+    first, *others = mean_lines(runs)
+    console.answer(f"{estimate.robot}: {first}")
+    for line in others:
+        console.answer(line)
+    console.answer_table(errors_table(runs))
+    for joint in estimate.joints:
+        for warning in joint_warnings(joint):
+            console.answer(f"warning: {joint.name}: {warning}")
+    if options.report:
+        console.remark(f"wrote {options.report}", options.quiet)
+    return 0
+
+
+def report(options: argparse.Namespace) -> int:
+    """Write the report of the actuators of a file.
+
+    Raises:
+        BadOption: An option that is for logs with torques.
+        DynidentError: As of :func:`validate`.
+    """
+    from dynident.cli import console
+
+    foreign = ("split", "plan", "case", "no_log_quality", "prove", "motion", "figures", "format")
+    estimate, runs = _followed(options, foreign, options.test, options.output)
+    if options.json:
+        console.answer_json({"report": options.output, "robot": estimate.robot, "roll_outs": _listed(runs)})
+    else:
+        console.remark(f"wrote {options.output}", options.quiet)
+    return 0
+
+
+def _followed(
+    options: argparse.Namespace, foreign: Sequence[str], logs: Sequence[str], page: str | None
+) -> tuple[ActuatorEstimate, tuple[FollowedJoint, ...]]:
+    """Return the actuators of a file and their roll-outs over logs; the page is written where one is asked for."""
+    from dynident.actuators.estimate import read_actuators
+    from dynident.api.actuators import follow
+    from dynident.cli import console
+    from dynident.errors import BadOption
+    from dynident.files import check_outputs, check_place, files_behind, write_atomically
+
+    for name in foreign:
+        if getattr(options, name):
+            option = f"--{name.replace('_', '-')}"
+            raise BadOption(option, getattr(options, name), f"{options.estimate} holds actuators; leave it out")
+    if page:
+        check_place(page)
+    with console.progress(2, options.quiet or options.json) as progress:
+        progress.step("reading")
+        estimate = read_actuators(options.estimate)
+        check_outputs((page,), (options.estimate, *logs, *files_behind(estimate.provenance)))
+        progress.step("roll-outs")
+        runs = follow(estimate, logs)
+        if page:
+            from dynident.results.actuator_report import actuator_page
+
+            write_atomically(page, actuator_page(estimate, runs))
+    return estimate, runs
+
+
+def _listed(runs: Sequence[FollowedJoint]) -> list[dict[str, object]]:
+    """Return the errors of roll-outs as plain data; what is infinite or not known is null."""
+
+    def finite(value: float) -> float | None:
+        return value if abs(value) < float("inf") else None
+
+    return [
+        {
+            "joint": run.joint,
+            "log": run.log,
+            "kp": run.kp,
+            "extrapolates": run.is_outside,
+            "trained_on": run.is_trained,
+            "error_rad": finite(run.error),
+            "linear_error_rad": finite(run.linear),
+            "robot_model_error_rad": finite(run.nominal),
+        }
+        for run in runs
+    ]
 
 
 def check(case: Case, options: argparse.Namespace) -> int:

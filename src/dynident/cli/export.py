@@ -107,7 +107,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.actuators.estimate import is_actuators
+    from dynident.actuators import is_actuators
     from dynident.api.export import check_target, is_estimate, read_subject
     from dynident.errors import BadOption
     from dynident.excitation.design.plan import Plan

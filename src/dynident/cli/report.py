@@ -2,6 +2,8 @@
 
 Without --test it validates on the test logs, or the test part of the split, of the case file or command.
 
+A report of actuators (a case with servo:) has their roll-outs over the test logs and their friction.
+
 dynident report estimate.json -o report.html
 dynident report estimate.json --test other-run.csv --figures figures --format pdf
 dynident report estimate.json --prove -o report.html
@@ -57,12 +59,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
-    from dynident.cli import console, plans
+    from dynident.actuators import is_actuators
+    from dynident.cli import actuators, console, plans
     from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place, files_behind, write_atomically
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.results.report.builder import parts_of, report_page
 
+    if is_actuators(options.estimate):
+        return actuators.report(options)
     _check(options)
     estimate = read_estimate(options.estimate)
     if options.case and not options.plan:

@@ -4,6 +4,8 @@ dynident validate estimate.json other-run.csv
 dynident validate estimate.json other-run.csv --json --report report.html
 dynident validate estimate.json other-run.csv --accept total_error=5% better_than_nominal
 
+An estimate of actuators (a case with servo:) is rolled out over the logs; the answer is the error of each roll-out.
+
 The answer takes one screen: verdict, errors by joint, links, data, warnings; --full shows all tables.
 The acceptance criteria are those of the identification and those of --accept, judged on these logs.
 Exit codes: 0 accepted or no criteria, 1 an error of the input, 2 wrong usage, 3 acceptance criteria not met,
@@ -41,11 +43,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.actuators import is_actuators
     from dynident.api.case_logs import check_unseen, seen_logs
     from dynident.api.estimate_output import summary
     from dynident.api.validate import read_log
     from dynident.case.acceptance import Acceptance, with_accept
-    from dynident.cli import console, jobs, verdicts
+    from dynident.cli import actuators, console, jobs, verdicts
     from dynident.data.split import Split
     from dynident.diagnosis.verdict import verdict_of
     from dynident.diagnosis.warnings import warnings_of
@@ -53,6 +56,8 @@ def run(options: argparse.Namespace) -> int:
     from dynident.identification.files.estimate_file import read_estimate
     from dynident.identification.validate import validate
 
+    if is_actuators(options.estimate):
+        return actuators.validate(options)
     if options.report:
         check_place(options.report)
     with console.progress(3, options.quiet or options.json) as progress:

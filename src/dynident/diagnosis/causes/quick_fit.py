@@ -174,6 +174,7 @@ class QuickFit:
         log: Positions and torques on equal steps, thinned.
         how: How they become rows.
         counting: Which of the rows count, shape (N,); None for all.
+        explained: Torque that has another cause than the model and is taken off, shape (N, n); None for none.
     """
 
     model: DynamicModel
@@ -181,6 +182,7 @@ class QuickFit:
     log: Log
     how: Preprocessing
     counting: BoolArray | None = None
+    explained: Array | None = None
 
     def part(self, counting: BoolArray) -> QuickFit:
         """Return the fit of some of the rows, shape (N,)."""
@@ -189,7 +191,8 @@ class QuickFit:
     @cached_property
     def rows(self) -> FitRows:
         """The rows as the case reads them."""
-        return self.rows_of(self.log)
+        rows = self.rows_of(self.log)
+        return rows if self.explained is None else replace(rows, torque=rows.torque - self.explained)
 
     @cached_property
     def regressor(self) -> RegressorStream:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
+
+import numpy as np
 
 from dynident.diagnosis.causes.body_consistency import DRAWS, inconsistency
 from dynident.diagnosis.checks.base import Check, CheckedLog
@@ -13,12 +15,19 @@ from dynident.diagnosis.finding import Finding
 
 @dataclass(frozen=True)
 class LinkConsistency(Check):
-    """Rise of the residual that links of positive mass density cost, against a parametric bootstrap."""
+    """Rise of the residual that links of positive mass density cost, against a parametric bootstrap.
+
+    Friction that the log is sure to have and the case has not is taken off before.
+    """
 
     stage: ClassVar[int] = 2
 
     def findings(self, subject: CheckedLog) -> Sequence[Finding]:
         found = None if subject.fit is None else inconsistency(subject.fit)
+        if found is not None and subject.trends is not None:  # friction that a draft lacks moves the bodies as well
+            curves = [blame for blame in subject.trends.blames if blame.cause.name == "friction curve"]
+            torque = sum(np.tensordot(blame.values, blame.cause.columns, 1) for blame in curves)
+            found = inconsistency(replace(subject.trends.fit, explained=torque)) if curves else found
         if found is None:
             return []
         evidence = (

@@ -1,0 +1,142 @@
+"""Actuators on logs: free roll-outs beside what was measured, and beside the actuator that the robot model states."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynident.actuators.estimate import ActuatorEstimate, JointActuator
+from dynident.actuators.joint_load import joint_loads, measured_motion
+from dynident.actuators.parameters import PLACE
+from dynident.actuators.rollout import JointRecord, record_of, rolled_out
+from dynident.actuators.servo_log import ServoLog, check_gains
+from dynident.arrays import Array
+from dynident.errors import LogMismatch
+from dynident.model.robot import Joint, Robot
+
+
+@dataclass(frozen=True)
+class FollowedJoint:
+    """The roll-out of one joint over one log; the commands are its only input.
+
+    Attributes:
+        joint: Name of the joint.
+        log: Name of the log.
+        kp: Position gain of the log.
+        is_outside: Whether the gain is outside those of the training logs.
+        is_trained: Whether the log is one of the training logs.
+        time: Shape (N,), in s.
+        command: Shape (N,), in rad.
+        measured: Shape (N,), in rad.
+        predicted: Shape (N,), in rad.
+        error: Mean absolute error, in rad.
+        linear: The same of the linear start.
+        nominal: The same with armature, damping and friction of the robot model; nan where it states none.
+        load: Root mean square of the torque of the bodies, in N m.
+    """
+
+    joint: str
+    log: str
+    kp: float
+    is_outside: bool
+    is_trained: bool
+    time: Array
+    command: Array
+    measured: Array
+    predicted: Array
+    error: float
+    linear: float
+    nominal: float
+    load: float
+
+
+def followed(
+    estimate: ActuatorEstimate, robot: Robot, logs: Sequence[ServoLog], trained: Collection[str] = ()
+) -> tuple[FollowedJoint, ...]:
+    """Return the roll-outs of an estimate over logs, joint by joint and log by log.
+
+    Args:
+        estimate: The actuators.
+        robot: The robot of the logs.
+        logs: Logs of commands and positions.
+        trained: Names of those that the estimate was trained on.
+
+    Raises:
+        LogMismatch: Another robot than that of the estimate.
+        BadOption: Some logs state gains and others do not.
+        NotConsistent: The robot model has no inertias.
+    """
+    names = tuple(joint.name for joint in estimate.joints)
+    if names != robot.joint_names:
+        evidence = f"the robot model has the joints {', '.join(robot.joint_names)}, the estimate {', '.join(names)}"
+        raise LogMismatch(f"robot '{robot.name}'", evidence, "name the case file of this estimate")
+    found: list[FollowedJoint] = []
+    logs = check_gains(logs, estimate.joints[0].law.kp)
+    loads = [joint_loads(robot, log, measured_motion(log)) for log in logs]
+    for k, (actuator, joint) in enumerate(zip(estimate.joints, robot.active, strict=True)):
+        nominal = _stated(actuator, joint)
+        for log, load in zip(logs, loads, strict=True):
+            record = record_of(log, k, load[k], actuator.law)
+            torque = load[k].bias[:, 0] + load[k].bias[:, 1] * np.cos(record.q) + load[k].bias[:, 2] * np.sin(record.q)
+            predicted = rolled_out(record, actuator.parameters).q
+            outside = bool(actuator.kp) and not min(actuator.kp) <= log.kp <= max(actuator.kp)
+            found.append(
+                FollowedJoint(
+                    actuator.name,
+                    log.name,
+                    log.kp,
+                    outside,
+                    log.name in trained,
+                    log.time - log.time[0],
+                    log.q_ref[:, k],
+                    record.q,
+                    predicted,
+                    _error(record, predicted),
+                    _error(record, rolled_out(record, actuator.linear).q),
+                    float("nan") if nominal is None else _error(record, rolled_out(record, nominal).q),
+                    float(np.sqrt(np.mean(torque**2))),
+                )
+            )
+    return tuple(found)
+
+
+def _error(record: JointRecord, q: Array) -> float:
+    error = np.abs(q - record.q)[record.used]
+    return float(np.mean(error)) if np.isfinite(error).all() else float("inf")
+
+
+def _stated(actuator: JointActuator, joint: Joint) -> Array | None:
+    """Return the drive as identified with armature, damping and friction of the robot model; None where it has none.
+
+    A stated damping stands for viscous friction and back-EMF together, as simulators take it.
+    """
+    stated: Mapping[str, float | None] = {
+        "armature": joint.drive.reflected_inertia or None,
+        "viscous": joint.damping,
+        "coulomb": joint.friction,
+    }
+    if not any(stated.values()):
+        return None
+    values = actuator.simple.copy()
+    for name, value in stated.items():
+        values[PLACE[name]] = value or 0.0
+    values[PLACE["back_emf"]] = 0.0
+    values[PLACE["armature"]] = max(values[PLACE["armature"]], 1e-7)
+    return values
+
+
+def friction_of(actuator: JointActuator, speed: Array, load: float) -> Array:
+    """Return the friction of a joint that moves evenly against a load, shape (N,), in N m.
+
+    Args:
+        actuator: The actuator.
+        speed: In rad/s, 0 or above, shape (N,).
+        load: Torque of the bodies, which the motor carries, in N m.
+    """
+    value = actuator.value
+    fade = np.exp(-((speed / value("stribeck_velocity")) ** value("stribeck_exponent")))
+    steady = value("coulomb") + (value("load_motor") + value("load_external")) * load
+    still = value("load_motor_stribeck") + value("load_external_stribeck")
+    return steady + fade * (value("coulomb_stribeck") + still * load) + value("viscous") * speed

@@ -1,0 +1,111 @@
+"""Actuators beside logs: a table for the terminal, and a page with roll-outs, errors and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dynident.actuators.estimate import ActuatorEstimate, JointActuator
+from dynident.actuators.followed_log import FollowedJoint, friction_of
+from dynident.results.actuator_text import headline, joint_lines, joint_warnings, parameter_table
+from dynident.results.figures.signals import line_chart
+from dynident.results.report.builder import ReportPart, build_page
+from dynident.results.report.sections.base import drawn
+from dynident.results.text import MISSING, Column, Table, format_number
+
+#: Speeds of the friction curve, in rad/s at most, and points of a curve.
+FASTEST, POINTS = 10.0, 200
+
+#: Points of a roll-out at most: more are not seen.
+MOST = 1500
+
+
+def errors_table(runs: Sequence[FollowedJoint]) -> Table:
+    """Return the mean absolute position error of each roll-out, beside those of linear start and robot model."""
+    several = len({run.joint for run in runs}) > 1
+    stated = any(np.isfinite(run.nominal) for run in runs)
+    columns = [Column("log"), Column("kp", numeric=True), Column("identified", "mrad", numeric=True)]
+    columns += [Column("linear start", "mrad", numeric=True)]
+    remarks = [", ".join(_remarks(run)) for run in runs]
+    columns += [Column("robot model", "mrad", numeric=True)] * stated + [Column("remark")] * any(remarks)
+    rows = []
+    for run, remark in zip(runs, remarks, strict=True):
+        cells = [Path(run.log).name, f"{run.kp:g}", _mrad(run.error), _mrad(run.linear)]
+        cells += [_mrad(run.nominal)] * stated + [remark] * any(remarks)
+        rows.append((run.joint, *cells) if several else tuple(cells))
+    return Table(tuple([Column("joint")] * several + columns), tuple(rows))
+
+
+def _remarks(run: FollowedJoint) -> list[str]:
+    return ["kp not trained"] * run.is_outside + ["training log"] * run.is_trained
+
+
+def _mrad(value: float) -> str:
+    return format_number(1e3 * value, 3) if np.isfinite(value) else MISSING if np.isnan(value) else "diverges"
+
+
+def mean_lines(runs: Sequence[FollowedJoint]) -> list[str]:
+    """Return the mean error over the roll-outs, and how many of them do not test the actuators."""
+    errors = np.array([run.error for run in runs])
+    found = [f"mean absolute position error {_mrad(float(errors.mean()))} mrad ({_counted(len(runs))})"]
+    if outside := sum(run.is_outside for run in runs):
+        found.append(f"{_counted(outside)} at a kp outside that of the training logs: extrapolation")
+    if trained := sum(run.is_trained for run in runs):
+        found.append(f"{_counted(trained)} over training logs: optimistic")
+    return found
+
+
+def _counted(count: int) -> str:
+    return f"{count} roll-out{'s' * (count != 1)}"
+
+
+def actuator_page(estimate: ActuatorEstimate, runs: Sequence[FollowedJoint]) -> str:
+    """Return the report of actuators as one HTML page.
+
+    Args:
+        estimate: The actuators.
+        runs: Their roll-outs over logs.
+    """
+    parts = [ReportPart("errors", "Errors of the roll-outs", "actuators.html", _errors(runs))]
+    for joint in estimate.joints:
+        own = [run for run in runs if run.joint == joint.name]
+        parts.append(ReportPart(f"joint-{joint.name}", joint.name, "actuators.html", _joint(joint, own)))
+    lead = (headline(estimate).partition(": ")[2], f"{len({run.log for run in runs})} logs")
+    return build_page("Actuators", estimate.robot, lead, parts)
+
+
+def _errors(runs: Sequence[FollowedJoint]) -> dict[str, object]:
+    said = (
+        "Each roll-out starts at the first sample of a log and gets nothing but its commands. "
+        "Mean absolute position error; robot model: its own armature, damping and friction with the identified drive."
+    )
+    return {
+        "lines": [said, f"{'; '.join(mean_lines(runs))}."],
+        "warnings": [],
+        "tables": [errors_table(runs)],
+        "figures": [],
+    }
+
+
+def _joint(joint: JointActuator, runs: Sequence[FollowedJoint]) -> dict[str, object]:
+    speed = np.linspace(0.0, FASTEST, POINTS)
+    load = float(np.sqrt(np.mean([run.load**2 for run in runs]))) if runs else 0.0
+    lines = [("no load", speed, friction_of(joint, speed, 0.0))]
+    if joint.friction not in ("m1", "m2") and load > 0:
+        lines.append((f"load of {format_number(load, 2)} N m", speed, friction_of(joint, speed, load)))
+    figures = [
+        drawn(line_chart("Friction at even speed", lines, "speed [rad/s]", "friction [N m]"), "friction", joint.name)
+    ]
+    for run in runs:
+        step = max(1, len(run.time) // MOST)
+        own = run.time[::step]
+        curves = [("command", own, run.command[::step]), ("measured", own, run.measured[::step])]
+        curves.append(("roll-out", own, np.clip(run.predicted[::step], -1e3, 1e3)))
+        title = f"{Path(run.log).name}, {_mrad(run.error)} mrad"
+        figures.append(drawn(line_chart(title, curves, "time [s]", "position [rad]"), "rollout", joint.name))
+    return {
+        "lines": joint_lines(joint), "warnings": joint_warnings(joint), "tables": [parameter_table(joint)],
+        "figures": figures,
+    }  # fmt: skip
