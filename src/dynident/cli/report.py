@@ -2,8 +2,6 @@
 
 Without --test it validates on the test logs, or the test part of the split, of the case file or command.
 
-A report of actuators (a case with servo:) has their roll-outs over the test logs and their friction.
-
 dynident report estimate.json -o report.html
 dynident report estimate.json --test other-run.csv --figures figures --format pdf
 dynident report estimate.json --prove -o report.html
