@@ -1,16 +1,19 @@
-"""Robot models in URDF, read and written back: the regressor beside Pinocchio's, torques after a round trip.
+"""Robot models in URDF or MJCF, read and written back: the regressor beside Pinocchio's or MuJoCo's, and a round trip.
 
 For each URDF below a folder: whether it is read, and why not; the largest difference of the regressor from that of
 Pinocchio on 20 random states, each as a share of the largest entry of its column's kind; the URDF with other inertias,
 every other byte kept, read again: the largest difference of torques as a share of the largest of the robot. Joints that
 follow another move freely in both. Robots that Pinocchio gives a free base have a fixed one here.
-Run: python -m benchmarks.robot_models FOLDER (the wheel of example-robot-data, unpacked, has 69 URDFs)
+With --mjcf the same for each MJCF that MuJoCo loads and that has a joint, beside MuJoCo.
+Run: python -m benchmarks.robot_models FOLDER [--mjcf] (the wheel of example-robot-data, unpacked, has 69 URDFs)
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
+import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,11 +21,15 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.mujoco_oracle import mujoco_regressor
 from dynident.arrays import Array
 from dynident.errors import DynidentError
+from dynident.exports.models.proving.engines import without_log
+from dynident.exports.models.proving.mjcf_proof import reload_mjcf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import OWN, Identified
 from dynident.exports.models.subject.source import OwnDescription
+from dynident.exports.models.writing.mjcf_own import beside, patched_mjcf
 from dynident.exports.models.writing.urdf import written_urdf
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.inertia import Inertia
@@ -33,10 +40,17 @@ from dynident.robot_files.formats.urdf import read_urdf
 
 STATES = 20
 
+#: Share of the largest entry of all below which the largest of a kind is rounding.
+ROUNDING = 1e-12
+
+#: Columns of moments and products of inertia, of mass times centre, of mass; and which of them each column is.
+KINDS = (slice(0, 6), slice(6, 9), slice(9, 10))
+WHICH = np.array([0] * 6 + [1] * 3 + [2])
+
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was found of a URDF: joints, differences; ``why`` says what was not done."""
+    """What was found of a robot model: joints, differences; ``why`` says what was not done."""
 
     joints: int = 0
     regressor: float = float("nan")
@@ -70,16 +84,19 @@ def beside_pinocchio(robot: Robot, path: Path) -> float:
         whole = pin.computeJointTorqueRegressor(model, data, place, speed, rate)
         bodies = whole[at].reshape(count, -1, 10)[:, [k - 1 for k in number]]
         expected[row] = from_pinocchio(bodies)
-    kinds = np.array([0] * 6 + [1] * 3 + [2])
-    sizes = np.array([np.abs(expected[..., kinds == kind]).max() for kind in range(3)])[kinds]
+    sizes = np.array([np.abs(expected[..., kind]).max() for kind in KINDS])[WHICH]
     return float((np.abs(found - expected) / np.where(sizes > 0, sizes, 1.0)).max())
 
 
 def other_bodies(robot: Robot) -> Array:
-    """Return consistent inertial parameters of all links, (10 l,): the stated ones times 1.2, else those of a ball."""
+    """Return consistent inertial parameters of all links, (10 l,): the stated ones times 1.2, else those of a ball.
+
+    Links between two joints of one body have none, and none is put there.
+    """
     ball = Inertia.from_centre_of_mass(1.0, np.array([0.05, 0.02, 0.1]), 0.01 * np.eye(3))
     bodies = [
-        link.inertia if link.inertia is not None and link.inertia.defect() is None else ball for link in robot.links
+        link.inertia if link.inertia is not None and (link.inertia.mass == 0 or link.inertia.defect() is None) else ball
+        for link in robot.links
     ]
     return 1.2 * np.concatenate([body.vector for body in bodies])
 
@@ -99,30 +116,82 @@ def after_a_round_trip(robot: Robot, path: Path) -> float:
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
+def beside_mujoco(robot: Robot, path: Path) -> float:
+    """Return the same of an MJCF beside MuJoCo; links that are no body of the file have no mass and do not count."""
+    q, dq, ddq = np.random.default_rng(0).uniform(-1.5, 1.5, (3, STATES, robot.dof))
+    shape = STATES, robot.dof, len(robot.links), 10
+    found = DynamicModel(robot).regressor(q, dq, ddq)[..., : 10 * len(robot.links)].reshape(shape)
+    expected = mujoco_regressor(path, robot, q, dq, ddq).reshape(shape)
+    sizes = np.array([np.nanmax(np.abs(expected[..., kind])) for kind in KINDS])[WHICH]
+    sizes = np.where(sizes > ROUNDING * sizes.max(), sizes, sizes.max())  # such as the mass on a pendulum: none
+    return float(np.nanmax(np.abs(found - expected) / sizes))
+
+
+def mjcf_after_a_round_trip(robot: Robot, path: Path) -> float:
+    """Return the same of an MJCF, read again by dynident and by MuJoCo, whichever differs more."""
+    model, theta = DynamicModel(robot), other_bodies(robot)
+    estimate: Any = SimpleNamespace(model=model)
+    source = OwnDescription(path, path.read_bytes())
+    subject = Identified(estimate, theta, OWN, source)
+    patched = patched_mjcf(subject, drives_of(subject), source, lump=False)
+    with tempfile.TemporaryDirectory() as folder:
+        found = list(reload_mjcf(subject, source, patched, beside(path, source, patched), Path(folder)))
+    for one in found:
+        if one.why_not:
+            raise ValueError(f"{one.name}: {one.why_not}")
+    pairs = [(np.asarray(one.torque), np.asarray(one.expected)) for one in found]
+    return max(float(np.abs(torque - wanted).max() / np.abs(wanted).max()) for torque, wanted in pairs)
+
+
+def mjcf_files(folder: Path) -> list[Path]:
+    """Return the models that MuJoCo loads below a folder and that have a joint; parts of others are left out."""
+    import mujoco
+
+    api: Any = mujoco
+    found = []
+    for path in sorted(folder.rglob("*.xml")):
+        if b"<mujoco" not in path.read_bytes()[:4000]:
+            continue
+        with contextlib.suppress(ValueError), without_log():
+            model = api.MjModel.from_xml_path(str(path))
+            if model.njnt:
+                found.append(path)
+    return found
+
+
 def outcome_of(path: Path) -> Outcome:
-    """Return what was found of a URDF."""
+    """Return what was found of a robot model."""
     try:
         robot = read_robot(path)
     except DynidentError as problem:
         return Outcome(why=f"not read: {str(problem).removeprefix(str(path)).lstrip(': ')}")
-    plain = free(robot)
+    is_urdf = path.suffix == ".urdf"
+    plain = free(robot) if is_urdf else robot
+    beside_engine = beside_pinocchio if is_urdf else beside_mujoco
+    back = after_a_round_trip if is_urdf else mjcf_after_a_round_trip
+    regressor = float("nan")
     try:
-        return Outcome(plain.dof, beside_pinocchio(plain, path), after_a_round_trip(robot, path))
+        regressor = beside_engine(plain, path)
+        return Outcome(plain.dof, regressor, back(plain, path))
     except (DynidentError, ValueError, IndexError) as problem:
-        return Outcome(plain.dof, why=" ".join(str(problem).split()))
+        return Outcome(plain.dof, regressor, why=" ".join(str(problem).split()))
 
 
 def main() -> None:
-    """Print a table of all URDFs below a folder."""
+    """Print a table of all robot models below a folder."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    files = sorted(parser.parse_args().folder.rglob("*.urdf"))
-    print("| URDF | joints | regressor | written back |\n|---|---|---|---|")
+    parser.add_argument("--mjcf", action="store_true", help="MJCF beside MuJoCo in place of URDF beside Pinocchio")
+    options = parser.parse_args()
+    files = mjcf_files(options.folder) if options.mjcf else sorted(options.folder.rglob("*.urdf"))
+    print("| robot model | joints | regressor | written back |\n|---|---|---|---|")
     outcomes = []
     for path in files:
-        outcome = outcome_of(path)
+        with without_log() if options.mjcf else contextlib.nullcontext():
+            outcome = outcome_of(path)
         outcomes.append(outcome)
-        print(f"| {path.name} | {outcome.joints} | {outcome.regressor:.1e} | {outcome.written:.1e} | {outcome.why}")
+        name = path.relative_to(options.folder)
+        print(f"| {name} | {outcome.joints} | {outcome.regressor:.1e} | {outcome.written:.1e} | {outcome.why}")
         sys.stdout.flush()
     done = [outcome for outcome in outcomes if outcome.joints and not outcome.why]
     regressor, written = max(o.regressor for o in done), max(o.written for o in done)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mujoco_oracle import mujoco_regressor
+from benchmarks.mujoco_oracle import mujoco_regressor
 
 from dynident.api.given_robots import robot_of
 from dynident.arrays import Array
@@ -321,6 +321,11 @@ FAULTS = {
         TIED.replace("</equality>", '<joint joint1="z" joint2="b"/></equality>'),
         "redundant equalities",
         "remove one of them",
+    ),
+    "tied tendons": (
+        arm(HINGE + BODY, tail='<equality><tendon tendon1="one" polycoef="0 1 0 0 0"/></equality>'),
+        "an equality of tendons",
+        "an equality of joints",
     ),
     "a loop of bodies": (
         arm(HINGE + BODY, tail='<equality><weld body1="first" body2="last"/></equality>'),

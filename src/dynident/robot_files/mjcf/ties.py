@@ -45,6 +45,9 @@ def _followed(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> lis
         values = defaults.values(element, "")
         if not values.flag("active", True):
             continue
+        if element.tag == "tendon":
+            step = 'write the coupling as an equality of joints (<joint joint1= joint2= polycoef=>), or active="false"'
+            raise values.place.error("an equality of tendons is not read", step)
         if element.tag != "joint":
             step = 'remove it, or write active="false": loops of bodies are not read'
             raise values.place.error(f"the equality constraint <{element.tag}> closes a loop of bodies", step)

@@ -50,6 +50,7 @@ def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) 
     data = api.MjData(model)
     states = q @ turn.T + shift, dq @ turn.T, ddq @ turn.T
     model.body_mass[:], model.body_inertia[:] = 0.0, 0.0
+    model.body_simple[:], model.dof_simplenum[:] = 0, 0  # no inertia is that of the loaded model
     bare = _torques(api, model, data, states) @ turn  # of what is no body, such as rotors of actuators
     found = np.full((len(q), robot.dof, 10 * len(robot.links)), np.nan)
     designs = [Inertia.from_log_cholesky(np.random.default_rng(k).normal(scale=0.6, size=10)) for k in range(10)]
@@ -71,7 +72,7 @@ def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) 
             model.body_mass[row], model.body_ipos[row] = body.mass, body.centre_of_mass
             model.body_iquat[row], model.body_inertia[row] = quaternion, moments
             model.body_sameframe[:] = 0
-            model.body_simple[:] = 0
+            model.body_simple[:], model.dof_simplenum[:] = 0, 0
             with contextlib.chdir(path.parent):  # MuJoCo writes its warnings of joints without inertia there
                 api.mj_setConst(model, data)
             torques[:, :, k] = _torques(api, model, data, states) @ turn - bare
