@@ -9,11 +9,13 @@ import pytest
 from servo_bench import TRUE, parameters, virtual_logs
 
 from dynident.actuators.drive_law import PRESETS, STATES, preset
-from dynident.actuators.estimate import read_actuators, write_actuators
+from dynident.actuators.estimate import JointActuator, read_actuators, write_actuators
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.servo_log import ServoColumns, ServoSetup
+from dynident.actuators.verdict import Known
 from dynident.errors import EstimateFormatError, NotConsistent, UnknownChoice
 from dynident.model.robot import Robot
+from dynident.results.actuator_text import joint_warnings
 from dynident.robot_files import read_robot
 
 COLUMNS = ServoColumns(("joint1",))
@@ -81,3 +83,20 @@ def test_every_preset_says_where_its_fields_are_known_from() -> None:
         assert all(one.source for one in law.known.values() if one.state != "unknown")
     with pytest.raises(UnknownChoice, match="did you mean 'dynamixel_xl330'"):
         preset("dynamixel_xl33")
+
+
+@pytest.mark.parametrize("name", ["delay", "armature"])
+def test_a_parameter_that_no_servo_has_at_zero_is_a_warning_there(name: str) -> None:
+    """Not so inside of its bounds, and not for friction, which may be zero."""
+
+    def warned(value: float, label: str, which: str = name) -> bool:
+        known = (Known(which, value, np.inf, label),)
+        joint = JointActuator(
+            "j", preset("mit"), (), "m1", parameters(**{which: value}), known, (), parameters(), parameters(),
+            {}, {}, {}, {}, 0.0,
+        )  # fmt: skip
+        return any("ended at its bound 0" in line and which in line for line in joint_warnings(joint))
+
+    assert warned(1e-9, "at its bound")
+    assert not warned(0.004, "identified")
+    assert not warned(0.0, "at its bound", "coulomb")

@@ -66,6 +66,7 @@ def test_what_does_not_go_with_servos_is_refused(
         ("enabled:", "enable:", "did you mean 'enabled'"),
         ("'kp{}'", "'gain{}'", "no position gain"),
         ("q_ref1", "q_goal", "no column of the command"),
+        ("train:", "drives: {joint1: {rotor_inertia: 0.01}}\ntrain:", "no effect beside servo"),
     ],
 )
 def test_a_fault_of_the_section_is_named(

@@ -10,13 +10,16 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from dynident.actuators.parameters import PARAMETERS, PLACE, FrictionModel
+from dynident.actuators.parameters import COUNT, PARAMETERS, PLACE, FrictionModel
 from dynident.actuators.rollout import JointRecord, rolled_out
-from dynident.arrays import Array
+from dynident.arrays import Array, IntArray
 from dynident.errors import SolverFailed
 
 #: Length of the first shooting intervals in s; then whole logs.
 SHOOTING_S = 1.0
+
+#: Starts whose results on intervals differ by less than this share of each parameter go on as one.
+_ALIKE = 0.05
 
 #: Least root mean square error of a log, as a share of their median, that its weight goes by.
 _LEAST_SHARE = 0.5
@@ -78,12 +81,12 @@ class ServoProblem:
             parameters[PLACE[tied]] = parameters[PLACE[other]]
         return parameters
 
-    def jacobian(self, slopes: Array) -> Array:
-        """Return the derivatives (N, f) by the free parameters from those by all, (N, COUNT)."""
-        found = slopes[:, self.places].copy()
+    def columns(self) -> IntArray:
+        """Return the column of the derivatives by each parameter, shape (COUNT,); equal parameters share one."""
+        found = np.full(COUNT, -1)
+        found[self.places] = np.arange(len(self.free))
         for tied, other in self.friction.tied:
-            if other in self.free:
-                found[:, self.free.index(other)] += slopes[:, PLACE[tied]]
+            found[PLACE[tied]] = found[PLACE[other]]
         return found
 
     def bounds(self) -> tuple[Array, Array]:
@@ -97,11 +100,11 @@ class ServoProblem:
 
     def errors(self, parameters: Array) -> tuple[list[Array], list[Array]]:
         """Return the errors in rad and their derivatives by the free parameters, log by log."""
-        errors, slopes = [], []
+        errors, slopes, columns = [], [], self.columns()
         for record in self.records:
-            run = rolled_out(record, parameters, True)
+            run = rolled_out(record, parameters, columns)
             errors.append((run.q - record.q)[record.used])
-            slopes.append(self.jacobian(run.slopes)[record.used])
+            slopes.append(run.slopes[record.used])
         return errors, slopes
 
 
@@ -130,7 +133,8 @@ def output_error(
     """Return the parameters whose roll-outs are nearest to the measured positions.
 
     All starts are refined on intervals of SHOOTING_S that begin at the measurement (multiple shooting), the best of
-    them on whole logs. The loss is Huber's, smoothed (soft L1), so that failed reads and single slips count little.
+    them on whole logs, those that ended alike as one. The loss is Huber's, smoothed (soft L1), so that failed reads
+    and single slips count little.
     Then the logs are weighted by their own root mean square error, as maximum likelihood does where each log has a
     variance of its own: a log that the model cannot follow (a hot drive, a supply that sags) does not rule the others.
 
@@ -153,10 +157,10 @@ def output_error(
         values, cost, count = _refined(pieces, start, loss_scale, effort.few)
         evaluations += count
         coarse.append((cost, values))
-    order = np.argsort([cost for cost, _ in coarse])[: effort.go_on]
+    order = _distinct(coarse, problem)[: effort.go_on]
     costs = [np.inf] * len(starts)
     best: tuple[Array, float, int] | None = None
-    tried = [(int(k), coarse[k][1]) for k in order] + [(0, starts[0])]
+    tried = [(k, coarse[k][1]) for k in order] + [(0, starts[0])]
     for k, first in tried:
         values, cost, count = _refined(problem, first, loss_scale, effort.many)
         evaluations += count
@@ -172,6 +176,17 @@ def output_error(
         evaluations += count
         best = (values, cost, best[2])
     return ServoFit(best[0], best[1], best[2], evaluations, tuple(costs))
+
+
+def _distinct(found: Sequence[tuple[float, Array]], problem: ServoProblem) -> list[int]:
+    """Return the numbers of results (cost, parameters), the best first, without those that are like a better one."""
+    kept: list[int] = []
+    for k in np.argsort([cost for cost, _ in found]):
+        own = found[k][1][problem.places]
+        size = np.maximum(np.abs(own), problem.scales())
+        if all(np.max(np.abs(own - found[j][1][problem.places]) / size) > _ALIKE for j in kept):
+            kept.append(int(k))
+    return kept
 
 
 def log_weights(problem: ServoProblem, parameters: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -12,10 +13,13 @@ from dynident.actuators.joint_load import JointLoad, loop_samples
 from dynident.actuators.parameters import COUNT
 from dynident.actuators.rollout_loop import roll_out
 from dynident.actuators.servo_log import ServoLog
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array, BoolArray, IntArray
 
 #: Longest step of the integration in s.
 STEP = 1e-3
+
+#: No derivative is asked for.
+NONE: Final = np.full(COUNT, -1)
 
 #: Samples by which the velocity at the start is found.
 _FIRST = 8
@@ -81,7 +85,7 @@ class Rollout:
 
     Attributes:
         q: Positions at the samples, shape (N,), in rad.
-        slopes: Their derivatives by the parameters, shape (N, COUNT); (0, COUNT) where none were asked for.
+        slopes: Their derivatives by the parameters, shape (N, f).
         saturated: Whether the duty was at its limit after a sample, shape (N,).
     """
 
@@ -90,13 +94,19 @@ class Rollout:
     saturated: BoolArray
 
 
-def rolled_out(record: JointRecord, parameters: Array, with_slopes: bool = False, longest: float = STEP) -> Rollout:
-    """Return the roll-out of a joint from the first sample of a log with its commands as the only input."""
+def rolled_out(record: JointRecord, parameters: Array, at: IntArray = NONE, longest: float = STEP) -> Rollout:
+    """Return the roll-out of a joint from the first sample of a log with its commands as the only input.
+
+    Args:
+        record: The joint in the log.
+        parameters: In the order of PARAMETERS, shape (COUNT,).
+        at: Column of the derivatives by each parameter, shape (COUNT,); equal parameters share one, -1: none.
+        longest: Longest step of the integration in s.
+    """
     count = len(record.q)
-    q, saturated = np.empty(count), np.zeros(count, dtype=bool)
-    slopes = np.empty((count if with_slopes else 0, COUNT))
-    roll_out(parameters, record.samples, record.law, record.start, longest, q, slopes, saturated)
-    return Rollout(q, slopes, saturated)
+    out, saturated = np.empty((count, 2 + int(at.max()))), np.zeros(count, dtype=bool)
+    roll_out(parameters, record.samples, record.law, record.start, longest, at, out, saturated)
+    return Rollout(out[:, 0], out[:, 1:], saturated)
 
 
 def mean_errors(records: Sequence[JointRecord], parameters: Array) -> Array:

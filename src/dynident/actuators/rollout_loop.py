@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from dynident.actuators.parameters import COUNT, PLACE
-from dynident.arrays import Array, BoolArray
+from dynident.actuators.parameters import PLACE
+from dynident.arrays import Array, BoolArray, IntArray
 from dynident.model.kernels.jit import compiled
 
 _GAIN, _TORQUE, _EMF, _VISCOUS = (PLACE[name] for name in ("gain_ratio", "full_torque", "back_emf", "viscous"))
@@ -16,7 +16,6 @@ _LM, _LE, _LMS, _LES = (PLACE[f"load_{name}"] for name in ("motor", "external", 
 _LMQ, _LEQ = PLACE["load_motor_quadratic"], PLACE["load_external_quadratic"]
 _VS, _ALPHA, _ARMATURE = PLACE["stribeck_velocity"], PLACE["stribeck_exponent"], PLACE["armature"]
 _OFFSET, _DELAY, _SLEW, _KD = (PLACE[name] for name in ("angle_offset", "delay", "slew_limit", "damping_gain"))
-_COUNT = COUNT
 
 #: Columns of the samples that the loop takes: time, command, commanded velocity, duty that is added, whether the drive
 #: is on, supply voltage over the nominal one, inertia, and the bias torque c0 + c1 cos q + c2 sin q.
@@ -27,9 +26,9 @@ _COLUMNS = COLUMNS
 (
     _COMMAND, _JUMP, _GAP, _MOVED, _ERROR, _PER_ERROR, _RATE_ERROR, _FED, _LIMITED, _DUTY, _ON, _ACTIVE, _STIFFNESS,
     _RATIO, _FADE, _FADE_V, _REST, _BUDGET, _SIGN_1, _SIGN_2, _SQUARE_M, _SQUARE_E,
-    _FORCE, _INERTIA, _DAMPING, _BRAKE, _STUCK, _SIGN, _NUMBER,
-) = range(29)  # fmt: skip
-_ENTRIES = 29
+    _FORCE, _INERTIA, _DAMPING, _BRAKE, _STUCK, _SIGN, _NUMBER, _HAS_FADE,
+) = range(30)  # fmt: skip
+_ENTRIES = 30
 
 
 @compiled
@@ -49,6 +48,11 @@ def _delayed(samples: Array, moment: float, step: float, place: int) -> tuple[in
 @compiled
 def _budget(p: Array, v: float, motor: float, external: float, now: Array) -> None:
     """Write the friction budget and what its derivatives need: see the entries of ``now`` below."""
+    if now[_HAS_FADE] < 0.5:
+        one = p[_LE] * external - p[_LM] * motor
+        now[_SIGN_1] = math.copysign(1.0, one if one != 0.0 else external - motor)
+        now[_BUDGET] = p[_COULOMB] + abs(one)
+        return
     speed = abs(v)
     ratio = (speed / p[_VS]) ** p[_ALPHA] if speed > 0.0 else 0.0
     fade = math.exp(-ratio)
@@ -69,71 +73,72 @@ def _budget(p: Array, v: float, motor: float, external: float, now: Array) -> No
 
 
 @compiled
-def _budget_slopes(p: Array, v: float, motor: float, external: float, now: Array, slopes: Array) -> None:
+def _budget_slopes(p: Array, v: float, motor: float, external: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Write the derivatives of the friction budget, ``slopes[4]``, from those of the torques and the speed."""
     sv, dm, de, df = slopes[1], slopes[2], slopes[3], slopes[4]
-    fade, rest, s1, s2 = now[_FADE], now[_REST], now[_SIGN_1], now[_SIGN_2]
-    for k in range(_COUNT):
-        d1 = p[_LE] * de[k] - p[_LM] * dm[k]
-        d2 = p[_LES] * de[k] - p[_LMS] * dm[k]
-        squares = now[_SQUARE_M] * dm[k] + now[_SQUARE_E] * de[k]
-        df[k] = s1 * d1 + fade * (s2 * d2 + squares) + rest * now[_FADE_V] * sv[k]
-    df[_COULOMB] += 1.0
-    df[_COULOMB_S] += fade
-    df[_LE] += s1 * external
-    df[_LM] -= s1 * motor
-    df[_LES] += fade * s2 * external
-    df[_LMS] -= fade * s2 * motor
+    fade, s1, s2 = now[_FADE], now[_SIGN_1], now[_SIGN_2]
+    by_external = s1 * p[_LE] + fade * (s2 * p[_LES] + now[_SQUARE_E])
+    by_motor = -s1 * p[_LM] + fade * (now[_SQUARE_M] - s2 * p[_LMS])
+    by_speed = now[_REST] * now[_FADE_V]
+    for k in range(len(df)):
+        df[k] = by_external * de[k] + by_motor * dm[k] + by_speed * sv[k]
+    df[at[_COULOMB]] += 1.0
+    df[at[_LE]] += s1 * external
+    df[at[_LM]] -= s1 * motor
+    if now[_HAS_FADE] < 0.5:
+        return
+    df[at[_COULOMB_S]] += fade
+    df[at[_LES]] += fade * s2 * external
+    df[at[_LMS]] -= fade * s2 * motor
     if external * motor < 0.0 and abs(external) < abs(motor):
-        df[_LEQ] += fade * external * external
+        df[at[_LEQ]] += fade * external * external
     elif external * motor < 0.0 and abs(external) > abs(motor):
-        df[_LMQ] += fade * motor * motor
+        df[at[_LMQ]] += fade * motor * motor
     if v != 0.0:
-        df[_VS] += rest * fade * now[_RATIO] * p[_ALPHA] / p[_VS]
-        df[_ALPHA] -= rest * fade * now[_RATIO] * math.log(abs(v) / p[_VS])
+        df[at[_VS]] += now[_REST] * fade * now[_RATIO] * p[_ALPHA] / p[_VS]
+        df[at[_ALPHA]] -= now[_REST] * fade * now[_RATIO] * math.log(abs(v) / p[_VS])
 
 
 @compiled
-def _drive_slopes(p: Array, h: float, v: float, now: Array, slopes: Array, goal: Array, duty: Array) -> None:
-    """Write the derivatives of torque (``duty``), of motor and external torque and of the goal inside the drive."""
-    sq, sv, dm, de = slopes[0], slopes[1], slopes[2], slopes[3]
-    per = p[_GAIN] * now[_PER_ERROR] * (now[_ERROR] != 0.0)
+def _drive_slopes(p: Array, h: float, v: float, now: Array, slopes: Array, goal: Array, at: IntArray) -> None:
+    """Write the derivatives of the torque (``slopes[5]``), of motor and external torque, and of the goal inside."""
+    sq, sv, dm, de, duty = slopes[0], slopes[1], slopes[2], slopes[3], slopes[5]
     if now[_MOVED] > 0.5:
         goal[:] = 0.0
-        goal[_DELAY] = -now[_JUMP] / h
+        goal[at[_DELAY]] = -now[_JUMP] / h
     else:
-        goal[_SLEW] += math.copysign(h, now[_GAP])
-    active, on, free = now[_ACTIVE], now[_ON], now[_LIMITED] < 0.5
-    for k in range(_COUNT):
-        raw = per * (goal[k] - sq[k]) - p[_KD] * sv[k]
-        if k == _GAIN:
-            raw += now[_PER_ERROR] * now[_ERROR]
-        elif k == _KD:
-            raw += now[_RATE_ERROR]
-        duty[k] = active * p[_TORQUE] * raw if free else 0.0
-        if k == _TORQUE:
-            duty[k] += active * now[_DUTY]
-        dm[k] = duty[k] - on * p[_EMF] * sv[k]
-        if k == _EMF:
-            dm[k] -= on * v
-        de[k] = now[_STIFFNESS] * (sq[k] + (1.0 if k == _OFFSET else 0.0))
+        goal[at[_SLEW]] += math.copysign(h, now[_GAP])
+    most = now[_ACTIVE] * p[_TORQUE] if now[_LIMITED] < 0.5 else 0.0
+    by_error = most * p[_GAIN] * now[_PER_ERROR] if now[_ERROR] != 0.0 else 0.0
+    by_speed, brake, stiffness = most * p[_KD], now[_ON] * p[_EMF], now[_STIFFNESS]
+    for k in range(len(duty)):
+        duty[k] = by_error * (goal[k] - sq[k]) - by_speed * sv[k]
+    duty[at[_GAIN]] += most * now[_PER_ERROR] * now[_ERROR]
+    duty[at[_KD]] += most * now[_RATE_ERROR]
+    duty[at[_TORQUE]] += now[_ACTIVE] * now[_DUTY]
+    for k in range(len(duty)):
+        dm[k] = duty[k] - brake * sv[k]
+        de[k] = stiffness * sq[k]
+    dm[at[_EMF]] -= now[_ON] * v
+    de[at[_OFFSET]] += stiffness
 
 
 @compiled
-def _carry(p: Array, h: float, now: Array, slopes: Array, duty: Array) -> None:
+def _carry(p: Array, h: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Carry the derivatives of position and velocity over one step."""
-    sq, sv, de, df = slopes[0], slopes[1], slopes[3], slopes[4]
-    inertia, brake, number, sign = now[_INERTIA], now[_BRAKE], now[_NUMBER], now[_SIGN]
-    for k in range(_COUNT):
-        if now[_STUCK] > 0.5:
-            sv[k] = 0.0
-            continue
-        d_inertia = 1.0 if k == _ARMATURE else 0.0
-        d_damping = (1.0 if k == _VISCOUS else 0.0) + (now[_ON] if k == _EMF else 0.0)
-        d_free = sv[k] + h * (duty[k] + de[k]) / inertia - h * now[_FORCE] / inertia**2 * d_inertia
-        d_band = h * df[k] / inertia - h * now[_BUDGET] / inertia**2 * d_inertia
-        d_brake = h * d_damping / inertia - h * now[_DAMPING] / inertia**2 * d_inertia
-        sv[k] = (d_free - sign * d_band) / brake - number * d_brake / brake**2
+    sq, sv, de, df, duty = slopes[0], slopes[1], slopes[3], slopes[4], slopes[5]
+    if now[_STUCK] > 0.5:
+        sv[:] = 0.0
+        return
+    per_torque, less, sign = h / now[_INERTIA], 1.0 / now[_BRAKE], now[_SIGN]
+    for k in range(len(sv)):
+        sv[k] = (sv[k] + per_torque * (duty[k] + de[k] - sign * df[k])) * less
+    braked = now[_NUMBER] * less * less * per_torque
+    pushed = (now[_FORCE] - sign * now[_BUDGET]) * per_torque / now[_INERTIA] * less
+    sv[at[_ARMATURE]] += braked * now[_DAMPING] / now[_INERTIA] - pushed
+    sv[at[_VISCOUS]] -= braked
+    sv[at[_EMF]] -= braked * now[_ON]
+    for k in range(len(sv)):
         sq[k] += h * sv[k]
 
 
@@ -176,8 +181,8 @@ def roll_out(
     law: Array,
     start: Array,
     longest: float,
-    q_out: Array,
-    slope_out: Array,
+    at: IntArray,
+    out: Array,
     saturated: BoolArray,
 ) -> None:
     """Integrate one joint from the first sample; the commands and the load are all that it is given.
@@ -191,17 +196,21 @@ def roll_out(
         law: Duty per rad of error, duty limit, dead zone in rad, punch (duty added outside the dead zone), shape (4,).
         start: Position and velocity at the first sample, shape (2,).
         longest: Longest step in s.
-        q_out: Positions at the samples, shape (N,); written.
-        slope_out: Their derivatives, shape (N, COUNT), or (0, COUNT) where none are asked for; written.
+        at: Column of the derivatives by each parameter, shape (COUNT,): parameters that are equal share one; -1
+            where the derivative is not asked for.
+        out: Positions at the samples and their derivatives, shape (N, 1 + f); written.
         saturated: Whether the duty was at its limit somewhere in the interval after a sample, shape (N,); written.
     """
     state, now, sample = np.array([start[0], start[1], samples[0, 1]]), np.zeros(_ENTRIES), np.zeros(_COLUMNS)
-    slopes, goal, duty = np.zeros((5, _COUNT)), np.zeros(_COUNT), np.zeros(_COUNT)
+    count = out.shape[1] - 1
+    slopes, goal = np.zeros((6, count + 1)), np.zeros(count + 1)
     place = 0
+    for k in (_COULOMB_S, _LMS, _LES, _LMQ, _LEQ):  # without these no part of the friction fades with the speed
+        now[_HAS_FADE] = 1.0 if p[k] != 0.0 or at[k] >= 0 else now[_HAS_FADE]
     for i in range(len(samples)):
-        q_out[i], saturated[i] = state[0], False
-        for k in range(_COUNT if len(slope_out) else 0):
-            slope_out[i, k] = slopes[0, k]
+        out[i, 0], saturated[i] = state[0], False
+        for k in range(count):
+            out[i, 1 + k] = slopes[0, k]
         if i + 1 == len(samples):
             break
         steps = max(1, math.ceil((samples[i + 1, 0] - samples[i, 0]) / longest - 1e-9))
@@ -215,7 +224,7 @@ def roll_out(
             now[_RATE_ERROR], now[_FED] = samples[place, 2] - v, samples[place, 3]
             motor, external = _step(p, h, sample, law, state, now)
             saturated[i] = saturated[i] or (now[_LIMITED] > 0.5 and now[_ON] > 0.5)
-            if len(slope_out):
-                _drive_slopes(p, h, v, now, slopes, goal, duty)
-                _budget_slopes(p, v, motor, external, now, slopes)
-                _carry(p, h, now, slopes, duty)
+            if count:
+                _drive_slopes(p, h, v, now, slopes, goal, at)
+                _budget_slopes(p, v, motor, external, now, slopes, at)
+                _carry(p, h, now, slopes, at)

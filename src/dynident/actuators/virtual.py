@@ -8,6 +8,7 @@ import numpy as np
 
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.joint_load import joint_loads, loop_samples, measured_motion
+from dynident.actuators.rollout import NONE
 from dynident.actuators.rollout_loop import roll_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array, BoolArray
@@ -83,11 +84,11 @@ def virtual_log(
         kp=kp,
     )
     (load,) = joint_loads(bench.robot, log, measured_motion(log))
-    q, saturated = np.empty(count), np.zeros(count, dtype=bool)
+    out, saturated = np.empty((count, 1)), np.zeros(count, dtype=bool)
     start = np.array([command[0], 0.0])
-    nothing = np.empty((0, len(parameters)))
-    roll_out(parameters, loop_samples(log, 0, load), bench.law.numbers(kp), start, STEP, q, nothing, saturated)
-    seen = q + bench.noise * random.standard_normal(count)
+    samples = loop_samples(log, 0, load)
+    roll_out(parameters, samples, bench.law.numbers(kp), start, STEP, NONE, out, saturated)
+    seen = out[:, 0] + bench.noise * random.standard_normal(count)
     if bench.resolution > 0:
         seen = np.round(seen / bench.resolution) * bench.resolution
     failed = random.random(count) < bench.failed

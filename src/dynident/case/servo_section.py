@@ -52,6 +52,12 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
     place = section.place("joints")
     if not np.array_equal(np.asarray(robot.coupling), np.eye(len(names))):
         raise place.error("a coupling of drives beside servo", "leave out coupling: servos turn one joint each")
+    if top.has("drives"):
+        step = (
+            "leave it out: armature and torque at full duty are found; to compare with a known armature, state it in "
+            "the robot model and run validate"
+        )
+        raise top.place("drives").error("it has no effect beside servo", step)
     kp = _kp(section)
     if kp is None and any(law.kp is None for law in laws):
         laws = [law if law.kp is not None else _without_gain(law) for law in laws]

@@ -58,6 +58,15 @@ def _spread(errors: list[float]) -> str:
     return text if len(mrad) == 1 else text + more
 
 
+#: Parameters that no servo has at 0, and what makes them end there.
+_NEVER_ZERO = {
+    "full_torque": "the joint does not follow its command: check its sign and the torque-enable column",
+    "armature": "the bodies of the robot model may be too heavy, or its rotor inertia part of theirs",
+    "delay": "positions may be stamped later than they were read, or commands earlier than sent: check the clock, or "
+    "state delay_s",
+}
+
+
 def joint_warnings(joint: JointActuator) -> list[str]:
     """Return what speaks against trusting the actuator of a joint."""
     found = list(joint.remarks)
@@ -68,6 +77,11 @@ def joint_warnings(joint: JointActuator) -> list[str]:
             found.append(f"{one.name.replace('_', ' ')} is {one.label}: {EXPERIMENTS[one.name]}")
     bound = [one.name.replace("_", " ") for one in joint.known if one.label == "at its bound" and one.value != 0.0]
     real = [name for name in bound if abs(joint.value(name.replace(" ", "_"))) > 0.01 * _scale(name)]
+    for name, cause in _NEVER_ZERO.items():
+        if any(one.name == name and one.label == "at its bound" for one in joint.known) and not joint.value(name) > (
+            0.01 * _scale(name)
+        ):
+            found.append(f"{name.replace('_', ' ')} ended at its bound 0: {cause}")
     if real:
         found.append(f"{', '.join(real)} ended at a bound: check the drive law and the inertias of the robot model")
     return found
