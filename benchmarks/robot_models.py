@@ -138,7 +138,7 @@ def mjcf_after_a_round_trip(robot: Robot, path: Path) -> float:
         found = list(reload_mjcf(subject, source, patched, beside(path, source, patched), Path(folder)))
     for one in found:
         if one.why_not:
-            raise ValueError(f"{one.name}: {one.why_not}")
+            raise ValueError(f"{one.engine}: {one.why_not}")
     pairs = [(np.asarray(one.torque), np.asarray(one.expected)) for one in found]
     return max(float(np.abs(torque - wanted).max() / np.abs(wanted).max()) for torque, wanted in pairs)
 

@@ -46,6 +46,50 @@ MJCF = """<mujoco model="arm"><compiler angle="radian"/><default><joint damping=
 <equality><joint joint1="elbow" joint2="shoulder" polycoef="0 2 0 0 0"/></equality>
 <actuator><motor joint="shoulder" gear="2" forcerange="-5 5"/></actuator></mujoco>
 """
+USD = """#usda 1.0
+(
+    defaultPrim = "arm"
+    metersPerUnit = 1
+    kilogramsPerUnit = 1
+    upAxis = "Z"
+)
+def PhysicsScene "scene" {
+    vector3f physics:gravityDirection = (0, 0, -1)
+    float physics:gravityMagnitude = 9.81
+}
+def Xform "arm" {
+    def Xform "upper" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]) {
+        float physics:mass = 2
+        point3f physics:centerOfMass = (0.1, 0, 0.05)
+        float3 physics:diagonalInertia = (0.02, 0.03, 0.04)
+        quatf physics:principalAxes = (1, 0, 0, 0)
+        double3 xformOp:translate = (0, 0, 0.3)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def Xform "fore" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]) {
+        float physics:mass = 1
+        point3f physics:centerOfMass = (0, 0.1, 0)
+        float3 physics:diagonalInertia = (0.01, 0.01, 0.02)
+    }
+    def PhysicsRevoluteJoint "shoulder" (prepend apiSchemas = ["PhysicsDriveAPI:angular"]) {
+        rel physics:body1 = </arm/upper>
+        uniform token physics:axis = "Z"
+        point3f physics:localPos0 = (0, 0, 0.3)
+        float physics:lowerLimit = -90
+        float physics:upperLimit = 90
+        float drive:angular:physics:damping = 0.5
+        float drive:angular:physics:maxForce = 80
+    }
+    def PhysicsPrismaticJoint "elbow" {
+        rel physics:body0 = </arm/upper>
+        rel physics:body1 = </arm/fore>
+        uniform token physics:axis = "X"
+        point3f physics:localPos0 = (0.4, 0, 0)
+        quatf physics:localRot0 = (0.7071068, 0, 0.7071068, 0)
+    }
+}
+"""
+
 SDF = """<sdf version="1.9"><model name="arm"><pose>0 0 1 0 0.1 0</pose><link name="base"/>
 <frame name="mount" attached_to="base"><pose degrees="true">0 0 0.2 0 10 0</pose></frame>
 <link name="upper"><pose relative_to="shoulder"/><inertial><pose>0.1 0 0 0 0 0</pose><mass>2</mass>
@@ -144,6 +188,12 @@ def sdf(folder: Path) -> list[Path]:
     """Write SDFs."""
     (folder / "a.sdf").write_text(SDF)
     return [folder / "a.sdf"]
+
+
+def usd(folder: Path) -> list[Path]:
+    """Write stages of USD."""
+    (folder / "a.usda").write_text(USD)
+    return [folder / "a.usda"]
 
 
 def dh(folder: Path) -> list[Path]:
@@ -367,7 +417,7 @@ def triangles(folder: Path) -> list[Path]:
 MAKERS: Mapping[str, Callable[[Path], list[Path]]] = {
     maker.__name__: maker
     for maker in (
-        urdf, mjcf, sdf, dh, robot_json, case, csv, twincat, npz, parquet, mat, bag1, db3, mcap, plan, estimate,
+        urdf, mjcf, sdf, usd, dh, robot_json, case, csv, twincat, npz, parquet, mat, bag1, db3, mcap, plan, estimate,
         triangles,
     )
 }  # fmt: skip

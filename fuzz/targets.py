@@ -27,6 +27,18 @@ _XML = (
 )
 _MJCF = ("<include file='../x'/>", "<frame/>", "<replicate count='9'/>", "class='main'", "<geom size='.1'/>", "0 0 0 0")
 _SDF = ("relative_to='upper'", "attached_to='mount'", "world", "__model__", "<include/>", "hand::palm", "version='1.4'")
+_USD = (
+    "nan",
+    "inf",
+    "(0, 0, 0)",
+    "rel physics:body0",
+    "</arm/upper>",
+    "over",
+    "class",
+    "metersPerUnit = 0",
+    "None",
+    "[]",
+)
 _YAML = ("&a [*a]", "*a", "!!python/object:os.system", "{<<: *a}", "- - - -", "? ", "%TAG ! !", "~", "auto", "case: 1")
 _TEXT = ("#", '"', ",,", ";", "\t", "\ufeff", "nan", "inf", "0x10", "1_000", "1,5", "=1+1", "EOF", "Name")
 
@@ -72,6 +84,12 @@ def _robot(path: Path) -> object:
     return read_robot(path)
 
 
+def _urdf(path: Path) -> object:
+    from dynident.robot_files.formats.urdf import Urdf
+
+    return Urdf().read(path, path.read_bytes())
+
+
 def _mjcf(path: Path) -> object:
     from dynident.robot_files.formats.mjcf import MjcfFile
 
@@ -82,6 +100,12 @@ def _sdf(path: Path) -> object:
     from dynident.robot_files.formats.sdf import SdfFile
 
     return SdfFile().read(path, path.read_bytes())
+
+
+def _usd(path: Path) -> object:
+    from dynident.robot_files.formats.usd import UsdModel
+
+    return UsdModel().read(path, path.read_bytes())
 
 
 def _case(path: Path) -> object:
@@ -188,9 +212,10 @@ _MODEL = ("dynident.robot_files", "dynident.model.documents", "dynident.model.fr
 _SAVED = ("dynident.identification.files.saved_values", "dynident.data.preprocessing", *_MODEL)
 
 TARGETS: Mapping[str, Target] = {
-    "urdf": Target(".urdf", "text", _robot, _XML, instrument=_MODEL),
-    "mjcf": Target(".xml", "text", _mjcf, (*_XML, *_MJCF), instrument=_MODEL),
+    "urdf": Target(".urdf", "text", _urdf, _XML, instrument=_MODEL),
+    "mjcf": Target(".xml", "text", _mjcf, (*_XML, *_MJCF), instrument=(*_MODEL, "dynident.robot_files.mjcf")),
     "sdf": Target(".sdf", "text", _sdf, (*_XML, *_SDF), instrument=_MODEL),
+    "usd": Target(".usda", "text", _usd, _USD, instrument=_MODEL),
     "dh": Target(".yaml", "text", _robot, _YAML, instrument=_MODEL),
     "robot_json": Target(".json", "json", _robot, instrument=_MODEL),
     "case": Target(

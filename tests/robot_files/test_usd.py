@@ -226,9 +226,30 @@ def _mimic(stage: Any) -> None:
     stage.GetPrimAtPath("/arm/joints/joint2").AddAppliedSchema("PhysxMimicJointAPI:rotX")
 
 
+def _axis(stage: Any) -> None:
+    stage.GetPrimAtPath("/arm/joints/joint2").GetAttribute("physics:axis").Set("W")
+
+
+def _no_limit(stage: Any) -> None:
+    stage.GetPrimAtPath("/arm/joints/joint2").GetAttribute("physics:lowerLimit").Set(float("nan"))
+
+
+def _unlimited(stage: Any) -> None:
+    for name in ("physics:lowerLimit", "physics:upperLimit"):
+        stage.GetPrimAtPath("/arm/joints/joint2").GetAttribute(name).Set(float("-inf"))
+
+
+def _units(stage: Any) -> None:
+    stage.SetMetadata("metersPerUnit", 1e300)
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
+        (_axis, r"joint2: physics:axis is 'W'; write X, Y or Z"),
+        (_no_limit, r"joint2: physics:lowerLimit is no number; write numbers"),
+        (_unlimited, r"joint2: its limits are -inf and -inf; write the lower and the upper"),
+        (_units, r"metersPerUnit is 1e\+300 and kilogramsPerUnit 1; write the units"),
         (_loop, r"prim /arm/joints/.*: it closes a loop between .*; remove one joint of the loop"),
         (_ball, r"prim /arm/joints/joint2: a joint of the type PhysicsSphericalJoint is not read; write it with"),
         (_floating, r"body0 and 2 more bodies are not joined to the world: the base floats; fix the base"),
@@ -342,3 +363,34 @@ def test_a_layer_that_cannot_be_written(tmp_path: Path, monkeypatch: pytest.Monk
     with pytest.raises(DescriptionError, match="it is another one than in the estimate"):
         di.write_usd_layer(estimate, "b.usda", stage="other.usda")
     assert not Path("a.usd").exists() and not Path("b.usda").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("quatf physics:localRot0", "float3 physics:localRot0", r"faulty|not USD|no value of the type quatf"),
+        (
+            "float physics:mass = 2",
+            "floaty physics:mass = 2",
+            r"prim /arm/upper: physics:mass has no value of the type",
+        ),
+        ("point3f physics:localPos0", "rel physics:localPos0", r"faulty|not USD|no value of the type point3f"),
+        (
+            "(0, 0, 0.3)\n        uniform",
+            "(0, 0, inf)\n        uniform",
+            r"its transform holds a value that is no number",
+        ),
+        ('["xformOp:translate"]', '["xformOp:-0"]', r"faulty USD"),
+        ("upAxis", "\xbc", r"not USD"),
+    ],
+)
+def test_text_that_is_faulty_is_refused(old: str, new: str, told: str, tmp_path: Path) -> None:
+    """Such files were found by fuzzing."""
+    from fuzz.seeds import USD
+
+    (tmp_path / "a.usda").write_text(USD)
+    assert read_robot(tmp_path / "a.usda").dof == 2
+    assert old in USD
+    (tmp_path / "a.usda").write_bytes(USD.replace(old, new).encode("latin-1"))
+    with pytest.raises(DescriptionError, match=told):
+        read_robot(tmp_path / "a.usda")

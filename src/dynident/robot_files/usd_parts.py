@@ -11,6 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.errors import DescriptionError, MissingDependency
+from dynident.model.documents.numbers import Place
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive
 from dynident.robot_files.tree import Connection
@@ -115,14 +116,53 @@ def open_stage(path: str | Path) -> Any:
     try:
         stage = engine.Stage.Open(str(path))
     except trap.ErrorException as problem:
-        reason = " ".join(str(problem).split("--")[-1].split())[:200]
-        raise DescriptionError(path, "", f"not USD ({reason})", "export the stage again") from problem
+        raise DescriptionError(path, "", f"not USD ({said(problem)})", "export the stage again") from problem
     _, _, unresolved = utilities.ComputeAllDependencies(str(path))
     missing = [str(name) for name in unresolved if str(name).lower().endswith(_LAYERS)]
     if missing:
         evidence = f"{len(missing)} layers are missing: {', '.join(missing)}"
         raise DescriptionError(path, "", evidence, "put them where the stage names them, or flatten it (usdcat -f)")
     return stage
+
+
+def said(problem: Exception) -> str:
+    """Return what OpenUSD says of a fault, in one line; it may quote bytes that are no text."""
+    try:
+        text = str(problem)
+    except UnicodeDecodeError:
+        return "it holds bytes that are no text"
+    return " ".join(text.rsplit("--", maxsplit=1)[-1].split())[:200]
+
+
+def check_values(prim: Any, place: Place) -> None:
+    """Refuse values of the schemas that are no numbers, or not of the kind that the schema has.
+
+    Raises:
+        DescriptionError: Such a value.
+    """
+    schema = prim.GetPrimDefinition()
+    for attribute in prim.GetAuthoredAttributes():
+        name, value = attribute.GetName(), attribute.Get()
+        known = schema.GetAttributeDefinition(name)
+        if not known and type(value).__name__ != "UnregisteredValue":
+            continue
+        wanted = known.GetTypeName() if known else attribute.GetTypeName()
+        if not known or _kind(value) != _kind(wanted.defaultValue):
+            raise place.error(f"{name} has no value of the type {wanted}", "write one, or leave the attribute out")
+        if _kind(value) in ("float", "Vec3", "Quat") and np.isnan(_numbers(value)).any():
+            raise place.error(f"{name} is no number", "write numbers")
+
+
+def _kind(value: Any) -> str:
+    """Return what a value is, whatever the digits of its numbers."""
+    name = type(value).__name__
+    return "float" if name == "int" else name[:4] if name.startswith(("Vec", "Quat")) else name
+
+
+def _numbers(value: Any) -> Array:
+    if _kind(value) == "Quat":
+        return np.array([value.GetReal(), *value.GetImaginary()], dtype=float)
+    return np.array(value, dtype=float)
 
 
 def whole_inertia(prim: Any) -> Array | None:

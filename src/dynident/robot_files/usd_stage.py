@@ -28,8 +28,10 @@ from dynident.robot_files.usd_parts import (
     StageBody,
     StageParts,
     StageUnits,
+    check_values,
     open_stage,
     pxr_module,
+    said,
     whole_inertia,
 )
 
@@ -43,6 +45,9 @@ _KINDS: Final[Mapping[str, Literal["fixed", "revolute", "prismatic"]]] = {
 #: Largest deviation from 1 of the scale of a body.
 _SCALE: Final = 1e-6
 
+#: A unit in m or kg is above this, and below one over it.
+_LEAST: Final = 1e-9
+
 #: Gravity of a scene that states none, in m/s^2.
 _GRAVITY: Final = 9.81
 
@@ -54,7 +59,10 @@ def read_stage(path: str | Path) -> StageParts:
         MissingDependency: OpenUSD (usd-core) is not installed.
         DescriptionError: No stage, a missing layer, or something that is no arm on a fixed base.
     """
-    return _StageReader(path, open_stage(path)).parts()
+    try:
+        return _StageReader(path, open_stage(path)).parts()
+    except pxr_module("Tf").ErrorException as problem:
+        raise DescriptionError(path, "", f"faulty USD ({said(problem)})", "export the stage again") from problem
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,11 @@ class _StageReader:
         geometry, physics = pxr_module("UsdGeom"), pxr_module("UsdPhysics")
         self.physics, self.geometry = physics, geometry
         length = float(geometry.GetStageMetersPerUnit(self.stage))
-        self.units = StageUnits(length, float(physics.GetStageKilogramsPerUnit(self.stage)))
+        mass = float(physics.GetStageKilogramsPerUnit(self.stage))
+        if not (_LEAST < length < 1.0 / _LEAST and _LEAST < mass < 1.0 / _LEAST):
+            evidence = f"metersPerUnit is {length:g} and kilogramsPerUnit {mass:g}"
+            raise DescriptionError(self.path, "", evidence, "write the units of the stage")
+        self.units = StageUnits(length, mass)
         self.transforms = geometry.XformCache()
         prims = list(self.stage.Traverse(pxr_module("Usd").TraverseInstanceProxies()))
         self.rigid = {str(p.GetPath()): p for p in prims if p.HasAPI(physics.RigidBodyAPI)}
@@ -99,6 +111,8 @@ class _StageReader:
         if not self.rigid:
             step = "export it with physics: links need PhysicsRigidBodyAPI and joints"
             raise DescriptionError(self.path, "", "no prim has the schema PhysicsRigidBodyAPI", step)
+        for prim in (*self.rigid.values(), *self.joints, *self.scenes):
+            check_values(prim, self._place(prim))
         for prim in self.rigid.values():
             self._check_body(prim)
         edges = list(self._edges())
@@ -118,8 +132,15 @@ class _StageReader:
     def _place(self, prim: Any) -> Place:
         return Place(self.path, f"prim {prim.GetPath()}")
 
-    def _check_body(self, prim: Any) -> None:
+    def _transform(self, prim: Any) -> Array:
+        """Return the transform of a prim to the world, shape (4, 4)."""
         matrix = np.array(self.transforms.GetLocalToWorldTransform(prim))
+        if not np.all(np.isfinite(matrix)):
+            raise self._place(prim).error("its transform holds a value that is no number", "export the stage again")
+        return matrix
+
+    def _check_body(self, prim: Any) -> None:
+        matrix = self._transform(prim)
         scale = np.linalg.norm(matrix[:3, :3], axis=1)
         if np.abs(scale - 1.0).max() > _SCALE or np.linalg.det(matrix[:3, :3]) < 0:
             told = ", ".join(f"{value:.6g}" for value in scale)
@@ -171,10 +192,10 @@ class _StageReader:
         owner = target
         while owner and str(owner.GetPath()) not in self.rigid and not owner.IsPseudoRoot():
             owner = owner.GetParent()
-        matrix = np.array(self.transforms.GetLocalToWorldTransform(target))
+        matrix = self._transform(target)
         is_body = str(owner.GetPath()) in self.rigid
         if is_body:
-            matrix = matrix @ np.linalg.inv(np.array(self.transforms.GetLocalToWorldTransform(owner)))
+            matrix = matrix @ np.linalg.inv(self._transform(owner))
         translation = translation @ matrix[:3, :3] + matrix[3, :3]
         directions = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=1)[:, None]
         name = self.body_names[str(owner.GetPath())] if is_body else WORLD
@@ -220,9 +241,16 @@ class _StageReader:
             zero = np.array([0.0, 0.0, 1.0])
             return Connection(name, kind, near.body, far.body, rotation, at, zero, JointLimits()), None
         joint = (self.physics.RevoluteJoint if kind == "revolute" else self.physics.PrismaticJoint)(prim)
-        axis = sign * far.rotation[:, "XYZ".index(str(joint.GetAxisAttr().Get()))]
+        letter = str(joint.GetAxisAttr().Get())
+        if letter not in ("X", "Y", "Z"):
+            raise self._place(prim).error(f"physics:axis is '{letter}'", "write X, Y or Z")
+        axis = sign * far.rotation[:, "XYZ".index(letter)]
         unit = math.radians(1.0) if kind == "revolute" else self.units.length
         lower, upper = float(joint.GetLowerLimitAttr().Get()) * unit, float(joint.GetUpperLimitAttr().Get()) * unit
+        if not lower < math.inf or not upper > -math.inf:
+            raise self._place(prim).error(
+                f"its limits are {lower:g} and {upper:g}", "write the lower and the upper one"
+            )
         if lower > upper:
             step = "make it a PhysicsFixedJoint, or write the limits in order"
             raise self._place(prim).error("its lower limit is above the upper one: it is locked", step)
@@ -258,6 +286,8 @@ class _StageReader:
             return None, math.inf
         drive = self.physics.DriveAPI(prim, axis)
         largest = float(drive.GetMaxForceAttr().Get())
+        if not largest >= 0:
+            raise self._place(prim).error(f"the largest force of its drive is {largest:g}", "write 0 or more")
         damping = float(drive.GetDampingAttr().Get()) * force
         damping = damping * math.degrees(1.0) if axis == "angular" else damping / self.units.length
         if drive.GetStiffnessAttr().Get() or drive.GetTargetVelocityAttr().Get():
@@ -313,7 +343,7 @@ class _StageReader:
             raise self._place(prim).error(evidence, "write a mass above 0 and moments of inertia of 0 or more")
         if whole is None:
             axes = mass.GetPrincipalAxesAttr().Get()
-            quaternion = np.array([axes.GetReal(), *axes.GetImaginary()], dtype=float)
+            quaternion = np.zeros(4) if axes is None else np.array([axes.GetReal(), *axes.GetImaginary()], dtype=float)
             length = float(np.linalg.norm(quaternion))
             turn = rotation_from_quaternion(quaternion / length) if length > 0 else np.eye(3)  # zero stands for none
             whole = turn @ np.diag(diagonal) @ turn.T
