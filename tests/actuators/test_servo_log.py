@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from servo_bench import parameters, virtual_logs, write_csv
 
 from dynident.actuators.servo_log import ServoColumns, ServoLog, kp_of, read_servo_log
+from dynident.data.formats import ColumnMap
 from dynident.errors import DynidentError, LogFormatError, LogMismatch
 from dynident.model.robot import Robot
 
@@ -42,6 +44,37 @@ def test_a_table_and_bam_json_are_the_same_log(log: ServoLog, tmp_path: Path) ->
         read_servo_log(tmp_path / "c.json", COLUMNS)
 
 
+REGISTERS: dict[str, Callable[[int], int]] = {
+    "dynamixel": lambda n: int.from_bytes(n.to_bytes(4, "little", signed=True), "little"),
+    "dynamixel_mx": lambda n: int.from_bytes(n.to_bytes(2, "little", signed=True), "little"),
+    "feetech": lambda n: n if n >= 0 else -n | 0x8000,
+}
+
+
+@pytest.mark.parametrize("family", REGISTERS)
+def test_counts_of_a_register_are_angles(log: ServoLog, tmp_path: Path, family: str) -> None:
+    """Turned so far that some of the counts are negative; signed already they are the same."""
+    how = replace(COLUMNS, counts=family, columns=ColumnMap(joints=("joint1",), zero=(4.0,)))
+
+    def table(register: Callable[[int], int], name: str) -> ServoLog:
+        def counts(values: np.ndarray) -> np.ndarray:
+            whole = np.round((values - 4.0) * 4096 / 6.283185307179586 + 2048).astype(int)
+            assert whole.min() < 0 < whole.max()
+            return np.array([float(register(int(n))) for n in whole])
+
+        file = tmp_path / name
+        table = np.column_stack([log.time, counts(log.q[:, 0]), counts(log.q_ref[:, 0]), log.enabled[:, 0]])
+        np.savetxt(file, table, "%.12g", ",", header="t,q1,q_ref1,torque_enable", comments="")
+        return read_servo_log(file, how)
+
+    found, signed = table(REGISTERS[family], "a.csv"), table(lambda n: n, "b.csv")
+    for name in ("q", "q_ref"):
+        assert np.max(np.abs(getattr(found, name) - getattr(log, name))) < 0.51 * 6.2832 / 4096
+        assert np.array_equal(getattr(found, name), getattr(signed, name))
+    with pytest.raises(LogMismatch, match=r"q of joint1 is .* in sample \d+: no count"):
+        read_servo_log(write_csv(log, tmp_path / "c.csv"), how)
+
+
 def test_failed_reads_are_marked_and_bridged(log: ServoLog, tmp_path: Path) -> None:
     q = log.q.copy()
     q[[50, 200], 0], q[300, 0] = np.nan, q[300, 0] + 2.0
@@ -54,8 +87,10 @@ def test_failed_reads_are_marked_and_bridged(log: ServoLog, tmp_path: Path) -> N
 
 FAULTS: list[tuple[str, Callable[[ServoLog], dict[str, object]], str, str]] = [
     ("command is measurement", lambda log: {"q_ref": log.q}, "equals its measurement", "goal position"),
+    ("command is a later measurement", lambda log: {"q_ref": np.roll(log.q, -1, 0)}, "1 sample later", "goal position"),
+    ("command is an earlier one", lambda log: {"q_ref": np.roll(log.q, 3, 0)}, "3 samples before", "leader arm"),
     ("one pose", lambda log: {"q": 0 * log.q, "q_ref": 0 * log.q}, "stands in one pose", "tens of degrees"),
-    ("counts", lambda log: {"q": log.q * 4096 / 6.2832}, "they are counts, or degrees", "2 pi / 4096"),
+    ("counts", lambda log: {"q": log.q * 4096 / 6.2832}, "they are counts, or degrees", "counts: dynamixel"),
     ("never on", lambda log: {"enabled": ~log.enabled & False}, "never on", "inverted"),
     ("no reads", lambda log: {"q": np.where(np.arange(len(log.q))[:, None] % 3, np.nan, log.q)}, "reads", "bus"),
 ]

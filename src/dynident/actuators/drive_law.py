@@ -1,4 +1,4 @@
-"""How a servo makes torque from a position command: the law as data, each field with where it is known from."""
+"""How a servo makes torque from a position command, and codes positions: as data, with where it is known from."""
 
 from __future__ import annotations
 
@@ -173,3 +173,45 @@ def preset(name: str) -> DriveLaw:
     if name not in PRESETS:
         raise UnknownChoice("drive law", name, tuple(PRESETS))
     return PRESETS[name]
+
+
+@dataclass(frozen=True)
+class CountCoding:
+    """How the position register of a family of servos is read.
+
+    Attributes:
+        step: Angle of one count, in rad.
+        middle: Count at angle 0.
+        complement_bits: Bits of the register where negative numbers are its two's complement; 0 for none.
+        sign_bit: Bit that is the sign of a magnitude, counted from 0; 0 for none.
+        source: Where it is documented.
+    """
+
+    step: float
+    middle: int
+    complement_bits: int = 0
+    sign_bit: int = 0
+    source: str = ""
+
+    def radians(self, counts: Array) -> Array:
+        """Return angles in rad, of any shape, from counts that are signed already or not; nan stays nan."""
+        found = np.array(counts, dtype=float)
+        if self.complement_bits:
+            found[found >= 2.0 ** (self.complement_bits - 1)] -= 2.0**self.complement_bits
+        if self.sign_bit:
+            negative = found >= 2.0**self.sign_bit
+            found[negative] = 2.0**self.sign_bit - found[negative]
+        return (found - self.middle) * self.step
+
+
+#: Codings by the word of the case file.
+COUNTS: Final = {
+    "dynamixel": CountCoding(_4096, 2048, 32, source="ROBOTIS e-manual, X series: 4 bytes, 4096 a turn"),
+    "dynamixel_mx": CountCoding(_4096, 2048, 16, source="ROBOTIS e-manual, MX, protocol 1: 2 bytes, multi-turn"),
+    "dynamixel_xl320": CountCoding(
+        2.0 * np.pi * 300 / 360 / 1024, 512, source="ROBOTIS e-manual, XL-320: 1024 over 300 degrees"
+    ),
+    "feetech": CountCoding(
+        _4096, 2048, sign_bit=15, source="STS/SMS control table: Present_Position has its sign in bit 15"
+    ),
+}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynident.actuators.drive_law import DriveLaw
+from dynident.actuators.drive_law import COUNTS, DriveLaw
 from dynident.arrays import Array, BoolArray
 from dynident.data.formats import ColumnMap, open_log
 from dynident.data.formats.base import missing_column
@@ -25,6 +25,10 @@ _SPIKE = 12.0
 
 #: Positions beyond this many rad are counts, or degrees.
 _LARGEST_ANGLE = 40.0
+
+#: A command counts as copied where this share of it, in motion, is the measurement of another sample, at most this many
+#: samples away.
+_COPIED, _MOST_LAG = 0.9, 5
 
 #: Fewest samples of a log.
 _FEWEST = 20
@@ -43,6 +47,7 @@ class ServoColumns:
         added: Columns of feed-forward torque or duty, one per joint; empty for none.
         kp: Position gain of each log: a number for all, a column, a pattern with ``{}`` in the log's name, or numbers
             by name; None where it is not known.
+        counts: Name of a coding of COUNTS where positions and commands are counts; empty where they have a unit.
     """
 
     joints: tuple[str, ...]
@@ -52,6 +57,7 @@ class ServoColumns:
     nominal_volts: float = 0.0
     added: tuple[str, ...] = ()
     kp: float | str | Mapping[str, float] | None = None
+    counts: str = ""
 
 
 #: Stands for a friction model that held-out roll-outs choose.
@@ -114,7 +120,7 @@ def read_servo_log(path: str | Path, how: ServoColumns) -> ServoLog:
 
     Raises:
         LogFormatError: A column is missing, or the file is no sound log.
-        LogMismatch: The command is missing or equals the measurement, one pose only, counts in place of radians, the
+        LogMismatch: The command is missing or copies the measurement, one pose only, counts in place of radians, the
             drive is never on, or the gain of the log is not stated.
     """
     if str(path).lower().endswith(".json"):
@@ -156,8 +162,8 @@ def read_servo_log(path: str | Path, how: ServoColumns) -> ServoLog:
             name=str(path),
             joints=how.joints,
             time=names.time_to_si(chosen([names.time])[:, 0]),
-            q=_positions(names, "q", chosen(q)) + zero,
-            q_ref=_positions(names, "q_ref", chosen(q_ref)) + zero,
+            q=_positions(path, how, "q", chosen(q)) + zero,
+            q_ref=_positions(path, how, "q_ref", chosen(q_ref)) + zero,
             dq_ref=names.to_si("dq_ref", chosen(rates)) if rates else np.zeros((rows, count)),
             added=chosen(how.added) if how.added else np.zeros((rows, count)),
             enabled=np.broadcast_to(enabled, (rows, count)).copy(),
@@ -175,8 +181,19 @@ def _supply(how: ServoColumns, volts: Array) -> Array:
     return np.where(np.isfinite(volts), volts, how.nominal_volts) / how.nominal_volts
 
 
-def _positions(names: ColumnMap, signal: str, values: Array) -> Array:
-    return names.counted(signal, names.to_si(signal, values)) if names.wrapped else names.to_si(signal, values)
+def _positions(path: str | Path, how: ServoColumns, signal: str, values: Array) -> Array:
+    """Return positions in rad or m, shape (N, n), from those of the columns of ``q`` or ``q_ref``."""
+    names = how.columns
+    if how.counts:
+        whole = values[np.isfinite(values)]
+        if np.any(whole != np.round(whole)):
+            row, column = np.argwhere(np.isfinite(values) & (values != np.round(values)))[0]
+            evidence = f"{signal} of {how.joints[column]} is {values[row, column]:.6g} in sample {row + 1}: no count"
+            raise LogMismatch(str(path), evidence, "leave out counts under servo: and state the unit of the positions")
+        found = COUNTS[how.counts].radians(values)
+    else:
+        found = names.to_si(signal, values)
+    return names.counted(signal, found) if names.wrapped else found
 
 
 def _kp_column(how: ServoColumns, header: Sequence[str]) -> str:
@@ -298,8 +315,8 @@ def _check_meaning(log: ServoLog, q: Array) -> None:
         if max(np.ptp(measured), np.ptp(command)) > _LARGEST_ANGLE:
             evidence = f"positions of {name} span {np.ptp(measured):.4g} rad: they are counts, or degrees"
             step = (
-                "state the unit (log: {units: {position: deg}}), or turn counts into radians first: 2 pi / 4096 per "
-                "count for most servos"
+                f"state the unit (log: {{units: {{position: deg}}}}), or say what counts they are (servo: {{counts: "
+                f"{' or '.join(COUNTS)}}})"
             )
             raise LogMismatch(log.name, evidence, step)
         if np.ptp(measured) < 1e-3 and np.ptp(command) < 1e-3:
@@ -312,7 +329,23 @@ def _check_meaning(log: ServoLog, q: Array) -> None:
         if np.ptp(measured) > 1e-3 and np.max(np.abs(measured - command)[on], initial=0.0) < 1e-9:
             step = "log what the controller sends (goal position), not the position that it reads back"
             raise LogMismatch(log.name, f"the command of {name} equals its measurement in every sample", step)
+        lag = _copied(measured, command, on)
+        if lag:
+            when = f"{abs(lag)} sample{'s' * (abs(lag) > 1)} {'later' if lag > 0 else 'before'}"
+            step = "log what the controller sends (goal position, the pose of the leader arm), not what it reads back"
+            raise LogMismatch(log.name, f"the command of {name} is its measurement {when}", step)
         _check_inverted(log, joint, measured, command, on)
+
+
+def _copied(measured: Array, command: Array, on: BoolArray) -> int:
+    """Return the samples by which a command that copies the measurement is ahead of it, or behind it; 0 for none."""
+    count = len(measured)
+    for lag in (value * sign for value in range(1, _MOST_LAG + 1) for sign in (1, -1)):
+        now, then = np.arange(max(0, -lag), count - max(0, lag)), np.arange(max(0, lag), count + min(0, lag))
+        moves = on[now] & (np.abs(np.gradient(measured)[then]) > 0)
+        if moves.sum() > _FEWEST and np.mean(np.abs(command[now] - measured[then])[moves] < 1e-9) > _COPIED:
+            return lag
+    return 0
 
 
 def _check_inverted(log: ServoLog, joint: int, measured: Array, command: Array, on: BoolArray) -> None:

@@ -1,8 +1,8 @@
 """The key ``servo`` of a case file: position servos whose logs have commands and positions, and no torque.
 
 Keys for all joints: law, kp, error_gain, limit, dead_zone, punch, slew_limit, delay_s, damping_gain, friction, enabled,
-supply, nominal_volts, feedforward, and joints with a mapping of the first eight per joint. docs/case-file.md describes
-each.
+supply, nominal_volts, feedforward, counts, and joints with a mapping of the first eight per joint. docs/case-file.md
+describes each.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dynident.actuators.drive_law import PRESETS, DriveLaw, preset
+from dynident.actuators.drive_law import COUNTS, PRESETS, DriveLaw, preset
 from dynident.actuators.parameters import FRICTION_MODELS
 from dynident.actuators.servo_log import AUTO, ServoColumns, ServoSetup
 from dynident.case.case_values import guarded, texts
@@ -23,7 +23,7 @@ from dynident.model.robot import Robot
 #: Keys of a drive law, for all joints or for one.
 LAW_KEYS = ("law", "error_gain", "limit", "dead_zone", "punch", "slew_limit", "delay_s", "damping_gain")
 
-KEYS = (*LAW_KEYS, "kp", "friction", "enabled", "supply", "nominal_volts", "feedforward", "joints")
+KEYS = (*LAW_KEYS, "kp", "friction", "enabled", "supply", "nominal_volts", "feedforward", "counts", "joints")
 
 
 def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
@@ -72,6 +72,7 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
             nominal_volts=section.at_least_zero("nominal_volts", 0.0),
             added=texts(section, "feedforward"),
             kp=kp,
+            counts=section.choice("counts", tuple(COUNTS)) if section.has("counts") else "",
         ),
         friction,
     )
