@@ -1,0 +1,159 @@
+"""Are servos found with intervals that hold? Virtual pendulums whose servo is known, seed by seed.
+
+Each seed draws a pendulum (0.2 to 1.5 kg, 0.08 to 0.25 m), a servo for it (torque at full duty 2.5 to 6 times the
+weight's torque, back-EMF, armature, friction, delay 2 to 20 ms, one in three with a slew limit) and logs of 6 s at
+200 Hz, 4096 counts a turn: chirp, steps, lift and free swing at two position gains. Friction m1 is stated, the drive
+law is that of the STS3215. A second answer gets one slow chirp without saturation and no gain: the torque at full duty
+has to be called not separable. One line a seed is added to the file, and seeds that it holds are not run again.
+Run: python -m benchmarks.servos FILE [--seeds N] [--first K]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from dynident.actuators.drive_law import preset
+from dynident.actuators.identify import identify_actuators
+from dynident.actuators.parameters import PLACE, neutral
+from dynident.actuators.servo_log import ServoColumns, ServoSetup
+from dynident.actuators.virtual import ServoBench, virtual_log
+from dynident.robot_files import read_robot
+
+PENDULUM = """<robot name="pendulum"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -{length}"/>
+<mass value="{mass}"/><inertia ixx="{own}" ixy="0" ixz="0" iyy="{own}" iyz="0" izz="{own}"/></inertial></link>
+<joint name="joint1" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+<limit lower="-3.2" upper="3.2" effort="50" velocity="30"/></joint></robot>"""
+
+LAW = preset("feetech_sts3215")
+RATE, SECONDS = 200.0, 6.0
+
+#: Parameters whose intervals and relative errors are counted.
+COUNTED = ("full_torque", "back_emf", "viscous", "coulomb", "armature", "angle_offset", "delay", "slew_limit")
+
+
+def drawn(random, folder: Path):
+    """Return a pendulum and the true parameters of its servo."""
+    mass, length = float(random.uniform(0.2, 1.5)), float(random.uniform(0.08, 0.25))
+    (folder / "p.urdf").write_text(PENDULUM.format(length=length, mass=mass, own=0.1 * mass * length**2))
+    weight, inertia = 9.81 * mass * length, 1.1 * mass * length**2
+    true = neutral()
+    fastest = random.uniform(4.0, 8.0)  # rad/s without load
+    torque = weight * random.uniform(2.5, 6.0)
+    values = {
+        "full_torque": torque,
+        "back_emf": 0.8 * torque / fastest,
+        "viscous": 0.2 * torque / fastest,
+        "coulomb": weight * random.uniform(0.02, 0.12),
+        "armature": inertia * random.uniform(0.1, 1.0),
+        "angle_offset": random.uniform(-0.03, 0.03),
+        "delay": random.uniform(0.002, 0.020),
+    }
+    if random.random() < 1 / 3:
+        values["slew_limit"] = random.uniform(2.0, 3.5)
+    for name, value in values.items():
+        true[PLACE[name]] = value
+    return read_robot(str(folder / "p.urdf")), true
+
+
+def logs_of(robot, true, seed: int, gains, motions):
+    """Return the logs of some motions at some gains."""
+    time_ = np.arange(0.0, SECONDS, 1.0 / RATE)
+    on = np.ones(len(time_), dtype=bool)
+    commands = {
+        "chirp": (0.9 * np.sin(2 * np.pi * (0.3 + 0.12 * time_) * time_), on),
+        "slow": (0.4 * np.sin(2 * np.pi * (0.2 + 0.04 * time_) * time_), on),
+        "steps": (1.1 * np.sign(np.sin(2 * np.pi * 0.4 * time_)) * np.minimum(time_ / 0.5, 1.0), on),
+        "drop": (np.clip(time_, 0.0, 1.5), time_ < 2.0),
+    }
+    bench = ServoBench(robot, LAW, jitter_s=5e-4)
+    return [
+        virtual_log(bench, true, time_, *commands[name][:1], kp, commands[name][1], seed=100 * seed + 10 * i + j)
+        for i, kp in enumerate(gains)
+        for j, name in enumerate(motions)
+    ]
+
+
+def one(seed: int, folder: Path) -> dict[str, object]:
+    """Return what one seed gives, as plain data."""
+    robot, true = drawn(np.random.default_rng([7, seed]), folder)
+    columns, begun = ServoColumns(("joint1",)), time.process_time()
+    logs = logs_of(robot, true, seed, (3.0, 6.0), ("chirp", "steps", "drop"))
+    joint = identify_actuators(robot, ServoSetup((LAW,), columns, "m1"), logs).joints[0]
+    seconds = time.process_time() - begun
+    known = {k.name: k for k in joint.known}
+    found = {}
+    for name in COUNTED:
+        value, truth = joint.value(name), float(true[PLACE[name]])
+        if not np.isfinite(truth) and not np.isfinite(value):
+            continue
+        half = known[name].half_width if name in known else float("nan")
+        found[name] = {
+            "true": truth if np.isfinite(truth) else None,
+            "value": value if np.isfinite(value) else None,
+            "half": half if np.isfinite(half) else None,
+            "label": known[name].label if name in known else "left out",
+        }
+    quiet = [replace(log, kp=float("nan")) for log in logs_of(robot, true, seed, (1.5,), ("slow",))]
+    law = preset("position_servo")
+    blind = identify_actuators(robot, ServoSetup((law,), columns, "m1"), quiet).joints[0]
+    label = next(k.label for k in blind.known if k.name == "full_torque")
+    return {"seed": seed, "seconds": seconds, "parameters": found, "gain_unknown": label}
+
+
+def summary(lines: list[Mapping]) -> list[str]:
+    """Return the figures over seeds as lines of text."""
+    found = [f"{len(lines)} seeds, {np.median([line['seconds'] for line in lines]):.1f} s of the processor a seed"]
+    found.append("parameter     identified  holds the truth  relative error: median, 95 %    largest (labels aside)")
+    for name in COUNTED:
+        rows = [line["parameters"][name] for line in lines if name in line["parameters"]]
+        both = [row for row in rows if row["true"] is not None and row["value"] is not None]
+        sure = [row for row in both if row["half"] is not None]
+        if not sure:
+            continue
+        holds = np.mean([abs(row["value"] - row["true"]) <= row["half"] for row in sure])
+        named = [row for row in both if row["label"] == "identified"] or sure
+        scale = 1e3 if name in ("delay", "angle_offset") else 100.0
+        unit = {"delay": "ms", "angle_offset": "mrad"}.get(name, "%")
+        size = [1.0 if unit != "%" else row["true"] for row in named]
+        errors = scale * np.abs([(row["value"] - row["true"]) / own for row, own in zip(named, size, strict=True)])
+        share = sum(row["label"] == "identified" for row in both)
+        middle, most = np.quantile(errors, [0.5, 0.95])
+        text = f"{share:4d} of {len(both):3d} {100 * holds:8.1f} % of {len(sure):3d}"
+        found.append(f"{name:14s}{text}   {middle:8.3g} {most:8.3g} {unit:5s} {errors.max():8.3g}")
+        odd = len(rows) - len(both)
+        if odd:
+            found.append(f"{name:14s}{odd} times found where there is none, or missed")
+    right = sum(line["gain_unknown"] == "not separable" for line in lines)
+    found.append(f"unknown gain without saturation called not separable: {right} of {len(lines)}")
+    return found
+
+
+def main() -> None:
+    """Run the seeds that the file lacks and print the summary."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("file", type=Path)
+    options.add_argument("--seeds", type=int, default=200)
+    options.add_argument("--first", type=int, default=0)
+    chosen = options.parse_args()
+    file: Path = chosen.file
+    lines = [json.loads(text) for text in file.read_text().splitlines()] if file.exists() else []
+    done = {line["seed"] for line in lines}
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(chosen.first, chosen.first + chosen.seeds):
+            if seed not in done:
+                lines.append(one(seed, Path(folder)))
+                with file.open("a") as sink:
+                    sink.write(json.dumps(lines[-1]) + "\n")
+    print("\n".join(summary(lines)))
+
+
+if __name__ == "__main__":
+    main()
