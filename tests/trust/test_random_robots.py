@@ -9,7 +9,9 @@ import pytest
 
 from dynident import DynamicModel, FourierSeries, Log, Preprocessing, read_robot
 from dynident.data.preprocessing.as_given import AsGiven
+from dynident.errors import PoorExcitation
 from dynident.identification.identify import identify
+from dynident.model.base_parameters import base_parameters
 from dynident.model.friction import FRICTION, Motion
 from dynident.model.robot import Drive, Robot
 
@@ -109,7 +111,12 @@ def check(tmp_path: Path, seed: int) -> None:
     assert np.allclose(model.torque(motion, theta) / size, torque / size, atol=1e-7)
     noisy = torque + 0.01 * size * generator.normal(size=torque.shape)
     log = Log(names, time, q, dq, ddq, noisy)
-    found = identify(model, [log], "wls", Preprocessing(AsGiven(), rest="keep"))
+    try:
+        found = identify(model, [log], "wls", Preprocessing(AsGiven(), rest="keep"))
+    except PoorExcitation:  # of a random motion it may be true: seed 255 has a condition number of 4e9
+        rows = model.regressor(q, dq, ddq)[..., base_parameters(model).independent].reshape(len(q) * joints, -1)
+        assert np.linalg.cond(rows / np.linalg.norm(rows, axis=0)) > 1e8
+        return
     truth = found.base.from_standard(theta)
     assert np.abs((found.beta - truth) / found.std).max() < 7
 
