@@ -414,3 +414,15 @@ def test_bodies_that_the_torques_do_not_tell_leave_no_freedom() -> None:
     prior = np.diag([1.0, 4.0, 9.0])
     assert known.freedom(prior, np.linalg.inv(prior)) == 1.0  # the log adds nothing
     assert known.freedom(prior, 1e-9 * np.eye(3)) == pytest.approx(3.0)
+
+
+def test_the_last_digit_of_a_joint_at_rest_is_told_once(trial: Trial, tmp_path: Path) -> None:
+    q, dq, generator = trial.columns["q"].copy(), trial.columns["dq"].copy(), np.random.default_rng(2)
+    q[:, 1] = 0.4 + 1e-4 * (generator.random(len(q)) < 0.02)  # an encoder that ticks now and then
+    dq[:, 1] = 1e-3 * generator.normal(size=len(q))
+    told = [(one.name, one.joint) for one in trial.with_columns(q=q, dq=dq).examined(tmp_path).findings]
+    joint = trial.case.robot.joint_names[1]
+    assert [name for name, joints in told if joint in joints.split(", ")] == ["joint never moved"]
+    q[:, 1] = trial.columns["q"][:, 1]
+    q[500, 1] += 1.0  # a joint that moves has its spike told
+    assert ("spikes", joint) in [(one.name, one.joint) for one in trial.with_columns(q=q).examined(tmp_path).findings]

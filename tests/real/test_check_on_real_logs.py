@@ -30,3 +30,15 @@ def test_a_wrist_torque_that_follows_its_position_is_no_other_order(run: int, mo
     how = replace(case.preprocessing, filter=Butterworth(2.0), trim_s=1.2)
     case = replace(case, friction=friction, preprocessing=how)
     assert examine(case, log).sound
+
+
+@pytest.mark.parametrize("joint", range(1, 7))
+def test_joints_at_rest_are_told_once(joint: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = f"ur10e_mamedov/jointwise_20_01_22_joint_{joint}.csv"
+    if not (DATA / log).is_file():
+        pytest.skip(f"no {log} under DYNIDENT_DATA or ../shared/data")
+    monkeypatch.setenv("DYNIDENT_DATA", str(DATA))
+    found = examine(read_case(ROOT / "examples" / "cases" / "ur10e.yaml"), log).findings
+    grave = {one.name for one in found if one.severity != "note"} - {"spikes"}  # of the current
+    assert grave == ({"poor excitation"} if joint == 6 else {"joint never moved"})
+    assert not any("values of q" in one.evidence for one in found)

@@ -49,8 +49,8 @@ class RobotMisfit:
 
     @property
     def is_suspected(self) -> bool:
-        """Whether so much is left that they may be."""
-        return self.left > SUSPECTED
+        """Whether so much is left that they may be; where all is, the parts of the log do not tell one another."""
+        return SUSPECTED < self.left < 1.0
 
 
 def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence[Blame] = ()) -> RobotMisfit:

@@ -20,6 +20,9 @@ EXPLAINED, MATTERS, MATTERS_ALL = 0.5, 0.1, 0.03
 #: A scale of all torques further off one is that of another check.
 FAR_SCALE = 0.5
 
+#: A speed of the clock further off one is not told: its column is the straight line through a square.
+FAR_CLOCK = 0.25
+
 #: Standard deviations of half a 95 % interval.
 Z95 = 1.96
 
@@ -40,6 +43,8 @@ def believed(blame: Blame, scales: Sequence[JointScale] = ()) -> Blame | None:
     figures, and those of another scale altogether are told by the check of the scales. Without ``scales`` bodies that
     are known beforehand decide.
     """
+    if blame.cause.name == "time scale":
+        return blame if abs(float(blame.values[0])) < FAR_CLOCK else None
     if blame.cause.name != "torque scale":
         return blame
     scale = next((each for each in scales if each.joint == blame.cause.joint), None)

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from dynident.case.evidence.positions import STILL, travel
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, listed
 from dynident.diagnosis.repair import MOST_LOST, broken_rows
@@ -88,6 +89,8 @@ def _spikes(subject: CheckedLog) -> list[Finding]:
         floor = np.maximum(1.4826 * np.median(away, axis=0), 1e-3 * np.ptp(middle, axis=0))
         alone = np.abs(values[4:] - values[:-4]) < 0.5 * away  # a step, as of friction at a reversal, does not return
         spikes = alone & (away > SPIKE * np.maximum(np.maximum(floor, np.quantile(away, 0.99, axis=0) / 4), 1e-12))
+        if signal == "q":
+            spikes &= travel(values) >= STILL  # of a joint at rest its last digit
         if spikes.any():
             joints = [name for name, any_ in zip(log.joints, spikes.any(axis=0), strict=True) if any_]
             row = subject.sound.place(int(np.argmax(spikes.any(axis=1))) + 2)

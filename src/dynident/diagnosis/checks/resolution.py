@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.case.evidence.positions import STILL, travel
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity, listed
 
@@ -32,7 +33,9 @@ class Resolution(Check):
         for signal, values in (("positions", log.q), ("torques", log.torque)):
             if values is None:
                 continue
-            steps = {name: steps_of(column) for name, column in zip(log.joints, values.T, strict=True)}
+            counted = (travel(log.q) >= STILL) | (signal != "positions")  # a joint at rest is told as such
+            each = zip(log.joints, values.T, counted, strict=True)
+            steps = {name: steps_of(column) for name, column, counts in each if counts}
             coarse = {name: count for name, count in steps.items() if 0 < count < FEWEST_STEPS[signal]}
             if coarse:
                 least = min(coarse.values())

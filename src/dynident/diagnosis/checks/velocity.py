@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
+from dynident.case.evidence.positions import STILL, travel
 from dynident.case.evidence.velocities import VelocityPair, is_near, velocity_pair
 from dynident.data.log import Log
 from dynident.diagnosis.checks.base import Check, CheckedLog
@@ -40,7 +41,8 @@ class Velocity(Check):
 
 
 def _told(subject: CheckedLog, log: Log, pair: VelocityPair) -> list[Finding]:
-    names, alike, ratio, moving = log.joints, pair.correlations, pair.ratios, pair.moving
+    names, alike, ratio = log.joints, pair.correlations, pair.ratios
+    moving = pair.moving & (travel(log.q) >= STILL)
     own = np.diagonal(alike)
     found, odd = [], np.zeros(len(names), bool)
     for i in np.flatnonzero(moving & (np.abs(own) < OTHER)):
