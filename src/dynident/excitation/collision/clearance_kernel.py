@@ -348,7 +348,7 @@ def gradient(scene: Scene, q: Array, pairs: IntArray, out: Array) -> None:
             found = contact(points, radii, boxes, planes, tests[t, 0], tests[t, 1], tests[t, 2])
             if found[0] < least:
                 chosen, least = t, found[0]
-        kind, i, j = tests[chosen, 0], tests[chosen, 1], tests[chosen, 2]
+        kind, i, j = int(tests[chosen, 0]), int(tests[chosen, 1]), int(tests[chosen, 2])
         _, first, second, nx, ny, nz = contact(points, radii, boxes, planes, kind, i, j)
         add_slope(scene, world, points, (i, first), (nx, ny, nz), 1.0, out[s])
         if kind == CAPSULE:
