@@ -245,6 +245,7 @@ def test_every_section_has_a_title_and_a_template_and_every_template_a_section()
         "cards.css",
         "page.css",
         "_parts.html",
+        "actuators.html",
         "difference.html",
         "zoom.js",
         "turn.js",
