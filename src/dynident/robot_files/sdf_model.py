@@ -227,18 +227,26 @@ class _SdfReader:
         text = found[0].text if found else ""
         if not text:
             raise joint.place.error(f"<joint> has no <{tag}>", f"write <{tag}>LINK</{tag}>")
-        name = WORLD if text == WORLD else scope + text
+        name = self._link_behind(WORLD if text == WORLD else scope + text)
+        if name is None:
+            raise joint.place.error(f"its {tag} {shown(text)} is fixed to itself", "correct attached_to")
+        if name != WORLD and (name not in self._frames or self._frames[name][0].tag != "link"):
+            links = [key for key, (one, _) in self._frames.items() if one.tag == "link"]
+            step = f"write the name of a link{nearest(name, links)}"
+            raise joint.place.error(f"its {tag} {shown(text)} is no link", step)
+        return name
+
+    def _link_behind(self, name: str) -> str | None:
+        """Return what a name is fixed to, frame behind frame: a link or the world where it is sound; None in a ring."""
         for _ in range(100):
-            if name == WORLD or (name in self._frames and self._frames[name][0].tag == "link"):
+            if name not in self._frames or self._frames[name][0].tag != "frame":
                 return name
-            element, inner = self._frames.get(name, (joint, ""))
-            attached = element.attributes.get("attached_to", "") if element.tag == "frame" else ""
+            element, scope = self._frames[name]
+            attached = element.attributes.get("attached_to", "")
             if not attached:
-                links = [key for key, (one, _) in self._frames.items() if one.tag == "link"]
-                step = f"write the name of a link{nearest(name, links)}"
-                raise joint.place.error(f"its {tag} {shown(text)} is no link", step)
-            name = WORLD if attached == WORLD else inner + attached
-        raise joint.place.error(f"its {tag} {shown(text)} is fixed to itself", "correct attached_to")
+                return name
+            name = WORLD if attached == WORLD else scope + attached
+        return None
 
     def _link(self, name: str, element: Element, carrier: tuple[str, Element] | None) -> None:
         pose, origin = self._pose(name), np.zeros(3)
@@ -334,14 +342,7 @@ class _SdfReader:
 
     def _named(self, name: str) -> None:
         """Keep a named frame on the link that it is fixed to."""
-        element, scope = self._frames[name]
-        for _ in range(100):
-            attached = element.attributes.get("attached_to", "")
-            target = scope + attached
-            if not attached or target not in self._frames:
-                return
-            element, scope = self._frames[target]
-            if element.tag == "link":
-                frame, own = self._link_frame(target, element), self._pose(name)
-                self.found.frames[name] = target, (frame[0].T @ own[0], frame[0].T @ (own[1] - frame[1]))
-                return
+        link = self._link_behind(name)
+        if link in self.found.links:
+            frame, own = self._link_frame(link, self._frames[link][0]), self._pose(name)
+            self.found.frames[name] = link, (frame[0].T @ own[0], frame[0].T @ (own[1] - frame[1]))
