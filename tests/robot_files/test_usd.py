@@ -274,9 +274,9 @@ def test_what_is_no_arm_is_refused(change: Any, told: str, stage: Any) -> None:
 
 def test_no_usd(tmp_path: Path) -> None:
     for name, data, told in (
-        ("a.usda", b"#usda 1.0\ndef Xform {", "not USD"),
+        ("a.usda", b"#usda 1.0\ndef Xform {", r"^\S+a\.usda: not USD \(line 2: [a-z ]+'def Xform {'"),
         ("b.usd", b"solid", "no USD by its first bytes"),
-        ("c.usdc", b"PXR-USDC" + bytes(100), "not USD"),
+        ("c.usdc", b"PXR-USDC" + bytes(100), r"not USD \(Cannot read asset"),
     ):
         (tmp_path / name).write_bytes(data)
         with pytest.raises(DynidentError, match=told):

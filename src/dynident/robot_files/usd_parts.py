@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,11 @@ _LAYERS: Final = (".usd", ".usda", ".usdc", ".usdz")
 #: Inertia of NewtonMassAPI: xx, yy, zz, xy, xz, yz about the centre of mass in the axes of the prim, in double
 #: precision.
 WHOLE_INERTIA: Final = "newton:inertia"
+
+#: What OpenUSD says first, behind the place in its own source; the file and line that it begins with; its name spaces.
+_ITS_PLACE: Final = re.compile(r"Error in .*? in file \S+ : '(.*?)\s*'\s*(?:Error in|$)", re.DOTALL)
+_FILE_AND_LINE: Final = re.compile(r"^.*?\.usda?:(\d+):\d+: ")
+_ITS_NAMES: Final = re.compile(r"\bpxrInternal_\w+::(?:\w+::)*")
 
 
 @dataclass(frozen=True)
@@ -126,12 +132,14 @@ def open_stage(path: str | Path) -> Any:
 
 
 def said(problem: Exception) -> str:
-    """Return what OpenUSD says of a fault, in one line; it may quote bytes that are no text."""
+    """Return what OpenUSD says of a fault, in one line without its own places; it may quote bytes that are no text."""
     try:
         text = str(problem)
     except UnicodeDecodeError:
         return "it holds bytes that are no text"
-    return " ".join(text.rsplit("--", maxsplit=1)[-1].split())[:200]
+    first = _ITS_PLACE.search(text)
+    told = " ".join((first[1] if first else text.rsplit("--", maxsplit=1)[-1]).split())
+    return _ITS_NAMES.sub("", _FILE_AND_LINE.sub(r"line \1: ", told))[:200]
 
 
 def check_values(prim: Any, place: Place) -> None:
