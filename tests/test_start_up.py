@@ -55,7 +55,8 @@ SLOW = ("numba", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpo
 
 #: What an identification alone does without besides: parts for few cases, and what has no place in one.
 NOT_FOR_ALL = (
-    "scipy.sparse", "defusedxml.sax", "urllib.request", "jinja2", "rich.markdown", "matplotlib",
+    "scipy.sparse", "scipy.linalg", "scipy.special", "defusedxml.sax", "urllib.request", "jinja2", "rich.markdown",
+    "matplotlib",
     "dynident.case.draft", "dynident.data.formats._bag_table",
     "dynident.diagnosis.checks", "dynident.studies.benchmark", "dynident.identification.streaming",
     "dynident.identification.simulated.course", "dynident.simulation", "dynident.model.kernels.generic",

@@ -208,16 +208,17 @@ def _entropy_rows(program: Program, rows: int) -> tuple[Array, Array, list[Any]]
 def _clarabel() -> Any:
     """Return Clarabel, a compiled module without type stubs, with its LAPACK.
 
-    It looks for that in two modules of SciPy at its first cone, whose usual import takes five times as long: all of
+    It looks for that in two modules of SciPy at its first solve, whose usual import takes five times as long: all of
     ``scipy.linalg`` comes with them.
     """
     clarabel = importlib.import_module("clarabel")
     with _alone("scipy.linalg.cython_blas", "scipy.linalg.cython_lapack"):
         settings = clarabel.DefaultSettings()
         settings.verbose = False
-        cones = [clarabel.PSDTriangleConeT(2)]
-        point = np.array([1.0, 0.0, 1.0])
-        clarabel.DefaultSolver(_columns(np.zeros((3, 3))), point, _columns(-np.eye(3)), 0.0 * point, cones, settings)
+        cones, size, point = [clarabel.PSDTriangleConeT(4)], len(IDENTITY_VECTOR), IDENTITY_VECTOR
+        flat, turned = _columns(np.zeros((size, size))), _columns(-np.eye(size))
+        least = clarabel.DefaultSolver(flat, point, turned, -point, cones, settings)
+        least.solve()
     return clarabel
 
 
