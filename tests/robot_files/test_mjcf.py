@@ -322,6 +322,11 @@ FAULTS = {
         "redundant equalities",
         "remove one of them",
     ),
+    "a gear beyond all use": (
+        arm(HINGE + BODY, tail='<actuator><motor joint="a" gear="1e200"/></actuator>'),
+        "its gear is 1e+200",
+        "per unit of control",
+    ),
     "tied tendons": (
         arm(HINGE + BODY, tail='<equality><tendon tendon1="one" polycoef="0 1 0 0 0"/></equality>'),
         "an equality of tendons",
