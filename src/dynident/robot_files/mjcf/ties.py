@@ -19,7 +19,7 @@ from dynident.robot_files.xml_elements import Element
 from dynident.robot_files.xml_values import Values
 
 _RIGID: Final = "arms of rigid links moved by joints are read"
-_LARGEST_GEAR: Final = 1e12
+_LEAST_GEAR: Final = 1e-12
 _PARAMETERS: Final = ("dyntype", "gaintype", "biastype")
 
 
@@ -145,10 +145,8 @@ def _driven(document: MjcfDocument, defaults: Defaults, tree: MjcfTree, joints: 
 def _moved(document: MjcfDocument, values: Values, element: Element, joint: Connection) -> Connection:
     """Return a joint with the values of its actuator."""
     gear = float(values.numbers("gear", 1, 6)[0]) if "gear" in values else 1.0
-    if abs(gear) < 1.0 / _LARGEST_GEAR:  # it gives no torque
+    if abs(gear) < _LEAST_GEAR:  # it gives no torque
         return joint
-    if abs(gear) > _LARGEST_GEAR:
-        raise values.place.error(f"its gear is {gear:g}", "write the torque at the joint per unit of control")
     rotor = values.at_least_zero("armature", 0.0) + joint.drive.rotor_inertia / gear**2
     damping = values.numbers("damping", 1, 3)[0] * gear**2 if "damping" in values else 0.0
     force = np.inf
