@@ -7,10 +7,16 @@ most commands work, and keeps the lock in most routines, so that threads wait fo
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+import importlib.machinery
+import importlib.util
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -20,6 +26,9 @@ from dynident.model.threads import libraries
 
 #: LAPACK's whole numbers, as the signature of a routine of SciPy names them.
 _INTEGERS = {b"int *": ctypes.c_int, b"int64_t *": ctypes.c_int64, b"npy_int64 *": ctypes.c_int64}
+
+#: The modules by which SciPy hands its BLAS and LAPACK to compiled code.
+_OF_SCIPY = ("scipy.linalg.cython_blas", "scipy.linalg.cython_lapack")
 
 #: How NumPy's wheels call a routine, and the whole numbers that it takes by that name.
 WHEELS = (("scipy_{}_64_", ctypes.c_int64), ("scipy_{}_", ctypes.c_int))
@@ -154,7 +163,7 @@ def of_scipy(name: str) -> tuple[int, Any]:
     Raises:
         RuntimeError: It takes another one than is known here.
     """
-    modules: list[Any] = [import_module(f"scipy.linalg.cython_{part}") for part in ("blas", "lapack")]  # loads slowly
+    modules: list[Any] = [import_module(module) for module in _OF_SCIPY]  # loads slowly
     capsule = next(module.__pyx_capi__[name] for module in modules if name in module.__pyx_capi__)
     named = ctypes.PYFUNCTYPE(ctypes.c_char_p, ctypes.py_object)(("PyCapsule_GetName", ctypes.pythonapi))
     signature = named(capsule)
@@ -165,3 +174,36 @@ def of_scipy(name: str) -> tuple[int, Any]:
         ("PyCapsule_GetPointer", ctypes.pythonapi)
     )
     return pointer(capsule, signature), _INTEGERS[whole[0]]
+
+
+@contextmanager
+def lapack_of_scipy() -> Iterator[None]:
+    """Have SciPy's LAPACK at hand for compiled code of others, without the rest of ``scipy.linalg``.
+
+    The usual import of the two modules takes five times as long. Where they cannot be loaded alone, it is left to that.
+    """
+    loaded = {name: module for name in _OF_SCIPY if name not in sys.modules and (module := _alone(name)) is not None}
+    sys.modules.update(loaded)
+    try:
+        yield
+    finally:
+        for name in loaded:
+            sys.modules.pop(name, None)  # a later import finds them in their package
+
+
+def _alone(name: str) -> ModuleType | None:
+    """Return a compiled module without the package that it is in; None where that fails."""
+    top, *folders, last = name.split(".")
+    package = importlib.util.find_spec(top)
+    for place in (package and package.submodule_search_locations) or ():
+        for ending in importlib.machinery.EXTENSION_SUFFIXES:
+            spec = importlib.util.spec_from_file_location(name, Path(place, *folders, last + ending))
+            if spec is None or spec.loader is None or not Path(spec.origin or "").exists():
+                continue
+            try:
+                module = importlib.util.module_from_spec(spec)
+                spec.loader.exec_module(module)
+            except ImportError:  # such as a library that the package itself makes known to the system
+                return None
+            return module
+    return None

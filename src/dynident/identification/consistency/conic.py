@@ -3,14 +3,8 @@
 from __future__ import annotations
 
 import importlib
-import importlib.machinery
-import importlib.util
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,7 +18,7 @@ from dynident.identification.consistency.conditions import (
     unstack_vectors,
 )
 from dynident.identification.consistency.program import Multipliers, Program, whitened_rows
-from dynident.model.lapack import solve_upper
+from dynident.model.lapack import lapack_of_scipy, solve_upper
 from dynident.model.reduction import triangle_of
 
 
@@ -208,11 +202,10 @@ def _entropy_rows(program: Program, rows: int) -> tuple[Array, Array, list[Any]]
 def _clarabel() -> Any:
     """Return Clarabel, a compiled module without type stubs, with its LAPACK.
 
-    It looks for that in two modules of SciPy at its first solve, whose usual import takes five times as long: all of
-    ``scipy.linalg`` comes with them.
+    It looks for that in SciPy at its first solve.
     """
     clarabel = importlib.import_module("clarabel")
-    with _alone("scipy.linalg.cython_blas", "scipy.linalg.cython_lapack"):
+    with lapack_of_scipy():
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         cones, size, point = [clarabel.PSDTriangleConeT(4)], len(IDENTITY_VECTOR), IDENTITY_VECTOR
@@ -220,28 +213,3 @@ def _clarabel() -> Any:
         least = clarabel.DefaultSolver(flat, point, turned, -point, cones, settings)
         least.solve()
     return clarabel
-
-
-@contextmanager
-def _alone(*names: str) -> Iterator[None]:
-    """Have compiled modules at hand without the packages that they are in; where that fails, nothing is different."""
-    loaded: list[str] = []
-    for name in names:
-        top, *folders, last = name.split(".")
-        package = None if name in sys.modules else importlib.util.find_spec(top)
-        for place in (package and package.submodule_search_locations) or ():
-            files = [Path(place, *folders, last + ending) for ending in importlib.machinery.EXTENSION_SUFFIXES]
-            spec = next((importlib.util.spec_from_file_location(name, each) for each in files if each.exists()), None)
-            if spec is None or spec.loader is None:
-                continue
-            with suppress(ImportError):
-                sys.modules[name] = importlib.util.module_from_spec(spec)
-                loaded.append(name)
-                spec.loader.exec_module(sys.modules[name])
-                continue
-            sys.modules.pop(name, None)
-    try:
-        yield
-    finally:
-        for name in loaded:
-            sys.modules.pop(name, None)  # a later import finds them in their package
