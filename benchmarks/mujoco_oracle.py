@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.exports.models.proving.engines import without_log
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
 
@@ -24,20 +24,13 @@ def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) 
     import mujoco
 
     api: Any = mujoco
-    model = api.MjModel.from_xml_path(str(path))
+    with without_log():
+        model = api.MjModel.from_xml_path(str(path))
     model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_CONSTRAINT) | int(api.mjtDisableBit.mjDSBL_SPRING)
     model.opt.density = model.opt.viscosity = 0.0
-    for name in (
-        "body_gravcomp",
-        "dof_armature",
-        "dof_damping",
-        "tendon_damping",
-        "tendon_armature",
-        "tendon_stiffness",
-    ):
-        getattr(model, name)[:] = 0.0
-    if hasattr(model, "dof_dampingpoly"):
-        model.dof_dampingpoly[:] = 0.0
+    for name in FORCES:
+        if hasattr(model, name):  # of MuJoCo 4, some of them
+            getattr(model, name)[:] = 0.0
     names = [model.joint(i).name or f"joint{i + 1}" for i in range(model.njnt)]
     bodies = [model.body(i).name or f"body{i}" for i in range(model.nbody)]
     column = {name: i for i, name in enumerate(robot.joint_names)}
@@ -73,7 +66,7 @@ def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) 
             model.body_iquat[row], model.body_inertia[row] = quaternion, moments
             model.body_sameframe[:] = 0
             model.body_simple[:], model.dof_simplenum[:] = 0, 0
-            with contextlib.chdir(path.parent):  # MuJoCo writes its warnings of joints without inertia there
+            with without_log():  # of joints without inertia
                 api.mj_setConst(model, data)
             torques[:, :, k] = _torques(api, model, data, states) @ turn - bare
         found[:, :, 10 * number : 10 * number + 10] = np.linalg.solve(table.T, torques.swapaxes(1, 2)).swapaxes(1, 2)

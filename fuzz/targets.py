@@ -84,28 +84,15 @@ def _robot(path: Path) -> object:
     return read_robot(path)
 
 
-def _urdf(path: Path) -> object:
-    from dynident.robot_files.formats.urdf import Urdf
+def _of_format(name: str) -> Read:
+    """Return the reader of one format of robot models, whatever a file looks like: no xacro is expanded."""
 
-    return Urdf().read(path, path.read_bytes())
+    def read(path: Path) -> object:
+        from dynident.robot_files.formats.base import DESCRIPTIONS
 
+        return DESCRIPTIONS.make(name).read(path, path.read_bytes())
 
-def _mjcf(path: Path) -> object:
-    from dynident.robot_files.formats.mjcf import MjcfFile
-
-    return MjcfFile().read(path, path.read_bytes())
-
-
-def _sdf(path: Path) -> object:
-    from dynident.robot_files.formats.sdf import SdfFile
-
-    return SdfFile().read(path, path.read_bytes())
-
-
-def _usd(path: Path) -> object:
-    from dynident.robot_files.formats.usd import UsdModel
-
-    return UsdModel().read(path, path.read_bytes())
+    return read
 
 
 def _case(path: Path) -> object:
@@ -212,10 +199,12 @@ _MODEL = ("dynident.robot_files", "dynident.model.documents", "dynident.model.fr
 _SAVED = ("dynident.identification.files.saved_values", "dynident.data.preprocessing", *_MODEL)
 
 TARGETS: Mapping[str, Target] = {
-    "urdf": Target(".urdf", "text", _urdf, _XML, instrument=_MODEL),
-    "mjcf": Target(".xml", "text", _mjcf, (*_XML, *_MJCF), instrument=(*_MODEL, "dynident.robot_files.mjcf")),
-    "sdf": Target(".sdf", "text", _sdf, (*_XML, *_SDF), instrument=_MODEL),
-    "usd": Target(".usda", "text", _usd, _USD, instrument=_MODEL),
+    "urdf": Target(".urdf", "text", _of_format("urdf"), _XML, instrument=_MODEL),
+    "mjcf": Target(
+        ".xml", "text", _of_format("mjcf"), (*_XML, *_MJCF), instrument=(*_MODEL, "dynident.robot_files.mjcf")
+    ),
+    "sdf": Target(".sdf", "text", _of_format("sdf"), (*_XML, *_SDF), instrument=_MODEL),
+    "usd": Target(".usda", "text", _of_format("usd"), _USD, instrument=_MODEL),
     "dh": Target(".yaml", "text", _robot, _YAML, instrument=_MODEL),
     "robot_json": Target(".json", "json", _robot, instrument=_MODEL),
     "case": Target(

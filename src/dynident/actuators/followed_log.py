@@ -10,8 +10,8 @@ import numpy as np
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.joint_load import joint_loads, measured_motion
 from dynident.actuators.parameters import PLACE
-from dynident.actuators.rollout import JointRecord, record_of, rolled_out
-from dynident.actuators.servo_log import ServoLog, check_gains
+from dynident.actuators.rollout import mean_error, record_of, rolled_out
+from dynident.actuators.servo_log import ServoLog, check_gains, is_outside
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
 from dynident.model.robot import Joint, Robot
@@ -79,32 +79,25 @@ def followed(
         nominal = _stated(actuator, joint)
         for log, load in zip(logs, loads, strict=True):
             record = record_of(log, k, load[k], actuator.law)
-            torque = load[k].bias[:, 0] + load[k].bias[:, 1] * np.cos(record.q) + load[k].bias[:, 2] * np.sin(record.q)
             predicted = rolled_out(record, actuator.parameters).q
-            outside = bool(actuator.kp) and not min(actuator.kp) <= log.kp <= max(actuator.kp)
             found.append(
                 FollowedJoint(
                     actuator.name,
                     log.name,
                     log.kp,
-                    outside,
+                    is_outside(log.kp, actuator.kp),
                     log.name in trained,
                     log.time - log.time[0],
                     log.q_ref[:, k],
                     record.q,
                     predicted,
-                    _error(record, predicted),
-                    _error(record, rolled_out(record, actuator.linear).q),
-                    float("nan") if nominal is None else _error(record, rolled_out(record, nominal).q),
-                    float(np.sqrt(np.mean(torque**2))),
+                    mean_error(record, predicted),
+                    mean_error(record, rolled_out(record, actuator.linear).q),
+                    float("nan") if nominal is None else mean_error(record, rolled_out(record, nominal).q),
+                    float(np.sqrt(np.mean(load[k].torque(record.q) ** 2))),
                 )
             )
     return tuple(found)
-
-
-def _error(record: JointRecord, q: Array) -> float:
-    error = np.abs(q - record.q)[record.used]
-    return float(np.mean(error)) if np.isfinite(error).all() else float("inf")
 
 
 def _stated(actuator: JointActuator, joint: Joint) -> Array | None:

@@ -23,7 +23,7 @@ from dynident.actuators.linear_start import (
 from dynident.actuators.output_error import ServoProblem, output_error, starts_from
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import JointRecord, mean_errors, record_of, rolled_out
-from dynident.actuators.servo_log import AUTO, ServoLog, ServoSetup, check_gains, kp_values
+from dynident.actuators.servo_log import AUTO, ServoLog, ServoSetup, check_gains, is_outside, kp_values
 from dynident.actuators.verdict import EXPERIMENTS, Known, known_parameters
 from dynident.arrays import Array
 from dynident.errors import LogMismatch
@@ -229,7 +229,7 @@ def _known_together(
 
 def _remarks(data: JointData, kp: tuple[float, ...]) -> tuple[str, ...]:
     remarks = []
-    outside = sorted({one.kp for one in data.test if kp and not min(kp) <= one.kp <= max(kp)})
+    outside = sorted({one.kp for one in data.test if is_outside(one.kp, kp)})
     if outside:
         those = ", ".join(f"{value:g}" for value in outside)
         remarks.append(

@@ -69,6 +69,10 @@ class JointLoad:
     inertia: Array
     bias: Array
 
+    def torque(self, q: Array) -> Array:
+        """Return the bias torque at positions of the joint, shape (N,), in N m or N."""
+        return self.bias[:, 0] + self.bias[:, 1] * np.cos(q) + self.bias[:, 2] * np.sin(q)
+
 
 def rigid_inertia(robot: Robot) -> Array:
     """Return the inertial parameters of a robot model that the load is made of, shape (10 l,).

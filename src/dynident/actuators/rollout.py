@@ -111,8 +111,10 @@ def rolled_out(record: JointRecord, parameters: Array, at: IntArray = NONE, long
 
 def mean_errors(records: Sequence[JointRecord], parameters: Array) -> Array:
     """Return the mean absolute position error of each roll-out, shape (logs,), in rad."""
-    found = []
-    for record in records:
-        error = np.abs(rolled_out(record, parameters).q - record.q)[record.used]
-        found.append(float(np.mean(error)) if np.isfinite(error).all() else np.inf)
-    return np.array(found)
+    return np.array([mean_error(record, rolled_out(record, parameters).q) for record in records])
+
+
+def mean_error(record: JointRecord, q: Array) -> float:
+    """Return the mean absolute error of rolled-out positions (N,), in rad; infinite where they are no numbers."""
+    error = np.abs(q - record.q)[record.used]
+    return float(np.mean(error)) if np.isfinite(error).all() else np.inf

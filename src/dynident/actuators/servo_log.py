@@ -369,6 +369,11 @@ def kp_values(logs: Sequence[ServoLog]) -> tuple[float, ...]:
     return tuple(sorted({log.kp for log in logs if np.isfinite(log.kp)}))
 
 
+def is_outside(kp: float, gains: Sequence[float]) -> bool:
+    """Return whether a position gain is outside the range of others; never where there are none."""
+    return bool(gains) and not min(gains) <= kp <= max(gains)
+
+
 def check_gains(logs: Sequence[ServoLog], kp: float | None) -> list[ServoLog]:
     """Return logs in which each has a gain; ``kp`` where the log states none.
 

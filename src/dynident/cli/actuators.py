@@ -66,6 +66,19 @@ def run(case: Case, options: argparse.Namespace) -> int:
     return 0
 
 
+def _refuse(options: argparse.Namespace, names: Sequence[str], step: str) -> None:
+    """Refuse options that have no meaning for actuators, with what to do.
+
+    Raises:
+        BadOption: One of them is stated.
+    """
+    from dynident.errors import BadOption
+
+    for name in names:
+        if getattr(options, name):
+            raise BadOption(f"--{name.replace('_', '-')}", getattr(options, name), step)
+
+
 def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
     """Write actuators for a simulator or a controller, with the options of the target that are stated.
 
@@ -75,14 +88,10 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
     """
     from dynident.actuators.estimate import read_actuators
     from dynident.cli import console
-    from dynident.errors import BadOption
     from dynident.exports.actuator_files import actuator_file
     from dynident.files import check_outputs, write_atomically
 
-    for name in _OF_OTHERS:
-        if getattr(options, name):
-            option = f"--{name.replace('_', '-')}"
-            raise BadOption(option, getattr(options, name), f"{options.file} holds actuators; leave it out")
+    _refuse(options, _OF_OTHERS, f"{options.file} holds actuators; leave it out")
     check_outputs((options.output,), (options.file,))
     text = actuator_file(read_actuators(options.file), options.to, stated)
     if not options.check:
@@ -147,13 +156,9 @@ def _followed(
     from dynident.actuators.estimate import read_actuators
     from dynident.api.actuators import follow
     from dynident.cli import console
-    from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place, files_behind, write_atomically
 
-    for name in foreign:
-        if getattr(options, name):
-            option = f"--{name.replace('_', '-')}"
-            raise BadOption(option, getattr(options, name), f"{options.estimate} holds actuators; leave it out")
+    _refuse(options, foreign, f"{options.estimate} holds actuators; leave it out")
     if page:
         check_place(page)
     with console.progress(2, options.quiet or options.json) as progress:
@@ -200,11 +205,8 @@ def check(case: Case, options: argparse.Namespace) -> int:
     from dynident.actuators.log_findings import servo_findings
     from dynident.api.actuators import read_servo_logs
     from dynident.cli import console
-    from dynident.errors import BadOption
 
-    for name in ("against", "fix"):
-        if getattr(options, name):
-            raise BadOption(f"--{name}", getattr(options, name), "leave it out: it is for logs with torques")
+    _refuse(options, ("against", "fix"), "leave it out: it is for logs with torques")
     laws = case.servo.laws if case.servo else ()
     case = replace(case, train=tuple(options.logs), test=()) if options.logs else case
     logs = [log for part in read_servo_logs(case) for log in part]

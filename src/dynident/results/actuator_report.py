@@ -13,7 +13,7 @@ from dynident.results.actuator_text import headline, joint_lines, joint_warnings
 from dynident.results.figures.signals import line_chart
 from dynident.results.report.builder import ReportPart, build_page
 from dynident.results.report.sections.base import drawn
-from dynident.results.text import MISSING, Column, Table, format_number
+from dynident.results.text import MISSING, Column, Table, counted, format_number
 
 #: Speeds of the friction curve, in rad/s at most, and points of a curve.
 FASTEST, POINTS = 10.0, 200
@@ -49,16 +49,12 @@ def _mrad(value: float) -> str:
 def mean_lines(runs: Sequence[FollowedJoint]) -> list[str]:
     """Return the mean error over the roll-outs, and how many of them do not test the actuators."""
     errors = np.array([run.error for run in runs])
-    found = [f"mean absolute position error {_mrad(float(errors.mean()))} mrad ({_counted(len(runs))})"]
+    found = [f"mean absolute position error {_mrad(float(errors.mean()))} mrad ({counted(len(runs), 'roll-out')})"]
     if outside := sum(run.is_outside for run in runs):
-        found.append(f"{_counted(outside)} at a kp outside that of the training logs: extrapolation")
+        found.append(f"{counted(outside, 'roll-out')} at a kp outside that of the training logs: extrapolation")
     if trained := sum(run.is_trained for run in runs):
-        found.append(f"{_counted(trained)} over training logs: optimistic")
+        found.append(f"{counted(trained, 'roll-out')} over training logs: optimistic")
     return found
-
-
-def _counted(count: int) -> str:
-    return f"{count} roll-out{'s' * (count != 1)}"
 
 
 def actuator_page(estimate: ActuatorEstimate, runs: Sequence[FollowedJoint]) -> str:

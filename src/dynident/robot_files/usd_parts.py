@@ -157,7 +157,7 @@ def check_values(prim: Any, place: Place) -> None:
         wanted = known.GetTypeName() if known else attribute.GetTypeName()
         if not known or _kind(value) != _kind(wanted.defaultValue):
             raise place.error(f"{name} has no value of the type {wanted}", "write one, or leave the attribute out")
-        if _kind(value) in ("float", "Vec3", "Quat") and np.isnan(_numbers(value)).any():
+        if _kind(value) in ("float", "Vec3", "Quat") and np.isnan(numbers(value)).any():
             raise place.error(f"{name} is no number", "write numbers")
 
 
@@ -167,7 +167,8 @@ def _kind(value: Any) -> str:
     return "float" if name == "int" else name[:4] if name.startswith(("Vec", "Quat")) else name
 
 
-def _numbers(value: Any) -> Array:
+def numbers(value: Any) -> Array:
+    """Return the numbers of a value of OpenUSD; of a quaternion (w, x, y, z)."""
     if _kind(value) == "Quat":
         return np.array([value.GetReal(), *value.GetImaginary()], dtype=float)
     return np.array(value, dtype=float)

@@ -29,6 +29,7 @@ from dynident.robot_files.usd_parts import (
     StageParts,
     StageUnits,
     check_values,
+    numbers,
     open_stage,
     pxr_module,
     said,
@@ -179,7 +180,7 @@ class _StageReader:
             raise place.error(f"physics:body{number} has {len(targets)} targets", "name one body")
         position = (joint.GetLocalPos0Attr() if number == 0 else joint.GetLocalPos1Attr()).Get()
         turn = (joint.GetLocalRot0Attr() if number == 0 else joint.GetLocalRot1Attr()).Get()
-        quaternion = np.array([turn.GetReal(), *turn.GetImaginary()], dtype=float)
+        quaternion = numbers(turn)
         length = float(np.linalg.norm(quaternion))
         if not abs(length - 1.0) < 1e-3:
             raise place.error(f"physics:localRot{number} has length {length:.4g}, not 1", "write a unit quaternion")
@@ -343,7 +344,7 @@ class _StageReader:
             raise self._place(prim).error(evidence, "write a mass above 0 and moments of inertia of 0 or more")
         if whole is None:
             axes = mass.GetPrincipalAxesAttr().Get()
-            quaternion = np.zeros(4) if axes is None else np.array([axes.GetReal(), *axes.GetImaginary()], dtype=float)
+            quaternion = np.zeros(4) if axes is None else numbers(axes)
             length = float(np.linalg.norm(quaternion))
             turn = rotation_from_quaternion(quaternion / length) if length > 0 else np.eye(3)  # zero stands for none
             whole = turn @ np.diag(diagonal) @ turn.T
