@@ -194,7 +194,7 @@ def main() -> None:
         print(f"| {name} | {outcome.joints} | {outcome.regressor:.1e} | {outcome.written:.1e} | {outcome.why}")
         sys.stdout.flush()
     done = [outcome for outcome in outcomes if outcome.joints and not outcome.why]
-    regressor, written = max(o.regressor for o in done), max(o.written for o in done)
+    regressor, written = (max((getattr(o, name) for o in done), default=0.0) for name in ("regressor", "written"))
     print(f"\n{len(done)} of {len(files)}: regressor {regressor:.1e}, written back {written:.1e}")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -73,6 +74,22 @@ def test_a_model_of_mujoco_has_its_torques() -> None:
     assert (shoulder.friction, shoulder.damping) == (1.5, 0.6)
     assert {"stand", "box", "flange"} <= set(robot.frames) and robot.links[0].fixed == ("box",)
     assert di.robot_of(mujoco.MjSpec.from_string(MJCF.format(""))).joint_names == robot.joint_names
+
+
+def test_actuators_of_mujoco_give_a_joint_inertia_damping_and_a_limit(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    motors = """<actuator><motor joint="lift" gear="50" armature="1e-4" damping="2e-4" forcerange="-0.5 0.5"/>
+      <general joint="lift" gear="-4" armature="2e-3" damping="1e-3" forcerange="-3 2"/><motor joint="elbow" gear="2"/>
+      </actuator>"""
+    path = tmp_path / "tree.xml"
+    path.write_text(MJCF.format(motors), encoding="utf-8")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    q, dq, ddq = states(5)
+    expected = mujoco_torques(model, q, dq, ddq)
+    for robot in (di.robot_of(model), di.robot_of(str(path))):
+        np.testing.assert_allclose(torques(robot, q, dq, ddq), expected, atol=1e-9)
+        assert robot.joints[1].limits.effort == pytest.approx(50 * 0.5 + 4 * 3)
+        assert robot.joints[2].limits.effort == np.inf and robot.joints[0].limits.effort == 40.0
 
 
 def test_a_joint_follows_as_an_equality_says() -> None:

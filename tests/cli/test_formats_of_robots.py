@@ -97,7 +97,9 @@ def true_torque(q: Array, dq: Array, ddq: Array) -> Array:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_from_the_file_and_back_into_it(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_from_the_file_and_back_into_it(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     file, text, target, result = FORMATS[name]
     if name in ("usd", "xacro"):
         pytest.importorskip({"usd": "pxr.Usd", "xacro": "xacro"}[name], reason=f"pip install 'dynident[{name}]'")
@@ -115,6 +117,11 @@ def test_from_the_file_and_back_into_it(name: str, tmp_path: Path, monkeypatch: 
 
     assert main(["init", file, "run.csv", "-o", "case.yaml", "--quiet"]) == 0
     assert main(["identify", "case.yaml", "run.csv", "-o", "estimate.json", "--quiet"]) == 0
+    capsys.readouterr()
+    assert main(["validate", "estimate.json", "run.csv"]) == 0
+    told = capsys.readouterr().err
+    assert f"next: dynident export estimate.json --to {target} -o identified{Path(result).suffix}" in told
+    assert main(["report", "estimate.json", "-o", "report.html", "--quiet"]) == 0
     assert main(["export", "estimate.json", "--to", target, "-o", result]) == 0
 
     model = DynamicModel(read_robot(result))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from dynident.errors import DescriptionError
+from dynident.exports.models.proving.engines import drake_version
 from dynident.exports.models.proving.sdf_proof import reload_own_sdf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import OWN, Identified
@@ -129,11 +130,37 @@ def test_identified_values_return_into_the_file_and_every_other_byte_is_kept() -
         if found.torque is not None:
             assert found.expected is not None
             np.testing.assert_allclose(found.torque, found.expected, rtol=0, atol=1e-9 * np.abs(found.expected).max())
+    assert "drake:rotor_inertia" not in patched.data.decode()
     old, new = ARM.splitlines(), patched.data.decode().splitlines()
     changed = {before for before, after in zip(old, new, strict=True) if before != after}
     assert changed == {
         line for line in old if "<inertial>" in line and "relative_to" not in line and "palm" not in line
     }
+
+
+@pytest.mark.parametrize(
+    "stated", ["", "<drake:rotor_inertia>2e-4</drake:rotor_inertia><drake:gear_ratio>50</drake:gear_ratio>"]
+)
+def test_rotor_inertia_returns_into_drakes_own_elements(stated: str) -> None:
+    data = ARM.replace('<joint name="a" type="revolute">', f'<joint name="a" type="revolute">{stated}').encode()
+    model = DynamicModel(SdfFile().read("arm.sdf", data), ["coulomb", "viscous", "rotor_inertia"])
+    theta = np.array(model.nominal())
+    rotors = [k for k, parameter in enumerate(model.parameters) if parameter.symbol == "Ia"]
+    theta[rotors[:2]] = 0.3, 0.7
+    source = OwnDescription(Path("arm.sdf"), data)
+    estimate: Any = SimpleNamespace(model=model)
+    subject = Identified(estimate, theta, OWN, source)
+    patched = patched_sdf(subject, drives_of(subject), source, lump=False)
+    known = 2e-4 * 50**2 if stated else 0.0
+    joints = SdfFile().read("arm.sdf", patched.data).joints
+    assert [joint.drive.reflected_inertia for joint in joints] == pytest.approx([known + 0.3, 0.7, 0.0])
+    assert joints[0].drive.gear_ratio == (50 if stated else 1)
+    engines = [found for found in reload_own_sdf(subject, source, patched) if found.torque is not None]
+    for found in engines:  # also by Drake, where it is installed
+        assert found.torque is not None and found.expected is not None
+        np.testing.assert_allclose(found.torque, found.expected, rtol=0, atol=1e-9 * np.abs(found.expected).max())
+    assert len(engines) == 1 + bool(drake_version())
+    assert any("Gazebo passes over" in note for note in patched.notes)
 
 
 FAULTS = {

@@ -23,6 +23,7 @@ RobotLike: TypeAlias = Any
 
 #: Types of joints and of equality constraints of MuJoCo (mjtJoint, mjtEq).
 _SLIDE, _HINGE, _EQUALITY_OF_JOINTS = 2, 3, 2
+_ON_JOINT = 1  # and below: transmissions that turn or slide a joint
 
 #: Muscles of MuJoCo: their activation (mjtDyn) and their gain (mjtGain).
 _MUSCLE, _MUSCLE_GAIN = 4, 2
@@ -258,7 +259,7 @@ def _joint(model: Any, number: int, parent: int, rotation: Array, translation: A
     else:
         translation = translation - zero * rotation @ axis
     lower, upper = model.jnt_range[number] if model.jnt_limited[number] else (-np.inf, np.inf)
-    force = np.abs(model.jnt_actfrcrange[number]).max() if model.jnt_actfrclimited[number] else np.inf
+    rotor, damping, effort = _actuators(model, number)
     return Joint(
         name,
         "revolute" if is_hinge else "prismatic",
@@ -266,11 +267,28 @@ def _joint(model: Any, number: int, parent: int, rotation: Array, translation: A
         rotation,
         translation,
         axis,
-        JointLimits(lower=float(lower), upper=float(upper), effort=float(force)),
-        Drive(rotor_inertia=float(model.dof_armature[dof])),
-        damping=float(model.dof_damping[dof]),
+        JointLimits(lower=float(lower), upper=float(upper), effort=effort),
+        Drive(rotor_inertia=float(model.dof_armature[dof] + rotor)),
+        damping=float(model.dof_damping[dof] + damping),
         friction=float(model.dof_frictionloss[dof]),
     )
+
+
+def _actuators(model: Any, number: int) -> tuple[float, float, float]:
+    """Return rotor inertia, damping and largest torque that the actuators of a joint give it."""
+    on_joint = (model.actuator_trntype <= _ON_JOINT) & (model.actuator_trnid[:, 0] == number)
+    motors = np.flatnonzero(on_joint & (model.actuator_gear[:, 0] != 0.0))
+    gears = np.abs(model.actuator_gear[motors, 0])
+    forces = np.where(
+        model.actuator_forcelimited[motors], np.abs(model.actuator_forcerange[motors]).max(axis=1), np.inf
+    )
+    effort = float(gears @ forces) if len(motors) else np.inf
+    if model.jnt_actfrclimited[number]:
+        effort = min(effort, float(np.abs(model.jnt_actfrcrange[number]).max()))
+    if not hasattr(model, "actuator_armature"):  # before MuJoCo 4
+        return 0.0, 0.0, effort
+    rotor, damping = gears**2 @ model.actuator_armature[motors], gears**2 @ model.actuator_damping[motors]
+    return float(rotor), float(damping), effort
 
 
 def _tie(model: Any, parts: _Parts) -> None:

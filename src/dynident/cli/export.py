@@ -57,6 +57,12 @@ FREQUENT = (
 _PLAN_ONLY = {"rate": None, "repeats": None, "speed": None, "from_posture": None, "units": None}
 _MODEL_ONLY = {"description": None, "no_proof": False, "force": False, "prove": False, "motion": None}
 
+#: Arguments of :func:`write_usd_layer` as the command calls them, with what to give.
+_LAYER_FLAGS = {
+    "path": ("-o", "give a file that ends with .usda"),
+    "stage": ("--description", "give the stage that was identified: --description robot.usd"),
+}
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
@@ -186,14 +192,18 @@ def _export_model(options: argparse.Namespace, estimate: Estimate) -> int:
 
 def _write_layer(options: argparse.Namespace, estimate: Estimate) -> int:
     from dynident.cli import console
-    from dynident.errors import BadOption
+    from dynident.errors import BadArgument, BadOption
     from dynident.exports.usd_layer import write_usd_layer
 
     unread = ("option", "no_proof", "prove", "motion", "check", "json")
     for name, value in ((name, getattr(options, name)) for name in unread):
         if value:
             raise BadOption(f"--{name.replace('_', '-')}", value, "the target usd does without; leave it out")
-    found = write_usd_layer(estimate, options.output, stage=options.description, force=options.force)
+    try:
+        found = write_usd_layer(estimate, options.output, stage=options.description, force=options.force)
+    except BadArgument as error:
+        flag, step = _LAYER_FLAGS.get(error.argument, (error.argument, error.step))
+        raise BadArgument(flag, error.evidence, step) from None
     for note in found.notes:
         console.answer(note)
     console.answer(

@@ -92,17 +92,20 @@ def run(options: argparse.Namespace) -> int:
         verdicts.show_short(estimate, test, verdict)
         for name in optimistic:
             console.answer(f"warning: {name}")
-    console.remark(_next_step(options.estimate, verdict), options.quiet)
+    console.remark(_next_step(options.estimate, estimate, verdict), options.quiet)
     return verdict.code
 
 
-def _next_step(place: str, verdict: Verdict) -> str:
+def _next_step(place: str, estimate: Estimate, verdict: Verdict) -> str:
     """Return what to do with an estimate that has this verdict on test logs."""
+    from dynident.exports.models import own_target
+
     if verdict.causes:
         return "next: correct the cause, and dynident identify again"
     if verdict.code:
         return "next: see where it errs (--full), record what is missing (dynident excite), and dynident identify again"
-    return f"next: dynident export {place} --to urdf -o identified.urdf"
+    target = own_target(estimate)
+    return f"next: dynident export {place} --to {target.name} -o identified{target.ending}"
 
 
 def _show(estimate: Estimate, test: Validation, verdict: Verdict, warnings: Sequence[str]) -> None:

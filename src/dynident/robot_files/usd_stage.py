@@ -364,10 +364,10 @@ class _StageReader:
     def _gravity(self) -> Array:
         up = np.array([0.0, 1.0, 0.0] if str(self.geometry.GetStageUpAxis(self.stage)) == "Y" else [0.0, 0.0, 1.0])
         if not self.scenes:
-            return -_GRAVITY * up
+            return 0.0 - _GRAVITY * up  # no zero with a sign
         scene = self.physics.Scene(self.scenes[0])
         direction = np.array(scene.GetGravityDirectionAttr().Get(), dtype=float)
         size = float(scene.GetGravityMagnitudeAttr().Get())
         length = float(np.linalg.norm(direction))
         along = direction / length if length > 0 else -up
-        return along * (size * self.units.length if 0 <= size < math.inf else _GRAVITY)
+        return 0.0 + along * (size * self.units.length if 0 <= size < math.inf else _GRAVITY)

@@ -34,7 +34,9 @@ def kind_of(path: Path, changed: int, size: int) -> str:
         found = _KIND.search(head)
         word = found.group(1).decode() if found else ""
         return word if word in ("estimate", "plan") else "other"
-    if suffix in (".urdf", ".xml", ".mjcf", ".sdf"):
+    if suffix in (".usd", ".usda", ".usdc", ".usdz"):
+        return "robot"
+    if suffix in (".urdf", ".xacro", ".xml", ".mjcf", ".sdf"):
         return "robot" if any(mark in head for mark in (b"<robot", b"<mujoco", b"<sdf")) else "other"
     return "log" if _is_log(path) else "other"
 

@@ -16,7 +16,7 @@ from dynident.exports.models._summary import ModelExport, model_export_data, neg
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.followed_motion import MotionProof
 from dynident.exports.models.subject.identified import Identified, identified
-from dynident.exports.models.subject.source import find_source
+from dynident.exports.models.subject.source import find_source, own_target
 from dynident.identification.estimate.estimate import Estimate
 from dynident.plugins import Family
 
@@ -37,6 +37,7 @@ __all__ = [
     "Reloaded",
     "export_model",
     "model_export_data",
+    "own_target",
 ]
 
 

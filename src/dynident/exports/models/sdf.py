@@ -21,7 +21,7 @@ from dynident.exports.models.writing.sdf_text import base_note, sdf_text
 class Sdf(ModelExporter):
     """SDF for Gazebo and Drake: the robot model's own file, every other byte as it was, or a new one of version 1.7.
 
-    Bodies, damping and friction; in a new file rotor inertia by Drake's own elements.
+    Bodies, damping and friction; rotor inertia by Drake's own elements.
 
     Attributes:
         lump: Whether links fixed to a moving one lose their inertia to it, in place of keeping what the file states.
@@ -31,7 +31,7 @@ class Sdf(ModelExporter):
 
     suffix: ClassVar[str] = ".sdf"
     proof: ClassVar[str] = (
-        "bodies, armature and damping of a new file by Drake, and with Coulomb friction by dynident; not run in Gazebo"
+        "bodies, armature and damping by Drake, and with Coulomb friction by dynident; not run in Gazebo"
     )
     needs_bodies: ClassVar[bool] = True
     edits_description: ClassVar[bool] = True
@@ -42,7 +42,7 @@ class Sdf(ModelExporter):
             patched = patched_sdf(subject, drives, subject.source, self.lump)
             notes = (*((subject.source.note,) if subject.source.note else ()), *patched.notes)
             files = {path: patched.data, place_beside(path): document_bytes(subject, drives)}
-            left = left_out(drives, armature=False, coupled=False)
+            left = left_out(drives, armature=True, coupled=False)
             return ModelContent(files, left, (*notes, *sharp_note(drives, "SDF")))
         files = {path: sdf_text(subject, drives), place_beside(path): document_bytes(subject, drives)}
         notes = [

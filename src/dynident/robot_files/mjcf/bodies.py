@@ -93,7 +93,7 @@ class MjcfTree:
     sites: dict[str, tuple[str, Pose]] = field(default_factory=dict)
     joints: dict[str, JointSource] = field(default_factory=dict)
     sources: dict[str, BodySource] = field(default_factory=dict)
-    motors: dict[str, Element] = field(default_factory=dict)
+    motors: dict[str, list[Element]] = field(default_factory=dict)
     notes: dict[str, list[str]] = field(default_factory=dict)
 
     def note(self, what: str, name: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -117,7 +117,7 @@ def _note_tendon(values: Values, element: Element, tree: MjcfTree) -> None:
 def _driven(document: MjcfDocument, defaults: Defaults, tree: MjcfTree, joints: list[Connection]) -> list[Connection]:
     """Return the joints with the gears, rotor inertia, damping and limits of torque of their actuators."""
     found = {joint.name: joint for joint in joints}
-    driven: set[str] = set()
+    motors: dict[str, list[_Motor]] = {}
     for element in document.each("actuator"):
         values = defaults.values(element, "")
         words = {values.text(name, "") for name in _PARAMETERS}
@@ -129,35 +129,49 @@ def _driven(document: MjcfDocument, defaults: Defaults, tree: MjcfTree, joints: 
         if name not in tree.joints:
             step = f"correct the name{nearest(name, tree.joints)}"
             raise values.place.error(f"its joint {shown(name)} is not there", step)
-        joint = found[name]
-        if name in driven:  # several actuators of one joint have no one gear
-            ratio = joint.drive.gear_ratio
-            drive = Drive(rotor_inertia=joint.drive.reflected_inertia)
-            found[name] = replace(joint, drive=drive if ratio != 1.0 else joint.drive)
+        motor = _motor(values, element)
+        if motor is None:
             continue
-        driven.add(name)
+        motors.setdefault(name, []).append(motor)
         if any(key in values and np.any(values.numbers(key, 1, 3)) for key in ("armature", "damping")):
-            tree.motors[name] = element
-        found[name] = _moved(document, values, element, joint)
-    return list(found.values())
+            tree.motors.setdefault(name, []).append(element)
+    return [_moved(joint, motors.get(name, [])) for name, joint in found.items()]
 
 
-def _moved(document: MjcfDocument, values: Values, element: Element, joint: Connection) -> Connection:
-    """Return a joint with the values of its actuator."""
+class _Motor(NamedTuple):
+    """An actuator: its gear ratio, and rotor inertia, damping and largest force before the gear."""
+
+    gear: float
+    rotor: float
+    damping: float
+    force: float
+
+
+def _motor(values: Values, element: Element) -> _Motor | None:
+    """Return what an actuator states; None for one that gives no torque."""
     gear = float(values.numbers("gear", 1, 6)[0]) if "gear" in values else 1.0
-    if abs(gear) < _LEAST_GEAR:  # it gives no torque
-        return joint
-    rotor = values.at_least_zero("armature", 0.0) + joint.drive.rotor_inertia / gear**2
-    damping = values.numbers("damping", 1, 3)[0] * gear**2 if "damping" in values else 0.0
+    if abs(gear) < _LEAST_GEAR:
+        return None
+    damping = float(values.numbers("damping", 1, 3)[0]) if "damping" in values else 0.0
     force = np.inf
     if "forcerange" in values and values.text("forcelimited", "auto") != "false":
         force = float(np.abs(values.numbers("forcerange", 2)).max())
     elif element.tag == "motor" and "ctrlrange" in values and values.text("ctrllimited", "auto") != "false":
         force = float(np.abs(values.numbers("ctrlrange", 2)).max())
-    effort = min(joint.limits.effort, abs(gear) * force if force > 0 else np.inf)
+    return _Motor(gear, values.at_least_zero("armature", 0.0), damping, force if force > 0 else np.inf)
+
+
+def _moved(joint: Connection, motors: list[_Motor]) -> Connection:
+    """Return a joint with the values of its actuators; several of one joint have no one gear."""
+    if not motors:
+        return joint
+    gear = motors[0].gear if len(motors) == 1 else 1.0
+    rotor = joint.drive.reflected_inertia + sum(motor.gear**2 * motor.rotor for motor in motors)
+    damping = sum(motor.gear**2 * motor.damping for motor in motors)
+    effort = min(joint.limits.effort, sum(abs(motor.gear) * motor.force for motor in motors))
     return replace(
         joint,
-        drive=Drive(gear, rotor),
-        damping=(joint.damping or 0.0) + float(damping),
+        drive=Drive(gear, rotor / gear**2),
+        damping=(joint.damping or 0.0) + damping,
         limits=replace(joint.limits, effort=effort),
     )

@@ -155,15 +155,15 @@ def drake_version() -> str:
         return "Drake"
 
 
-def drake_torque(path: Path, states: StateSet, base: str, package: str = "") -> Array:
+def drake_torque(source: Path | str, states: StateSet, base: str, package: str = "") -> Array:
     """Return the torques of an SDF or of a file of model directives on the states, shape (N, n), in N m or N.
 
     Inverse dynamics has reflected inertia and, from the force elements, damping. Drake has no Coulomb friction.
 
     Args:
-        path: The file.
+        source: The text of an SDF, or the file of directives.
         states: The states.
-        base: Name of the base link, which is welded to the world unless directives do it.
+        base: Name of the base link, which is welded to the world unless directives do it, or ``world``.
         package: Name of the package that directives speak of; it is the folder of the file.
     """
     from pydrake.multibody.parsing import (  # pyright: ignore[reportMissingImports]
@@ -172,20 +172,29 @@ def drake_torque(path: Path, states: StateSet, base: str, package: str = "") -> 
         ProcessModelDirectives,
     )
     from pydrake.multibody.plant import MultibodyPlant  # pyright: ignore[reportMissingImports]
-    from pydrake.multibody.tree import MultibodyForces  # pyright: ignore[reportMissingImports]
+    from pydrake.multibody.tree import ModelInstanceIndex, MultibodyForces  # pyright: ignore[reportMissingImports]
 
     plant: Any = MultibodyPlant(0.0)
     parser: Any = Parser(plant)
-    if package:
-        parser.package_map().Add(package, str(path.parent))
-        ProcessModelDirectives(LoadModelDirectives(str(path)), plant, parser=parser)
+
+    def named(part: Any) -> str:
+        """Return a name with those of the nested models that it is in."""
+        return "::".join([*plant.GetModelInstanceName(part.model_instance()).split("::")[1:], part.name()])
+
+    if isinstance(source, Path):
+        parser.package_map().Add(package, str(source.parent))
+        ProcessModelDirectives(LoadModelDirectives(str(source)), plant, parser=parser)
     else:
-        parser.AddModelsFromString(path.read_text(encoding="utf-8"), "sdf")  # whatever the file is called
-        plant.WeldFrames(plant.world_frame(), plant.GetBodyByName(base).body_frame())
+        parser.AddModelsFromString(source, "sdf")
+        if base != "world":
+            instances = map(ModelInstanceIndex, range(plant.num_model_instances()))
+            bodies = (plant.get_body(index) for one in instances for index in plant.GetBodyIndices(one))
+            carrier = next(body for body in bodies if named(body) == base)
+            plant.WeldFrames(plant.world_frame(), carrier.body_frame())
     plant.mutable_gravity_field().set_gravity_vector(np.asarray(states.gravity))
     plant.Finalize()
     moving = [joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities() == 1]
-    joints = [joint.name() for joint in moving]
+    joints = [named(joint) for joint in moving]
     places = [int(joint.velocity_start()) for joint in moving]
     q, dq, ddq = (values[:, np.argsort(places)] for values in states.of(joints))
     order = [joints[k] for k in np.argsort(places)]

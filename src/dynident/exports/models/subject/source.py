@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final, NamedTuple
 
 from dynident.errors import DynidentError
 from dynident.files import sha256_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.robot_files.reading import format_name, robot_text
 from dynident.robot_files.xacro import with_arguments
+
+#: Ending of the file for each exporter that writes into a robot model.
+_ENDINGS: Final = {"urdf": ".urdf", "mjcf": ".xml", "sdf": ".sdf", "usd": ".usda"}
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,13 @@ class OwnDescription:
         return self.kind == "urdf"
 
 
+class OwnTarget(NamedTuple):
+    """What writes into a robot model: the name of an exporter, and how its file ends."""
+
+    name: str
+    ending: str
+
+
 def find_source(estimate: Estimate, path: str | Path | None) -> OwnDescription | None:
     """Return the robot model of a user: the one given, or the one that the estimate's provenance names.
 
@@ -65,6 +76,19 @@ def find_source(estimate: Estimate, path: str | Path | None) -> OwnDescription |
         return _own(found, f"robot model: {found}, named by {case['path']}")
     except DynidentError:  # a shipped robot, a file that was moved: there is nothing to go back into
         return None
+
+
+def own_target(estimate: Estimate) -> OwnTarget:
+    """Return the exporter that writes into the robot model that was identified.
+
+    A robot model of another kind, or one that is not there any more, has ``urdf``.
+    """
+    try:
+        source = find_source(estimate, None)
+    except DynidentError:  # a xacro that cannot be expanded any more
+        source = None
+    kind = source.kind if source is not None and source.kind in _ENDINGS else "urdf"
+    return OwnTarget(kind, _ENDINGS[kind])
 
 
 def _unchanged(facts: dict[str, str]) -> bool:

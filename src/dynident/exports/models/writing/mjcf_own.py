@@ -171,9 +171,9 @@ class _Writer:
         }
         source = tree.joints[name]
         if changed.keys() & {"armature", "damping"} and name in tree.motors:
-            motor = tree.motors[name]
-            data, place = self._of(motor)
-            self._add(motor, with_attributes(data, place, {"armature": "0", "damping": "0"}))
+            for motor in tree.motors[name]:
+                data, place = self._of(motor)
+                self._add(motor, with_attributes(data, place, {"armature": "0", "damping": "0"}))
             changed |= {key: number(new) for key, new in zip(keys[:2], values[:2], strict=True) if new is not None}
         if changed:
             self._check(f"joint '{name}'", source)

@@ -1,4 +1,4 @@
-"""The user's own SDF with other inertias and joint friction; every other byte is kept."""
+"""The user's own SDF with other inertias, joint friction and rotor inertias; every other byte is kept."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ class PatchedSdf:
         before: What the user's file says.
         placement: Its links on those of the model.
         tags: Damping and Coulomb friction that were set, by joint.
+        rotors: Reflected rotor inertia by joint, in kg m^2 or kg.
         notes: What the reader has to know.
     """
 
@@ -45,11 +46,12 @@ class PatchedSdf:
     before: SdfModel
     placement: Placement
     tags: dict[str, tuple[float, float]]
+    rotors: dict[str, float]
     notes: tuple[str, ...]
 
 
 def patched_sdf(subject: Identified, drives: Drives, source: OwnDescription, lump: bool) -> PatchedSdf:
-    """Return the SDF with the inertias and joint friction of a model; rotor inertias stay as they are.
+    """Return the SDF with the inertias and joint friction of a model; rotor inertias by Drake's own elements.
 
     Raises:
         DescriptionError: It is faulty, in UTF-16, or of another robot.
@@ -67,9 +69,15 @@ def patched_sdf(subject: Identified, drives: Drives, source: OwnDescription, lum
     for joint in before.connections:
         if joint.name in tags and (joint.damping or 0.0, joint.friction or 0.0) != tags[joint.name]:
             edits.append(_dynamics(source.data, placed[before.joints[joint.name].number], tags[joint.name]))
-    left = [name for name in subject.model.robot.joint_names if name not in tags]
-    notes = [*kept_notes(shares, placement, left), "rotor inertias are as in the file"]
-    return PatchedSdf(apply(source.data, edits), before, placement, tags, tuple(notes))
+    rotors = dict(zip(drives.joints, map(float, drives.at_joints()[0]), strict=True))
+    notes = kept_notes(shares, placement, [name for name in subject.model.robot.joint_names if name not in tags])
+    for joint in before.connections:
+        rotor = rotors.get(joint.name, 0.0)
+        if not np.isclose(rotor, joint.drive.reflected_inertia, rtol=1e-14, atol=0.0):
+            element = placed[before.joints[joint.name].number]
+            edits.append(_rotor(source.data, element, rotor / joint.drive.gear_ratio**2))
+            notes += [_PASSED_OVER] if _PASSED_OVER not in notes else []
+    return PatchedSdf(apply(source.data, edits), before, placement, tags, rotors, tuple(notes))
 
 
 def _inertial(data: bytes, link: PlacedElement, body: Inertia | None) -> Iterator[ByteEdit]:
@@ -117,4 +125,13 @@ def _dynamics(data: bytes, joint: PlacedElement, tags: tuple[float, float]) -> B
     return ByteEdit(element.start, element.end, apply(data[element.start : element.end], inner))
 
 
+def _rotor(data: bytes, joint: PlacedElement, rotor: float) -> ByteEdit:
+    """Return the edit that sets the rotor inertia of a joint before its gear; a gear ratio stays."""
+    text = f"<{_ROTOR}>{number(rotor)}</{_ROTOR}>".encode("ascii")
+    found = joint.all(_ROTOR)
+    return ByteEdit(found[0].start, found[0].end, text) if found else added_child(data, joint, text)
+
+
 _TAGS = ("damping", "friction")
+_ROTOR = "drake:rotor_inertia"
+_PASSED_OVER = "rotor inertias are in Drake's own elements, which Gazebo passes over"
