@@ -2,8 +2,8 @@
 
 For each URDF below a folder: whether it is read, and why not; the largest difference of the regressor from that of
 Pinocchio on 20 random states, each as a share of the largest entry of its column's kind; the URDF with other inertias,
-every other byte kept, read again: the largest difference of torques as a share of the largest of the robot. Joints that
-follow another move freely in both. Robots that Pinocchio gives a free base have a fixed one here.
+every other byte kept, read again, also by Pinocchio: the largest difference of torques as a share of the largest of the
+robot. Joints that follow another move freely in both. Robots that Pinocchio gives a free base have a fixed one here.
 With --mjcf the same for each MJCF that MuJoCo loads and that has a joint, beside MuJoCo.
 Run: python -m benchmarks.robot_models FOLDER [--mjcf] (the wheel of example-robot-data, unpacked, has 69 URDFs)
 """
@@ -14,6 +14,7 @@ import argparse
 import contextlib
 import sys
 import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -63,6 +64,19 @@ def free(robot: Robot) -> Robot:
     return replace(robot, joints=tuple(replace(joint, mimic=None) for joint in robot.joints), coupling=None)
 
 
+def pinocchio_states(model: Any, robot: Robot, states: Array) -> Iterator[tuple[list[int], Array, Array, Array]]:
+    """Yield, for each of the states (3, samples, n), rows of the joints and positions, velocities, accelerations."""
+    number = [model.getJointId(name) for name in robot.joint_names]
+    at = [model.joints[k].idx_v for k in number]
+    for q, dq, ddq in zip(*states, strict=True):
+        place, speed, rate = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
+        for column, k in enumerate(number):
+            joint, angle = model.joints[k], q[column]
+            place[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+        speed[at], rate[at] = dq, ddq
+        yield at, place, speed, rate
+
+
 def beside_pinocchio(robot: Robot, path: Path) -> float:
     """Return the largest difference of the regressor, as a share of the largest entry of its kind of column."""
     import pinocchio  # pyright: ignore[reportMissingImports]
@@ -70,20 +84,13 @@ def beside_pinocchio(robot: Robot, path: Path) -> float:
     pin: Any = pinocchio
     model = pin.buildModelFromUrdf(str(path))
     data, count = model.createData(), robot.dof
-    number = [model.getJointId(name) for name in robot.joint_names]
-    at = [model.joints[k].idx_v for k in number]
-    q, dq, ddq = np.random.default_rng(0).uniform(-1.5, 1.5, (3, STATES, count))
-    found = DynamicModel(robot).regressor(q, dq, ddq).reshape(STATES, count, count, 10)
+    states = np.random.default_rng(0).uniform(-1.5, 1.5, (3, STATES, count))
+    found = DynamicModel(robot).regressor(*states).reshape(STATES, count, count, 10)
     expected = np.empty_like(found)
-    for row in range(STATES):
-        place, speed, rate = np.zeros(model.nq), np.zeros(model.nv), np.zeros(model.nv)
-        for column, k in enumerate(number):
-            joint, angle = model.joints[k], q[row, column]
-            place[joint.idx_q : joint.idx_q + joint.nq] = angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
-        speed[at], rate[at] = dq[row], ddq[row]
-        whole = pin.computeJointTorqueRegressor(model, data, place, speed, rate)
-        bodies = whole[at].reshape(count, -1, 10)[:, [k - 1 for k in number]]
-        expected[row] = from_pinocchio(bodies)
+    columns = [model.getJointId(name) - 1 for name in robot.joint_names]
+    for row, (at, *state) in enumerate(pinocchio_states(model, robot, states)):
+        whole = pin.computeJointTorqueRegressor(model, data, *state)
+        expected[row] = from_pinocchio(whole[at].reshape(count, -1, 10)[:, columns])
     sizes = np.array([np.abs(expected[..., kind]).max() for kind in KINDS])[WHICH]
     return float((np.abs(found - expected) / np.where(sizes > 0, sizes, 1.0)).max())
 
@@ -102,18 +109,26 @@ def other_bodies(robot: Robot) -> Array:
 
 
 def after_a_round_trip(robot: Robot, path: Path) -> float:
-    """Return the largest difference of torques of the URDF with other inertias, read again."""
+    """Return the largest difference of torques of the URDF with other inertias, read again here and by Pinocchio."""
+    import pinocchio  # pyright: ignore[reportMissingImports]
+
+    pin: Any = pinocchio
     model, theta = DynamicModel(robot), other_bodies(robot)
     estimate: Any = SimpleNamespace(model=model)
     subject = Identified(estimate, theta, OWN, OwnDescription(path, path.read_bytes()))
     data, _ = written_urdf(subject, drives_of(subject), lump=False)
-    again = DynamicModel(read_urdf(path, data))
+    again = DynamicModel(free(read_urdf(path, data)))
     nominal = again.nominal()
     assert nominal is not None
-    q, dq, ddq = np.random.default_rng(1).uniform(-1.5, 1.5, (3, STATES, robot.dof))
-    expected = model.regressor(q, dq, ddq) @ theta
-    found = again.regressor(q, dq, ddq) @ nominal
-    return float(np.abs(found - expected).max() / np.abs(expected).max())
+    states = np.random.default_rng(1).uniform(-1.5, 1.5, (3, STATES, robot.dof))
+    expected = model.regressor(*states) @ theta
+    engine = pin.buildModelFromXML(data.decode("utf-8"))
+    own = engine.createData()
+    both = (
+        again.regressor(*states) @ nominal,
+        np.array([pin.rnea(engine, own, *state)[at] for at, *state in pinocchio_states(engine, robot, states)]),
+    )
+    return max(float(np.abs(found - expected).max() / np.abs(expected).max()) for found in both)
 
 
 def beside_mujoco(robot: Robot, path: Path) -> float:

@@ -23,7 +23,7 @@ def main(name: str, runs: int, first: int, seconds: float, way: str, kept: Path,
     if way == "guided":
         import atheris  # type: ignore[no-redef,import-not-found]
 
-        with atheris.instrument_imports(include=["dynident"], exclude=_others(target.instrument)):
+        with atheris.instrument_imports(include=["dynident", "xacro"], exclude=_others(target.instrument)):
             _load(target.instrument)
     seeds = target.prepare(folder, name)
     for content in seeds:

@@ -102,6 +102,22 @@ SDF = """<sdf version="1.9"><model name="arm"><pose>0 0 1 0 0.1 0</pose><link na
 <joint name="g" type="fixed"><parent>upper</parent><child>hand::palm</child></joint></model></sdf>
 """
 
+XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="mass" default="2"/><xacro:property name="half" value="${0.4 / 2}"/>
+<xacro:include filename="ball.xacro"/><link name="base"/>
+<xacro:macro name="bar" params="name parent *origin at:=^|0.1"><link name="${name}"><inertial>
+<xacro:insert_block name="origin"/><mass value="$(arg mass)"/><xacro:ball/></inertial></link>
+<joint name="${name}_joint" type="revolute"><parent link="${parent}"/><child link="${name}"/>
+<axis xyz="0 ${1 if at else 0} 0"/><limit lower="${-pi}" upper="${radians(90)}" effort="9" velocity="1"/></joint>
+</xacro:macro><xacro:bar name="upper" parent="base"><origin xyz="${half} 0 0"/></xacro:bar>
+<xacro:if value="${half == 0.2}"><link name="tip"/></xacro:if><xacro:unless value="true"><a/></xacro:unless>
+<joint name="tip" type="fixed"><parent link="upper"/><child link="tip"/></joint></robot>
+"""
+#: What it includes.
+BALL = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:macro name="ball">
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></xacro:macro></robot>
+"""
+
 DH = """name: one
 convention: modified
 joints:
@@ -182,6 +198,13 @@ def mjcf(folder: Path) -> list[Path]:
     """Write MJCFs."""
     (folder / "a.xml").write_text(MJCF)
     return [folder / "a.xml"]
+
+
+def xacro(folder: Path) -> list[Path]:
+    """Write xacro files."""
+    arguments = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:arg name="a" default="z"/>'
+    short = ONE.replace('<robot name="arm">', arguments).replace('mass value="3"', 'mass value="${2 + 1}"')
+    return _texts(folder, XACRO, short.replace("shoulder", "$(arg a)"))
 
 
 def sdf(folder: Path) -> list[Path]:
@@ -417,7 +440,7 @@ def triangles(folder: Path) -> list[Path]:
 MAKERS: Mapping[str, Callable[[Path], list[Path]]] = {
     maker.__name__: maker
     for maker in (
-        urdf, mjcf, sdf, usd, dh, robot_json, case, csv, twincat, npz, parquet, mat, bag1, db3, mcap, plan, estimate,
-        triangles,
+        urdf, xacro, mjcf, sdf, usd, dh, robot_json, case, csv, twincat, npz, parquet, mat, bag1, db3, mcap, plan,
+        estimate, triangles,
     )
 }  # fmt: skip

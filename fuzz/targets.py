@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import json
 import shutil
 import zlib
 from collections import OrderedDict
@@ -12,7 +13,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from fuzz.seeds import CASE, DH, JOINTS, MAKERS, ONE
+from fuzz.seeds import BALL, CASE, DH, JOINTS, MAKERS, ONE
 
 Read = Callable[[Path], object]
 
@@ -38,6 +39,25 @@ _USD = (
     "metersPerUnit = 0",
     "None",
     "[]",
+)
+_XACRO = (
+    "${half}",
+    "$(arg mass)",
+    "$(find dynident)",
+    "$(eval 1)",
+    "$(cwd)",
+    "$$",
+    "<xacro:insert_block name='origin'/>",
+    "<xacro:ball/>",
+    "<xacro:call macro='ball'/>",
+    "<xacro:element xacro:name='link'/>",
+    "<xacro:attribute name='a' value='b'/>",
+    "scope='parent'",
+    "^|",
+    "**origin",
+    "xacro.load_yaml('ball.xacro')",
+    "\\ud800",
+    "default=''",
 )
 _YAML = ("&a [*a]", "*a", "!!python/object:os.system", "{<<: *a}", "- - - -", "? ", "%TAG ! !", "~", "auto", "case: 1")
 _TEXT = ("#", '"', ",,", ";", "\t", "\ufeff", "nan", "inf", "0x10", "1_000", "1,5", "=1+1", "EOF", "Name")
@@ -93,6 +113,16 @@ def _of_format(name: str) -> Read:
         return DESCRIPTIONS.make(name).read(path, path.read_bytes())
 
     return read
+
+
+def _xacro(path: Path) -> object:
+    """Expand in this process, as the child of :mod:`dynident.robot_files.xacro` does, and read the URDF."""
+    from dynident.robot_files.formats.urdf import read_urdf
+    from dynident.robot_files.xacro import answered
+    from dynident.robot_files.xacro_child import expanded
+
+    answer = json.loads(json.dumps(expanded(str(path), {}, {})))
+    return read_urdf(path, answered(answer, {}).data)
 
 
 def _case(path: Path) -> object:
@@ -200,6 +230,7 @@ _SAVED = ("dynident.identification.files.saved_values", "dynident.data.preproces
 
 TARGETS: Mapping[str, Target] = {
     "urdf": Target(".urdf", "text", _of_format("urdf"), _XML, instrument=_MODEL),
+    "xacro": Target(".xacro", "text", _xacro, (*_XML, *_XACRO), {"ball.xacro": BALL}, instrument=("xacro", *_MODEL)),
     "mjcf": Target(
         ".xml", "text", _of_format("mjcf"), (*_XML, *_MJCF), instrument=(*_MODEL, "dynident.robot_files.mjcf")
     ),

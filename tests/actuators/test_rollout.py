@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -9,8 +11,10 @@ from servo_bench import motions, parameters, virtual_logs
 
 from dynident.actuators.drive_law import preset
 from dynident.actuators.joint_load import joint_loads, measured_motion
-from dynident.actuators.parameters import PARAMETERS, PLACE
-from dynident.actuators.rollout import NONE, JointRecord, record_of, rolled_out
+from dynident.actuators.output_error import ServoProblem
+from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
+from dynident.actuators.rollout import NONE, STEP, JointRecord, record_of, rolled_out
+from dynident.actuators.verdict import known_parameters
 from dynident.model.robot import Robot
 
 
@@ -36,9 +40,29 @@ def test_smooth_roll_out_is_that_of_a_runge_kutta_integrator(records: list[Joint
         return [x[1], (drive - weight * np.sin(x[0] + 0.02)) / inertia]
 
     found = solve_ivp(slope, (stamps[0], stamps[400]), record.start, "RK45", stamps[:401], max_step=5e-4, rtol=1e-7)
-    part = rolled_out(record, true, longest=1e-4).q[:401]
+    part = rolled_out(record, true, longest=1e-3).q[:401]
     assert len(time) > 401
     assert np.max(np.abs(part - found.y[0])) < 5e-4 * np.ptp(found.y[0])
+
+
+@pytest.mark.parametrize("slew", [np.inf, 1.5])
+def test_the_error_falls_with_the_square_of_the_step(records: list[JointRecord], slew: float) -> None:
+    """Without dry friction, and with a delay that is no multiple of the step."""
+    true = parameters(coulomb=0.0, delay=0.00737, slew_limit=slew, damping_gain=0.01)
+    fine = rolled_out(records[0], true, longest=1e-5).q
+    coarse, half = (np.mean(np.abs(rolled_out(records[0], true, longest=step).q - fine)) for step in (1e-3, 5e-4))
+    assert 3.0 < coarse / half < 5.0
+    assert coarse < 1e-4 * np.ptp(fine)
+
+
+def test_the_goal_moves_at_the_slew_limit_from_the_moment_of_the_command(records: list[JointRecord]) -> None:
+    """A step of the command between two steps of the integration: the delay has an exact slope, no stairs."""
+    errors = []
+    for delay in np.linspace(0.010, 0.012, 9):
+        true = parameters(coulomb=0.0, delay=float(delay), slew_limit=1.5)
+        errors.append(rolled_out(records[1], true, longest=5e-3).q[150])
+    steps = np.diff(errors)
+    assert np.ptp(steps) < 0.05 * np.abs(steps).mean()
 
 
 @pytest.mark.parametrize("place", range(len(PARAMETERS)), ids=[one.name for one in PARAMETERS])
@@ -80,3 +104,22 @@ def test_friction_holds_a_joint_where_it_can(records: list[JointRecord]) -> None
     held = rolled_out(still, parameters(coulomb=1.3)).q
     falls = rolled_out(still, parameters(coulomb=0.5)).q
     assert np.ptp(held) == 0.0 and np.ptp(falls) > 0.3
+
+
+def test_intervals_hold_where_a_joint_rests_between_two_readings(robot: Robot) -> None:
+    """Errors of an encoder at rest repeat; the step of Gauss and Newton from the truth is the error they make."""
+    true, holds, law, step = parameters(coulomb=0.12), [], preset("feetech_sts3215"), 2.0 * np.pi / 4096
+    logs = virtual_logs(robot, true, gains=(2.0, 5.0))
+    records = [record_of(log, 0, joint_loads(robot, log, measured_motion(log))[0], law) for log in logs]
+    free = ("full_torque", "back_emf", "viscous", "coulomb", "armature", "angle_offset", "delay")
+    exact = [rolled_out(record, true, longest=STEP).q for record in records]
+    for phase in np.linspace(0.0, 1.0, 12, endpoint=False):
+        read = [step * (np.round(q / step + phase) - phase) for q in exact]
+        kept = tuple(replace(record, q=q) for record, q in zip(records, read, strict=True))
+        problem = ServoProblem(kept, free, FRICTION_MODELS["m1"]).finely
+        errors, slopes = problem.errors(true)
+        moved = np.linalg.lstsq(np.concatenate(slopes), -np.concatenate(errors))[0]
+        halves = [known.half_width for known in known_parameters(problem, problem.full(true[problem.places], true))]
+        holds.append(np.abs(moved) <= halves)
+    shares = np.mean(holds, axis=0)
+    assert shares.mean() >= 0.93 and shares.min() >= 0.75, dict(zip(free, shares, strict=True))

@@ -148,6 +148,17 @@ def test_a_macro_that_does_not_end(workspace: Path) -> None:
         read_robot(FILE)
 
 
+@pytest.mark.parametrize(
+    ("name", "inside", "told"),
+    [("${'a\\ud800'}", "<link name='l'/>", "line 1: not XML"), ("${1}", 5000 * "<a>" + 5000 * "</a>", "recursion")],
+)
+def test_what_expands_to_no_text_is_refused(name: str, inside: str, told: str, workspace: Path) -> None:
+    """Half of a pair of code units, which no file can hold, and elements nested too deep to be written."""
+    Path(FILE).write_text(f'<robot name="{name}" xmlns:xacro="http://www.ros.org/wiki/xacro">{inside}</robot>')
+    with pytest.raises(DescriptionError, match=told):
+        read_robot(FILE)
+
+
 def test_arguments_of_other_files(workspace: Path) -> None:
     Path("arm.urdf").write_text(URDF)
     with pytest.raises(BadOption, match=r"arm\.urdf is no xacro: it has no arguments"):

@@ -22,7 +22,7 @@ from dynident.actuators.linear_start import (
 )
 from dynident.actuators.output_error import ServoProblem, output_error, starts_from
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
-from dynident.actuators.rollout import JointRecord, mean_errors, record_of, rolled_out
+from dynident.actuators.rollout import STEP, JointRecord, mean_errors, record_of, rolled_out
 from dynident.actuators.servo_log import AUTO, ServoLog, ServoSetup, check_gains, is_outside, kp_values
 from dynident.actuators.verdict import EXPERIMENTS, Known, known_parameters
 from dynident.arrays import Array
@@ -126,7 +126,7 @@ def _joint(data: JointData, friction: str, kp: tuple[float, ...], progress: Call
     free = free_parameters(law, model, linear, has_gain, data.has_off)
     problem = ServoProblem(data.train, free, model)
     fit = output_error(problem, starts_from(refinable(linear, law, data.has_off), model))
-    known = known_parameters(problem, fit.parameters)
+    known = known_parameters(problem.finely, fit.parameters)
     simple = fit.parameters.copy() if friction == "m1" else _simple(data, law, scanned, has_gain)
     linear_test = _errors(data.test or data.train, linear)
     parameters = fit.parameters.copy()
@@ -195,7 +195,7 @@ def _at_ratio(data: JointData, ratio: float) -> JointData:
 
 
 def _errors(records: Sequence[JointRecord], parameters: Array) -> dict[str, float]:
-    return dict(zip((one.name for one in records), map(float, mean_errors(records, parameters)), strict=True))
+    return dict(zip((one.name for one in records), map(float, mean_errors(records, parameters, STEP)), strict=True))
 
 
 def _known_together(

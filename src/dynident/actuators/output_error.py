@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from dynident.actuators.parameters import COUNT, PARAMETERS, PLACE, FrictionModel
-from dynident.actuators.rollout import JointRecord, rolled_out
+from dynident.actuators.rollout import SEARCH_STEP, STEP, JointRecord, rolled_out
 from dynident.arrays import Array, IntArray
 from dynident.errors import SolverFailed
 
@@ -34,16 +34,18 @@ class RefineEffort:
         many: Evaluations of the best starts on whole logs.
         go_on: Starts that go on to whole logs, beside the first one.
         reweights: Times that the weights of the logs are found anew.
+        finish: Evaluations with the step of the answer, behind all others.
     """
 
     few: int
     many: int
     go_on: int
     reweights: int
+    finish: int
 
 
 #: Of the answer, and of a fold of the cross-validation.
-WHOLE, FOLD = RefineEffort(12, 60, 4, 3), RefineEffort(8, 25, 0, 1)
+WHOLE, FOLD = RefineEffort(12, 60, 4, 3, 8), RefineEffort(8, 25, 0, 1, 0)
 
 
 #: Starts beside the linear one, as multiples of its parameters.
@@ -62,11 +64,18 @@ class ServoProblem:
         records: The joint in the logs.
         free: Names of the free parameters.
         friction: Friction model, with its equal parameters.
+        longest: Longest step of the integration in s.
     """
 
     records: tuple[JointRecord, ...]
     free: tuple[str, ...]
     friction: FrictionModel
+    longest: float = SEARCH_STEP
+
+    @property
+    def finely(self) -> ServoProblem:
+        """The problem with the step of the answer."""
+        return replace(self, longest=STEP)
 
     @property
     def places(self) -> list[int]:
@@ -102,7 +111,7 @@ class ServoProblem:
         """Return the errors in rad and their derivatives by the free parameters, log by log."""
         errors, slopes, columns = [], [], self.columns()
         for record in self.records:
-            run = rolled_out(record, parameters, columns)
+            run = rolled_out(record, parameters, columns, self.longest)
             errors.append((run.q - record.q)[record.used])
             slopes.append(run.slopes[record.used])
         return errors, slopes
@@ -151,7 +160,7 @@ def output_error(
         first = problem.full(starts[0][problem.places], starts[0])
         sizes = np.concatenate([np.abs(one) for one in problem.errors(first)[0]])
         loss_scale = max(float(np.median(sizes[np.isfinite(sizes)])) if np.isfinite(sizes).any() else 0.1, 1e-4)
-    pieces = ServoProblem(_intervals(problem.records), problem.free, problem.friction)
+    pieces = replace(problem, records=_intervals(problem.records))
     coarse, evaluations = [], 0
     for start in starts if effort.go_on else ():
         values, cost, count = _refined(pieces, start, loss_scale, effort.few)
@@ -175,6 +184,11 @@ def output_error(
         values, cost, count = _refined(problem, best[0], loss_scale, effort.many, weights)
         evaluations += count
         best = (values, cost, best[2])
+    if effort.finish:
+        weights = log_weights(problem, best[0]) if len(problem.records) > 2 else None
+        values, cost, count = _refined(problem.finely, best[0], loss_scale, effort.finish, weights)
+        evaluations += count
+        best = (values, cost, best[2])
     return ServoFit(best[0], best[1], best[2], evaluations, tuple(costs))
 
 
@@ -193,7 +207,7 @@ def log_weights(problem: ServoProblem, parameters: Array) -> Array:
     """Return the weight of each log by its root mean square error, shape (logs,), of mean 1."""
     sizes = []
     for record in problem.records:
-        error = (rolled_out(record, parameters).q - record.q)[record.used]
+        error = (rolled_out(record, parameters, longest=problem.longest).q - record.q)[record.used]
         sizes.append(float(np.sqrt(np.mean(np.minimum(np.nan_to_num(error**2, nan=10.0), 10.0)))))
     weights = 1.0 / np.maximum(sizes, max(_LEAST_SHARE * float(np.median(sizes)), 1e-9))
     return weights / weights.mean()

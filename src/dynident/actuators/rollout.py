@@ -15,8 +15,8 @@ from dynident.actuators.rollout_loop import roll_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array, BoolArray, IntArray
 
-#: Longest step of the integration in s.
-STEP = 1e-3
+#: Longest step of the integration in s: of a search, and of the answer.
+SEARCH_STEP, STEP = 2e-3, 5e-4
 
 #: No derivative is asked for.
 NONE: Final = np.full(COUNT, -1)
@@ -109,9 +109,9 @@ def rolled_out(record: JointRecord, parameters: Array, at: IntArray = NONE, long
     return Rollout(out[:, 0], out[:, 1:], saturated)
 
 
-def mean_errors(records: Sequence[JointRecord], parameters: Array) -> Array:
+def mean_errors(records: Sequence[JointRecord], parameters: Array, longest: float = SEARCH_STEP) -> Array:
     """Return the mean absolute position error of each roll-out, shape (logs,), in rad."""
-    return np.array([mean_error(record, rolled_out(record, parameters).q) for record in records])
+    return np.array([mean_error(record, rolled_out(record, parameters, longest=longest).q) for record in records])
 
 
 def mean_error(record: JointRecord, q: Array) -> float:

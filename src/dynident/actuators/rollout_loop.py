@@ -24,25 +24,70 @@ _COLUMNS = COLUMNS
 
 #: Entries of the work array ``now`` of one step: drive, friction budget, step.
 (
-    _COMMAND, _JUMP, _GAP, _MOVED, _ERROR, _PER_ERROR, _RATE_ERROR, _FED, _LIMITED, _DUTY, _ON, _ACTIVE, _STIFFNESS,
+    _COMMAND, _ERROR, _PER_ERROR, _RATE, _FED, _LIMITED, _DUTY, _ON, _ACTIVE, _STIFFNESS,
     _RATIO, _FADE, _FADE_V, _REST, _BUDGET, _SIGN_1, _SIGN_2, _SQUARE_M, _SQUARE_E,
-    _FORCE, _INERTIA, _DAMPING, _BRAKE, _STUCK, _SIGN, _NUMBER, _HAS_FADE,
-) = range(30)  # fmt: skip
-_ENTRIES = 30
+    _FORCE, _INERTIA, _DAMPING, _STUCK, _SIGN, _HAS_FADE, _DECAY, _SHARE, _SHARE_X,
+) = range(28)  # fmt: skip
+_ENTRIES = 28
+
+#: Rows of the work array ``slopes``: position, velocity, motor torque, external torque, friction budget, drive force,
+#: goal inside the drive, its mean over a step.
+_ROWS = 8
 
 
 @compiled
-def _delayed(samples: Array, moment: float, step: float, place: int) -> tuple[int, float, float]:
-    """Return the row of the command at a moment, its mean over a step from there, and its change over the step."""
-    while place + 1 < len(samples) and samples[place + 1, 0] <= moment:
+def _follow(
+    p: Array, samples: Array, begin: float, h: float, place: int, goal: float, both: Array, at: IntArray
+) -> tuple[int, float, float]:
+    """Return the row of the command at a moment, the goal inside the drive a step later, and its mean over the step.
+
+    The goal follows the command at the slew limit at most. Times at which the command changes divide the step, so that
+    goal and mean are exact, as are their derivatives, the two rows of ``both``, by the delay too.
+    """
+    slew = p[_SLEW]
+    while place + 1 < len(samples) and samples[place + 1, 0] <= begin:
         place += 1
-    last, total, at = place, 0.0, moment
-    while last + 1 < len(samples) and samples[last + 1, 0] < moment + step:
-        total += samples[last, 1] * (samples[last + 1, 0] - at)
-        at = samples[last + 1, 0]
-        last += 1
-    total += samples[last, 1] * (moment + step - at)
-    return place, total / step, samples[last, 1] - samples[place, 1]
+    row, total, moment, after_cut, is_free = place, 0.0, begin, 0.0, slew == math.inf
+    for k in range(both.shape[1]):
+        both[1, k] = 0.0
+    if is_free and (row + 1 == len(samples) or samples[row + 1, 0] >= begin + h):
+        return place, samples[row, 1], samples[row, 1]
+    while True:
+        is_cut = row + 1 < len(samples) and samples[row + 1, 0] < begin + h
+        span = (samples[row + 1, 0] if is_cut else begin + h) - moment
+        by_delay = (1.0 if is_cut else 0.0) - after_cut  # what the piece grows by with the delay
+        gap = samples[row, 1] - goal
+        reach = math.inf if is_free else slew * span
+        if is_free:
+            total += samples[row, 1] * span
+            both[1, at[_DELAY]] += samples[row, 1] * by_delay
+            goal = samples[row, 1]
+        elif abs(gap) <= reach:
+            late = abs(gap) / slew
+            total += samples[row, 1] * span - 0.5 * gap * late
+            for k in range(both.shape[1]):
+                both[1, k] += late * both[0, k]
+                both[0, k] = 0.0
+            both[1, at[_SLEW]] += 0.5 * gap * late / slew
+            both[1, at[_DELAY]] += samples[row, 1] * by_delay
+            goal = samples[row, 1]
+        else:
+            side = math.copysign(1.0, gap)
+            total += goal * span + 0.5 * side * slew * span * span
+            for k in range(both.shape[1]):
+                both[1, k] += both[0, k] * span
+            both[1, at[_SLEW]] += 0.5 * side * span * span
+            goal += side * reach
+            both[1, at[_DELAY]] += goal * by_delay
+            both[0, at[_SLEW]] += side * span
+            both[0, at[_DELAY]] += side * slew * by_delay
+        if not is_cut:
+            break
+        moment, after_cut = samples[row + 1, 0], 1.0
+        row += 1
+    for k in range(both.shape[1]):
+        both[1, k] /= h
+    return place, goal, total / h
 
 
 @compiled
@@ -100,78 +145,94 @@ def _budget_slopes(p: Array, v: float, motor: float, external: float, now: Array
 
 
 @compiled
-def _drive_slopes(p: Array, h: float, v: float, now: Array, slopes: Array, goal: Array, at: IntArray) -> None:
-    """Write the derivatives of the torque (``slopes[5]``), of motor and external torque, and of the goal inside."""
-    sq, sv, dm, de, duty = slopes[0], slopes[1], slopes[2], slopes[3], slopes[5]
-    if now[_MOVED] > 0.5:
-        goal[:] = 0.0
-        goal[at[_DELAY]] = -now[_JUMP] / h
-    else:
-        goal[at[_SLEW]] += math.copysign(h, now[_GAP])
+def _drive_slopes(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -> None:
+    """Write the derivatives of the force of the drive (``slopes[5]``) and of motor and external torque."""
+    sq, sv, dm, de, force, mean = slopes[0], slopes[1], slopes[2], slopes[3], slopes[5], slopes[7]
     most = now[_ACTIVE] * p[_TORQUE] if now[_LIMITED] < 0.5 else 0.0
     by_error = most * p[_GAIN] * now[_PER_ERROR] if now[_ERROR] != 0.0 else 0.0
-    by_speed, brake, stiffness = most * p[_KD], now[_ON] * p[_EMF], now[_STIFFNESS]
-    for k in range(len(duty)):
-        duty[k] = by_error * (goal[k] - sq[k]) - by_speed * sv[k]
-    duty[at[_GAIN]] += most * now[_PER_ERROR] * now[_ERROR]
-    duty[at[_KD]] += most * now[_RATE_ERROR]
-    duty[at[_TORQUE]] += now[_ACTIVE] * now[_DUTY]
-    for k in range(len(duty)):
-        dm[k] = duty[k] - brake * sv[k]
+    by_speed, stiffness = now[_ON] * p[_EMF] + most * p[_KD], now[_STIFFNESS]
+    for k in range(len(force)):
+        force[k] = by_error * (mean[k] - sq[k])
+    force[at[_GAIN]] += most * now[_PER_ERROR] * now[_ERROR]
+    force[at[_KD]] += most * now[_RATE]
+    force[at[_TORQUE]] += now[_ACTIVE] * now[_DUTY]
+    for k in range(len(force)):
+        dm[k] = force[k] - by_speed * sv[k]
         de[k] = stiffness * sq[k]
     dm[at[_EMF]] -= now[_ON] * v
+    if now[_LIMITED] < 0.5:
+        dm[at[_KD]] -= most * v
+        dm[at[_TORQUE]] -= now[_ACTIVE] * p[_KD] * v
     de[at[_OFFSET]] += stiffness
 
 
 @compiled
-def _carry(p: Array, h: float, now: Array, slopes: Array, at: IntArray) -> None:
-    """Carry the derivatives of position and velocity over one step."""
-    sq, sv, de, df, duty = slopes[0], slopes[1], slopes[3], slopes[4], slopes[5]
+def _carry(p: Array, h: float, v: float, now: Array, slopes: Array, at: IntArray) -> None:
+    """Carry the derivatives of the velocity over one step."""
+    sv, de, df, force = slopes[1], slopes[3], slopes[4], slopes[5]
     if now[_STUCK] > 0.5:
         sv[:] = 0.0
         return
-    per_torque, less, sign = h / now[_INERTIA], 1.0 / now[_BRAKE], now[_SIGN]
+    sign, inertia = now[_SIGN], now[_INERTIA]
+    share, pushed = h / inertia * now[_SHARE], now[_FORCE] - sign * now[_BUDGET]
     for k in range(len(sv)):
-        sv[k] = (sv[k] + per_torque * (duty[k] + de[k] - sign * df[k])) * less
-    braked = now[_NUMBER] * less * less * per_torque
-    pushed = (now[_FORCE] - sign * now[_BUDGET]) * per_torque / now[_INERTIA] * less
-    sv[at[_ARMATURE]] += braked * now[_DAMPING] / now[_INERTIA] - pushed
-    sv[at[_VISCOUS]] -= braked
-    sv[at[_EMF]] -= braked * now[_ON]
-    for k in range(len(sv)):
-        sq[k] += h * sv[k]
+        sv[k] = now[_DECAY] * sv[k] + share * (force[k] + de[k] - sign * df[k])
+    by_x = h / inertia * now[_SHARE_X] * pushed - now[_DECAY] * v
+    by_damping = by_x * h / inertia
+    sv[at[_VISCOUS]] += by_damping
+    sv[at[_EMF]] += by_damping * now[_ON]
+    if now[_LIMITED] < 0.5:
+        sv[at[_KD]] += by_damping * now[_ACTIVE] * p[_TORQUE]
+        sv[at[_TORQUE]] += by_damping * now[_ACTIVE] * p[_KD]
+    sv[at[_ARMATURE]] -= by_damping * now[_DAMPING] / inertia + share * pushed / inertia
 
 
 @compiled
-def _step(p: Array, h: float, sample: Array, law: Array, state: Array, now: Array) -> tuple[float, float]:
-    """Advance position, velocity and goal, ``state``, by one step; return motor and external torque at its start."""
-    gap, reach = now[_COMMAND] - state[2], p[_SLEW] * h
-    now[_GAP], now[_MOVED] = gap, 1.0 if abs(gap) <= reach else 0.0
-    state[2] = now[_COMMAND] if abs(gap) <= reach else state[2] + math.copysign(reach, gap)
-    q, v, error = state[0], state[1], state[2] - state[0]
+def _between(samples: Array, i: int, share: float, sample: Array) -> None:
+    """Write inertia and bias torque at a share of the way from one sample to the next."""
+    for k in range(6, _COLUMNS):
+        sample[k] = samples[i, k] + share * (samples[i + 1, k] - samples[i, k])
+
+
+@compiled
+def _drift(h: float, slopes: Array) -> None:
+    """Carry the derivatives of the position over half a step."""
+    for k in range(slopes.shape[1]):
+        slopes[0, k] += 0.5 * h * slopes[1, k]
+
+
+@compiled
+def _push(p: Array, h: float, q: float, v: float, sample: Array, law: Array, now: Array) -> tuple[float, float, float]:
+    """Return the velocity after one step with the forces at q, and motor and external torque."""
+    error = now[_COMMAND] - q
     error = 0.0 if abs(error) <= law[2] else error
     now[_ERROR], now[_PER_ERROR] = error, law[0]
-    raw = p[_GAIN] * law[0] * error + p[_KD] * now[_RATE_ERROR] + now[_FED]
+    raw = p[_GAIN] * law[0] * error + p[_KD] * now[_RATE] + now[_FED]
     if error != 0.0:
         raw += math.copysign(law[3], error)
-    now[_LIMITED] = 1.0 if abs(raw) >= law[1] else 0.0
-    now[_DUTY] = math.copysign(law[1], raw) if abs(raw) >= law[1] else raw
-    on = now[_ON]
-    torque = now[_ACTIVE] * p[_TORQUE] * now[_DUTY]
-    motor = torque - on * p[_EMF] * v
+    whole, on = raw - p[_KD] * v, now[_ON]
+    now[_LIMITED] = 1.0 if abs(whole) >= law[1] else 0.0
+    now[_DUTY] = math.copysign(law[1], whole) if abs(whole) >= law[1] else raw
+    force = now[_ACTIVE] * p[_TORQUE] * now[_DUTY]
+    braking = on * p[_EMF] + (0.0 if abs(whole) >= law[1] else now[_ACTIVE] * p[_TORQUE] * p[_KD])
+    motor = force - braking * v
     cosine, sine = math.cos(q + p[_OFFSET]), math.sin(q + p[_OFFSET])
     external = -(sample[7] + sample[8] * cosine + sample[9] * sine)
     now[_STIFFNESS] = sample[8] * sine - sample[9] * cosine  # d external / d angle
     _budget(p, v, motor, external, now)
     inertia = sample[6] + p[_ARMATURE]
-    now[_FORCE], now[_INERTIA], now[_DAMPING] = torque + external, inertia, p[_VISCOUS] + on * p[_EMF]
-    free, band = v + h * now[_FORCE] / inertia, h * now[_BUDGET] / inertia
-    now[_BRAKE] = 1.0 + h * now[_DAMPING] / inertia
+    now[_FORCE], now[_INERTIA], now[_DAMPING] = force + external, inertia, p[_VISCOUS] + braking
+    x = h * now[_DAMPING] / inertia
+    now[_DECAY] = math.exp(-x)
+    if x < 1e-3:
+        now[_SHARE], now[_SHARE_X] = 1.0 - x / 2.0 + x * x / 6.0, -0.5 + x / 3.0 - x * x / 8.0
+    else:
+        now[_SHARE] = (1.0 - now[_DECAY]) / x
+        now[_SHARE_X] = (now[_DECAY] - now[_SHARE]) / x
+    share = h / inertia * now[_SHARE]
+    free, band = now[_DECAY] * v + share * now[_FORCE], share * now[_BUDGET]
     now[_STUCK], now[_SIGN] = 1.0 if abs(free) <= band else 0.0, math.copysign(1.0, free)
-    now[_NUMBER] = 0.0 if abs(free) <= band else free - math.copysign(band, free)
-    state[1] = now[_NUMBER] / now[_BRAKE]
-    state[0] = q + h * state[1]
-    return motor, external
+    return 0.0 if abs(free) <= band else free - math.copysign(band, free), motor, external
 
 
 @compiled
@@ -187,8 +248,10 @@ def roll_out(
 ) -> None:
     """Integrate one joint from the first sample; the commands and the load are all that it is given.
 
-    J (v' - v) / h = K u + tau_e - (d + Fv) v' - f with |f| <= F, then q' = q + h v': semi-implicit Euler in which dry
-    friction holds the joint where F can. F is the friction budget of FRICTION_MODELS at the start of the step.
+    J v' = K u + tau_e - (d + Fv) v - f with |f| <= F, of second order in the step h: a drift of h / 2 at the velocity
+    (Strang 1968), the velocity under the forces there, its damping by the exponential, dry friction holding the joint
+    where F can, and another drift. The goal of the drive is its mean over the step. F is the friction budget of
+    FRICTION_MODELS at the velocity before.
 
     Args:
         p: Parameters in the order of PARAMETERS, shape (COUNT,).
@@ -201,14 +264,15 @@ def roll_out(
         out: Positions at the samples and their derivatives, shape (N, 1 + f); written.
         saturated: Whether the duty was at its limit somewhere in the interval after a sample, shape (N,); written.
     """
-    state, now, sample = np.array([start[0], start[1], samples[0, 1]]), np.zeros(_ENTRIES), np.zeros(_COLUMNS)
-    count = out.shape[1] - 1
-    slopes, goal = np.zeros((6, count + 1)), np.zeros(count + 1)
-    place = 0
+    q, v, goal = start[0], start[1], samples[0, 1]
+    now, sample = np.zeros(_ENTRIES), np.zeros(_COLUMNS)
+    count, place = out.shape[1] - 1, 0
+    slopes = np.zeros((_ROWS, count + 1))
+    both = slopes[6:8]
     for k in (_COULOMB_S, _LMS, _LES, _LMQ, _LEQ):  # without these no part of the friction fades with the speed
         now[_HAS_FADE] = 1.0 if p[k] != 0.0 or at[k] >= 0 else now[_HAS_FADE]
     for i in range(len(samples)):
-        out[i, 0], saturated[i] = state[0], False
+        out[i, 0], saturated[i] = q, False
         for k in range(count):
             out[i, 1 + k] = slopes[0, k]
         if i + 1 == len(samples):
@@ -217,14 +281,18 @@ def roll_out(
         h = (samples[i + 1, 0] - samples[i, 0]) / steps
         now[_ON], now[_ACTIVE] = samples[i, 4], samples[i, 4] * samples[i, 5]
         for step in range(steps):
-            place, now[_COMMAND], now[_JUMP] = _delayed(samples, samples[i, 0] + step * h - p[_DELAY], h, place)
-            share, v = (step + 0.5) / steps, state[1]
-            for k in range(6, _COLUMNS):
-                sample[k] = samples[i, k] + share * (samples[i + 1, k] - samples[i, k])
-            now[_RATE_ERROR], now[_FED] = samples[place, 2] - v, samples[place, 3]
-            motor, external = _step(p, h, sample, law, state, now)
+            begin = samples[i, 0] + step * h - p[_DELAY]
+            place, goal, now[_COMMAND] = _follow(p, samples, begin, h, place, goal, both, at)
+            _between(samples, i, (step + 0.5) / steps, sample)
+            now[_RATE], now[_FED] = samples[place, 2], samples[place, 3]
+            before = v
+            q += 0.5 * h * v
+            v, motor, external = _push(p, h, q, before, sample, law, now)
+            q += 0.5 * h * v
             saturated[i] = saturated[i] or (now[_LIMITED] > 0.5 and now[_ON] > 0.5)
             if count:
-                _drive_slopes(p, h, v, now, slopes, goal, at)
-                _budget_slopes(p, v, motor, external, now, slopes, at)
-                _carry(p, h, now, slopes, at)
+                _drift(h, slopes)
+                _drive_slopes(p, before, now, slopes, at)
+                _budget_slopes(p, before, motor, external, now, slopes, at)
+                _carry(p, h, before, now, slopes, at)
+                _drift(h, slopes)

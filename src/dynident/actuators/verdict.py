@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from scipy.stats import t as student
 
 from dynident.actuators.output_error import ServoProblem, log_weights
 from dynident.actuators.parameters import PARAMETERS, PLACE
+from dynident.actuators.rollout import JointRecord
 from dynident.arrays import Array
 
 #: Confidence of the intervals.
@@ -27,6 +28,9 @@ RANK = 1e-6
 
 #: Correlation from which two parameters are known only together.
 TOGETHER = 0.98
+
+#: Equal readings in a row from which a joint counts as at rest.
+REST_SAMPLES = 10
 
 #: Half width from which a parameter counts as not determined, as a share of its value.
 WEAK = 0.5
@@ -61,6 +65,9 @@ def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[Known, .
     By the sandwich covariance of clustered scores: errors of one roll-out are correlated over its whole length, so
     pieces of it (whole logs where there are eight or more) are taken as the independent ones. Cameron and Miller, "A
     practitioner's guide to cluster-robust inference", Journal of Human Resources 50, 2015, equation (10).
+
+    A joint that rests reads the same error of the encoder's step again wherever it comes to rest at the same reading:
+    no piece is independent of it, so its variance, a twelfth of the squared step, is added reading by reading.
     """
     errors, slopes = problem.errors(parameters)
     weights = log_weights(problem, parameters) if len(errors) > 2 else np.ones(len(errors))
@@ -70,6 +77,7 @@ def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[Known, .
     inner = (values > lower + 1e-4 * problem.scales()) & (values < upper - 1e-4 * problem.scales())
     bread = np.zeros((len(values), len(values)))
     scores: list[Array] = []
+    resting: dict[float, Array] = {}
     for record, error, slope, weight in zip(problem.records, errors, slopes, weights, strict=True):
         own = slope * scales * weight / np.sqrt(len(error))
         residual = error * weight / np.sqrt(len(error))
@@ -79,36 +87,54 @@ def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[Known, .
             time = record.samples[record.used, 0]
             pieces = max(1, round((time[-1] - time[0]) / PIECE_S))
         scores += [own[a].T @ residual[a] for a in np.array_split(np.arange(len(error)), pieces)]
+        rests = _rests(record.q[record.used])
+        for reading in np.unique(rests[np.isfinite(rests)]).tolist():
+            each = weight / np.sqrt(len(error)) * own[rests == reading].sum(axis=0)
+            resting[reading] = resting.get(reading, 0.0) + each
     free = [int(k) for k in np.flatnonzero(inner)]
-    covariance = np.zeros_like(bread)
-    seen = np.zeros(len(values), dtype=bool)
+    covariance, seen = np.zeros_like(bread), np.zeros(len(values), dtype=bool)
     if free:
-        core = bread[np.ix_(free, free)]
+        core, count = bread[np.ix_(free, free)], len(scores)
         sizes, vectors = np.linalg.eigh(core)
         good = sizes > RANK * sizes[-1]
         inverse = (vectors[:, good] / sizes[good]) @ vectors[:, good].T
-        blind = np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) > 0.1
-        seen[free] = ~blind
-        meat = sum(np.outer(one[free], one[free]) for one in scores)
-        count = len(scores)
-        factor = count / max(count - 1, 1)
-        covariance[np.ix_(free, free)] = factor * inverse @ meat @ inverse
+        seen[free] = np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) <= 0.1
+        meat = _squares(scores, free) * count / max(count - 1, 1)
+        meat += _encoder_step(problem.records) ** 2 / 12.0 * _squares(resting.values(), free)
+        covariance[np.ix_(free, free)] = inverse @ meat @ inverse
     covariance *= np.outer(scales, scales)
     spread = student.ppf(0.5 + LEVEL / 2.0, max(len(scores) - 1, 1))
-    deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    halves = spread * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     found = []
-    for k, name in enumerate(problem.free):
+    for k, (name, value, half) in enumerate(zip(problem.free, values.tolist(), halves.tolist(), strict=True)):
         if not inner[k]:
-            found.append(Known(name, float(values[k]), np.inf, "at its bound"))
-            continue
-        if not seen[k]:
-            found.append(Known(name, float(values[k]), np.inf, "not separable", _partner(problem.free, bread, k, free)))
-            continue
-        half = float(spread * deviations[k])
-        partner = _partner(problem.free, covariance, k, free, TOGETHER)
-        label = "identified" if half < WEAK * abs(values[k]) or name == "angle_offset" else "weak"
-        found.append(Known(name, float(values[k]), half, label, partner if label == "weak" else ""))
+            found.append(Known(name, value, np.inf, "at its bound"))
+        elif not seen[k]:
+            found.append(Known(name, value, np.inf, "not separable", _partner(problem.free, bread, k, free)))
+        elif half < WEAK * abs(value) or name == "angle_offset":
+            found.append(Known(name, value, half, "identified"))
+        else:
+            found.append(Known(name, value, half, "weak", _partner(problem.free, covariance, k, free, TOGETHER)))
     return tuple(found)
+
+
+def _squares(scores: Iterable[Array], free: Sequence[int]) -> Array:
+    """Return the sum of s s' over scores (f,), of the free parameters alone."""
+    return sum((np.outer(one[free], one[free]) for one in scores), np.zeros((len(free), len(free))))
+
+
+def _rests(q: Array) -> Array:
+    """Return the reading of each sample that is one of REST_SAMPLES equal ones in a row, else nan, shape (N,)."""
+    readings = np.round(q, 9)
+    cuts = np.concatenate([[0], np.flatnonzero(np.diff(readings)) + 1, [len(q)]])
+    lengths = np.diff(cuts)
+    return np.where(np.repeat(lengths, lengths) >= REST_SAMPLES, readings, np.nan)
+
+
+def _encoder_step(records: Sequence[JointRecord]) -> float:
+    """Return the median distance of neighbouring readings, in rad; of a joint that rests it is the encoder's step."""
+    levels = np.unique(np.round(np.concatenate([record.q[record.used] for record in records]), 9))
+    return float(np.median(np.diff(levels))) if len(levels) > 1 else 0.0
 
 
 def _partner(names: Sequence[str], matrix: Array, k: int, free: Sequence[int], least: float = 0.0) -> str:

@@ -99,10 +99,19 @@ def expand(file: Path, arguments: Mapping[str, str], packages: Mapping[str, str]
         told = done.stderr.strip().splitlines()
         evidence = f"xacro ended before it was done ({told[-1] if told else f'code {done.returncode}'})"
         raise DescriptionError(file, "", evidence, "try the program xacro on it")
-    answer: dict[str, Any] = json.loads(done.stdout)
+    return answered(json.loads(done.stdout), arguments)
+
+
+def answered(answer: Mapping[str, Any], arguments: Mapping[str, str]) -> Expanded:
+    """Return the URDF that the process answers with.
+
+    Raises:
+        DescriptionError: It answers with a fault.
+    """
     if "fault" in answer:
         raise _error(answer["fault"], arguments)
-    return Expanded(answer["xml"].encode("utf-8"), tuple(answer["files"]), tuple(answer["notes"]))
+    data = answer["xml"].encode("utf-8", errors="surrogatepass")  # the reader of XML refuses by name what is no text
+    return Expanded(data, tuple(answer["files"]), tuple(answer["notes"]))
 
 
 def _error(fault: Mapping[str, Any], arguments: Mapping[str, str]) -> DescriptionError:

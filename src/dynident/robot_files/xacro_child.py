@@ -8,6 +8,7 @@ mistyped argument, which the package xacro passes over, is a fault, and so is on
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib.util
 import io
 import json
@@ -63,20 +64,24 @@ def expanded(file: str, given: dict[str, str], packages: dict[str, str]) -> dict
     own_check, engine.check_attrs = engine.check_attrs, check
     substitution._eval_find = find
     substitution._eval_dict["find"] = find
+    engine.all_includes.clear()
     warnings = io.StringIO()
     try:
         with contextlib.redirect_stderr(warnings), contextlib.redirect_stdout(io.StringIO()):
-            document = engine.process_file(file, mappings=arguments)
+            xml = engine.process_file(file, mappings=arguments).documentElement.toxml()
     except Exception as problem:  # what files hold is evaluated, and may fail in any way
         return {"fault": _fault(problem, list(engine.filestack or [file]))}
+    finally:
+        engine.check_attrs = own_check
     unknown = sorted(arguments.given - set(arguments.declared))
     if unknown:
         names = sorted(set(arguments.declared))
         return {"fault": {"kind": "unknown", "name": unknown[0], "file": file, "line": 0, "choices": names}}
     notes = [line.removeprefix("warning: ") for line in warnings.getvalue().splitlines() if line.strip()]
-    return {"xml": document.documentElement.toxml(), "notes": notes, "files": sorted(set(engine.all_includes))}
+    return {"xml": xml, "notes": notes, "files": sorted(set(engine.all_includes))}
 
 
+@functools.cache
 def _beside(name: str) -> Any:
     """Return a module by the file beside this one; by its dotted name it would load the whole package, and NumPy."""
     spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
