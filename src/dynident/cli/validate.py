@@ -105,7 +105,8 @@ def _next_step(place: str, estimate: Estimate, verdict: Verdict) -> str:
     if verdict.code:
         return "next: see where it errs (--full), record what is missing (dynident excite), and dynident identify again"
     target = own_target(estimate)
-    return f"next: dynident export {place} --to {target.name} -o identified{target.ending}"
+    lost = " --description FILE" if target.is_lost else ""
+    return f"next: dynident export {place} --to {target.name} -o identified{target.ending}{lost}"
 
 
 def _show(estimate: Estimate, test: Validation, verdict: Verdict, warnings: Sequence[str]) -> None:

@@ -89,7 +89,7 @@ def write_usd_layer(
         raise NotAccepted("the estimate is not accepted", str(cause), "correct it, or give force=True")
     source = find_source(estimate, stage)
     if source is None or source.path.suffix.lower() not in _ENDINGS:
-        told = "no robot model was given or found" if source is None else f"{source.path} is no USD"
+        told = "no robot model file was given or found" if source is None else f"{source.path} is no USD"
         raise BadArgument("stage", told, 'give the stage that was identified: stage="robot.usd"')
     check_outputs((str(target),), (source.path,))
     subject, parts = identified(estimate, source), read_stage(source.path)

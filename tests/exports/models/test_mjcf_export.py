@@ -12,7 +12,7 @@ import pytest
 from identified_arms import estimate_of
 
 from dynident.data.log import Log
-from dynident.errors import DescriptionError
+from dynident.errors import DescriptionError, FileError
 from dynident.exports.models import export_model
 from dynident.exports.models.proving.mjcf_proof import reload_mjcf
 from dynident.exports.models.subject.drives import drives_of
@@ -71,7 +71,7 @@ def reloaded(path: Path, folder: Path) -> tuple[PatchedMjcf, dict[Path, bytes]]:
     """Write into a file and compare torques of dynident and MuJoCo."""
     subject = subject_of(path)
     assert subject.source is not None
-    patched = patched_mjcf(subject, drives_of(subject), subject.source, False)
+    patched = patched_mjcf(subject, drives_of(subject), subject.source, False, folder / "out.xml")
     files = beside(folder / "out.xml", subject.source, patched)
     engines = list(reload_mjcf(subject, subject.source, patched, files, folder))
     assert len(engines) == 2
@@ -121,15 +121,59 @@ def test_settings_that_change_inertia_are_ended(setting: str, tmp_path: Path) ->
     assert "all bodies state their inertia now" in " ".join(patched.notes)
 
 
-def test_values_in_an_include_are_changed_there(tmp_path: Path) -> None:
-    inside = MJCF[MJCF.index('    <body name="upper"') : MJCF.index("  </worldbody>")]
-    (tmp_path / "bodies.xml").write_text(f"<mujocoinclude>\n{inside}</mujocoinclude>\n")
-    (tmp_path / "new").mkdir()
-    path = given(tmp_path, MJCF.replace(inside, '    <include file="bodies.xml"/>\n'))
-    _, files = reloaded(path, tmp_path / "new")
-    assert [file.name for file in files] == ["out.xml", "bodies.xml"]
-    assert b"fullinertia" in files[tmp_path / "new" / "bodies.xml"]
-    assert files[tmp_path / "new" / "out.xml"].count(b"armature") == path.read_bytes().count(b"armature")
+#: The bodies of the arm, which includes have.
+INSIDE = MJCF[MJCF.index('    <body name="upper"') : MJCF.index("  </worldbody>")]
+
+
+def in_includes(folder: Path) -> Path:
+    """Return an arm whose bodies are in an include of an include in a folder of its own."""
+    (folder / "parts").mkdir()
+    (folder / "parts" / "bodies.xml").write_text(f"<mujocoinclude>\n{INSIDE}</mujocoinclude>\n")
+    (folder / "whole.xml").write_text('<mujocoinclude>\n  <include file="parts/bodies.xml"/>\n</mujocoinclude>\n')
+    return given(folder, MJCF.replace(INSIDE, '    <include file="whole.xml"/>\n'))
+
+
+@pytest.mark.parametrize("place", ["new", "."])
+def test_changed_includes_get_names_of_their_own(place: str, tmp_path: Path) -> None:
+    path = in_includes(tmp_path)
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*.xml")}
+    folder = tmp_path / place
+    folder.mkdir(exist_ok=True)
+    patched, files = reloaded(path, folder)
+    assert [file.name for file in files] == ["out.xml", "out-whole.xml", "out-bodies.xml"]
+    assert b"fullinertia" in files[folder / "out-bodies.xml"]
+    assert b'<include file="out-bodies.xml"/>' in files[folder / "out-whole.xml"]
+    assert files[folder / "out.xml"].count(b"armature") == path.read_bytes().count(b"armature")
+    assert b'<include file="out-whole.xml"/>' in files[folder / "out.xml"]
+    assert b'<include file="tip.xml"/>' in files[folder / "out.xml"]
+    assert "your own files stay as they are: what changed in includes is in out-whole.xml" in " ".join(patched.notes)
+    assert not any(before.get(file) for file in files)
+
+
+def test_what_a_changed_include_includes_from_its_own_folder_is_found(tmp_path: Path) -> None:
+    path = in_includes(tmp_path)
+    (tmp_path / "parts" / "more.xml").write_text("<mujocoinclude><site name='s'/></mujocoinclude>")
+    bodies = tmp_path / "parts" / "bodies.xml"
+    bodies.write_text(bodies.read_text().replace("<inertial", '<include file="more.xml"/><inertial'))
+    _, files = reloaded(path, tmp_path)
+    assert b'<include file="parts/more.xml"/>' in files[tmp_path / "out-bodies.xml"]
+
+
+def test_no_file_of_the_robot_model_is_overwritten(tmp_path: Path, exact_log: Callable[..., Log]) -> None:
+    path = in_includes(tmp_path)
+    estimate = estimate_of(read_robot(path), exact_log, exact=True)
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*.xml")}
+    for name in ("whole.xml", "parts/bodies.xml", "tip.xml", "arm.xml"):
+        with pytest.raises(FileError, match=r"it is an input of this command and would be overwritten"):
+            export_model(estimate, "mjcf", tmp_path / name, description=path)
+    export_model(estimate, "mjcf", tmp_path / 'prüf & "1".xml', description=path)
+    assert {file: file.read_bytes() for file in before} == before
+    again = read_robot(tmp_path / 'prüf & "1".xml')
+    assert again.nominal is not None and estimate.theta is not None
+    np.testing.assert_allclose(again.nominal, estimate.theta[: len(again.nominal)], rtol=1e-9, atol=1e-12)
+    mujoco = pytest.importorskip("mujoco")
+    mass = mujoco.MjModel.from_xml_path(str(tmp_path / 'prüf & "1".xml')).body("upper").mass[0]
+    assert mass == pytest.approx(estimate.theta[9], rel=1e-9)
 
 
 def test_a_replica_has_no_place_of_its_own(tmp_path: Path) -> None:
@@ -146,7 +190,7 @@ def test_an_inertia_between_two_joints_of_one_body_has_no_place(tmp_path: Path) 
     subject.theta[10 * 2 : 10 * 3] = 1e-3
     assert subject.source is not None
     with pytest.raises(DescriptionError, match=r"between two joints of one body.*write a body for each joint"):
-        patched_mjcf(subject, drives_of(subject), subject.source, False)
+        patched_mjcf(subject, drives_of(subject), subject.source, False, tmp_path / "out.xml")
 
 
 def test_a_joint_that_follows_has_the_friction_of_its_leader(tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ from dynident.exports.models._summary import ModelExport, model_export_data, neg
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.followed_motion import MotionProof
 from dynident.exports.models.subject.identified import Identified, identified
-from dynident.exports.models.subject.source import find_source, own_target
+from dynident.exports.models.subject.source import files_of, find_source, own_target
+from dynident.files import check_outputs
 from dynident.identification.estimate.estimate import Estimate
 from dynident.plugins import Family
 
@@ -73,15 +74,18 @@ def export_model(
         NotAccepted: The log checks have a finding at error level, and ``force`` is not set.
         NotConsistent: No possible robot has these base parameters; the message names the worst body and what to do.
         DescriptionError: The robot model is faulty, or of another robot.
-        FileError: The proof fails, a simulation diverges, or a file cannot be written.
+        FileError: A file of the robot model would be overwritten, the proof fails, a simulation diverges, or a file
+            cannot be written.
         LogMismatch: The log of the motion does not fit the robot.
     """
     target, part = Path(path), MODEL_EXPORTERS.make(exporter)
     _check_part(part, description)
     if not force:
         _check_accepted(estimate)
-    subject = identified(estimate, find_source(estimate, description), part.needs_bodies)
+    source = find_source(estimate, description)
+    subject = identified(estimate, source, part.needs_bodies)
     content = part.content(subject, target)
+    check_outputs(tuple(map(str, content.files)), (estimate.file, *files_of(source)))
     proofs = part.prove(subject, content, target) if proof else ()
     simulated = None if motion is None else _followed(subject, motion, target)
     if write:

@@ -16,7 +16,7 @@ from dynident.exports.models.proving.engines import mujoco_torque, mujoco_versio
 from dynident.exports.models.proving.mjcf_proof import reload_mjcf
 from dynident.exports.models.subject.drives import Drives, drives_of, rigid_torque
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.source import OwnDescription
+from dynident.exports.models.subject.source import OwnDescription, anew_note
 from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
 from dynident.exports.models.writing.mjcf_own import beside, patched_mjcf
@@ -51,7 +51,10 @@ class Mjcf(ModelExporter):
             return self._own(subject, subject.source, path)
         files = {path: self._text(subject, drives), place_beside(path): document_bytes(subject, drives)}
         left = left_out(drives, armature=True, coupled=True)
-        notes = ["shapes are drawn and do not touch; meshes are left out"]
+        notes = [
+            *anew_note(subject.source, subject.estimate, "MJCF"),
+            "shapes are drawn and do not touch; meshes are left out",
+        ]
         if any(joint.mimic is not None for joint in subject.model.robot.joints):
             notes.append("joints that follow another are held to it by a soft equality constraint of MuJoCo")
         if drives.dry.any():
@@ -62,7 +65,7 @@ class Mjcf(ModelExporter):
         path = folder / next(iter(content.files)).name
         drives = drives_of(subject)
         if subject.source is not None and subject.source.kind == "mjcf":
-            patched = patched_mjcf(subject, drives, subject.source, self.lump)
+            patched = patched_mjcf(subject, drives, subject.source, self.lump, path)
             files = dict(list(content.files.items())[:-1])
             yield from reload_mjcf(subject, subject.source, patched, files, folder)
             return
@@ -86,11 +89,12 @@ class Mjcf(ModelExporter):
     def _own(self, subject: Identified, source: OwnDescription, path: Path) -> ModelContent:
         """Return the files of the user's MJCF with the model in them."""
         drives = drives_of(subject)
-        patched = patched_mjcf(subject, drives, source, self.lump)
+        patched = patched_mjcf(subject, drives, source, self.lump, path)
         files = {**beside(path, source, patched), place_beside(path): document_bytes(subject, drives)}
         notes = ((source.note,) if source.note else ()) + patched.notes
         if path.absolute().parent != source.path.absolute().parent:
-            notes += (f"its meshes and includes are found from {source.path.parent}: put it there",)
+            folder = source.path.absolute().parent
+            notes += (f"its meshes and includes are found from {folder}: put what is written there",)
         return ModelContent(
             files, left_out(drives, armature=True, coupled=False), (*notes, *sharp_note(drives, "MJCF"))
         )

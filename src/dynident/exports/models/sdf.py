@@ -11,6 +11,7 @@ from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.proving.sdf_proof import reload_own_sdf, sdf_by_drake, sdf_by_reader
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
+from dynident.exports.models.subject.source import anew_note
 from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.document import document_bytes, left_out, place_beside, sharp_note
 from dynident.exports.models.writing.sdf_own import patched_sdf
@@ -46,6 +47,7 @@ class Sdf(ModelExporter):
             return ModelContent(files, left, (*notes, *sharp_note(drives, "SDF")))
         files = {path: sdf_text(subject, drives), place_beside(path): document_bytes(subject, drives)}
         notes = [
+            *anew_note(subject.source, subject.estimate, "SDF"),
             "gravity is that of the world, not of the model; the base link is free until the world holds it",
             "Gazebo passes over Drake's rotor inertia, Drake over friction; meshes are left out",
         ]

@@ -66,6 +66,7 @@ class Estimate(EstimateMethods):
         envelope: What the logs of the fit have seen; None in files of older versions.
         diagnostics: Tests of the residual and cross-validation; None where they were not asked for.
         standard_deviations: Of theta by data and prior together, shape (p,); None where they were not asked for.
+        file: The file that it was read from; empty for none.
     """
 
     model: DynamicModel
@@ -91,6 +92,7 @@ class Estimate(EstimateMethods):
     envelope: Envelope | None = None
     diagnostics: Mapping[str, Any] | None = None
     standard_deviations: Array | None = None
+    file: str = ""
 
     @property
     def std(self) -> Array:

@@ -214,6 +214,7 @@ def _estimate(data: Mapping[str, Any], path: str | Path) -> Estimate:
         run=recorded_run({name: value for name, value in facts["extras"].items() if name not in CHOICES}),
         choices=choices_of(facts["extras"]),
         provenance=data["provenance"],
+        file=str(path),
         degrees=_degrees(facts, base.count),
         envelope=envelope,
         diagnostics=facts.get("diagnostics"),

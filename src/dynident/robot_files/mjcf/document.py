@@ -92,7 +92,8 @@ class MjcfDocument:
         sections: The elements of each section, in the order of the file.
         compiler: Settings of the compiler.
         gravity: Gravity, shape (3,), in m/s^2.
-        texts: The bytes of each file by its path as messages call it.
+        texts: The bytes of each file by its path as messages call it, those of attached models too.
+        includes: The elements that include files, by the path of what they include.
         notes: What has a torque in MuJoCo and none here.
     """
 
@@ -101,7 +102,8 @@ class MjcfDocument:
     sections: Mapping[str, list[Element]]
     compiler: CompilerSettings
     gravity: Array
-    texts: Mapping[str, bytes]
+    texts: dict[str, bytes]
+    includes: Mapping[str, Element]
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -121,9 +123,9 @@ def read_document(path: object, data: bytes, known: Mapping[str, bytes] | None =
     Raises:
         DescriptionError: No MJCF, an include that is missing or comes back, an unknown section, setting or unit.
     """
-    texts: dict[str, bytes] = {str(path): data}
     root = parse_xml(path, data, _LANGUAGE)
-    _include(root, Path(str(path)).parent, texts, known or {})
+    files = _Files(Path(str(path)).parent, known or {}, {str(path): data})
+    files.include(root)
     sections: dict[str, list[Element]] = {}
     for element in root.children:
         if element.tag not in _SECTIONS:
@@ -136,34 +138,56 @@ def read_document(path: object, data: bytes, known: Mapping[str, bytes] | None =
     gravity, notes = _options(sections.get("option", []))
     name = root.attributes.get("model") or PurePath(str(path)).stem
     compiler = _compiler(sections.get("compiler", []))
-    return MjcfDocument(path, name if name.isprintable() else "robot", sections, compiler, gravity, texts, notes)
+    return MjcfDocument(
+        path, name if name.isprintable() else "robot", sections, compiler, gravity, files.texts, files.includes, notes
+    )
 
 
-def _include(root: Element, folder: Path, texts: dict[str, bytes], known: Mapping[str, bytes]) -> None:
-    """Put what files include in place of their ``<include>``, in the whole tree below an element."""
-    for place in range(len(root.children) - 1, -1, -1):
-        child = root.children[place]
-        if child.tag in _SKIPPED:
-            del root.children[place]
-        elif child.tag != "include":
-            _include(child, folder, texts, known)
-    for place in range(len(root.children) - 1, -1, -1):
-        child = root.children[place]
-        if child.tag == "include":
-            inner = _included(child, folder, texts, known)
-            _include(inner, folder, texts, known)
-            root.children[place : place + 1] = inner.children
+@dataclass(frozen=True)
+class _Files:
+    """The files of a model: the main one and its includes.
 
+    Attributes:
+        folder: Folder of the main file.
+        known: Bytes of includes by their path that count in place of what is in those files.
+        texts: The bytes of each file that was read, by its path.
+        includes: The elements that include files, by the path of what they include.
+    """
 
-def _included(element: Element, folder: Path, texts: dict[str, bytes], known: Mapping[str, bytes]) -> Element:
-    name = Values(element.place, element.attributes).name("file")
-    key = str(folder / name)
-    data = known[key] if key in known else file_beside(element, "file", name, folder)
-    if key in texts or len(texts) >= MAX_FILES:
-        evidence = f"the file {shown(name)} is included twice"
-        raise element.place.error(evidence, "include each file once: remove one of the two")
-    texts[key] = data
-    return parse_xml(key, data, _INCLUDED)
+    folder: Path
+    known: Mapping[str, bytes]
+    texts: dict[str, bytes]
+    includes: dict[str, Element] = field(default_factory=dict)
+
+    def include(self, root: Element) -> None:
+        """Put what files include in place of their ``<include>``, in the whole tree below an element."""
+        for place in range(len(root.children) - 1, -1, -1):
+            child = root.children[place]
+            if child.tag in _SKIPPED:
+                del root.children[place]
+            elif child.tag != "include":
+                self.include(child)
+        for place in range(len(root.children) - 1, -1, -1):
+            child = root.children[place]
+            if child.tag == "include":
+                inner = self._included(child)
+                self.include(inner)
+                root.children[place : place + 1] = inner.children
+
+    def _included(self, element: Element) -> Element:
+        """Return the tree of an include: relative to the folder of the main file, else to that of the including one."""
+        name = Values(element.place, element.attributes).name("file")
+        near = Path(str(element.path)).parent
+        folders = [one for one in (self.folder, near) if str(one / name) in self.known or os.path.isfile(one / name)]
+        folder = folders[0] if folders else self.folder
+        key = str(folder / name)
+        data = self.known[key] if key in self.known else file_beside(element, "file", name, folder)
+        if key in self.texts or len(self.texts) >= MAX_FILES:
+            evidence = f"the file {shown(name)} is included twice"
+            raise element.place.error(evidence, "include each file once: remove one of the two")
+        self.texts[key] = data
+        self.includes[key] = element
+        return parse_xml(key, data, _INCLUDED)
 
 
 def file_beside(element: Element, attribute: str, name: str, folder: Path) -> bytes:
@@ -177,7 +201,8 @@ def file_beside(element: Element, attribute: str, name: str, folder: Path) -> by
         evidence = f"{attribute} {shown(name)} leads elsewhere"
         raise element.place.error(evidence, "write a name relative to the folder of the main file")
     if not os.path.isfile(file):
-        evidence = f"the file {shown(name)} is missing in {folder}"
+        where = "the current folder" if str(folder) == "." else folder
+        evidence = f"the file {shown(name)} is missing in {where}"
         raise element.place.error(evidence, f"put it there, or correct the name or remove the <{element.tag}>")
     try:
         with file.open("rb") as stream:

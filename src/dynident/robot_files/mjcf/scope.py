@@ -78,7 +78,9 @@ def submodel(values: Values, scope: MjcfScope) -> MjcfDocument:
         raise values.place.error("models attached to models without end", "attach each model to another one once")
     element = models[name]
     file = Values(element.place, element.attributes).name("file")
-    return read_document(scope.document.folder / file, file_beside(element, "file", file, scope.document.folder))
+    found = read_document(scope.document.folder / file, file_beside(element, "file", file, scope.document.folder))
+    scope.document.texts.update(found.texts)
+    return found
 
 
 def check_attached(place: Place, document: MjcfDocument) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from dynident.errors import DescriptionError
 from dynident.exports.models.subject.drives import Drives
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription
-from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared
+from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared, some
 from dynident.exports.models.writing.urdf import joint_tags
 from dynident.exports.models.writing.xml_edit import (
     ByteEdit,
@@ -25,7 +26,7 @@ from dynident.exports.models.writing.xml_edit import (
     with_attributes,
     without_attributes,
 )
-from dynident.exports.models.writing.xml_text import number, numbers, quaternion
+from dynident.exports.models.writing.xml_text import number, numbers, quaternion, unused_name
 from dynident.model.inertia import Inertia
 from dynident.model.parameters import to_mujoco_fullinertia
 from dynident.robot_files.mjcf.bodies import BodySource
@@ -50,7 +51,8 @@ class PatchedMjcf:
     """The MJCF of a user with a model in it.
 
     Attributes:
-        texts: Bytes of each changed file by its path; the main file is always there.
+        texts: Bytes of each changed file by its path beside the user's main file: that one under its own name, changed
+            includes under new names, which the files that include them have.
         before: What the user's files say.
         after: What the changed files say.
         placement: Bodies of the file on the links of the model.
@@ -66,8 +68,15 @@ class PatchedMjcf:
     notes: tuple[str, ...]
 
 
-def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lump: bool) -> PatchedMjcf:
+def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lump: bool, output: Path) -> PatchedMjcf:
     """Return the files of an MJCF with the inertias and drives of a model.
+
+    Args:
+        subject: The model.
+        drives: Its drives.
+        source: The user's MJCF.
+        lump: Whether bodies fixed to a moving one lose their inertia to it.
+        output: The file that is written, after which changed includes are named.
 
     Raises:
         DescriptionError: It is faulty or of another robot, or what was identified has no place of its own in it.
@@ -81,9 +90,11 @@ def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lu
     tags, left = _tags(subject, drives)
     for name, values in tags.items():
         writer.joint(name, values)
-    texts = writer.texts()
+    texts, renamed = writer.texts(output.stem)
     after = read_mjcf_model(source.path, texts[str(source.path)], texts)
     notes = kept_notes(shares, placement, left)
+    if renamed:
+        notes.append(f"your own files stay as they are: what changed in includes is in {some(renamed)}")
     if before.document.compiler.changes_inertia:
         notes.append("all bodies state their inertia now: <compiler> had settings that change what is stated")
     return PatchedMjcf(texts, before, after, placement, tags, tuple(notes))
@@ -132,11 +143,27 @@ class _Writer:
             for element in model.document.compiler.elements:
                 self._neutralise(element)
 
-    def texts(self) -> dict[str, bytes]:
-        """Return the files that changed, and the main one."""
+    def texts(self, stem: str) -> tuple[dict[str, bytes], list[str]]:
+        """Return the files that changed, by path, and the names of the changed includes, which begin with ``stem``."""
         document = self._model.document
-        edits = {str(document.path): [], **self._edits}
-        return {path: apply(document.texts[path], found) for path, found in edits.items()}
+        changed = {str(document.path)}
+        for path in self._edits:
+            while path not in changed:  # what includes a changed file has its new name, and so changes too
+                changed.add(path)
+                path = str(document.includes[path].path)  # noqa: PLW2901
+        names: dict[str, str] = {}
+        for path in (path for path in document.includes if path in changed):
+            names[path] = unused_name(f"{stem}-{Path(path).name}", list(names.values()))
+        for path, element in document.includes.items():
+            name = names.get(path, Path(os.path.relpath(path, document.folder)).as_posix())
+            if str(element.path) in changed and Path(name) != Path(element.attributes["file"]):
+                data, place = self._of(element)
+                self._add(element, with_attributes(data, place, {"file": name}))
+        texts: dict[str, bytes] = {}
+        for path in sorted(changed, key=list(document.texts).index):
+            new = str(document.folder / names[path]) if path in names else path
+            texts[new] = apply(document.texts[path], self._edits.get(path, []))
+        return texts, list(names.values())
 
     def inertial(self, name: str, body: Inertia | None) -> None:
         """Give a body another inertia about the origin of its link, or none."""
@@ -233,17 +260,7 @@ def _inertial_values(body: Inertia | None, origin: Array) -> dict[str, str]:
 
 
 def beside(path: Path, source: OwnDescription, patched: PatchedMjcf) -> dict[Path, bytes]:
-    """Return the changed files at the places where they are written.
-
-    Raises:
-        DescriptionError: A changed include is in another folder than the main file.
-    """
-    found = {path: patched.texts[str(source.path)]}
-    for key, data in patched.texts.items():
-        if key == str(source.path) or data == patched.before.document.texts[key]:
-            continue
-        if Path(key).parent != source.path.parent:
-            evidence = "an include in another folder has bodies or joints that change"
-            raise DescriptionError(key, "", evidence, "put it beside the main file")
-        found[path.with_name(Path(key).name)] = data
-    return found
+    """Return the changed files at the places where they are written: the main one at ``path``, the others beside it."""
+    main = str(source.path)
+    others = {path.with_name(Path(key).name): data for key, data in patched.texts.items() if key != main}
+    return {path: patched.texts[main], **others}

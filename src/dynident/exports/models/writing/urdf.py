@@ -12,7 +12,7 @@ from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.exports.models.subject.drives import Drives
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.subject.source import OwnDescription
+from dynident.exports.models.subject.source import OwnDescription, anew_note
 from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared
 from dynident.exports.models.writing.xml_edit import (
     ByteEdit,
@@ -42,9 +42,9 @@ def written_urdf(subject: Identified, drives: Drives, lump: bool) -> tuple[bytes
     if source is not None and source.is_urdf:
         found = patched(subject, drives, source, lump)
         return found.data, ((source.note,) if source.note else ()) + found.notes
-    why = "no robot model file was given or found" if source is None else "the robot model is no URDF"
-    note = f"{why}: the URDF is new, without meshes; --description FILE changes the inertias of your own"
-    return new_urdf(subject, drives), (note,)
+    other = "the robot model is no URDF: the URDF is new, without meshes"
+    note = anew_note(subject.source, subject.estimate, "URDF") or (other,)
+    return new_urdf(subject, drives), note
 
 
 @dataclass(frozen=True)

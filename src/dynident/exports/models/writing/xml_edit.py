@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 from xml.parsers import expat
+from xml.sax.saxutils import escape
 
 from dynident.errors import DescriptionError
 
@@ -125,11 +126,16 @@ def with_attributes(data: bytes, element: PlacedElement, values: dict[str, str])
         if name not in left:
             return found.group(0)
         mark = found.group(4)[:1]
-        return found.group(1) + found.group(2) + found.group(3) + mark + left.pop(name).encode("ascii") + mark
+        return found.group(1) + found.group(2) + found.group(3) + mark + _attribute(left.pop(name)) + mark
 
     text = _ATTRIBUTE.sub(put, tag)
-    text += b"".join(f' {name}="{value}"'.encode("ascii") for name, value in left.items())
+    text += b"".join(b' %s="%s"' % (name.encode("ascii"), _attribute(value)) for name, value in left.items())
     return ByteEdit(start, match.end(1), text)
+
+
+def _attribute(value: str) -> bytes:
+    """Return a value as it is written between quotes, in any encoding that has ASCII."""
+    return escape(value, {'"': "&quot;", "'": "&apos;"}).encode("ascii", "xmlcharrefreplace")
 
 
 def without_attributes(data: bytes, element: PlacedElement, gone: Collection[str], values: dict[str, str]) -> ByteEdit:
