@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +17,7 @@ from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import OWN, Identified
 from dynident.exports.models.subject.source import OwnDescription
 from dynident.exports.models.writing.sdf_own import patched_sdf
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.shapes import Mesh
 from dynident.robot_files import read_robot
@@ -163,7 +165,94 @@ def test_rotor_inertia_returns_into_drakes_own_elements(stated: str) -> None:
     assert any("Gazebo passes over" in note for note in patched.notes)
 
 
+def test_the_pose_of_a_model_is_that_of_its_placement_frame() -> None:
+    """Gravity at the base, and the place of the base in the world, against poses that Pinocchio multiplies."""
+    pin = pytest.importorskip("pinocchio", reason="pip install pin")
+    place = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([0.1, 0.2, 0.3]))
+    mount = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.2, 0.0), np.array([0.1, 0.0, 0.0]))
+    tool = pin.SE3(pin.rpy.rpyToMatrix(0.2, 0.1, 0.0), np.array([0.5, 0.4, 0.3]))
+    for name, frame in {"": pin.SE3.Identity(), "mount": mount, "tool": tool, "base": pin.SE3.Identity()}.items():
+        text = ARM.replace('<model name="arm">', f'<model name="arm" placement_frame="{name}">', 1)
+        base = place * frame.inverse()  # the link base stands at the frame of the model
+        expected = base.rotation.T @ [0.0, 0.0, -9.81]
+        np.testing.assert_allclose(SdfFile().read("arm.sdf", text.encode()).gravity, expected, atol=1e-12)
+        fixed = text.replace(
+            '<link name="base"/>', '<link name="base"/><joint name="h" type="fixed"><parent>world</parent>'
+            "<child>base</child></joint>",
+        )  # fmt: skip
+        robot = SdfFile().read("arm.sdf", fixed.encode())
+        np.testing.assert_allclose(robot.gravity, [0.0, 0.0, -9.81], atol=1e-12)
+        np.testing.assert_allclose(robot.frames["base"].rotation, base.rotation, atol=1e-12)
+        np.testing.assert_allclose(robot.frames["base"].translation, base.translation, atol=1e-12)
+
+
+def test_what_is_not_read_may_hold_anything() -> None:
+    """Elements of a user's own, with a prefix, and what is in visuals, plugins and sensors."""
+    own = (
+        '<visual name="v"><anything odd="1"/></visual><plugin filename="a" name="b"><pose frm="x"/></plugin>'
+        '<drake:own drake:at="1"><mas/></drake:own><sensor name="s" type="imu"><imu/></sensor>'
+    )
+    text = ARM.replace('<link name="base"/>', f'<link name="base" drake:id="3">{own}</link>', 1)
+    text = text.replace('<sdf version="1.9">', '<sdf version="1.9" xmlns:drake="d">')
+    one, other = (robot_to_dict(SdfFile().read("arm.sdf", each.encode())) for each in (text, ARM))
+    assert one == other
+
+
+def test_comments_and_lines_in_an_inertia_are_kept() -> None:
+    """Only the numbers change: blanks, comments and the order of the elements stay, also what stands behind them."""
+    lines = (
+        "<inertia>\n  <izz> .04 </izz><!-- kept -->\n  <ixx>.02</ixx> <!-- too -->\n"
+        "  <ixy>.001</ixy>\n  <iyy>.03</iyy>\n</inertia>"
+    )
+    text = ARM.replace(BODY, lines, 1).replace("<mass>2</mass>", "<mass> 2 </mass>")
+    model = DynamicModel(SdfFile().read("arm.sdf", text.encode()))
+    nominal = model.nominal()
+    assert nominal is not None
+    source = OwnDescription(Path("arm.sdf"), text.encode())
+    estimate: Any = SimpleNamespace(model=model)
+    subject = Identified(estimate, 1.2 * nominal, OWN, source)
+    patched = patched_sdf(subject, drives_of(subject), source, lump=False)
+    for found in reload_own_sdf(subject, source, patched):
+        if found.torque is not None and found.expected is not None:
+            np.testing.assert_allclose(found.torque, found.expected, rtol=0, atol=1e-9 * np.abs(found.expected).max())
+    number = r"-?[\d.e-]+"
+    written = patched.data.decode()
+    expected = (
+        rf"<mass>{number}</mass><inertia>\n  <izz>{number}</izz><!-- kept -->\n  <ixx>{number}</ixx> <!-- too -->\n"
+        rf"  <ixy>{number}</ixy>\n  <iyy>{number}</iyy>\n"
+        rf"  <ixz>{number}</ixz>\n  <iyz>{number}</iyz>\n</inertia>"
+    )
+    assert re.search(expected, written), written
+
+
 FAULTS = {
+    "a placement_frame that is none": ('name="arm">', 'name="arm" placement_frame="tol">', "no frame 'tol'", "'tool'"),
+    "the world as placement_frame": ('name="arm">', 'name="arm" placement_frame="world">', "is the world", "the model"),
+    "a pose by attribute frame": ('relative_to="mount"', 'frame="mount"', "attribute 'frame'", "relative_to"),
+    "a joint of the world": (
+        "<model name='arm'>",
+        "<world name='w'><joint name='q'/></world><model name='arm'>",
+        "a joint of the world is not read",
+        "write it in the <model>",
+    ),
+    "an inertial in another frame": (
+        "<inertial><pose>",
+        "<inertial><pose relative_to='tool'>",
+        "its pose in its link",
+        "without relative_to",
+    ),
+    "a frame that is attached to nothing": (
+        "attached_to='base'><pose",
+        "attached_to='bas'><pose relative_to='base'",
+        "no frame 'bas'",
+        "'base'",
+    ),
+    "frames that are attached in a ring": (
+        "attached_to='base'><pose",
+        "attached_to='mount'><pose relative_to='base'",
+        "attached to itself",
+        "attached_to",
+    ),
     "an included model": ("<link name='base'/>", "<include/><link name='base'/>", "<include>", "expand it first"),
     "an unknown frame": ('relative_to="mount"', 'relative_to="mont"', "no frame 'mont'", "did you mean 'mount'"),
     "a ring of frames": ("<pose>.1 0 0 0 .2 0</pose>", '<pose relative_to="upper"/>', "in a ring", "relative_to"),
@@ -191,3 +280,22 @@ def test_what_is_not_read_is_refused_with_file_element_and_remedy(name: str) -> 
         SdfFile().read("arm.sdf", text.encode())
     message = str(caught.value)
     assert "arm.sdf" in message and evidence in message and remedy in message and "\n" not in message
+
+
+TYPOS = {
+    "attribute": ("expressed_in", "expresed_in", "attribute 'expresed_in'", "did you mean 'expressed_in'"),
+    "frame": ("relative_to", "realtive_to", "attribute 'realtive_to'", "did you mean 'relative_to'"),
+    "dynamics": ("dynamics>", "dynamic>", "unknown element <dynamic> in <axis>", "did you mean 'dynamics'"),
+    "inertial": ("inertial>", "innertial>", "unknown element <innertial> in <link>", "did you mean 'inertial'"),
+    "effort": ("effort>", "efort>", "unknown element <efort> in <limit>", "did you mean 'effort'"),
+    "moment": ("ixy>", "lxy>", "unknown element <lxy> in <inertia>", "did you mean 'ixy'"),
+}
+
+
+@pytest.mark.parametrize("name", TYPOS)
+def test_mistyped_words_are_refused_with_the_nearest_known_one(name: str) -> None:
+    old, new, evidence, remedy = TYPOS[name]
+    with pytest.raises(DescriptionError) as caught:
+        SdfFile().read("arm.sdf", ARM.replace(old, new).encode())
+    assert re.match(r"arm\.sdf: line \d+, <\w+", str(caught.value))
+    assert evidence in str(caught.value) and remedy in str(caught.value)

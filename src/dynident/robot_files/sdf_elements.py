@@ -114,6 +114,8 @@ def inertia_of_link(link: Element) -> Inertia | None:
     if inertial.attributes.get("auto", "false") in ("true", "1"):
         raise inertial.place.error('auto="true" computes it from shapes', "write <mass> and <inertia>")
     poses = inertial.all("pose")
+    if poses and poses[0].attributes.get("relative_to"):
+        raise poses[0].place.error("an inertial has its pose in its link", "write it there, without relative_to")
     rotation, centre = pose_of_element(poses[0]) if poses else (np.eye(3), np.zeros(3))
     only_child(inertial, "mass", "write one <mass>, in kg")
     mass = number_in(inertial, "mass", 0.0)

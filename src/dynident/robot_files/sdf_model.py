@@ -30,6 +30,7 @@ from dynident.robot_files.sdf_elements import (
     shape_of,
     version_of,
 )
+from dynident.robot_files.sdf_words import check_words
 from dynident.robot_files.tree import Connection, assemble
 from dynident.robot_files.xml_elements import Element, XmlLanguage, parse_xml
 from dynident.robot_files.xml_values import Values
@@ -110,10 +111,13 @@ def read_sdf_model(path: object, data: bytes) -> SdfModel:
         DescriptionError: Any fault; the message names the file, the line and the element.
     """
     root = parse_xml(path, data, _SDF)
+    check_words(root)
     holders = [root, *root.all("world")]
     models = [model for holder in holders for model in holder.all("model")]
     for holder in holders:
         _refuse_includes(holder)
+        for joint in holder.all("joint"):
+            raise joint.place.error("a joint of the world is not read", "write it in the <model>")
     if len(models) != 1:
         step = "give the SDF of one robot"
         raise Place(path).error(f"{len(models)} <model> elements in <sdf>", step)
@@ -123,6 +127,10 @@ def read_sdf_model(path: object, data: bytes) -> SdfModel:
 def _refuse_includes(holder: Element) -> None:
     for element in holder.all("include"):
         raise element.place.error("an included model is not read", "expand it first: gz sdf -p FILE > model.sdf")
+
+
+def _inverse(pose: Pose) -> Pose:
+    return pose[0].T, -pose[0].T @ pose[1]
 
 
 class _SdfReader:
@@ -206,6 +214,13 @@ class _SdfReader:
             return placed(self._frame(element.attributes["attached_to"], scope, element), own)
         return placed(self._frame("__model__", scope, element), own)
 
+    def _model_in_world(self) -> Pose:
+        """Return the frame of the model in the world; its pose is that of its ``placement_frame``."""
+        given, name = model_pose(self._model), self._model.attributes.get("placement_frame", "")
+        if name == WORLD:
+            raise self._model.place.error("its placement_frame is the world", "write a frame of the model")
+        return placed(given, _inverse(self._frame(name, "", self._model))) if name else given
+
     def _frame(self, name: str, scope: str, element: Element) -> Pose:
         """Return the frame that a name means in a model."""
         if name == "__model__":
@@ -214,8 +229,7 @@ class _SdfReader:
 
     def _frame_of(self, name: str, element: Element) -> Pose:
         if name == WORLD:
-            turn, shift = model_pose(self._model)
-            return turn.T, -turn.T @ shift
+            return _inverse(self._model_in_world())
         if name not in self._frames:
             step = f"correct the name{nearest(name, self._frames)}"
             raise element.place.error(f"there is no frame {shown(name)}", step)
@@ -243,7 +257,7 @@ class _SdfReader:
                 return name
             element, scope = self._frames[name]
             attached = element.attributes.get("attached_to", "")
-            if not attached:
+            if attached in ("", "__model__"):
                 return name
             name = WORLD if attached == WORLD else scope + attached
         return None
@@ -331,7 +345,7 @@ class _SdfReader:
         """Return gravity in the frame of the base."""
         carried = {joint.child for joint in self.found.connections}
         roots = [name for name in self.found.bodies if name not in carried]
-        turn = model_pose(self._model)[0]
+        turn = self._model_in_world()[0]
         if len(roots) > 1 and WORLD in roots:
             loose = next(name for name in roots if name != WORLD)
             step = "fix it to the world or to another link with a joint, or remove it"
@@ -341,8 +355,14 @@ class _SdfReader:
         return (turn @ self.found.links[roots[0]].pose[0]).T @ self._gravity
 
     def _named(self, name: str) -> None:
-        """Keep a named frame on the link that it is fixed to."""
+        """Check a named frame, and keep it on the link that it is fixed to."""
+        element, scope = self._frames[name]
+        own = self._pose(name)
+        if element.attributes.get("attached_to"):
+            self._frame(element.attributes["attached_to"], scope, element)  # an unknown one is refused
         link = self._link_behind(name)
+        if link is None:
+            raise element.place.error("it is attached to itself, frame behind frame", "correct attached_to")
         if link in self.found.links:
-            frame, own = self._link_frame(link, self._frames[link][0]), self._pose(name)
+            frame = self._link_frame(link, self._frames[link][0])
             self.found.frames[name] = link, (frame[0].T @ own[0], frame[0].T @ (own[1] - frame[1]))

@@ -86,23 +86,32 @@ def _inertial(data: bytes, link: PlacedElement, body: Inertia | None) -> Iterato
     if body is None:
         yield from (removed(data, element) for element in found)
         return
-    tensor = "".join(f"<{tag}>{number(body.about_centre[i, j])}</{tag}>" for tag, i, j in _ENTRIES)
+    moments = {tag: f"<{tag}>{number(body.about_centre[i, j])}</{tag}>".encode("ascii") for tag, i, j in _ENTRIES}
     parts = {
-        "pose": f"<pose>{numbers(np.asarray(body.centre_of_mass))} 0 0 0</pose>",
-        "mass": f"<mass>{number(body.mass)}</mass>",
-        "inertia": f"<inertia>{tensor}</inertia>",
+        "pose": f"<pose>{numbers(np.asarray(body.centre_of_mass))} 0 0 0</pose>".encode("ascii"),
+        "mass": f"<mass>{number(body.mass)}</mass>".encode("ascii"),
+        "inertia": b"<inertia>" + b"".join(moments.values()) + b"</inertia>",
     }
     if not found:
-        text = f"<inertial>{''.join(parts.values())}</inertial>"
-        yield added_child(data, link, text.encode("ascii"))
+        yield added_child(data, link, b"<inertial>" + b"".join(parts.values()) + b"</inertial>")
         return
+    for holder in found[0].all("inertia"):
+        del parts["inertia"]
+        yield from _children(data, holder, moments)
     for tag, text in parts.items():
         given = found[0].all(tag)
         if given:
-            yield ByteEdit(given[0].start, given[0].end, text.encode("ascii"))
+            yield ByteEdit(given[0].start, given[0].end, text)
         else:
             first = found[0].children[0].start
-            yield ByteEdit(first, first, text.encode("ascii") + indent_of(data, first))
+            yield ByteEdit(first, first, text + indent_of(data, first))
+
+
+def _children(data: bytes, holder: PlacedElement, texts: dict[str, bytes]) -> Iterator[ByteEdit]:
+    """Yield the edits that set children of an element; what stands between them is kept."""
+    for tag, text in texts.items():
+        given = holder.all(tag)
+        yield ByteEdit(given[0].start, given[0].end, text) if given else added_child(data, holder, text)
 
 
 def _dynamics(data: bytes, joint: PlacedElement, tags: tuple[float, float]) -> ByteEdit:

@@ -1,0 +1,93 @@
+"""The attributes and elements of an SDF, so that a mistyped one is refused by name and not passed over.
+
+Source: the schema of SDFormat, versions 1.4 to 1.12 (``sdf/1.12/*.sdf`` of gazebosim/sdformat). Elements and attributes
+with a namespace prefix (``drake:``, ``gz:``) are the user's own and valid everywhere, as are ``<plugin>`` and
+``<sensor>``. In an element that is not read, nothing is checked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from dynident.errors import nearest
+from dynident.robot_files.xml_elements import Element
+from dynident.robot_files.xml_values import Values
+
+#: Attributes of each element that is read; an element that is not here has none.
+_ATTRIBUTES: Final[Mapping[str, tuple[str, ...]]] = {
+    "sdf": ("version",),
+    "world": ("name", "namespace"),
+    "model": ("name", "canonical_link", "placement_frame", "namespace"),
+    "frame": ("name", "attached_to"),
+    "link": ("name",),
+    "joint": ("name", "type"),
+    "collision": ("name",),
+    "inertial": ("auto",),
+    "pose": ("relative_to", "rotation_format", "degrees", "frame"),
+    "xyz": ("expressed_in",),
+    "mimic": ("joint", "axis"),
+}
+
+#: Elements that are read in each element.
+_READ: Final[Mapping[str, tuple[str, ...]]] = {
+    "sdf": ("world", "model"),
+    "world": ("gravity", "model"),
+    "model": ("pose", "frame", "link", "joint", "model"),
+    "frame": ("pose",),
+    "link": ("pose", "inertial", "collision"),
+    "inertial": ("pose", "mass", "inertia"),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "joint": ("pose", "parent", "child", "axis"),
+    "axis": ("xyz", "use_parent_model_frame", "dynamics", "limit", "mimic"),
+    "dynamics": ("damping", "friction", "spring_reference", "spring_stiffness"),
+    "limit": ("lower", "upper", "effort", "velocity", "stiffness", "dissipation"),
+    "mimic": ("multiplier", "offset", "reference"),
+    "collision": ("pose", "geometry"),
+    "geometry": ("box", "sphere", "cylinder", "capsule", "ellipsoid", "mesh"),
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+    "ellipsoid": ("radii",),
+    "mesh": ("uri", "scale"),
+}
+
+#: Elements of the format that have no part in the model here, with all that is in them.
+_PASSED_OVER: Final[Mapping[str, str]] = {
+    "sdf": "actor light include",
+    "world": "audio wind include magnetic_field atmosphere gui physics scene light frame joint actor road state "
+    "population spherical_coordinates",
+    "model": "static self_collide allow_auto_disable enable_wind include gripper model_state origin",
+    "link": "gravity enable_wind self_collide kinematic must_be_base_link velocity_decay frame visual projector "
+    "audio_sink audio_source battery light particle_emitter damping origin",
+    "inertial": "frame density auto_inertia_params fluid_added_mass origin",
+    "joint": "frame gearbox_ratio gearbox_reference_body thread_pitch screw_thread_pitch axis2 physics origin",
+    "axis": "initial_position",
+    "collision": "frame laser_retro max_contacts density auto_inertia_params surface origin",
+    "geometry": "empty cone heightmap image plane polyline",
+    "mesh": "submesh convex_decomposition",
+}
+_EVERYWHERE: Final = ("plugin", "sensor")
+
+
+def check_words(element: Element) -> None:
+    """Check the attributes and elements of an element that is read, and of those in it.
+
+    Raises:
+        DescriptionError: One is unknown; the message has the nearest known one.
+    """
+    tag = element.tag
+    own = {name: text for name, text in element.attributes.items() if ":" not in name and name != "xmlns"}
+    Values(element.place, own).known(_ATTRIBUTES.get(tag, ()))
+    if own.get("frame"):
+        step = 'write relative_to="..." and version="1.7" or later, or remove it'
+        raise element.place.error("a pose in a frame by the attribute 'frame' is not read", step)
+    read = _READ.get(tag, ())
+    known = (*read, *_PASSED_OVER.get(tag, "").split(), *_EVERYWHERE)
+    for child in element.children:
+        if child.tag in read:
+            check_words(child)
+        elif child.tag not in known and ":" not in child.tag:
+            evidence = f"unknown element <{child.tag}> in <{tag}>"
+            raise child.place.error(evidence, f"remove or correct it{nearest(child.tag, known)}")
