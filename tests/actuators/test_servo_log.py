@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from servo_bench import parameters, virtual_logs, write_csv
 
-from dynident.actuators.servo_log import ServoColumns, ServoLog, kp_of, read_servo_log
+from dynident.actuators.servo_files import kp_of, read_servo_logs
+from dynident.actuators.servo_log import ServoColumns, ServoLog
 from dynident.data.formats import ColumnMap
 from dynident.errors import DynidentError, LogFormatError, LogMismatch
 from dynident.model.robot import Robot
@@ -29,19 +30,19 @@ def changed(log: ServoLog, **signals: object) -> ServoLog:
 
 
 def test_a_table_and_bam_json_are_the_same_log(log: ServoLog, tmp_path: Path) -> None:
-    table = read_servo_log(write_csv(log, tmp_path / "a.csv"), COLUMNS)
+    table = read_servo_logs(write_csv(log, tmp_path / "a.csv"), COLUMNS)[0]
     entries = [
         {"timestamp": t, "position": q, "goal_position": g, "torque_enable": bool(on), "input_volts": 7.4}
         for t, q, g, on in zip(table.time, table.q[:, 0], table.q_ref[:, 0], table.enabled[:, 0], strict=True)
     ]
     (tmp_path / "b.json").write_text(json.dumps({"kp": 4, "mass": 0.8, "entries": entries}))
-    bam = read_servo_log(tmp_path / "b.json", ServoColumns(("joint1",)))
+    bam = read_servo_logs(tmp_path / "b.json", ServoColumns(("joint1",)))[0]
     assert bam.kp == table.kp == 4.0
     for name in ("time", "q", "q_ref", "enabled"):
         assert np.array_equal(getattr(bam, name), getattr(table, name)), name
     (tmp_path / "c.json").write_text("{}")
     with pytest.raises(LogFormatError, match=r"no log of BAM .*'entries'"):
-        read_servo_log(tmp_path / "c.json", COLUMNS)
+        read_servo_logs(tmp_path / "c.json", COLUMNS)
 
 
 REGISTERS: dict[str, Callable[[int], int]] = {
@@ -65,23 +66,23 @@ def test_counts_of_a_register_are_angles(log: ServoLog, tmp_path: Path, family: 
         file = tmp_path / name
         table = np.column_stack([log.time, counts(log.q[:, 0]), counts(log.q_ref[:, 0]), log.enabled[:, 0]])
         np.savetxt(file, table, "%.12g", ",", header="t,q1,q_ref1,torque_enable", comments="")
-        return read_servo_log(file, how)
+        return read_servo_logs(file, how)[0]
 
     found, signed = table(REGISTERS[family], "a.csv"), table(lambda n: n, "b.csv")
     for name in ("q", "q_ref"):
         assert np.max(np.abs(getattr(found, name) - getattr(log, name))) < 0.51 * 6.2832 / 4096
         assert np.array_equal(getattr(found, name), getattr(signed, name))
     with pytest.raises(LogMismatch, match=r"q of joint1 is .* in sample \d+: no count"):
-        read_servo_log(write_csv(log, tmp_path / "c.csv"), how)
+        read_servo_logs(write_csv(log, tmp_path / "c.csv"), how)
 
 
 def test_failed_reads_are_marked_and_bridged(log: ServoLog, tmp_path: Path) -> None:
     q = log.q.copy()
     q[[50, 200], 0], q[300, 0] = np.nan, q[300, 0] + 2.0
-    found = read_servo_log(write_csv(changed(log, q=q), tmp_path / "a.csv"), COLUMNS)
+    found = read_servo_logs(write_csv(changed(log, q=q), tmp_path / "a.csv"), COLUMNS)[0]
     assert np.flatnonzero(found.failed[:, 0]).tolist() == [50, 200, 300]
     assert np.max(np.abs(found.q - log.q)) < 0.02
-    sound = read_servo_log(write_csv(log, tmp_path / "b.csv"), COLUMNS)
+    sound = read_servo_logs(write_csv(log, tmp_path / "b.csv"), COLUMNS)[0]
     assert not sound.failed.any()
 
 
@@ -90,7 +91,7 @@ FAULTS: list[tuple[str, Callable[[ServoLog], dict[str, object]], str, str]] = [
     ("command is a later measurement", lambda log: {"q_ref": np.roll(log.q, -1, 0)}, "1 sample later", "goal position"),
     ("command is an earlier one", lambda log: {"q_ref": np.roll(log.q, 3, 0)}, "3 samples before", "leader arm"),
     ("one pose", lambda log: {"q": 0 * log.q, "q_ref": 0 * log.q}, "stands in one pose", "tens of degrees"),
-    ("counts", lambda log: {"q": log.q * 4096 / 6.2832}, "they are counts, or degrees", "counts: dynamixel"),
+    ("counts", lambda log: {"q": log.q * 4096 / 6.2832}, "they are counts, degrees", "counts: dynamixel"),
     ("never on", lambda log: {"enabled": ~log.enabled & False}, "never on", "inverted"),
     ("no reads", lambda log: {"q": np.where(np.arange(len(log.q))[:, None] % 3, np.nan, log.q)}, "reads", "bus"),
 ]
@@ -102,7 +103,7 @@ def test_a_fault_is_named_with_the_next_step(
 ) -> None:
     path = write_csv(changed(log, **change(log)), tmp_path / "a.csv")
     with pytest.raises(LogMismatch) as caught:
-        read_servo_log(path, COLUMNS)
+        read_servo_logs(path, COLUMNS)
     assert evidence in caught.value.evidence and step in caught.value.step and "a.csv" in str(caught.value)
 
 
@@ -110,18 +111,18 @@ def test_an_inverted_torque_column_is_named(robot: Robot, tmp_path: Path) -> Non
     """The joint follows while the column is 0; with the column right there is nothing to say."""
     chirp = virtual_logs(robot, parameters(), gains=(4.0,))[0]
     on = (chirp.time < 4.0)[:, None]
-    read_servo_log(write_csv(chirp, tmp_path / "a.csv"), COLUMNS)
+    read_servo_logs(write_csv(chirp, tmp_path / "a.csv"), COLUMNS)
     loose = np.where(on, chirp.q, 0.3 + 0.0 * chirp.q)
-    read_servo_log(write_csv(changed(chirp, q=loose, enabled=on), tmp_path / "b.csv"), COLUMNS)
+    read_servo_logs(write_csv(changed(chirp, q=loose, enabled=on), tmp_path / "b.csv"), COLUMNS)
     path = write_csv(changed(chirp, q=loose, enabled=~on), tmp_path / "c.csv")
     with pytest.raises(LogMismatch, match="follows its command where the drive is off"):
-        read_servo_log(path, COLUMNS)
+        read_servo_logs(path, COLUMNS)
 
 
 def test_a_missing_command_is_named(log: ServoLog, tmp_path: Path) -> None:
     np.savetxt(tmp_path / "a.csv", np.column_stack([log.time, log.q]), "%.9g", ",", header="t,q1", comments="")
     with pytest.raises(LogFormatError, match=r"no column of the command \('q_ref1'\); log the commanded position"):
-        read_servo_log(tmp_path / "a.csv", ServoColumns(("joint1",)))
+        read_servo_logs(tmp_path / "a.csv", ServoColumns(("joint1",)))
 
 
 def test_the_gain_of_a_log_is_stated_in_four_ways() -> None:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dynident.actuators.drive_law import COUNTS, DriveLaw
+from dynident.actuators.lerobot_calibration import MotorRange
 from dynident.arrays import Array, BoolArray
-from dynident.data.formats import ColumnMap, open_log
-from dynident.data.formats.base import missing_column
-from dynident.errors import BadOption, FileError, LogFormatError, LogMismatch
+from dynident.data.formats import ColumnMap
+from dynident.errors import BadOption, LogMismatch
 
 #: Share of samples whose reads may fail before a log is refused.
 _MOST_FAILED = 0.5
@@ -48,6 +44,7 @@ class ServoColumns:
         kp: Position gain of each log: a number for all, a column, a pattern with ``{}`` in the log's name, or numbers
             by name; None where it is not known.
         counts: Name of a coding of COUNTS where positions and commands are counts; empty where they have a unit.
+        ranges: Range of the motor of each logged joint where positions and commands are shares of it; else empty.
     """
 
     joints: tuple[str, ...]
@@ -58,6 +55,7 @@ class ServoColumns:
     added: tuple[str, ...] = ()
     kp: float | str | Mapping[str, float] | None = None
     counts: str = ""
+    ranges: tuple[MotorRange, ...] = ()
 
 
 #: Stands for a friction model that held-out roll-outs choose.
@@ -84,7 +82,7 @@ class ServoLog:
     """Commands and measured positions of n joints.
 
     Attributes:
-        name: The file.
+        name: The file, with the episode where it has several.
         joints: Names of the n joints.
         time: Shape (N,), in s.
         q: Measured positions, shape (N, n), in rad or m; where a read failed the line between its neighbours.
@@ -95,6 +93,7 @@ class ServoLog:
         supply: Supply voltage over the nominal one, shape (N,).
         failed: Reads that failed, shape (N, n).
         kp: Position gain in the drive's unit; nan where it is not known.
+        path: The file.
     """
 
     name: str
@@ -108,6 +107,7 @@ class ServoLog:
     supply: Array
     failed: BoolArray
     kp: float
+    path: str = ""
 
     @property
     def samples(self) -> int:
@@ -115,165 +115,15 @@ class ServoLog:
         return len(self.time)
 
 
-def read_servo_log(path: str | Path, how: ServoColumns) -> ServoLog:
-    """Return a log of commanded and measured positions; BAM JSON by its suffix, else any format that logs have.
-
-    Raises:
-        LogFormatError: A column is missing, or the file is no sound log.
-        LogMismatch: The command is missing or copies the measurement, one pose only, counts in place of radians, the
-            drive is never on, or the gain of the log is not stated.
-    """
-    if str(path).lower().endswith(".json"):
-        return _checked(_bam_log(path, how))
-    table = open_log(path, how.columns)
-    names, count = how.columns, len(how.joints)
-    logged = names.joints or how.joints
-    order = [logged.index(name) for name in how.joints]
-    q, q_ref = (
-        tuple((stated or tuple(f"{word}{k + 1}" for k in range(len(logged))))[k] for k in order)
-        for stated, word in ((names.q, "q"), (names.q_ref, "q_ref"))
-    )
-    if not set(q_ref) <= set(table.header):
-        missing = next(name for name in q_ref if name not in table.header)
-        step = (
-            f"log the commanded position of each joint beside the measured one and name it (log: {{columns: {{q_ref: "
-            f"[...]}}}}); the header has {', '.join(table.header[:30])}"
-        )
-        raise LogFormatError(path, table.line, f"no column of the command ('{missing}')", step)
-    kp_column = _kp_column(how, table.header)
-    wanted = [names.time, *q, *q_ref, *how.enabled, *how.added, *filter(None, (how.supply, kp_column))]
-    rates = tuple(names.dq_ref[k] for k in order) if names.dq_ref else ()
-    wanted += rates
-    for name in wanted:
-        if name not in table.header:
-            raise missing_column(name, table.header, path, table.line)
-    unique = list(dict.fromkeys(wanted))
-    values = table.read(unique)[0]
-    place = {name: k for k, name in enumerate(unique)}
-
-    def chosen(columns: Sequence[str]) -> Array:
-        return values[:, [place[name] for name in columns]]
-
-    zero = np.array([names.zero[k] for k in order]) if names.zero else 0.0
-    rows = len(values)
-    enabled = chosen(how.enabled) > 0.5 if how.enabled else np.ones((rows, 1), dtype=bool)
-    return _checked(
-        ServoLog(
-            name=str(path),
-            joints=how.joints,
-            time=names.time_to_si(chosen([names.time])[:, 0]),
-            q=_positions(path, how, "q", chosen(q)) + zero,
-            q_ref=_positions(path, how, "q_ref", chosen(q_ref)) + zero,
-            dq_ref=names.to_si("dq_ref", chosen(rates)) if rates else np.zeros((rows, count)),
-            added=chosen(how.added) if how.added else np.zeros((rows, count)),
-            enabled=np.broadcast_to(enabled, (rows, count)).copy(),
-            supply=_supply(how, chosen([how.supply])[:, 0] if how.supply else np.full(rows, np.nan)),
-            failed=np.zeros((rows, count), dtype=bool),
-            kp=float(np.nanmedian(chosen([kp_column]))) if kp_column else kp_of(path, how.kp),
-        )
-    )
-
-
-def _supply(how: ServoColumns, volts: Array) -> Array:
-    """Return the supply voltage over the nominal one, shape (N,); 1 where it is not known or not used."""
-    if not how.nominal_volts:
-        return np.ones(len(volts))
-    return np.where(np.isfinite(volts), volts, how.nominal_volts) / how.nominal_volts
-
-
-def _positions(path: str | Path, how: ServoColumns, signal: str, values: Array) -> Array:
-    """Return positions in rad or m, shape (N, n), from those of the columns of ``q`` or ``q_ref``."""
-    names = how.columns
-    if how.counts:
-        whole = values[np.isfinite(values)]
-        if np.any(whole != np.round(whole)):
-            row, column = np.argwhere(np.isfinite(values) & (values != np.round(values)))[0]
-            evidence = f"{signal} of {how.joints[column]} is {values[row, column]:.6g} in sample {row + 1}: no count"
-            raise LogMismatch(str(path), evidence, "leave out counts under servo: and state the unit of the positions")
-        found = COUNTS[how.counts].radians(values)
-    else:
-        found = names.to_si(signal, values)
-    return names.counted(signal, found) if names.wrapped else found
-
-
-def _kp_column(how: ServoColumns, header: Sequence[str]) -> str:
-    return how.kp if isinstance(how.kp, str) and "{}" not in how.kp and how.kp in header else ""
-
-
-def kp_of(path: str | Path, kp: float | str | Mapping[str, float] | None) -> float:
-    """Return the position gain of a log by its name.
-
-    Raises:
-        LogMismatch: The name says none.
-    """
-    if kp is None:
-        return float("nan")
-    if isinstance(kp, int | float):
-        return float(kp)
-    name = Path(path).name
-    if isinstance(kp, str):
-        found = re.search(re.escape(kp).replace(r"\{\}", r"(\d+(?:\.\d+)?)"), name) if "{}" in kp else None
-        if found is None:
-            step = "write kp: a number, {log: number, ...}, a column of the log, or a pattern such as 'kp{}'"
-            raise LogMismatch(str(path), f"no position gain by kp: {kp!r} in its name or columns", step)
-        return float(found[1])
-    for key, value in kp.items():
-        if Path(key).name == name:
-            return float(value)
-    raise LogMismatch(str(path), "the case file states no kp for it", "add it under servo: {kp: {...}}")
-
-
-def _bam_log(path: str | Path, how: ServoColumns) -> ServoLog:
-    """Return a log of the JSON that Rhoban BAM records: entries of position, goal_position, torque_enable."""
-    try:
-        data: Any = json.loads(Path(path).read_text(encoding="utf-8"))
-        entries = data["entries"]
-        signals = {
-            name: np.array([float(entry.get(name, fallback)) for entry in entries])
-            for name, fallback in (
-                ("timestamp", np.nan),
-                ("position", np.nan),
-                ("goal_position", np.nan),
-                ("torque_enable", 1.0),
-                ("input_volts", np.nan),
-            )
-        }
-    except OSError as error:
-        raise FileError(path, str(error.strerror), "name a file that can be read") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        step = "logs of BAM have 'entries', each with timestamp, position, goal_position and torque_enable"
-        raise LogFormatError(path, None, f"no log of BAM ({type(error).__name__}: {error})", step) from error
-    if len(how.joints) != 1:
-        step = "lock the other joints (locked: rest, joints: [...]), or log the whole arm as a table"
-        raise LogMismatch(str(path), f"one servo, and the robot has {len(how.joints)} joints", step)
-    time, rows = signals["timestamp"], len(entries)
-    if np.isnan(time).all() and "dt" in data:
-        time = np.arange(rows) * float(data["dt"])
-    kp = how.kp if how.kp is not None else data.get("kp")
-    return ServoLog(
-        name=str(path),
-        joints=how.joints,
-        time=time,
-        q=signals["position"][:, None],
-        q_ref=signals["goal_position"][:, None],
-        dq_ref=np.zeros((rows, 1)),
-        added=np.zeros((rows, 1)),
-        enabled=signals["torque_enable"][:, None] > 0.5,
-        supply=_supply(how, signals["input_volts"]),
-        failed=np.zeros((rows, 1), dtype=bool),
-        kp=kp_of(path, float(kp) if isinstance(kp, int | float) else kp),
-    )
-
-
-def _checked(log: ServoLog) -> ServoLog:
+def checked_log(log: ServoLog) -> ServoLog:
     """Return a log without rows that cannot be placed, with its failed reads marked and bridged.
 
     Raises:
-        LogMismatch: What read_servo_log says.
+        LogMismatch: What ``read_servo_logs`` says.
     """
     good = np.isfinite(log.time) & np.isfinite(log.q_ref).all(axis=1)
     good &= log.time > np.maximum.accumulate(np.concatenate([[-np.inf], np.where(good, log.time, -np.inf)[:-1]]))
-    log = _rows(log, good)
+    log = rows_of(log, good)
     if log.samples < _FEWEST:
         raise LogMismatch(log.name, f"only {log.samples} samples with a time and a command", "log seconds of motion")
     failed = np.column_stack([_failed_reads(log.time, column) for column in log.q.T])
@@ -288,7 +138,8 @@ def _checked(log: ServoLog) -> ServoLog:
     return replace(log, q=q, failed=failed)
 
 
-def _rows(log: ServoLog, keep: BoolArray) -> ServoLog:
+def rows_of(log: ServoLog, keep: BoolArray | slice) -> ServoLog:
+    """Return some samples of a log."""
     signals = ("time", "q", "q_ref", "dq_ref", "added", "enabled", "supply", "failed")
     return replace(log, **{name: getattr(log, name)[keep] for name in signals})
 
@@ -313,10 +164,12 @@ def _check_meaning(log: ServoLog, q: Array) -> None:
     for joint, name in enumerate(log.joints):
         measured, command = q[:, joint], log.q_ref[:, joint]
         if max(np.ptp(measured), np.ptp(command)) > _LARGEST_ANGLE:
-            evidence = f"positions of {name} span {np.ptp(measured):.4g} rad: they are counts, or degrees"
+            evidence = (
+                f"positions of {name} span {np.ptp(measured):.4g} rad: they are counts, degrees, or shares of a range"
+            )
             step = (
-                f"state the unit (log: {{units: {{position: deg}}}}), or say what counts they are (servo: {{counts: "
-                f"{' or '.join(COUNTS)}}})"
+                f"state the unit (log: {{units: {{position: deg}}}}), what counts they are (servo: {{counts: "
+                f"{' or '.join(COUNTS)}}}), or the calibration of LeRobot (servo: {{calibration: FILE}})"
             )
             raise LogMismatch(log.name, evidence, step)
         if np.ptp(measured) < 1e-3 and np.ptp(command) < 1e-3:

@@ -10,7 +10,8 @@ from pathlib import Path
 from dynident.actuators.estimate import ActuatorEstimate
 from dynident.actuators.followed_log import FollowedJoint, followed
 from dynident.actuators.identify import identify_actuators
-from dynident.actuators.servo_log import ServoLog, read_servo_log
+from dynident.actuators.servo_files import read_servo_logs
+from dynident.actuators.servo_log import ServoLog
 from dynident.api.case_logs import with_logs
 from dynident.case.case import Case, read_case
 from dynident.errors import BadOption, DescriptionError, LogMismatch
@@ -38,17 +39,17 @@ def actuators(
     """
     if not isinstance(case, Case):
         case = read_case(case)
-    train, test = read_servo_logs(case)
+    train, test = logs_of_servos(case)
     assert case.servo is not None
     with one_blas_thread():
         found = identify_actuators(case.robot, case.servo, train, test, progress)
-    names = [log.name for log in (*train, *test)]
+    paths = dict.fromkeys(log.path for log in (*train, *test))
     provenance = {
         "dynident": version("dynident"),
         "command": command,
         "case": {"path": case.path, "sha256": sha256_of(case.path)},
         "robot": {"path": case.robot_path, "sha256": sha256_of(case.robot_path)},
-        "logs": [{"path": name, "sha256": sha256_of(name)} for name in names],
+        "logs": [{"path": path, "sha256": sha256_of(path)} for path in paths],
         "train": [log.name for log in train],
     }
     return replace(found, provenance=provenance)
@@ -73,19 +74,24 @@ def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple
         raise DescriptionError(case.robot_path, "", "it has changed since these actuators were identified", step)
     if logs:
         case, _ = with_logs(case, [str(log) for log in logs], ())
-    train, test = read_servo_logs(case)
+    train, test = logs_of_servos(case)
     with one_blas_thread():
         return followed(estimate, case.robot, test or train, _seen(estimate, test or train))
 
 
 def _seen(estimate: ActuatorEstimate, logs: Sequence[ServoLog]) -> frozenset[str]:
     """Return the names of logs whose content the estimate was trained on."""
-    known = set(estimate.provenance.get("train", ()))
-    digests = {one["sha256"] for one in estimate.provenance.get("logs", ()) if one["path"] in known}
-    return frozenset(log.name for log in logs if sha256_of(log.name) in digests)
+    digests = {one["path"]: one["sha256"] for one in estimate.provenance.get("logs", ())}
+    known = {
+        (digest, name.removeprefix(path))
+        for name in estimate.provenance.get("train", ())
+        for path, digest in digests.items()
+        if name.startswith(path)
+    }
+    return frozenset(log.name for log in logs if (sha256_of(log.path), log.name.removeprefix(log.path)) in known)
 
 
-def read_servo_logs(case: Case) -> tuple[list[ServoLog], list[ServoLog]]:
+def logs_of_servos(case: Case) -> tuple[list[ServoLog], list[ServoLog]]:
     """Return the training and the test logs of a case with servos.
 
     Raises:
@@ -93,19 +99,29 @@ def read_servo_logs(case: Case) -> tuple[list[ServoLog], list[ServoLog]]:
     """
     if case.servo is None:
         raise DescriptionError(case.path or "the case", "servo", "is missing", "state the drive law of the servos")
-    if case.split is not None:
-        step = "name whole logs under test: a roll-out starts at the first sample of a log"
-        raise DescriptionError(case.path, "split", "it stands beside servo", step)
     if not case.train:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
     train, test = (
-        [read_servo_log(case.find(name), case.servo.columns) for name in names] for names in (case.train, case.test)
+        [log for name in names for log in read_servo_logs(case.find(name), case.servo.columns)]
+        for names in (case.train, case.test)
     )
     seen: dict[str, str] = {}
-    for log in (*train, *test):
-        digest = sha256_of(log.name)
+    for path in (case.find(name) for name in (*case.train, *case.test)):
+        digest = sha256_of(path)
         if digest in seen:
             step = "give each log once, and test on logs that are not trained on"
-            raise LogMismatch(log.name, f"the same content as {seen[digest]}", step)
-        seen[digest] = log.name
-    return train, test
+            raise LogMismatch(str(path), f"the same content as {seen[digest]}", step)
+        seen[digest] = str(path)
+    return (train, test) if case.split is None else _split(case, train)
+
+
+def _split(case: Case, logs: list[ServoLog]) -> tuple[list[ServoLog], list[ServoLog]]:
+    """Return the first and the other episodes of a case with a split."""
+    assert case.split is not None
+    if case.split.first is None or len(logs) < 2:
+        step = (
+            "name whole logs under test, a roll-out starts at the first sample of a log; several episodes: first:0.67"
+        )
+        raise DescriptionError(case.path, "split", "it stands beside servo", step)
+    count = min(max(round(case.split.first * len(logs)), 1), len(logs) - 1)
+    return logs[:count], logs[count:]

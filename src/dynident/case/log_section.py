@@ -46,10 +46,7 @@ def read_columns(top: Section, robot: Robot) -> ColumnMap:
         for key in _COLUMN_KEYS:
             if columns.has(key):
                 found[key] = columns.text("time") if key == "time" else _column_names(columns, key, joints)
-    words: dict[str, Any] = {}
-    if log.has("units"):
-        units = log.section("units", _UNIT_KEYS)
-        words = {key: one_or_many(units, key) for key in _UNIT_KEYS if units.has(key)}
+    words = _unit_words(top, log)
     for key in ("rated", "zero"):
         if log.has(key):
             found[key] = tuple(log.numbers(key, len(joints)))
@@ -65,6 +62,18 @@ def read_columns(top: Section, robot: Robot) -> ColumnMap:
         found["motor"] = _motor(log)
     guarded(log.place("units"), lambda: _check_units(Units(**words), joints, robot))
     return guarded(log.place(), lambda: _map(log, words, found))
+
+
+def _unit_words(top: Section, log: Section) -> dict[str, Any]:
+    """Return the stated units; positions that the key ``servo`` turns into rad count as rad."""
+    servo = top.value("servo") if top.has("servo") else None
+    words: dict[str, Any] = {}
+    if isinstance(servo, dict) and {"counts", "calibration"} & servo.keys():
+        words["position"] = "rad"
+    if log.has("units"):
+        units = log.section("units", _UNIT_KEYS)
+        words |= {key: one_or_many(units, key) for key in _UNIT_KEYS if units.has(key)}
+    return words
 
 
 def _map(log: Section, words: dict[str, Any], found: dict[str, Any]) -> ColumnMap:

@@ -1,8 +1,8 @@
 """The key ``servo`` of a case file: position servos whose logs have commands and positions, and no torque.
 
 Keys for all joints: law, kp, error_gain, limit, dead_zone, punch, slew_limit, delay_s, damping_gain, friction, enabled,
-supply, nominal_volts, feedforward, counts, and joints with a mapping of the first eight per joint. docs/case-file.md
-describes each.
+supply, nominal_volts, feedforward, counts, calibration, and joints with a mapping of the first eight per joint.
+docs/case-file.md describes each.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from dynident.actuators.drive_law import COUNTS, PRESETS, DriveLaw, preset
+from dynident.actuators.lerobot_calibration import MotorRange, read_calibration
 from dynident.actuators.parameters import FRICTION_MODELS
 from dynident.actuators.servo_log import AUTO, ServoColumns, ServoSetup
-from dynident.case.case_values import guarded, texts
+from dynident.case.case_values import find_file, guarded, texts
 from dynident.data.formats import ColumnMap
 from dynident.errors import BadOption
 from dynident.model.documents.sections import Section
@@ -23,7 +24,18 @@ from dynident.model.robot import Robot
 #: Keys of a drive law, for all joints or for one.
 LAW_KEYS = ("law", "error_gain", "limit", "dead_zone", "punch", "slew_limit", "delay_s", "damping_gain")
 
-KEYS = (*LAW_KEYS, "kp", "friction", "enabled", "supply", "nominal_volts", "feedforward", "counts", "joints")
+KEYS = (
+    *LAW_KEYS,
+    "kp",
+    "friction",
+    "enabled",
+    "supply",
+    "nominal_volts",
+    "feedforward",
+    "counts",
+    "calibration",
+    "joints",
+)
 
 
 def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
@@ -73,9 +85,22 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
             added=texts(section, "feedforward"),
             kp=kp,
             counts=section.choice("counts", tuple(COUNTS)) if section.has("counts") else "",
+            ranges=_ranges(section, columns.joints or names) if section.has("calibration") else (),
         ),
         friction,
     )
+
+
+def _ranges(section: Section, logged: tuple[str, ...]) -> tuple[MotorRange, ...]:
+    """Return the range of the motor of each logged joint from a calibration file of LeRobot."""
+    place = section.place("calibration")
+    if section.has("counts"):
+        raise place.error("counts and calibration beside each other", "state counts, or calibration of shares")
+    found = read_calibration(find_file(section.text("calibration"), str(section.path)))
+    if len(found) != len(logged):
+        step = f"the log has {', '.join(logged)}: list its joints in the order of the motors (joints: [...])"
+        raise place.error(f"{len(found)} motors ({', '.join(one.name for one in found)})", step)
+    return found
 
 
 def _without_gain(law: DriveLaw) -> DriveLaw:

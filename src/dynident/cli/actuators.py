@@ -203,13 +203,13 @@ def check(case: Case, options: argparse.Namespace) -> int:
         DynidentError: A log that cannot be read.
     """
     from dynident.actuators.log_findings import servo_findings
-    from dynident.api.actuators import read_servo_logs
+    from dynident.api.actuators import logs_of_servos
     from dynident.cli import console
 
     _refuse(options, ("against", "fix"), "leave it out: it is for logs with torques")
     laws = case.servo.laws if case.servo else ()
     case = replace(case, train=tuple(options.logs), test=()) if options.logs else case
-    logs = [log for part in read_servo_logs(case) for log in part]
+    logs = [log for part in logs_of_servos(case) for log in part]
     found = [(log, servo_findings(log, laws)) for log in logs]
     sound = all(one.severity != "error" for _, own in found for one in own)
     if options.json:

@@ -1,11 +1,17 @@
-"""How one log becomes a training and a test part."""
+"""How one log becomes a training and a test part, and how a file of several recordings becomes several logs."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.errors import BadOption, LogMismatch
+
+#: Column of the number of the recording, as LeRobot data sets have it.
+EPISODE = "episode_index"
 
 
 @dataclass(frozen=True)
@@ -71,3 +77,9 @@ class Split:
         last = max(self.train[1], self.test[1])
         if last > rows:
             raise LogMismatch(name, f"{rows} samples, the split ends at {last}", "state samples that the log has")
+
+
+def episode_rows(numbers: Array) -> list[slice]:
+    """Return the rows of each recording; a recording ends where the number, shape (N,), changes."""
+    cuts = np.flatnonzero(np.diff(numbers)) + 1
+    return [slice(int(a), int(b)) for a, b in zip([0, *cuts], [*cuts, len(numbers)], strict=True)]

@@ -249,6 +249,9 @@ def _data(found: Recognised, files: Files) -> list[str]:
     if len(train) > 1:
         text = f"which logs train and which test? Taken: the last of {len(train)} tests"
         return [_paths("train", files, train[:-1]), offered(_paths("test", files, train[-1:]), text)]
+    if is_servo_log(found) and found.readings and found.readings[0].episodes > 1:
+        text = "another file tests better: test: other.parquet; taken: the last third of the episodes"
+        return [_paths("train", files, train), offered("split: first:0.67", text)]
     if is_servo_log(found):
         return [_paths("train", files, train), offered("# test: other-run.csv", "is there another log to test on?")]
     if found.is_large:

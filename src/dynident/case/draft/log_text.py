@@ -68,7 +68,9 @@ def _effort(found: Recognised, name: str) -> str:
 def _profile_gaps(found: Recognised) -> list[str]:
     """Return what the profile does not say: units that only the user knows, and the missing effort."""
     lines = []
-    if not found.effort:
+    if is_servo_log(found):
+        lines += ["  columns:", "    torque: none"]
+    elif not found.effort:
         lines += ["  columns:", f"    {_missing_effort(found)}"]
     told = found.units.get("position")
     channel = next(c for c in found.profiles[0].channels if c.signal == "q")

@@ -13,6 +13,7 @@ from dynident.case.evidence.rows import same_as_before
 from dynident.data.formats import LogFormat, LogTable, open_log
 from dynident.data.formats._table import MIN_SAMPLES
 from dynident.data.preprocessing import longest_step
+from dynident.data.split import EPISODE, episode_rows
 from dynident.errors import LogFormatError
 
 #: Rows from which a draft is made at most: a quarter of an hour at 1 kHz.
@@ -43,6 +44,7 @@ class LogReading:
         notes: What is wrong with it, in words.
         is_head: Whether the file has more rows.
         repeated: Rows that repeat the row before them.
+        episodes: Recordings that the file holds; the first of them is read.
     """
 
     path: str
@@ -52,6 +54,7 @@ class LogReading:
     notes: tuple[str, ...] = ()
     is_head: bool = False
     repeated: int = 0
+    episodes: int = 1
 
     @property
     def step(self) -> float:
@@ -86,12 +89,15 @@ def read_rows(table: LogTable, time: str, columns: Mapping[str, Sequence[str]]) 
         LogFormatError: A cell is no number, or too few rows can be used.
     """
     names = list(dict.fromkeys([time, *(name for group in columns.values() for name in group)]))
+    names += [EPISODE] if EPISODE in table.header and EPISODE not in names else []
     for name in names:
         if name not in table.header:
             step = "all logs of one case have the same columns; make a case for each kind of log"
             raise LogFormatError(table.path, table.line, f"no column '{name}' as in the first log", step)
     values, is_head = _head(table, names)
     rows, notes = len(values), list[str]()
+    parts = episode_rows(values[:, names.index(EPISODE)]) if EPISODE in names else [slice(None)]
+    values = values[parts[0]]
     sound = np.isfinite(values).all(axis=1)
     if not sound.all():
         notes.append(f"{np.count_nonzero(~sound)} of {rows} rows hold values that are not finite")
@@ -108,7 +114,7 @@ def read_rows(table: LogTable, time: str, columns: Mapping[str, Sequence[str]]) 
     place = {name: k for k, name in enumerate(names)}
     signals = {signal: values[:, [place[name] for name in group]] for signal, group in columns.items()}
     return LogReading(
-        table.path, values[:, 0], signals, rows, tuple(notes), is_head, int(np.count_nonzero(sound & same))
+        table.path, values[:, 0], signals, rows, tuple(notes), is_head, int(np.count_nonzero(sound & same)), len(parts)
     )
 
 

@@ -393,4 +393,6 @@ def facts_of(reading: LogReading, seconds: float) -> str:
         seconds: Factor of its time's unit.
     """
     rows = f"the first {reading.rows} rows" if reading.is_head else f"{reading.rows} rows"
+    if reading.episodes > 1:
+        rows = f"{rows} in {reading.episodes} episodes, each a log of its own; the first"
     return f"{rows}, {reading.duration * seconds:.4g} s, {1 / (reading.step * seconds):.5g} Hz"

@@ -10,14 +10,14 @@ from dynident.data.profiles.base import Channel, Profile
 
 @dataclass(frozen=True)
 class Lerobot(Profile):
-    """LeRobot data set (Parquet): positions at 30 to 50 Hz in units that depend on the robot, and no torque.
+    """LeRobot data set (Parquet): commands and positions at 30 to 50 Hz in units that depend on the robot, no torque.
 
-    State the unit of the positions and the columns of the torque or current; without one no masses can be identified.
+    State the unit of the positions. Without a column of torque or current the actuators are found, and no masses.
     """
 
     time: ClassVar = "timestamp"
     channels: ClassVar = (
         Channel("observation.state{}", "q", unit="", needed=True, note="degrees, radians or a share of the range"),
-        Channel("action{}", "q_ref", "commanded", unit="", read=False),
+        Channel("action{}", "q_ref", "commanded", unit=""),
     )
     source: ClassVar = "LeRobot data set format, version 3"

@@ -1,0 +1,191 @@
+"""Files of commanded and measured positions: tables of any format, LeRobot data sets, JSON of Rhoban BAM."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynident.actuators.drive_law import COUNTS
+from dynident.actuators.servo_log import ServoColumns, ServoLog, checked_log, rows_of
+from dynident.arrays import Array
+from dynident.data.formats import open_log
+from dynident.data.formats.base import missing_column
+from dynident.data.split import EPISODE, episode_rows
+from dynident.errors import FileError, LogFormatError, LogMismatch
+
+
+def read_servo_logs(path: str | Path, how: ServoColumns) -> list[ServoLog]:
+    """Return the logs of commanded and measured positions of a file; BAM JSON by its suffix, else any format of logs.
+
+    A file has one, or one for each recording that its column ``episode_index`` tells apart.
+
+    Raises:
+        LogFormatError: A column is missing, or the file is no sound log.
+        LogMismatch: The command is missing or copies the measurement, one pose only, counts in place of radians, the
+            drive is never on, or the gain of the log is not stated.
+    """
+    if str(path).lower().endswith(".json"):
+        return [checked_log(_bam_log(path, how))]
+    whole, numbers = _table_log(path, how)
+    parts = episode_rows(numbers) if len(numbers) else []
+    if len(parts) < 2:
+        return [checked_log(whole)]
+    logs = [rows_of(whole, part) for part in parts]
+    return [
+        checked_log(replace(log, name=f"{whole.name} episode {numbers[part.start]:g}"))
+        for log, part in zip(logs, parts, strict=True)
+    ]
+
+
+def _table_log(path: str | Path, how: ServoColumns) -> tuple[ServoLog, Array]:
+    """Return a table as one log, not checked, and the number of the episode of each sample, (N,); (0,) without one."""
+    table = open_log(path, how.columns)
+    names, count = how.columns, len(how.joints)
+    logged = names.joints or how.joints
+    order = [logged.index(name) for name in how.joints]
+    q, q_ref = (
+        tuple((stated or tuple(f"{word}{k + 1}" for k in range(len(logged))))[k] for k in order)
+        for stated, word in ((names.q, "q"), (names.q_ref, "q_ref"))
+    )
+    if not set(q_ref) <= set(table.header):
+        missing = next(name for name in q_ref if name not in table.header)
+        step = (
+            f"log the commanded position of each joint beside the measured one and name it (log: {{columns: {{q_ref: "
+            f"[...]}}}}); the header has {', '.join(table.header[:30])}"
+        )
+        raise LogFormatError(path, table.line, f"no column of the command ('{missing}')", step)
+    kp_column = _kp_column(how, table.header)
+    wanted = [names.time, *q, *q_ref, *how.enabled, *how.added, *filter(None, (how.supply, kp_column))]
+    rates = tuple(names.dq_ref[k] for k in order) if names.dq_ref else ()
+    wanted += rates
+    for name in wanted:
+        if name not in table.header:
+            raise missing_column(name, table.header, path, table.line)
+    wanted += [EPISODE] if EPISODE in table.header else []
+    unique = list(dict.fromkeys(wanted))
+    values = table.read(unique)[0]
+    place = {name: k for k, name in enumerate(unique)}
+
+    def chosen(columns: Sequence[str]) -> Array:
+        return values[:, [place[name] for name in columns]]
+
+    zero = np.array([names.zero[k] for k in order]) if names.zero else 0.0
+    rows = len(values)
+    enabled = chosen(how.enabled) > 0.5 if how.enabled else np.ones((rows, 1), dtype=bool)
+    log = ServoLog(
+        name=str(path),
+        joints=how.joints,
+        time=names.time_to_si(chosen([names.time])[:, 0]),
+        q=_positions(path, how, "q", chosen(q)) + zero,
+        q_ref=_positions(path, how, "q_ref", chosen(q_ref)) + zero,
+        dq_ref=names.to_si("dq_ref", chosen(rates)) if rates else np.zeros((rows, count)),
+        added=chosen(how.added) if how.added else np.zeros((rows, count)),
+        enabled=np.broadcast_to(enabled, (rows, count)).copy(),
+        supply=_supply(how, chosen([how.supply])[:, 0] if how.supply else np.full(rows, np.nan)),
+        failed=np.zeros((rows, count), dtype=bool),
+        kp=float(np.nanmedian(chosen([kp_column]))) if kp_column else kp_of(path, how.kp),
+        path=str(path),
+    )
+    return log, chosen([EPISODE])[:, 0] if EPISODE in place else np.zeros(0)
+
+
+def _supply(how: ServoColumns, volts: Array) -> Array:
+    """Return the supply voltage over the nominal one, shape (N,); 1 where it is not known or not used."""
+    if not how.nominal_volts:
+        return np.ones(len(volts))
+    return np.where(np.isfinite(volts), volts, how.nominal_volts) / how.nominal_volts
+
+
+def _positions(path: str | Path, how: ServoColumns, signal: str, values: Array) -> Array:
+    """Return positions in rad or m, shape (N, n), from those of the columns of ``q`` or ``q_ref``."""
+    names = how.columns
+    if how.counts:
+        whole = values[np.isfinite(values)]
+        if np.any(whole != np.round(whole)):
+            row, column = np.argwhere(np.isfinite(values) & (values != np.round(values)))[0]
+            evidence = f"{signal} of {how.joints[column]} is {values[row, column]:.6g} in sample {row + 1}: no count"
+            raise LogMismatch(str(path), evidence, "leave out counts under servo: and state the unit of the positions")
+        found = COUNTS[how.counts].radians(values)
+    elif how.ranges:
+        logged = names.joints or how.joints
+        own = [how.ranges[logged.index(joint)] for joint in how.joints]
+        found = np.column_stack([motor.radians(column) for motor, column in zip(own, values.T, strict=True)])
+    else:
+        found = names.to_si(signal, values)
+    return names.counted(signal, found) if names.wrapped else found
+
+
+def _kp_column(how: ServoColumns, header: Sequence[str]) -> str:
+    return how.kp if isinstance(how.kp, str) and "{}" not in how.kp and how.kp in header else ""
+
+
+def kp_of(path: str | Path, kp: float | str | Mapping[str, float] | None) -> float:
+    """Return the position gain of a log by its name.
+
+    Raises:
+        LogMismatch: The name says none.
+    """
+    if kp is None:
+        return float("nan")
+    if isinstance(kp, int | float):
+        return float(kp)
+    name = Path(path).name
+    if isinstance(kp, str):
+        found = re.search(re.escape(kp).replace(r"\{\}", r"(\d+(?:\.\d+)?)"), name) if "{}" in kp else None
+        if found is None:
+            step = "write kp: a number, {log: number, ...}, a column of the log, or a pattern such as 'kp{}'"
+            raise LogMismatch(str(path), f"no position gain by kp: {kp!r} in its name or columns", step)
+        return float(found[1])
+    for key, value in kp.items():
+        if Path(key).name == name:
+            return float(value)
+    raise LogMismatch(str(path), "the case file states no kp for it", "add it under servo: {kp: {...}}")
+
+
+def _bam_log(path: str | Path, how: ServoColumns) -> ServoLog:
+    """Return a log of the JSON that Rhoban BAM records: entries of position, goal_position, torque_enable."""
+    try:
+        data: Any = json.loads(Path(path).read_text(encoding="utf-8"))
+        entries = data["entries"]
+        signals = {
+            name: np.array([float(entry.get(name, fallback)) for entry in entries])
+            for name, fallback in (
+                ("timestamp", np.nan),
+                ("position", np.nan),
+                ("goal_position", np.nan),
+                ("torque_enable", 1.0),
+                ("input_volts", np.nan),
+            )
+        }
+    except OSError as error:
+        raise FileError(path, str(error.strerror), "name a file that can be read") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        step = "logs of BAM have 'entries', each with timestamp, position, goal_position and torque_enable"
+        raise LogFormatError(path, None, f"no log of BAM ({type(error).__name__}: {error})", step) from error
+    if len(how.joints) != 1:
+        step = "lock the other joints (locked: rest, joints: [...]), or log the whole arm as a table"
+        raise LogMismatch(str(path), f"one servo, and the robot has {len(how.joints)} joints", step)
+    time, rows = signals["timestamp"], len(entries)
+    if np.isnan(time).all() and "dt" in data:
+        time = np.arange(rows) * float(data["dt"])
+    kp = how.kp if how.kp is not None else data.get("kp")
+    return ServoLog(
+        name=str(path),
+        joints=how.joints,
+        time=time,
+        q=signals["position"][:, None],
+        q_ref=signals["goal_position"][:, None],
+        dq_ref=np.zeros((rows, 1)),
+        added=np.zeros((rows, 1)),
+        enabled=signals["torque_enable"][:, None] > 0.5,
+        supply=_supply(how, signals["input_volts"]),
+        failed=np.zeros((rows, 1), dtype=bool),
+        kp=kp_of(path, float(kp) if isinstance(kp, int | float) else kp),
+        path=str(path),
+    )
