@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -258,7 +259,7 @@ def _units(stage: Any) -> None:
         (_nowhere, r"joint2: physics:body1 names /arm/body9, which is not there; name a body"),
         (_locked, r"joint2: its lower limit is above the upper one: it is locked; make it a PhysicsFixedJoint"),
         (_negative, r"prim /arm/body1: its mass is -1 "),
-        (_missing_layer, r"1 layers are missing: .*parts/tool\.usda; put them where the stage names them"),
+        (_missing_layer, r"a layer is missing: .*parts/tool\.usda; put them where the stage names them"),
         (_no_physics, r"no prim has the schema PhysicsRigidBodyAPI; export it with physics"),
         (_still, "no joint moves"),
         (_turned, r"joint2: physics:localRot0 has length 0, not 1"),
@@ -270,6 +271,15 @@ def test_what_is_no_arm_is_refused(change: Any, told: str, stage: Any) -> None:
     with pytest.raises(DescriptionError, match=told) as caught:
         again(stage)
     assert "\n" not in str(caught.value)
+
+
+def test_a_missing_layer_is_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """OpenUSD prints warnings of its own, past Python, where a sublayer is missing."""
+    file = tmp_path / "arm.usda"
+    file.write_text("#usda 1.0\n(\n    subLayers = [@gone.usda@]\n)\n")
+    assert main(["inspect", str(file)]) == 1
+    told = capfd.readouterr()
+    assert told.out == "" and re.fullmatch(r"error: \S+arm\.usda: .*missing: gone\.usda; .*\n", told.err)
 
 
 def test_no_usd(tmp_path: Path) -> None:

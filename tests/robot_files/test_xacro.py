@@ -100,13 +100,13 @@ def test_pinocchio_reads_the_same(workspace: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [
-        (FILE, "", r"xacro: line \d+: the argument length has no value and no default; give it: 'src/robot/"),
+        (FILE, "", r"line 3, <xacro:arg name='length'>: the argument length has no value and no default; give it: '"),
         (f"{FILE} lenght:=1 length:=1", "", r"the file has no argument lenght; it has .*; did you mean 'length'\?"),
-        (f"{FILE} length:=1", "link.xacro", r"line 5: <xacro:include>: there is no file .*links\.xacro; check"),
-        (f"{FILE} length:=1", "find arm_description", r"line 5: \$\(find arms\): no package arms beside the file or "),
+        (f"{FILE} length:=1", "link.xacro", r"line 5, <xacro:include>: there is no file .*links\.xacro; check"),
+        (f"{FILE} length:=1", "find arm_description", r"line 5, <xacro:include>: \$\(find arms\): no package arms"),
         (f"{FILE} length:=1", "</robot>", r"arm\.urdf\.xacro: line \d+: not XML \("),
-        (f"{FILE} length:=one", "", r"xacro: .*; correct it, or the arguments \(given: length:=one\)"),
-        (f"{FILE} length:=1", '<xacro:bar name="fore"', r"xacro: .*unknown macro name: xacro:bars"),
+        (f"{FILE} length:=one", "", r"link.xacro: line 7, <origin>: .*, or the arguments \(given: length:=one\)"),
+        (f"{FILE} length:=1", '<xacro:bar name="fore"', r"<xacro:bars name='fore'>: unknown macro bars;.*'bar'"),
     ],
 )  # fmt: skip
 def test_what_is_missing_is_one_line(name: str, text: str, told: str, workspace: Path) -> None:
@@ -122,6 +122,113 @@ def test_what_is_missing_is_one_line(name: str, text: str, told: str, workspace:
         read_robot(name)
     assert "\n" not in str(caught.value)
     assert main(["inspect", name]) == 1
+
+
+#: What stands in line 3 of a file, and how the fault is told.
+FAULTS = {
+    "a name": ('<link name="${foo}"/>', r"line 3, <link name='\$\{foo\}'>: foo is not defined in \$\{foo\}; define it"),
+    "an argument as a property": (
+        '<xacro:arg name="size" default="1"/><link name="${size}"/>',
+        r"size is not defined in \$\{size\}; write \$\(arg size\): it is an argument",
+    ),
+    "a macro": ('<xacro:wheel a="1"/>', r"line 3, <xacro:wheel>: unknown macro wheel; .* did you mean 'wheels'\?"),
+    "a parameter without value": ("<xacro:wheels/>", r"line 3, <xacro:wheels>: the macro needs side, .*; write side="),
+    "a parameter too many": (
+        '<xacro:wheels side="1" sid="2"/>', r"line 3, <xacro:wheels>: the macro has no parameter sid; it has side; did"
+    ),
+    "a call without end": ("<xacro:ring/>", r"line 2, <xacro:ring>: recursion without end, .*line 3\); does"),
+    "a division": (
+        '<xacro:property name="q" value="${1/0}"/><link name="${q}"/>', r"line 3, <link .*division by zero in \$\{1/0\}"
+    ),
+    "the environment": ('<link name="$(env NOT_SET)"/>', r"line 3, <link .* no variable NOT_SET; set it, or write"),
+    "a condition": ('<xacro:if value="maybe"/>', r'line 3, <xacro:if>: conditional "maybe" .*; write true, false,'),
+    "an expression of ROS": ('<link name="$(eval 1+)"/>', r"line 3, <link .*: xacro: invalid syntax; correct it$"),
+    "a missing YAML": (
+        "<xacro:property name='y' value=\"${xacro.load_yaml('no.yaml')}\"/><link name='${y}'/>",
+        r"line 3, <link .*: load_yaml: there is no file .*no\.yaml; check the path",
+    ),
+    "an attribute of xacro": ("<xacro:include/>", r"line 3, <xacro:include>: no attribute 'filename'; write filename="),
+    "within a macro": (
+        '<xacro:wheels side="${nix}"/>', r"line 3, <xacro:wheels>: nix is not defined in \$\{nix\}; define it above"
+    ),
+    "within the body of a macro": (
+        "<xacro:broken/>", r"line 2, <mass>: nowhere is not defined in .* \(in the call <xacro:broken>, line 3"
+    ),
+}  # fmt: skip
+MACROS = (
+    '<xacro:macro name="wheels" params="side"><link name="${side}"/></xacro:macro>'
+    '<xacro:macro name="ring"><xacro:ring/></xacro:macro>'
+    '<xacro:macro name="broken"><link name="l"><inertial><mass value="${nowhere}"/></inertial></link></xacro:macro>'
+)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_has_its_line_and_element(name: str, workspace: Path) -> None:
+    line, told = FAULTS[name]
+    head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+    Path("r.xacro").write_text(f"{head}\n{MACROS}\n{line}\n</robot>\n")
+    with pytest.raises(DescriptionError, match=told) as caught:
+        read_robot("r.xacro")
+    message = str(caught.value)
+    assert message.startswith("r.xacro: line ") and "given: none" not in message and "<class" not in message
+    assert "\n" not in message
+
+
+def test_a_fault_in_an_included_file_names_that_file(workspace: Path) -> None:
+    link = Path("src/arm_description/urdf/link.xacro")
+    link.write_text(LINK.replace("${bent}", "${bend}"))
+    with pytest.raises(DescriptionError, match=r"link\.xacro: line 8, <inertia>: bend is not .* did you mean 'bent'\?"):
+        read_robot(f"{FILE} length:=1")
+
+
+def test_an_argument_that_no_element_declares(workspace: Path, capsys: Capture) -> None:
+    """The package takes it where the file uses it; so does the remedy of the message that it lacks."""
+    Path(FILE).write_text(TOP.replace('  <xacro:arg name="length"/>\n', ""))
+    with pytest.raises(DescriptionError, match=r"line 6, <xacro:bar name='upper'>: the argument length has no value"):
+        read_robot(FILE)
+    assert read_robot(f"{FILE} length:=0.8").dof == 2
+    with pytest.raises(DescriptionError, match=r"no argument lengt; it has length, with_tool; did you mean 'length'\?"):
+        read_robot(f"{FILE} length:=0.8 lengt:=1")
+    Path(FILE).write_text(
+        TOP.replace('"true"', '"false"').replace("<link", '<xacro:if value="0">$(arg n)</xacro:if><link')
+    )
+    assert read_robot(f"{FILE} length:=0.8 n:=1").dof == 2  # used in a part that is left out
+
+
+def test_an_argument_before_its_declaration(workspace: Path) -> None:
+    Path(FILE).write_text(
+        TOP.replace('name="two"', 'name="$(arg name)"').replace("  <link", '<xacro:arg name="name" default="x"/><link')
+    )
+    told = r"line 2, <robot .*: the argument name is used before it is declared \(line 6\); move <xacro:arg .* above"
+    with pytest.raises(DescriptionError, match=told):
+        read_robot(f"{FILE} length:=1")
+    assert read_robot(f"{FILE} length:=1 name:=other").name == "other"
+
+
+@pytest.mark.parametrize("argument", ["length:='a", "n:=it's", 'n:="'])
+def test_a_quote_that_is_left_open(argument: str, workspace: Path) -> None:
+    with pytest.raises(BadOption, match="close the quote"):
+        read_robot(f"{FILE} {argument}")
+    assert main(["inspect", f"{FILE} {argument}"]) == 1
+
+
+def test_arguments_without_quotes(workspace: Path, capsys: Capture) -> None:
+    """As the program xacro takes them: words of their own behind the file, before or after other options."""
+    assert main(["inspect", FILE, "length:=0.8", "with_tool:=true", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["joints"][2]["name"] == "tool_joint"
+    assert main(["inspect", f"{FILE} length:=0.8", "--json", "with_tool:=true"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["joints"]) == 3
+    assert main(["inspect", FILE, "length:=it's"]) == 1
+    assert "given: length:=it's" in capsys.readouterr().err
+    assert main(["inspect", "er16", "length:=0.8"]) == 2
+    assert "arguments follow a xacro file: 'inspect FILE.urdf.xacro length:=0.8'" in capsys.readouterr().err
+
+
+def test_the_expanded_urdf_has_lines(workspace: Path) -> None:
+    from dynident.robot_files.reading import robot_text
+
+    lines = robot_text(f"{FILE} length:=0.8").data.decode().splitlines()
+    assert lines[0] == '<robot name="two">' and '  <link name="base"/>' in lines and len(lines) > 30
 
 
 def test_a_remedy_works(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> None:

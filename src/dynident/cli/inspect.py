@@ -275,7 +275,8 @@ def _show_meshes(case: Case) -> None:
     if missing:
         console.answer(
             f"\n{len(missing)} of {mesh_count(case.robot)} collision meshes are missing, which clearance checks of\n"
-            "motions need; name their folders under workspace.mesh_folders, or in ROS_PACKAGE_PATH:"
+            "motions need; name their folders under workspace.mesh_folders, or in ROS_PACKAGE_PATH\n"
+            "(a package is a folder with a package.xml of that name):"
         )
         for mesh in missing:
             console.answer(f"  {label(mesh.link)}: {label(mesh.file)}, {label(mesh.reason)}")

@@ -43,6 +43,10 @@ _NO_MEMORY = ("failed to map segment from shared object", "cannot allocate memor
 #: Numbers with commas between them of which the first is negative; argparse knows only single ones.
 _NEGATIVE_LIST = re.compile(r"-[\d.][^\s=]*,")
 
+#: A robot model that may be a xacro, with arguments or without, and an argument of one.
+_MODEL = re.compile(r"\.(xacro|urdf)(\s.*)?$|\w_description(\s.*)?$")
+_XACRO_ARGUMENT = re.compile(r"([A-Za-z_]\w*):=(.*)", re.DOTALL)
+
 _DESCRIPTION = """\
 Dynamic model identification of robot arms: from a robot model and motion logs to a
 physically consistent dynamic model with confidence intervals.
@@ -132,7 +136,11 @@ def _done(words: list[str]) -> int:
         word = unknown[0].split("=")[0]
         kind = "has no option" if word.startswith("-") else "does not take"
         flags = _flags(_parser_of(parser, options.command))
-        remark(f"error: '{options.command}' {kind} '{word}'{nearest(word, flags, 0.7)}")
+        if ":=" in unknown[0]:
+            step = f"arguments follow a xacro file: '{options.command} FILE.urdf.xacro {unknown[0]}'"
+            remark(f"error: '{options.command}' does not take '{unknown[0]}'; {step}")
+        else:
+            remark(f"error: '{options.command}' {kind} '{word}'{nearest(word, flags, 0.7)}")
         remark(f"'dynident {options.command} {WHOLE}' lists all options")
         return 2
 
@@ -183,11 +191,20 @@ def _out_of_memory(error: BaseException | None) -> BaseException | None:
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments with lists such as -1,0.5 as the value of the option before them, not as options."""
+    """Return the arguments with those as one word that belong together.
+
+    Lists such as -1,0.5 are the value of the option before them, not options; ``NAME:=VALUE`` belongs to the robot
+    model before it, as for the program xacro.
+    """
     found: list[str] = []
     for one in arguments:
+        robots = [number for number, word in enumerate(found) if _MODEL.search(word)]
         if found and found[-1].startswith("--") and "=" not in found[-1] and _NEGATIVE_LIST.match(one):
             found[-1] += f"={one}"
+        elif robots and (argument := _XACRO_ARGUMENT.fullmatch(one)):
+            from dynident.robot_files.xacro import with_arguments
+
+            found[robots[-1]] = with_arguments(found[robots[-1]], {argument[1]: argument[2]})
         else:
             found.append(one)
     return found

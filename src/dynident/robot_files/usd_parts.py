@@ -119,15 +119,22 @@ def open_stage(path: str | Path) -> Any:
     """
     engine, utilities = pxr_module("Usd"), pxr_module("UsdUtils")
     trap = pxr_module("Tf")
+    held = utilities.CoalescingDiagnosticDelegate()  # of a missing layer OpenUSD warns itself, in lines of its own
     try:
         stage = engine.Stage.Open(str(path))
+        _, _, unresolved = utilities.ComputeAllDependencies(str(path))
+        warnings = [str(warning.commentary) for warning in held.TakeUncoalescedDiagnostics()]
     except trap.ErrorException as problem:
         raise DescriptionError(path, "", f"not USD ({said(problem)})", "export the stage again") from problem
-    _, _, unresolved = utilities.ComputeAllDependencies(str(path))
+    finally:
+        del held  # with it, warnings are printed again
     missing = [str(name) for name in unresolved if str(name).lower().endswith(_LAYERS)]
     if missing:
-        evidence = f"{len(missing)} layers are missing: {', '.join(missing)}"
+        count = "a layer is" if len(missing) == 1 else f"{len(missing)} layers are"
+        evidence = f"{count} missing: {', '.join(missing)}"
         raise DescriptionError(path, "", evidence, "put them where the stage names them, or flatten it (usdcat -f)")
+    for warning in warnings:
+        trap.Warn(warning)
     return stage
 
 

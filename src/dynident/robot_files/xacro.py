@@ -11,7 +11,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -56,7 +56,12 @@ def split_arguments(name: str) -> tuple[str, dict[str, str]]:
     if match is None:
         return name, {}
     found: dict[str, str] = {}
-    for word in shlex.split(match[2]):
+    try:
+        words = shlex.split(match[2])
+    except ValueError:
+        step = "close the quote, or write \\' for an apostrophe: NAME:=it\\'s"
+        raise BadOption("robot", name, step) from None
+    for word in words:
         key, _, value = word.partition(":=")
         if key in found:
             raise BadOption("robot", name, f"state the argument {key} once")
@@ -116,24 +121,91 @@ def answered(answer: Mapping[str, Any], arguments: Mapping[str, str]) -> Expande
 
 def _error(fault: Mapping[str, Any], arguments: Mapping[str, str]) -> DescriptionError:
     """Return the error of a fault that the expansion met."""
-    name, file = str(fault["name"]), str(fault["file"])
-    where = f"line {fault['line']}" if fault["line"] else ""
-    if fault["kind"] == "argument":
-        step = f"give it: '{file} {name}:=VALUE', in a case file robot: {{file: ..., arguments: {{{name}: VALUE}}}}"
-        return DescriptionError(file, where, f"the argument {name} has no value and no default", step)
-    if fault["kind"] == "unknown":
-        names = list(fault["choices"])
-        step = f"it has {', '.join(names) or 'no arguments'}{nearest(name, names)}"
-        return DescriptionError(file, where, f"the file has no argument {name}", step)
-    if fault["kind"] == "include":
-        step = "check the path, which is relative to the file that includes it"
-        return DescriptionError(file, where, f"<xacro:include>: there is no file {name}", step)
-    if fault["kind"] == "package":
-        evidence = f"$(find {name}): no package {name} {places_searched()}"
-        step = "source its workspace, or name the folder that holds it: ROS_PACKAGE_PATH=FOLDER"
-        return DescriptionError(file, where, evidence, step)
-    if fault["kind"] == "xml":
-        return DescriptionError(file, where, f"not XML ({name})", "correct the line")
-    given = ", ".join(f"{key}:={value}" for key, value in arguments.items()) or "none"
-    reason = " ".join(name.split())
-    return DescriptionError(file, where, f"xacro: {reason}", f"correct it, or the arguments (given: {given})")
+    line, element = fault["line"], fault.get("element", "")
+    where = ", ".join([*([f"line {line}"] if line else []), *([element] if element else [])])
+    evidence, step = _EXPLAINED.get(fault["kind"], _of_expression)(fault)
+    given = ", ".join(f"{key}:={value}" for key, value in arguments.items())
+    if given and fault["kind"] in ("other", "condition"):
+        step += f", or the arguments (given: {given})"
+    if given and fault["kind"] == "undefined":
+        evidence += f", with {given}"
+    if call := fault.get("call"):
+        evidence += f" (in the call {call[0]}, {f'{call[1]}, ' if call[1] != fault['file'] else ''}line {call[2]})"
+    return DescriptionError(str(fault["file"]), where, evidence, step)
+
+
+def _of_expression(fault: Mapping[str, Any]) -> tuple[str, str]:
+    expression = fault.get("expression", "")
+    return f"xacro: {fault['name']}{f' in ${{{expression}}}' if expression else ''}", "correct it"
+
+
+def _of_argument(fault: Mapping[str, Any]) -> tuple[str, str]:
+    name, file = fault["name"], fault["file"]
+    step = f"give it: '{file} {name}:=VALUE', in a case file robot: {{file: ..., arguments: {{{name}: VALUE}}}}"
+    return f"the argument {name} has no value and no default", step
+
+
+def _of_early_argument(fault: Mapping[str, Any]) -> tuple[str, str]:
+    name, (file, line) = fault["name"], fault["stated"]
+    place = f"line {line}" if file == fault["file"] else f"{file}, line {line}"
+    evidence = f"the argument {name} is used before it is declared ({place})"
+    return evidence, f'move <xacro:arg name="{name}" .../> above its use, or give {name}:=VALUE'
+
+
+def _of_unknown_argument(fault: Mapping[str, Any]) -> tuple[str, str]:
+    name, names = str(fault["name"]), list(fault["choices"])
+    return f"the file has no argument {name}", f"it has {', '.join(names) or 'no arguments'}{nearest(name, names)}"
+
+
+def _of_package(fault: Mapping[str, Any]) -> tuple[str, str]:
+    evidence = f"$(find {fault['name']}): no package {fault['name']} {places_searched()}"
+    return evidence, (
+        "source its workspace, or name the folder that holds it (a package is a folder with package.xml): "
+        "ROS_PACKAGE_PATH=FOLDER"
+    )
+
+
+def _of_parameters(fault: Mapping[str, Any]) -> tuple[str, str]:
+    names = [name.strip() for name in str(fault["name"]).split(",")]
+    texts = " ".join(f'{name}="..."' for name in names)
+    return f"the macro needs {', '.join(names)}, which has no value and no default", f"write {texts}"
+
+
+def _of_name(fault: Mapping[str, Any]) -> tuple[str, str]:
+    name, expression, near = fault["name"], fault["expression"], nearest(str(fault["name"]), fault["choices"])
+    evidence = f"{name} is not defined{f' in ${{{expression}}}' if expression else ''}"
+    if fault["is_argument"]:
+        return evidence, f"write $(arg {name}): it is an argument, not a property"
+    return evidence, f'define it above with <xacro:property name="{name}" .../>, or correct it{near}'
+
+
+#: Evidence and remedy of each kind of fault.
+_EXPLAINED: Final[Mapping[str, Callable[[Mapping[str, Any]], tuple[str, str]]]] = {
+    "argument": _of_argument,
+    "early": _of_early_argument,
+    "unknown": _of_unknown_argument,
+    "package": _of_package,
+    "parameters": _of_parameters,
+    "undefined": _of_name,
+    "include": lambda f: (f"there is no file {f['name']}", "check the path, which is relative to the file it is in"),
+    "yaml": lambda f: (
+        f"load_yaml: there is no file {f['name']}", "check the path, which is relative to the file it is in"
+    ),
+    "xml": lambda f: (f"not XML ({f['name']})", "correct the line"),
+    "recursion": lambda f: (
+        "recursion without end, or elements nested too deep", "does a macro call itself? end it with <xacro:if>"
+    ),
+    "macro": lambda f: (
+        f"unknown macro {f['name']}",
+        f"define or include it above, or correct the name{nearest(str(f['name']), f['choices'])}",
+    ),
+    "parameter": lambda f: (
+        f"the macro has no parameter {f['name']}",
+        f"it has {', '.join(f['choices']) or 'none'}{nearest(str(f['name']), f['choices'])}",
+    ),
+    "environment": lambda f: (
+        f"the environment has no variable {f['name']}", f"set it, or write $(optenv {f['name']} DEFAULT)"
+    ),
+    "condition": lambda f: (f["reason"].rstrip(".").removeprefix("Xacro "), "write true, false, 1 or 0"),
+    "attribute": lambda f: (f"no attribute '{f['name']}'", f'write {f["name"]}="..."'),
+}  # fmt: skip
