@@ -8,6 +8,7 @@ import pytest
 
 from dynident.errors import DescriptionError
 from dynident.robot_files import read_robot
+from dynident.robot_files.mesh_files import missing_meshes
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -42,3 +43,48 @@ def test_a_missing_include_names_the_folder(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     with pytest.raises(DescriptionError, match=r"the file 'gone\.xml' is missing in the current folder; put it there"):
         read_robot("main.xml")
+
+
+MESH = (
+    '<mujoco><compiler meshdir="{}"/><asset><mesh name="m" file="m.obj"/></asset><worldbody><body><joint axis="0 1 0"/>'
+    '<geom type="mesh" mesh="m" mass="3" pos=".1 .2 .3"/></body></worldbody></mujoco>'
+)
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.mark.parametrize("name", ["main.xml", "../home/main.xml"])
+def test_meshes_of_a_folder_beside_that_of_the_model(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("coal")
+    home = tmp_path / "home"
+    written(home, {"main.xml": MESH.format("../shared"), "../shared/m.obj": OBJ})
+    monkeypatch.chdir(home)
+    robot = read_robot(name)
+    model = mujoco.MjModel.from_xml_path(name)
+    assert robot.links[0].inertia is not None
+    assert robot.links[0].inertia.centre_of_mass == pytest.approx(model.body_ipos[1], abs=1e-6)
+    assert not missing_meshes(robot, name)
+
+
+@pytest.mark.parametrize("folder", ["{}/shared", "gone", "../../../../shared"])
+def test_a_mesh_that_is_not_there_has_a_remedy_that_helps(folder: str, tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    path = written(home, {"main.xml": MESH.format(folder.format(tmp_path)), "../shared/m.obj": OBJ})
+    with pytest.raises(DescriptionError) as caught:
+        read_robot(path)
+    remedy = "put it there, with a name relative to that folder, or write the <inertial> of the body"
+    assert f"no such mesh file beneath {home}; {remedy}" in str(caught.value)
+
+
+def test_a_mesh_of_a_urdf_in_the_folder_beside_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    urdf = (
+        '<robot name="u"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" '
+        'ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry><mesh filename="{}"/></geometry></collision></link>'
+        '<joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>'
+    )
+    written(tmp_path / "urdf", {"u.urdf": urdf.format("../meshes/m.obj"), "../meshes/m.obj": OBJ})
+    monkeypatch.chdir(tmp_path / "urdf")
+    assert not missing_meshes(read_robot("u.urdf"), "u.urdf")
+    Path("u.urdf").write_text(urdf.format("../../../../meshes/m.obj"))
+    assert [mesh.link for mesh in missing_meshes(read_robot("u.urdf"), "u.urdf")] == ["b"]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Final
 
 from dynident.errors import FileError
@@ -17,6 +17,7 @@ from dynident.robot_files.ros_packages import package_folder, places_searched
 from dynident.robot_files.xacro import split_arguments
 
 _PACKAGE: Final = re.compile(r"(?:package|model)://([^/]+)/", re.IGNORECASE)
+_LEVELS_UP: Final = 3
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,24 @@ def mesh_places(robot: Robot, robot_path: str) -> tuple[Path, ...]:
         robot_path: Its robot model, with the arguments of a xacro.
     """
     file, _ = split_arguments(robot_path)
-    return (*([Path(file).parent] if os.path.isfile(file) else []), *package_folders(robot, file))
+    if not os.path.isfile(file):
+        return package_folders(robot, file)
+    folder = Path(file).parent
+    above = folders_above(folder, [mesh.file for _, mesh in _meshes(robot)])
+    return (folder, *above, *package_folders(robot, file))
+
+
+def folders_above(folder: Path, files: Iterable[str]) -> tuple[Path, ...]:
+    """Return the folders of mesh files that are named by a way up from the folder of the robot model (``../meshes/``).
+
+    Up to three levels; absolute names, and ways further up, lead elsewhere.
+    """
+    found: dict[Path, None] = {}
+    for name in files:
+        parts = PurePath(name).parts
+        if 0 < parts.count("..") <= _LEVELS_UP and not PurePath(name).is_absolute() and "\0" not in name:
+            found[Path(os.path.normpath((folder / name).absolute())).parent] = None
+    return tuple(found)
 
 
 def missing_meshes(robot: Robot, robot_file: str | Path, folders: Sequence[str | Path] = ()) -> list[MissingMesh]:

@@ -47,8 +47,9 @@ class Element:
     @property
     def place(self) -> Place:
         """Where it is: file, line and element."""
-        name = self.attributes.get("name") or self.attributes.get("class")
-        return Place(self.path, f"line {self.line}, <{self.tag}{f' name={shown(name)}' if name else ''}>")
+        key = next((key for key in ("name", "class") if self.attributes.get(key)), "")
+        told = f" {key}={shown(self.attributes[key])}" if key else ""
+        return Place(self.path, f"line {self.line}, <{self.tag}{told}>")
 
     def all(self, tag: str) -> list[Element]:
         """Return the children of one name."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -198,3 +199,36 @@ def test_a_joint_that_follows_has_the_friction_of_its_leader(tmp_path: Path) -> 
     path = given(tmp_path, MJCF.replace("  <actuator>", f"  {tie}\n  <actuator>"))
     _, files = reloaded(path, tmp_path)
     assert b'<joint name="wrist" axis="1 0 1" armature="0.0" damping="0.0"' in files[tmp_path / "out.xml"]
+
+
+@pytest.mark.parametrize("has_friction", [True, False])
+def test_a_follower_with_armature_leaves_it_to_its_leader(has_friction: bool, tmp_path: Path) -> None:
+    tie = '<equality><joint joint1="wrist" joint2="elbow" polycoef="0 2 0 0 0"/></equality>'
+    path = given(tmp_path, MJCF.replace("  <actuator>", f"  {tie}\n  <actuator>"))
+    robot = read_robot(path)
+    subject = subject_of(path)
+    if not has_friction:
+        model = DynamicModel(robot, ())
+        subject = replace(subject, estimate=SimpleNamespace(model=model), theta=subject.theta[: model.inertial_count])
+    assert subject.source is not None
+    patched = patched_mjcf(subject, drives_of(subject), subject.source, False, tmp_path / "out.xml")
+    files = beside(tmp_path / "out.xml", subject.source, patched)
+    for one in reload_mjcf(subject, subject.source, patched, files, tmp_path):
+        assert one.torque is not None and one.expected is not None, one.why_not
+        np.testing.assert_allclose(one.torque, one.expected, atol=1e-9 * np.abs(one.expected).max())
+    leader = next(joint for joint in patched.after.robot().joints if joint.name == "elbow")
+    rotor = 0.05 + 4.0 * (0.05 + 1e-4 * 30**2)
+    assert has_friction or leader.drive.reflected_inertia == pytest.approx(rotor)
+    assert b'<joint name="wrist" axis="1 0 1" armature="0.0"' in files[tmp_path / "out.xml"]
+
+
+def test_damping_of_higher_order_from_a_class_is_ended(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    path = given(tmp_path, MJCF.replace('armature=".05" damping="1"', 'armature=".05" damping="1 .3"'))
+    patched, files = reloaded(path, tmp_path)
+    assert files[tmp_path / "out.xml"].count(b' 0 0"') >= 3
+    (tmp_path / "out.xml").write_bytes(files[tmp_path / "out.xml"])
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    assert not model.dof_dampingpoly.any()
+    expected = [patched.tags[model.joint(number).name][1] for number in range(model.njnt)]
+    np.testing.assert_allclose(model.dof_damping, np.array(expected, float))

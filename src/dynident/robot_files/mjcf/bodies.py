@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import Final, Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ from dynident.model.robot import Drive, Frame, JointLimits, rotation_about
 from dynident.model.shapes import Shape
 from dynident.robot_files.mjcf.body_inertia import inertia_of_body, stated_body
 from dynident.robot_files.mjcf.document import MjcfDocument
-from dynident.robot_files.mjcf.poses import IDENTITY, ORIENTATIONS, Pose, placed, pose_of
+from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed, pose_of
 from dynident.robot_files.mjcf.scope import MjcfScope, check_attached, submodel
 from dynident.robot_files.tree import Connection
 from dynident.robot_files.xml_elements import MAX_LINKS, Element
@@ -24,15 +25,6 @@ from dynident.robot_files.xml_values import Values
 
 WORLD: Final = "world"
 
-_BODY: Final = frozenset(
-    ("childclass", "fuse", "gravcomp", "mocap", "name", "pos", "simple", "sleep", "user", *ORIENTATIONS)
-)
-_FRAME: Final = frozenset(("name", "childclass", "pos", "scale", *ORIENTATIONS))
-_JOINT: Final = frozenset(
-    "actuatorfrclimited actuatorfrcrange actuatorgravcomp armature axis class damping frictionloss group limited "
-    "margin name pos range ref solimpfriction solimplimit solreffriction solreflimit springdamper springref "
-    "springyield stiffness type user".split()
-)
 _FLEXIBLE: Final = {"composite": "a flexible body", "flexcomp": "a flexible body"}
 
 
@@ -84,6 +76,7 @@ class MjcfTree:
         joints: The joints that move, by name.
         sources: The bodies of the file, by name.
         motors: The actuators that give a joint armature or damping, by joint.
+        curved: The joints with damping of second or third order.
         notes: What has a torque in MuJoCo and none here.
     """
 
@@ -94,6 +87,7 @@ class MjcfTree:
     joints: dict[str, JointSource] = field(default_factory=dict)
     sources: dict[str, BodySource] = field(default_factory=dict)
     motors: dict[str, list[Element]] = field(default_factory=dict)
+    curved: set[str] = field(default_factory=set)
     notes: dict[str, list[str]] = field(default_factory=dict)
 
     def note(self, what: str, name: str) -> None:
@@ -138,6 +132,7 @@ class _TreeReader:
     def __init__(self, document: MjcfDocument) -> None:
         self.tree = MjcfTree()
         self._moving = 0
+        self._given = {name for world in document.sections["worldbody"] for name in _names(world)}
         scope = MjcfScope.of(document)
         carrier = _Carrier(WORLD, np.zeros(3))
         for world in document.sections["worldbody"]:
@@ -156,28 +151,28 @@ class _TreeReader:
                 yield child, frame, scope
 
     def _framed(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
-        values = Values(element.place, element.attributes).known(_FRAME)
+        values = Values(element.place, element.attributes)
         if values.number("scale", 1.0) != 1.0:
             raise values.place.error("a frame with a scale is not read", "scale what is in it, and remove the scale")
         yield from self._flat(element, placed(frame, pose_of(values, scope.document.compiler)), scope.inner(element))
 
     def _replicas(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
-        values = Values(element.place, element.attributes).known(("count", "sep", "offset", "euler", "childclass"))
-        count = values.number("count")
-        if not 1 <= count <= MAX_LINKS or count != int(count):
-            raise values.place.error(f"count {count:g} is no number of replicas", f"write 1 to {MAX_LINKS}")
+        values = Values(element.place, element.attributes)
+        copies = values.number("count")
+        if not 1 <= copies <= MAX_LINKS or copies != int(copies):
+            raise values.place.error(f"count {copies:g} is no number of replicas", f"write 1 to {MAX_LINKS}")
         turned = Values(values.place, {k: v for k, v in values.given.items() if k == "euler"})
         rotation, _ = pose_of(turned, scope.document.compiler)
         step = rotation, values.numbers("offset", 3) if "offset" in values else np.zeros(3)
-        digits = len(str(int(count) - 1)) if count > 1 else 1
+        digits = len(str(int(copies) - 1)) if copies > 1 else 1
         pose = IDENTITY
-        for number in range(int(count)):
+        for number in range(int(copies)):
             suffix = f"{values.text('sep', '')}{number:0{digits}d}{scope.suffix}"
             yield from self._flat(element, placed(frame, pose), replace(scope, suffix=suffix).inner(element))
             pose = placed(pose, step)
 
     def _attached(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
-        values = Values(element.place, element.attributes).known(("model", "body", "frame", "prefix"))
+        values = Values(element.place, element.attributes)
         inner = submodel(values, scope)
         prefix = scope.prefix + values.text("prefix", "")
         own = MjcfScope.of(inner, prefix, scope.suffix, scope.depth + 1)
@@ -212,22 +207,19 @@ class _TreeReader:
                     self.tree.shapes[carrier.name].append(shape.moved(np.eye(3), carrier.origin))
             elif carrier.name == WORLD and child.tag in ("joint", "freejoint", "inertial"):
                 raise child.place.error("it stands in the world, which does not move", "put it into a <body>")
-            elif child.tag not in ("joint", "freejoint", "inertial"):
-                known = ("body", "joint", "freejoint", "geom", "site", "inertial", "frame", "replicate", "attach")
-                raise child.place.error("no element of a body has this name", f"remove it{nearest(child.tag, known)}")
 
     def _site(self, element: Element, frame: Pose, scope: MjcfScope, carrier: _Carrier) -> None:
         values = scope.defaults.values(element, scope.childclass)
-        if "name" not in element.attributes or "fromto" in values:
+        if not element.attributes.get("name") or "fromto" in values:
             return
         rotation, translation = placed(frame, pose_of(values, scope.document.compiler))
         name = scope.named(values.name("name"))
         self.tree.sites.setdefault(name, (carrier.name, (rotation, translation + carrier.origin)))
 
     def _body(self, element: Element, frame: Pose, scope: MjcfScope, carrier: _Carrier) -> None:
-        values = Values(element.place, element.attributes).known(_BODY)
+        values = Values(element.place, element.attributes)
         scope = scope.inner(element)
-        name = scope.named(values.name("name")) if "name" in values else f"body{len(self.tree.sources) + 1}"
+        name = self._named(values, scope, "body", len(self.tree.sources))
         if name in self.tree.bodies:
             step = "give each body a name of its own"
             raise values.place.error(f"a second body is called {shown(name)}", step)
@@ -245,6 +237,13 @@ class _TreeReader:
         self.tree.shapes[name] = []
         self.tree.sources[name] = BodySource(element, origin, scope.is_own)
         self._inside(children, _Carrier(name, origin))
+
+    def _named(self, values: Values, scope: MjcfScope, word: str, before: int) -> str:
+        """Return the name of an element; one without a name gets the word with the first free number."""
+        if values.text("name", ""):
+            return scope.named(values.name("name"))
+        taken = {*self._given, *self.tree.bodies, *self.tree.joints}
+        return next(name for number in count(before + 1) if (name := f"{word}{number}") not in taken)
 
     def _check_free(self, children: list[_Placed], name: str) -> None:
         for child, _, scope in children:
@@ -298,9 +297,9 @@ class _TreeReader:
         self, element: Element, frame: Pose, scope: MjcfScope, place: tuple[Array, Array, Array]
     ) -> tuple[Connection, Array]:
         """Return a joint without its bodies, and its anchor in the frame of its body."""
-        values = scope.defaults.values(element, scope.childclass).known(_JOINT)
+        values = scope.defaults.values(element, scope.childclass)
         self._moving += 1
-        name = scope.named(values.name("name")) if "name" in values else f"joint{self._moving}"
+        name = self._named(values, scope, "joint", self._moving - 1)
         if name in self.tree.joints:
             raise values.place.error(f"a second joint is called {shown(name)}", "give each joint a name of its own")
         kind: Literal["revolute", "prismatic"] = "revolute"
@@ -338,8 +337,16 @@ class _TreeReader:
         if np.any(damping < 0.0):
             raise values.place.error(f"damping {shown(values.text('damping'))} is negative", "write 0 or more")
         if np.any(damping[1:]):
+            self.tree.curved.add(name)
             self.tree.note("damping of second and third order", name)
         return float(damping[0])
+
+
+def _names(element: Element) -> Iterator[str]:
+    """Yield the names that elements below one have."""
+    for child in element.children:
+        yield child.attributes.get("name", "")
+        yield from _names(child)
 
 
 def _limits(values: Values, scope: MjcfScope, unit: float) -> JointLimits:
@@ -347,7 +354,7 @@ def _limits(values: Values, scope: MjcfScope, unit: float) -> JointLimits:
     lower, upper = -np.inf, np.inf
     if _is_limited(values, scope, "limited", "range"):
         lower, upper = unit * values.numbers("range", 2)
-        if not lower <= upper:
+        if not lower < upper:
             step = "exchange the two numbers"
             raise values.place.error(f"range {shown(values.text('range'))} ends below its start", step)
     effort = np.inf
@@ -363,4 +370,7 @@ def _is_limited(values: Values, scope: MjcfScope, flag: str, bounds: str) -> boo
             step = f'write {flag}="true", or autolimits="true" in <compiler>'
             raise values.place.error(f"{bounds} without {flag} where autolimits is false", step)
         return False
-    return word == "true" or (word == "auto" and bounds in values and bool(np.any(values.numbers(bounds, 2))))
+    if word == "auto" and bounds in values:
+        lower, upper = values.numbers(bounds, 2)
+        return bool(lower < upper)  # as MuJoCo has it: a range that ends below its start is none
+    return word == "true"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
@@ -18,8 +17,6 @@ from dynident.robot_files.xml_values import Values
 #: Mass, centre of mass, inertia about it.
 Body = tuple[float, Array, Array]
 
-_INERTIAL: Final = frozenset(("pos", "mass", "diaginertia", "fullinertia", *ORIENTATIONS))
-
 
 def stated_body(element: Element, compiler: CompilerSettings) -> Body:
     """Return mass, centre of mass and inertia about it of an ``<inertial>``, in the axes of its body.
@@ -27,7 +24,7 @@ def stated_body(element: Element, compiler: CompilerSettings) -> Body:
     Raises:
         DescriptionError: A missing or negative value, both kinds of inertia, or fullinertia with an orientation.
     """
-    values = Values(element.place, element.attributes).known(_INERTIAL)
+    values = Values(element.place, element.attributes)
     values.text("pos")
     mass = values.at_least_zero("mass")
     rotation, centre = pose_of(values, compiler)

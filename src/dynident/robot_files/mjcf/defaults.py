@@ -15,6 +15,8 @@ ACTUATORS: Final = frozenset(
     "general motor position velocity intvelocity damper cylinder muscle adhesion dcmotor plugin pid orientation".split()
 )
 _TURNS: Final = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
+#: Lists of numbers of which an element may write the first ones; the others are those of its class.
+_PARTLY_WRITTEN: Final = ("damping", "gear", "size", "stiffness")
 _MAIN: Final = "main"
 
 _Class = dict[str, dict[str, str]]
@@ -46,8 +48,13 @@ class Defaults:
             self._classes[inner] = {tag: dict(values) for tag, values in own.items()}
             self._read(child, inner)
 
-    def values(self, element: Element, childclass: str) -> Values:
+    def values(self, element: Element, childclass: str, kind: str = "") -> Values:
         """Return the attributes of an element with those of its class, or of the class that its bodies give it.
+
+        Args:
+            element: The element.
+            childclass: The class that its bodies give it.
+            kind: What it is called in ``<default>``; empty for its own name.
 
         Raises:
             DescriptionError: An unknown class.
@@ -57,7 +64,7 @@ class Defaults:
         if name not in self._classes:
             step = f"add it to <default>, or correct the name{nearest(name, self._classes)}"
             raise element.place.error(f"there is no defaults class {shown(name)}", step)
-        return Values(element.place, merged(self._classes[name].get(_key(element.tag), {}), given))
+        return Values(element.place, merged(self._classes[name].get(kind or _key(element.tag), {}), given))
 
     def check(self, element: Element, name: str) -> None:
         """Refuse a ``childclass`` that is none, as :meth:`values` does."""
@@ -72,4 +79,9 @@ def merged(inherited: Mapping[str, str], own: Mapping[str, str]) -> dict[str, st
     """Return the attributes of a class and of an element in it; of orientations only the last one written counts."""
     is_turned = any(name in own for name in _TURNS)
     kept = {name: text for name, text in inherited.items() if not (is_turned and name in _TURNS)}
-    return {**kept, **own}
+    found = {**kept, **own}
+    for name in _PARTLY_WRITTEN:
+        if name in own and name in kept:
+            words = own[name].split()
+            found[name] = " ".join([*words, *kept[name].split()[len(words) :]])
+    return found

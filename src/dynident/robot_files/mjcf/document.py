@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import nearest
 from dynident.model.documents.numbers import Place, shown
+from dynident.robot_files.mjcf.schema import check_schema
 from dynident.robot_files.xml_elements import Element, XmlLanguage, parse_xml
 from dynident.robot_files.xml_values import Values
 
@@ -20,18 +20,8 @@ from dynident.robot_files.xml_values import Values
 MAX_BYTES: Final = 20_000_000
 MAX_FILES: Final = 200
 
-_SECTIONS: Final = frozenset(
-    "compiler option size visual statistic default extension custom asset worldbody contact deformable equality tendon "
-    "actuator sensor keyframe include".split()
-)
 #: Sections that say nothing of bodies and joints: passed over.
 _PASSED: Final = frozenset("size visual statistic extension custom contact sensor keyframe".split())
-_SKIPPED: Final = frozenset({"texture", "material", "skin", "light", "camera", "user", "plugin", "lengthrange"})
-_COMPILER: Final = frozenset(
-    "alignfree angle assetdir autolimits balanceinertia boundinertia boundmass convexhull coordinate discardvisual "
-    "eulerseq exactmeshinertia fitaabb fusestatic inertiafromgeom inertiagrouprange meshdir passthrough savecanonical "
-    "savecompiled saveinertial settotalmass strippath texturedir usethread".split()
-)
 _LANGUAGE: Final = XmlLanguage("MJCF", ("mujoco", "mujocoinclude"), "body")
 _INCLUDED: Final = XmlLanguage("MJCF", ("mujoco", "mujocoinclude"), "body")
 
@@ -127,10 +117,8 @@ def read_document(path: object, data: bytes, known: Mapping[str, bytes] | None =
     files = _Files(Path(str(path)).parent, known or {}, {str(path): data})
     files.include(root)
     sections: dict[str, list[Element]] = {}
+    check_schema(root)
     for element in root.children:
-        if element.tag not in _SECTIONS:
-            step = f"remove or correct it{nearest(element.tag, sorted(_SECTIONS))}"
-            raise element.place.error("no section of MJCF has this name", step)
         if element.tag not in _PASSED:
             sections.setdefault(element.tag, []).append(element)
     if "worldbody" not in sections:
@@ -163,9 +151,7 @@ class _Files:
         """Put what files include in place of their ``<include>``, in the whole tree below an element."""
         for place in range(len(root.children) - 1, -1, -1):
             child = root.children[place]
-            if child.tag in _SKIPPED:
-                del root.children[place]
-            elif child.tag != "include":
+            if child.tag != "include":
                 self.include(child)
         for place in range(len(root.children) - 1, -1, -1):
             child = root.children[place]
@@ -197,7 +183,7 @@ def file_beside(element: Element, attribute: str, name: str, folder: Path) -> by
         DescriptionError: An absolute name, no such file, or one that cannot be read or is too large.
     """
     file = folder / name
-    if PurePath(name).is_absolute() or ".." in PurePath(name).parts[1:-1] or "\0" in name:
+    if PurePath(name).is_absolute() or ".." in PurePath(os.path.normpath(name)).parts[1:] or "\0" in name:
         evidence = f"{attribute} {shown(name)} leads elsewhere"
         raise element.place.error(evidence, "write a name relative to the folder of the main file")
     if not os.path.isfile(file):
@@ -232,7 +218,7 @@ def _compiler(elements: list[Element]) -> CompilerSettings:
         return CompilerSettings()
     given: dict[str, str] = {}
     for element in elements:
-        given.update(Values(element.place, element.attributes).known(_COMPILER).given)
+        given.update(Values(element.place, element.attributes).given)
     values = Values(elements[-1].place, given)
     if values.text("coordinate", "local") != "local":
         step = 'save it with MuJoCo 2.3.3 or earlier, which writes local coordinates, or write coordinate="local"'

@@ -10,11 +10,12 @@ from typing import Final
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import DescriptionError, DynidentError, nearest
+from dynident.errors import DescriptionError, DynidentError, FileError, nearest
 from dynident.model.documents.numbers import shown
 from dynident.model.inertia import Inertia
 from dynident.model.meshes import mesh_triangles
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from dynident.robot_files.mesh_files import folders_above
 from dynident.robot_files.mjcf.defaults import Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.mesh_bodies import MeshKind, mesh_body
@@ -26,11 +27,6 @@ from dynident.robot_files.xml_values import Values
 _TYPES: Final = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
 _SIZES: Final = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}
 _STRETCHED: Final = ("capsule", "cylinder", "ellipsoid", "box")
-_GEOM: Final = frozenset(
-    "adhesion axisangle castshadow class conaffinity condim contype density euler fitscale fluidcoef fluidshape "
-    "friction fromto gap group hfield margin mass material mesh name pos priority quat rgba shellinertia size solimp "
-    "solmix solref surfacevel type user xyaxes zaxis".split()
-)
 _WRITE: Final = "write the <inertial> of the body"
 
 
@@ -108,8 +104,11 @@ class Meshes:
             except DescriptionError:
                 raise
             except (ValueError, DynidentError) as problem:
-                step = f"put the file there or correct it, or {_WRITE}"
-                raise asset.values.place.error(f"the mesh {shown(name)} gives no inertia: {problem}", step) from problem
+                reason, step = str(problem), f"correct the file, or {_WRITE}"
+                if isinstance(problem, FileError):
+                    reason = f"{problem.path}: {problem.evidence}"
+                    step = f"put it there, with a name relative to that folder, or {_WRITE}"
+                raise asset.values.place.error(f"the mesh {shown(name)} gives no inertia: {reason}", step) from problem
         return self.bodies[name, kind]
 
     def shape(self, values: Values, pose: Pose) -> Mesh | None:
@@ -124,9 +123,7 @@ class Meshes:
         scale = values.numbers("scale", 3) if "scale" in values else np.ones(3)
         if asset.file:
             folder = self.document.folder
-            roots = [folder, *folder.parents[: PurePath(asset.file).parts.count("..")]]
-            name = str((folder / asset.file).absolute()) if len(roots) > 1 else asset.file
-            found = mesh_triangles(Mesh(name), roots)
+            found = mesh_triangles(Mesh(asset.file), [folder.absolute(), *folders_above(folder, [asset.file])])
         elif "vertex" in values and "face" in values:
             found = _written(values)
         else:
@@ -199,7 +196,7 @@ class Geoms:
         return Box(2.0 * size, rotation, translation)  # an ellipsoid lies in it
 
     def _values(self, element: Element, childclass: str) -> tuple[Values, str]:
-        values = self._defaults.values(element, childclass).known(_GEOM)
+        values = self._defaults.values(element, childclass)
         return values, values.choice("type", _TYPES, "sphere")
 
     def _ends(self, values: Values, kind: str) -> tuple[Array, Array] | None:

@@ -13,7 +13,7 @@ from dynident.robot_files.mjcf.defaults import Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument, read_document
 from dynident.robot_files.mjcf.poses import IDENTITY
 from dynident.robot_files.mjcf.ties import tied
-from dynident.robot_files.tree import Connection, assemble
+from dynident.robot_files.tree import Connection, assemble, carried_by_leaders
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,8 @@ class MjcfModel:
         places = {WORLD: Frame(-1, *IDENTITY)}
         places |= {link.name: Frame(i, *IDENTITY) for i, link in enumerate(found.links)} | dict(found.frames)
         sites = {name: frame for name, frame in tree.frames(places).items() if name not in places}
-        return replace(found, gravity=document.gravity, frames={**found.frames, **sites})
+        joints = carried_by_leaders(found.joints)
+        return replace(found, joints=joints, gravity=document.gravity, frames={**found.frames, **sites})
 
 
 def read_mjcf_model(path: object, data: bytes, texts: Mapping[str, bytes] | None = None) -> MjcfModel:

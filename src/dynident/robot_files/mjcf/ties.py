@@ -35,7 +35,7 @@ def tied(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Con
             raise element.place.error("a flexible body is not read", f"remove it: {_RIGID}")
     joints = _followed(document, defaults, tree)
     for element in document.each("tendon"):
-        _note_tendon(defaults.values(element, ""), element, tree)
+        _note_tendon(defaults.values(element, "", "tendon"), element, tree)
     return _driven(document, defaults, tree, joints)
 
 
@@ -43,7 +43,7 @@ def _followed(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> lis
     joints = {joint.name: joint for joint in tree.connections}
     ties: dict[str, Element] = {}
     for element in document.each("equality"):
-        values = defaults.values(element, "")
+        values = defaults.values(element, "", "equality")
         if not values.flag("active", True):
             continue
         if element.tag == "tendon":
@@ -72,8 +72,8 @@ def _joint_named(values: Values, key: str, joints: Mapping[str, Connection], tre
 
 def _tie(values: Values, joints: Mapping[str, Connection], joint: Connection, tree: MjcfTree) -> Connection:
     """Return a joint that follows another, or that an equality constraint holds still."""
-    coefficients = np.zeros(5)
-    given = values.numbers("polycoef", 1, 5) if "polycoef" in values else np.array([0.0, 1.0])
+    coefficients = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
+    given = values.numbers("polycoef", 1, 5) if "polycoef" in values else coefficients
     coefficients[: len(given)] = given
     constant, slope = float(coefficients[0]), float(coefficients[1])
     zero = tree.joints[joint.name].ref

@@ -126,9 +126,8 @@ def _tags(subject: Identified, drives: Drives) -> tuple[dict[str, tuple[float, f
     for joint in subject.model.robot.joints:
         is_led = joint.mimic is not None
         rotor = 0.0 if is_led else float(armature[drives.joints.index(joint.name)])
-        if joint.name in friction or not is_led:
-            damping, dry = friction.get(joint.name, (None, None))
-            tags[joint.name] = (rotor, damping, dry)
+        damping, dry = friction.get(joint.name, (None, None))
+        tags[joint.name] = (rotor, damping, dry)
     return tags, [name for name in subject.model.robot.joint_names if name not in friction]
 
 
@@ -196,12 +195,15 @@ class _Writer:
             for key, new, old in zip(keys, values, stated, strict=True)
             if new is not None and new != old and not np.isclose(new, old, rtol=1e-14, atol=0.0)
         }
+        if name in tree.curved and values[1] is not None:  # the model has no other order of damping
+            changed["damping"] = f"{number(values[1])} 0 0"
         source = tree.joints[name]
         if changed.keys() & {"armature", "damping"} and name in tree.motors:
             for motor in tree.motors[name]:
                 data, place = self._of(motor)
                 self._add(motor, with_attributes(data, place, {"armature": "0", "damping": "0"}))
-            changed |= {key: number(new) for key, new in zip(keys[:2], values[:2], strict=True) if new is not None}
+            own = {key: number(new) for key, new in zip(keys[:2], values[:2], strict=True) if new is not None}
+            changed = {**own, **changed}
         if changed:
             self._check(f"joint '{name}'", source)
             data, place = self._of(source.element)

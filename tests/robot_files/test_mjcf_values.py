@@ -1,0 +1,124 @@
+"""Values of an MJCF that come from several places (classes, followers, defaults of sections), against mj_inverse."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mjcf_torques import torque_difference
+
+from dynident.errors import DescriptionError
+from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
+
+mujoco = pytest.importorskip("mujoco")
+
+TWO = (
+    '<mujoco>{head}<worldbody><body name="a"><joint name="j1" axis="0 1 0" {one}/><geom type="capsule" '
+    'fromto="0 0 0 .3 .1 .2" size=".04"/><body name="b" pos=".3 0 0"><joint name="j2" axis="0 0 1" pos=".01 .02 .03" '
+    '{two}/><geom type="box" size=".1 .02 .03" pos=".1 0 .05"/><body name="c" pos=".2 0 0"><joint name="j3" '
+    'axis="1 1 0" {three}/><geom size=".05" pos=".1 0 0"/></body></body></body></worldbody>{tail}</mujoco>'
+)
+
+
+def two(**parts: str) -> str:
+    return TWO.format(**{"head": "", "one": "", "two": "", "three": "", "tail": "", **parts})
+
+
+def both(text: str, folder: Path) -> tuple[Robot, Any]:
+    (folder / "arm.xml").write_text(text)
+    return read_robot(folder / "arm.xml"), mujoco.MjModel.from_xml_path(str(folder / "arm.xml"))
+
+
+ONE = '<mujoco>{}<worldbody><body><joint name="a" axis="0 1 0" {}/><geom {} pos=".2 .1 0"/></body></worldbody></mujoco>'
+TIE = '<equality><joint joint1="j2" joint2="j1" {}/></equality>'
+CHAIN = (
+    '<equality><joint joint1="j3" joint2="j2" polycoef=".1 -3 0 0 0"/><joint joint1="j2" joint2="j1" '
+    'polycoef=".2 2 0 0 0"/></equality>'
+)
+FILES = {
+    "a radius, and the length of the class": ONE.format(
+        '<default><geom type="capsule" size="0.05 0.1"/></default>', "", 'size=".04"'
+    ),
+    "one length, and two of the class": ONE.format(
+        '<default><geom type="box" size=".1 .2 .3"/></default>', "", 'size=".05"'
+    ),
+    "classes in classes": ONE.format(
+        '<default><geom type="box" size=".1 .2 .3"/><default class="c"><geom size=".2 .4"/></default></default>',
+        "",
+        'class="c" size=".05"',
+    ),
+    "a follower with armature and damping": two(
+        one='armature=".05" damping=".5"', two='armature=".3" damping=".7"', tail=TIE.format('polycoef="0 -2 0 0 0"')
+    ),
+    "a class with armature": two(head='<default><joint armature=".1"/></default>', tail=TIE.format("")),
+    "a chain of followers with armature": two(
+        head='<default><joint armature=".1" damping=".2"/></default>', tail=CHAIN
+    ),
+    "a follower with a motor": two(
+        tail=TIE.format('polycoef="0 2 0 0 0"')
+        + '<actuator><motor joint="j2" gear="20" armature="1e-3" damping="1e-2"/><motor joint="j1"/></actuator>'
+    ),
+    "equalities that a class turns off": two(
+        head='<default><equality active="false"/></default>', tail=TIE.format('polycoef="0 2 0 0 0"')
+    ),
+    "one coefficient": two(tail=TIE.format('polycoef="0.1"')),
+    "defaults of joints, which equalities have not": two(
+        head='<default><joint limited="false" damping="1"/></default>', tail=TIE.format('polycoef="0 2"')
+    ),
+    "joints without a name beside one that is called so": ONE.format("", "", 'size=".1"').replace(
+        "</body></worldbody>",
+        '<body name="body1" pos=".3 0 0"><joint/><geom size=".1" pos=".1 0 0"/></body></body></worldbody>',
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_torques_are_those_of_mujoco(name: str, tmp_path: Path) -> None:
+    robot, model = both(FILES[name], tmp_path)
+    assert torque_difference(robot, model) < 1e-12
+
+
+def test_the_first_order_of_damping_keeps_the_others_of_the_class(tmp_path: Path) -> None:
+    text = ONE.format('<default><joint damping="0 0.5"/></default>', 'damping="0.7"', 'type="box" size=".1 .1 .1"')
+    robot, model = both(text, tmp_path)
+    assert model.dof_dampingpoly[0].tolist() == [0.5, 0.0]
+    assert robot.joints[0].damping == 0.7 and "without damping of second and third order (a)" in robot.note
+
+
+def test_a_follower_has_no_share_of_its_own_left(tmp_path: Path) -> None:
+    text = two(one='frictionloss=".1"', two='frictionloss=".4" armature=".3"', tail=TIE.format('polycoef="0 -2 0 0 0"'))
+    robot, _ = both(text, tmp_path)
+    leader, follower = robot.joints[0], robot.joints[1]
+    assert leader.friction is not None
+    np.testing.assert_allclose([leader.friction, leader.drive.reflected_inertia], [0.1 + 2 * 0.4, 4 * 0.3])
+    assert (follower.friction, follower.damping, follower.drive.reflected_inertia) == (0.0, 0.0, 0.0)
+
+
+def test_a_class_gives_tendons_a_spring(tmp_path: Path) -> None:
+    tendon = '<tendon><fixed name="t"><joint joint="j1" coef="1"/></fixed></tendon>'
+    robot, model = both(two(head='<default><tendon stiffness="100"/></default>', tail=tendon), tmp_path)
+    assert model.tendon_stiffness[0] == 100 and robot.note.endswith("without tendons (t)")
+
+
+def test_names_are_given_around_those_of_the_file(tmp_path: Path) -> None:
+    inner = '<body name="body1"><joint name="joint1" axis="0 0 1"/><geom size=".1" pos=".1 0 0"/></body>'
+    text = f'<mujoco><worldbody><body name=""><joint axis="0 1 0"/><geom size=".1"/>{inner}</body></worldbody></mujoco>'
+    robot, _ = both(text, tmp_path)
+    assert robot.joint_names == ("joint2", "joint1") and [link.name for link in robot.links] == ["body2", "body1"]
+
+
+def test_a_range_that_ends_below_its_start_is_none(tmp_path: Path) -> None:
+    robot, model = both(two(one='range="20 10"', two='range="10 20"'), tmp_path)
+    assert model.jnt_limited.tolist() == [0, 1, 0]
+    assert [np.isfinite(joint.limits.upper) for joint in robot.joints] == [False, True, False]
+    with pytest.raises(DescriptionError, match="ends below its start"):
+        both(two(one='limited="true" range="20 10"'), tmp_path)
+
+
+def test_a_class_is_not_shown_as_a_name(tmp_path: Path) -> None:
+    text = two(head='<default><default class="f"><joint axis="0 0 0"/></default></default>')
+    with pytest.raises(DescriptionError, match=r"<joint class='f'>: axis"):
+        both(text.replace('<joint name="j1" axis="0 1 0" ', '<joint class="f" '), tmp_path)
