@@ -148,7 +148,7 @@ def mjcf_after_a_round_trip(robot: Robot, path: Path) -> float:
     estimate: Any = SimpleNamespace(model=model)
     source = OwnDescription(path, path.read_bytes())
     subject = Identified(estimate, theta, OWN, source)
-    patched = patched_mjcf(subject, drives_of(subject), source, lump=False)
+    patched = patched_mjcf(subject, drives_of(subject), source, lump=False, output=path)
     with tempfile.TemporaryDirectory() as folder:
         found = list(reload_mjcf(subject, source, patched, beside(path, source, patched), Path(folder)))
     for one in found:

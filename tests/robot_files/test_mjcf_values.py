@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from mjcf_torques import torque_difference
 
-from dynident.errors import DescriptionError
+from dynident.api.given_robots import robot_of
+from dynident.errors import BadArgument, DescriptionError
 from dynident.model.robot import Robot
 from dynident.robot_files import read_robot
 
@@ -61,6 +62,14 @@ FILES = {
         tail=TIE.format('polycoef="0 2 0 0 0"')
         + '<actuator><motor joint="j2" gear="20" armature="1e-3" damping="1e-2"/><motor joint="j1"/></actuator>'
     ),
+    "gravity that a flag turns off": two(head='<option><flag gravity="disable"/></option>'),
+    "a joint that is held still": two(
+        one='ref="10"', tail='<equality><joint joint1="j2" polycoef=".7"/></equality>', two='ref="20" damping="3"'
+    ),
+    "a slide that is held still": two(
+        tail='<equality><joint joint1="j2" polycoef=".7"/></equality>', two='type="slide" ref=".2" armature="2"'
+    ),
+    "a chain of followers with references": two(one='ref="10"', two='ref="-20"', three='ref="5"', tail=CHAIN),
     "equalities that a class turns off": two(
         head='<default><equality active="false"/></default>', tail=TIE.format('polycoef="0 2 0 0 0"')
     ),
@@ -79,6 +88,9 @@ FILES = {
 def test_torques_are_those_of_mujoco(name: str, tmp_path: Path) -> None:
     robot, model = both(FILES[name], tmp_path)
     assert torque_difference(robot, model) < 1e-12
+    given = robot_of(model)
+    assert given.joint_names == robot.joint_names and torque_difference(given, model) < 1e-12
+    assert [link.name for link in given.links] == [link.name for link in robot.links]
 
 
 def test_the_first_order_of_damping_keeps_the_others_of_the_class(tmp_path: Path) -> None:
@@ -86,6 +98,7 @@ def test_the_first_order_of_damping_keeps_the_others_of_the_class(tmp_path: Path
     robot, model = both(text, tmp_path)
     assert model.dof_dampingpoly[0].tolist() == [0.5, 0.0]
     assert robot.joints[0].damping == 0.7 and "without damping of second and third order (a)" in robot.note
+    assert "without damping of second and third order" in robot_of(model).note
 
 
 def test_a_follower_has_no_share_of_its_own_left(tmp_path: Path) -> None:
@@ -122,3 +135,18 @@ def test_a_class_is_not_shown_as_a_name(tmp_path: Path) -> None:
     text = two(head='<default><default class="f"><joint axis="0 0 0"/></default></default>')
     with pytest.raises(DescriptionError, match=r"<joint class='f'>: axis"):
         both(text.replace('<joint name="j1" axis="0 1 0" ', '<joint class="f" '), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("ties", "told"),
+    [
+        ('<joint joint1="j2" joint2="j1"/><joint joint1="j1" joint2="j2"/>', "follows itself"),
+        ('<joint joint1="j2" joint2="j1"/><joint joint1="j2" joint2="j3"/>', "joint 'j2' is tied twice"),
+        ('<joint joint1="j2" joint2="j1" polycoef="0 1 1 0 0"/>', "is no linear one of joints"),
+        ('<joint joint1="j1"/><joint joint1="j2"/><joint joint1="j3"/>', "a model without moving joints"),
+    ],
+)
+def test_ties_that_cannot_be_of_a_model_in_python(ties: str, told: str) -> None:
+    model = mujoco.MjModel.from_xml_string(two(tail=f"<equality>{ties}</equality>"))
+    with pytest.raises(BadArgument, match=told):
+        robot_of(model)

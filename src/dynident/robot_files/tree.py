@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from dynident.arrays import Array
 from dynident.errors import nearest
 from dynident.model.documents.numbers import Place, shown
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot
+from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
 from dynident.model.shapes import Shape
 
 
@@ -105,6 +106,18 @@ def assemble(
         note=note,
         base_shapes=tuple(taken[0]),
     )
+
+
+def held(joint: Connection, position: float) -> Connection:
+    """Return a joint that is fixed at a position, in rad or m."""
+    if joint.kind == "prismatic":
+        return replace(joint, kind="fixed", translation=joint.translation + position * joint.rotation @ joint.axis)
+    return replace(joint, kind="fixed", rotation=joint.rotation @ rotation_about(joint.axis, position))
+
+
+def numbered(word: str, number: int, taken: Collection[str]) -> str:
+    """Return the word with the first number from ``number`` on that gives a name nothing has."""
+    return next(name for one in count(number) if (name := f"{word}{one}") not in taken)
 
 
 def carried_by_leaders(joints: Sequence[Joint]) -> tuple[Joint, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import count
 from typing import Final, Literal
 
 import numpy as np
@@ -19,7 +18,7 @@ from dynident.robot_files.mjcf.body_inertia import inertia_of_body, stated_body
 from dynident.robot_files.mjcf.document import MjcfDocument
 from dynident.robot_files.mjcf.poses import IDENTITY, Pose, placed, pose_of
 from dynident.robot_files.mjcf.scope import MjcfScope, check_attached, submodel
-from dynident.robot_files.tree import Connection
+from dynident.robot_files.tree import Connection, numbered
 from dynident.robot_files.xml_elements import MAX_LINKS, Element
 from dynident.robot_files.xml_values import Values
 
@@ -243,7 +242,7 @@ class _TreeReader:
         if values.text("name", ""):
             return scope.named(values.name("name"))
         taken = {*self._given, *self.tree.bodies, *self.tree.joints}
-        return next(name for number in count(before + 1) if (name := f"{word}{number}") not in taken)
+        return numbered(word, before + 1, taken)
 
     def _check_free(self, children: list[_Placed], name: str) -> None:
         for child, _, scope in children:

@@ -10,11 +10,11 @@ import numpy as np
 
 from dynident.errors import nearest
 from dynident.model.documents.numbers import shown
-from dynident.model.robot import Drive, Mimic, rotation_about
+from dynident.model.robot import Drive, Mimic
 from dynident.robot_files.mjcf.bodies import MjcfTree
 from dynident.robot_files.mjcf.defaults import ACTUATORS, Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument
-from dynident.robot_files.tree import Connection
+from dynident.robot_files.tree import Connection, held
 from dynident.robot_files.xml_elements import Element
 from dynident.robot_files.xml_values import Values
 
@@ -78,10 +78,7 @@ def _tie(values: Values, joints: Mapping[str, Connection], joint: Connection, tr
     constant, slope = float(coefficients[0]), float(coefficients[1])
     zero = tree.joints[joint.name].ref
     if "joint2" not in values:
-        position = zero + constant
-        if joint.kind == "prismatic":
-            return replace(joint, kind="fixed", translation=joint.translation + position * joint.rotation @ joint.axis)
-        return replace(joint, kind="fixed", rotation=joint.rotation @ rotation_about(joint.axis, position))
+        return held(joint, zero + constant)
     if np.any(coefficients[2:]):
         step = "write a linear one: the last three numbers of polycoef are 0"
         raise values.place.error(f"polycoef {shown(values.text('polycoef'))} is not linear", step)

@@ -1,0 +1,239 @@
+"""The robot of a ``mujoco.MjModel``: the tree of its bodies, joints that follow others or are held still, gravity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from dynident.arrays import Array
+from dynident.errors import BadArgument, DescriptionError
+from dynident.model.inertia import Inertia
+from dynident.model.robot import Drive, Frame, JointLimits, Mimic, Robot, rotation_about
+from dynident.robot_files.rotations import rotation_from_quaternion
+from dynident.robot_files.tree import Connection, assemble, carried_by_leaders, held, numbered
+
+#: Types of joints and of equality constraints of MuJoCo (mjtJoint, mjtEq).
+_SLIDE, _HINGE, _EQUALITY_OF_JOINTS = 2, 3, 2
+_ON_JOINT = 1  # and below: transmissions that turn or slide a joint
+
+#: Muscles of MuJoCo: their activation (mjtDyn) and their gain (mjtGain).
+_MUSCLE, _MUSCLE_GAIN = 4, 2
+
+
+@dataclass
+class _MujocoParts:
+    """What is read of the bodies.
+
+    Attributes:
+        names: Name of each body.
+        inertias: Inertia by name, about the origin of the link; of bodies between two joints too.
+        origins: Origin of each body's own frame in the frame of its link, shape (3,), in m.
+        joints: The joint that moves each link, and how bodies without joints are fixed.
+        moving: Name of each joint of the model.
+    """
+
+    names: list[str]
+    moving: list[str]
+    inertias: dict[str, Inertia | None] = field(default_factory=dict)
+    origins: list[Array] = field(default_factory=lambda: [np.zeros(3)])
+    joints: dict[str, Connection] = field(default_factory=dict)
+
+
+def robot_of_mujoco(model: Any) -> Robot:
+    """Return the robot of a ``mujoco.MjModel``.
+
+    Raises:
+        BadArgument: Joints of several degrees of freedom, loops, equalities that are not linear or redundant, muscles,
+            flexible bodies, or no joint that moves.
+    """
+    import mujoco  # pyright: ignore[reportMissingImports]
+
+    package: Any = mujoco
+    _check_bodies(model)
+    bodies = _MujocoParts(_names(model, "body", model.nbody), _names(model, "joint", model.njnt, 1))
+    base = model.body(0).name or "world"
+    bodies.names[0] = base
+    bodies.inertias[base] = None
+    for number in range(1, model.nbody):
+        _add_body(model, number, bodies)
+    _tie(model, bodies)
+    if all(joint.kind == "fixed" for joint in bodies.joints.values()):
+        raise BadArgument("robot", "a model without moving joints", "give the model of an arm")
+    name = bytes(model.names).split(b"\0", 1)[0].decode("utf-8", "replace") or "robot"
+    try:
+        found = assemble("robot", name, bodies.inertias, list(bodies.joints.values()), _note(model))
+    except DescriptionError as error:
+        raise BadArgument("robot", f"{error.where} {error.evidence}".strip(), error.step) from error
+    links = {base: Frame(-1, np.eye(3), np.zeros(3))}
+    links |= {link.name: Frame(i, np.eye(3), np.zeros(3)) for i, link in enumerate(found.links)} | dict(found.frames)
+    frames = dict(found.frames)
+    for number in range(model.nsite):
+        body = int(model.site_bodyid[number])
+        link, own = links[bodies.names[body]], bodies.origins[body] + model.site_pos[number]
+        rotation = link.rotation @ _rotation(model.site_quat[number])
+        frame = Frame(link.link, rotation, link.translation + link.rotation @ own)
+        site = model.site(number).name or f"site{number}"
+        if site not in links:
+            frames.setdefault(site, frame)
+    has_gravity = not model.opt.disableflags & int(package.mjtDisableBit.mjDSBL_GRAVITY)
+    gravity = np.array(model.opt.gravity) if has_gravity else np.zeros(3)
+    return replace(found, gravity=gravity, frames=frames, joints=carried_by_leaders(found.joints))
+
+
+def _names(model: Any, kind: Literal["body", "joint"], size: int, first: int = 0) -> list[str]:
+    """Return the names of bodies or joints; those without one get a number that no other has."""
+    given = [str(getattr(model, kind)(number).name) for number in range(size)]
+    found: list[str] = []
+    for number, name in enumerate(given):
+        found.append(name or numbered(kind, number + first, {*given, *found}))
+    return found
+
+
+def _check_bodies(model: Any) -> None:
+    """Refuse what moves a model beside its joints.
+
+    Raises:
+        BadArgument: A muscle, or a flexible body.
+    """
+    for number in range(model.nu):
+        if model.actuator_dyntype[number] == _MUSCLE or model.actuator_gaintype[number] == _MUSCLE_GAIN:
+            name = model.actuator(number).name or f"number {number}"
+            evidence = f"the actuator {name} is a muscle, whose force depends on its length and speed"
+            raise BadArgument("robot", evidence, "replace muscles by motors: torques of joints are identified")
+    if model.nflex:
+        evidence = f"{model.nflex} flexible bodies (flex)"
+        raise BadArgument("robot", evidence, "remove them from the model: links are rigid")
+
+
+def _add_body(model: Any, number: int, bodies: _MujocoParts) -> None:
+    """Add a body with its joints; the links between two joints of one body are without mass."""
+    name, carrier = bodies.names[number], int(model.body_parentid[number])
+    rotation = _rotation(model.body_quat[number])
+    translation = bodies.origins[carrier] + model.body_pos[number]
+    own = _rotation(model.body_iquat[number])
+    tensor = own @ np.diag(model.body_inertia[number]) @ own.T
+    inertia = Inertia.from_centre_of_mass(model.body_mass[number], model.body_ipos[number], tensor)
+    parent, at = bodies.names[carrier], np.zeros(3)
+    first, count = int(model.body_jntadr[number]), int(model.body_jntnum[number])
+    if not count:
+        fixed = np.array([0.0, 0.0, 1.0])
+        joint = Connection(f"{name} (fixed)", "fixed", parent, name, rotation, translation, fixed, JointLimits())
+        bodies.joints[f"{name} (fixed body)"] = joint
+    for moved in range(first, first + count):  # at: origin of the link so far in the frame of the body
+        anchor = np.array(model.jnt_pos[moved])
+        is_last = moved == first + count - 1
+        child = name if is_last else f"{name} before {bodies.moving[moved + 1]}"
+        place = rotation, translation + rotation @ (anchor - at)
+        bodies.joints[bodies.moving[moved]] = _joint(model, moved, (bodies.moving[moved], parent, child), place)
+        if not is_last:
+            bodies.inertias[child] = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+        parent, rotation, translation, at = child, np.eye(3), np.zeros(3), anchor
+    bodies.inertias[name] = inertia.moved(np.eye(3), -at)
+    bodies.origins.append(-at)
+
+
+def _joint(model: Any, number: int, names: tuple[str, str, str], place: tuple[Array, Array]) -> Connection:
+    """Return a joint.
+
+    Args:
+        model: The model.
+        number: The joint.
+        names: Its name, and those of the bodies before and after it.
+        place: Rotation and translation of the body after it, as the model is written.
+
+    Raises:
+        BadArgument: A free or ball joint.
+    """
+    if model.jnt_type[number] not in (_SLIDE, _HINGE):
+        evidence = f"joint '{names[0]}' has more than one degree of freedom"
+        raise BadArgument("robot", evidence, "give the model of an arm on a fixed base, with hinge and slide joints")
+    rotation, translation = place
+    dof, axis = int(model.jnt_dofadr[number]), np.array(model.jnt_axis[number])
+    zero = float(model.qpos0[model.jnt_qposadr[number]])  # the position at which the bodies are placed as written
+    is_hinge = model.jnt_type[number] == _HINGE
+    if is_hinge:
+        rotation = rotation @ rotation_about(axis, -zero)
+    else:
+        translation = translation - zero * rotation @ axis
+    lower, upper = model.jnt_range[number] if model.jnt_limited[number] else (-np.inf, np.inf)
+    rotor, damping, effort = _actuators(model, number)
+    return Connection(
+        names[0],
+        "revolute" if is_hinge else "prismatic",
+        names[1],
+        names[2],
+        rotation,
+        translation,
+        axis,
+        JointLimits(lower=float(lower), upper=float(upper), effort=effort),
+        damping=float(model.dof_damping[dof] + damping),
+        friction=float(model.dof_frictionloss[dof]),
+        drive=Drive(rotor_inertia=float(model.dof_armature[dof] + rotor)),
+    )
+
+
+def _actuators(model: Any, number: int) -> tuple[float, float, float]:
+    """Return rotor inertia, damping and largest torque that the actuators of a joint give it."""
+    on_joint = (model.actuator_trntype <= _ON_JOINT) & (model.actuator_trnid[:, 0] == number)
+    motors = np.flatnonzero(on_joint & (model.actuator_gear[:, 0] != 0.0))
+    gears = np.abs(model.actuator_gear[motors, 0])
+    forces = np.where(
+        model.actuator_forcelimited[motors], np.abs(model.actuator_forcerange[motors]).max(axis=1), np.inf
+    )
+    effort = float(gears @ forces) if len(motors) else np.inf
+    if model.jnt_actfrclimited[number]:
+        effort = min(effort, float(np.abs(model.jnt_actfrcrange[number]).max()))
+    if not hasattr(model, "actuator_armature"):  # before MuJoCo 4
+        return 0.0, 0.0, effort
+    rotor, damping = gears**2 @ model.actuator_armature[motors], gears**2 @ model.actuator_damping[motors]
+    return float(rotor), float(damping), effort
+
+
+def _tie(model: Any, bodies: _MujocoParts) -> None:
+    """Let joints follow others, or hold them still, as equality constraints of joints say.
+
+    Raises:
+        BadArgument: Another equality constraint, which closes a loop, or one that ties a joint again.
+    """
+    joints, tied = bodies.joints, set[int]()
+    for number in np.flatnonzero(model.eq_active0):
+        one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+        name = model.equality(int(number)).name or f"number {number}"
+        constant, slope, *rest = (float(value) for value in model.eq_data[number][:5])
+        is_follower = other >= 0
+        if model.eq_type[number] != _EQUALITY_OF_JOINTS or (is_follower and (any(rest) or slope == 0.0)):
+            evidence = f"the equality constraint {name} is no linear one of joints"
+            raise BadArgument("robot", evidence, "remove it from the model: loops of bodies are not read")
+        if one in tied:
+            evidence = f"joint '{bodies.moving[one]}' is tied twice, by the equality constraint {name} too"
+            raise BadArgument("robot", evidence, "keep one of the two")
+        tied.add(one)
+        joint = joints[bodies.moving[one]]
+        zero = float(model.qpos0[model.jnt_qposadr[one]])
+        if is_follower:
+            leader = float(model.qpos0[model.jnt_qposadr[other]])
+            follow = Mimic(bodies.moving[other], slope, zero + constant - slope * leader)
+            joints[joint.name] = replace(joint, mimic=follow)
+        else:
+            joints[joint.name] = held(joint, zero + constant)
+
+
+def _note(model: Any) -> str:
+    """Return where the robot is from, with what has a torque in MuJoCo and none here."""
+    curved = (np.any(getattr(model, name, 0.0)) for name in ("dof_dampingpoly", "actuator_dampingpoly"))
+    without = {
+        "springs of joints": np.any(model.jnt_stiffness) or np.any(getattr(model, "jnt_stiffnesspoly", 0.0)),
+        "damping of second and third order": any(curved),
+        "gravity compensation of bodies": np.any(model.body_gravcomp),
+        "tendons": model.ntendon > 0,
+        "a fluid": model.opt.density > 0 or model.opt.viscosity > 0,
+    }
+    left = [what for what, is_there in without.items() if is_there]
+    return "read from a model of MuJoCo" + (f"; without {', '.join(left)}" if left else "")
+
+
+def _rotation(quaternion: Array) -> Array:
+    """Return the rotation of a quaternion (w, x, y, z) of any length, shape (3, 3)."""
+    return rotation_from_quaternion(quaternion / np.linalg.norm(quaternion))
