@@ -33,9 +33,9 @@ def torque_difference(robot: Robot, model: Any) -> float:
             columns[joint.name] = joint.mimic.multiplier, joint.mimic.offset, free.index(joint.mimic.joint)
     ratio = np.zeros((len(free), len(names)))
     still = np.array([float(model.qpos0[number]) for number in range(len(names))])
-    for eq in range(model.neq):
-        if model.eq_obj2id[eq] < 0:
-            still[model.eq_obj1id[eq]] += model.eq_data[eq][0]
+    for eq in np.argsort(model.eq_obj2id[: model.neq]):  # what is held before what follows it
+        one, other, data = model.eq_obj1id[eq], model.eq_obj2id[eq], model.eq_data[eq]
+        still[one] += data[0] + (data[1] * (still[other] - model.qpos0[other]) if other >= 0 else 0.0)
     for name, (multiplier, offset, column) in columns.items():
         ratio[column, names.index(name)] = multiplier
         still[names.index(name)] = offset

@@ -69,6 +69,17 @@ FILES = {
     "a slide that is held still": two(
         tail='<equality><joint joint1="j2" polycoef=".7"/></equality>', two='type="slide" ref=".2" armature="2"'
     ),
+    "a joint that follows one that is held still": two(
+        two='ref="20"',
+        tail='<equality><joint joint1="j3" joint2="j2" polycoef=".1 2"/><joint joint1="j2" polycoef=".3"/></equality>',
+    ),
+    "an empty body with bounds": two(head='<compiler boundmass=".3" boundinertia=".01"/>').replace(
+        '<body name="c"', '<body name="empty" pos=".1 .2 .3"/><body name="c"'
+    ),
+    "an empty body in a frame with bounds": two(head='<compiler boundmass=".3"/>').replace(
+        '<body name="c"',
+        '<frame pos="1 0 0" euler="0 0 90"><body name="empty" pos=".1 .2 .3"/></frame><body name="c"',
+    ),
     "a chain of followers with references": two(one='ref="10"', two='ref="-20"', three='ref="5"', tail=CHAIN),
     "equalities that a class turns off": two(
         head='<default><equality active="false"/></default>', tail=TIE.format('polycoef="0 2 0 0 0"')

@@ -12,7 +12,7 @@ from dynident.errors import BadArgument, DescriptionError
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, JointLimits, Mimic, Robot, rotation_about
 from dynident.robot_files.rotations import rotation_from_quaternion
-from dynident.robot_files.tree import Connection, assemble, carried_by_leaders, held, numbered
+from dynident.robot_files.tree import Connection, assemble, carried_by_leaders, numbered, with_held
 
 #: Types of joints and of equality constraints of MuJoCo (mjtJoint, mjtEq).
 _SLIDE, _HINGE, _EQUALITY_OF_JOINTS = 2, 3, 2
@@ -197,7 +197,7 @@ def _tie(model: Any, bodies: _MujocoParts) -> None:
     Raises:
         BadArgument: Another equality constraint, which closes a loop, or one that ties a joint again.
     """
-    joints, tied = bodies.joints, set[int]()
+    joints, tied, still = bodies.joints, set[int](), dict[str, float]()
     for number in np.flatnonzero(model.eq_active0):
         one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
         name = model.equality(int(number)).name or f"number {number}"
@@ -217,7 +217,8 @@ def _tie(model: Any, bodies: _MujocoParts) -> None:
             follow = Mimic(bodies.moving[other], slope, zero + constant - slope * leader)
             joints[joint.name] = replace(joint, mimic=follow)
         else:
-            joints[joint.name] = held(joint, zero + constant)
+            still[joint.name] = zero + constant
+    joints.update(with_held(joints, still))
 
 
 def _note(model: Any) -> str:

@@ -169,8 +169,8 @@ def _show_equations(equations: SymbolicModel, chosen: list[str]) -> None:
                     console.answer(f"  Y[{joint}, {column}] = {text}")
     if equations.weak_terms:
         console.answer(
-            f"\n{equations.weak_terms} terms of Y have a coefficient below 1e-4 of the largest of their entry. The\n"
-            "robot model rounds an angle, such as 1.5708 for a right one: write it with all digits, and they go."
+            f"\n{equations.weak_terms} terms of Y have a coefficient below 1e-4 of the largest of their entry. Where\n"
+            "the robot model rounds an angle, such as 1.5708 for a right one, write it with all digits, and they go."
         )
 
 

@@ -108,8 +108,19 @@ def assemble(
     )
 
 
-def held(joint: Connection, position: float) -> Connection:
-    """Return a joint that is fixed at a position, in rad or m."""
+def with_held(joints: Mapping[str, Connection], positions: Mapping[str, float]) -> dict[str, Connection]:
+    """Return joints of which some are fixed at a position, in rad or m, and their followers where that puts them."""
+    found, waiting = dict(joints), dict(positions)
+    while waiting:
+        name, position = waiting.popitem()
+        found[name] = replace(_held(found[name], position), mimic=None)
+        for joint in found.values():
+            if joint.mimic is not None and joint.mimic.joint == name:
+                waiting[joint.name] = joint.mimic.multiplier * position + joint.mimic.offset
+    return found
+
+
+def _held(joint: Connection, position: float) -> Connection:
     if joint.kind == "prismatic":
         return replace(joint, kind="fixed", translation=joint.translation + position * joint.rotation @ joint.axis)
     return replace(joint, kind="fixed", rotation=joint.rotation @ rotation_about(joint.axis, position))

@@ -173,7 +173,7 @@ def test_joints_without_friction_in_the_model_keep_their_tags(
     ],
 )
 def test_the_urdf_of_another_robot_is_refused(moving: Estimate, tmp_path: Path, old: str, new: str) -> None:
-    with pytest.raises(DescriptionError, match=r"joint '(elbow|shoulder)'.*give the URDF that was identified"):
+    with pytest.raises(DescriptionError, match=r"joint '(elbow|shoulder)'.*give the robot model that was identified"):
         written(moving, tmp_path, URDF.replace(old, new))
     assert not (tmp_path / "out.urdf").exists()
 

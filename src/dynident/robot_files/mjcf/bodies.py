@@ -270,7 +270,8 @@ class _TreeReader:
                 found = inner.geoms.body(child, inner.childclass, frame) if child.tag == "geom" else None
                 if found is not None:
                     geoms.append(found)
-        return inertia_of_body(stated, geoms, compiler)
+        place = Values(body.place, body.attributes)
+        return inertia_of_body(stated, geoms, compiler, place.numbers("pos", 3) if "pos" in place else np.zeros(3))
 
     def _connect(self, body: str, joints: list[_Placed], pose: Pose, carrier: _Carrier) -> Array:
         """Add the joints of a body, and return where its origin is in the frame of its link."""

@@ -45,8 +45,18 @@ def stated_body(element: Element, compiler: CompilerSettings) -> Body:
     return mass, centre, tensor
 
 
-def inertia_of_body(stated: Body | None, geoms: Sequence[Inertia], compiler: CompilerSettings) -> Inertia | None:
-    """Return the inertia that counts, about the origin of the body; None where nothing states one."""
+def inertia_of_body(
+    stated: Body | None, geoms: Sequence[Inertia], compiler: CompilerSettings, place: Array
+) -> Inertia | None:
+    """Return the inertia that counts, about the origin of the body; None where nothing states one.
+
+    Args:
+        stated: What its ``<inertial>`` states.
+        geoms: The inertia of its geoms.
+        compiler: Settings of the compiler.
+        place: Position of the body as written, shape (3,), in m: where MuJoCo has the centre of mass of a body that
+            nothing but a bound gives a mass.
+    """
     found = stated
     if geoms and (compiler.from_geoms == "true" or (compiler.from_geoms == "auto" and stated is None)):
         whole = geoms[0]
@@ -54,7 +64,7 @@ def inertia_of_body(stated: Body | None, geoms: Sequence[Inertia], compiler: Com
             whole = whole + more
         found = whole.mass, np.asarray(whole.centre_of_mass), np.asarray(whole.about_centre)
     if found is None and max(compiler.least_mass, compiler.least_inertia) > 0.0:
-        found = 0.0, np.zeros(3), np.zeros((3, 3))
+        found = 0.0, place, np.zeros((3, 3))
     if found is None:
         return None
     mass, centre, tensor = found

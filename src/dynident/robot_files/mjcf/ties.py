@@ -14,7 +14,7 @@ from dynident.model.robot import Drive, Mimic
 from dynident.robot_files.mjcf.bodies import MjcfTree
 from dynident.robot_files.mjcf.defaults import ACTUATORS, Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument
-from dynident.robot_files.tree import Connection, held
+from dynident.robot_files.tree import Connection, with_held
 from dynident.robot_files.xml_elements import Element
 from dynident.robot_files.xml_values import Values
 
@@ -42,6 +42,7 @@ def tied(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Con
 def _followed(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Connection]:
     joints = {joint.name: joint for joint in tree.connections}
     ties: dict[str, Element] = {}
+    still: dict[str, float] = {}
     for element in document.each("equality"):
         values = defaults.values(element, "", "equality")
         if not values.flag("active", True):
@@ -57,9 +58,13 @@ def _followed(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> lis
             evidence = f"joint {shown(one)} is tied twice, at line {ties[one].line} too: redundant equalities"
             raise values.place.error(evidence, "keep one of the two")
         ties[one] = element
-        joints[one] = _tie(values, joints, joints[one], tree)
+        tie = _tie(values, joints, joints[one], tree)
+        if isinstance(tie, Mimic):
+            joints[one] = replace(joints[one], mimic=tie)
+        else:
+            still[one] = tie
     _check_rings(ties, joints)
-    return list(joints.values())
+    return list(with_held(joints, still).values())
 
 
 def _joint_named(values: Values, key: str, joints: Mapping[str, Connection], tree: MjcfTree) -> str:
@@ -70,15 +75,15 @@ def _joint_named(values: Values, key: str, joints: Mapping[str, Connection], tre
     return name
 
 
-def _tie(values: Values, joints: Mapping[str, Connection], joint: Connection, tree: MjcfTree) -> Connection:
-    """Return a joint that follows another, or that an equality constraint holds still."""
+def _tie(values: Values, joints: Mapping[str, Connection], joint: Connection, tree: MjcfTree) -> Mimic | float:
+    """Return how a joint follows another, or at what position an equality constraint holds it still."""
     coefficients = np.array([0.0, 1.0, 0.0, 0.0, 0.0])
     given = values.numbers("polycoef", 1, 5) if "polycoef" in values else coefficients
     coefficients[: len(given)] = given
     constant, slope = float(coefficients[0]), float(coefficients[1])
     zero = tree.joints[joint.name].ref
     if "joint2" not in values:
-        return held(joint, zero + constant)
+        return zero + constant
     if np.any(coefficients[2:]):
         step = "write a linear one: the last three numbers of polycoef are 0"
         raise values.place.error(f"polycoef {shown(values.text('polycoef'))} is not linear", step)
@@ -87,14 +92,14 @@ def _tie(values: Values, joints: Mapping[str, Connection], joint: Connection, tr
         step = "remove joint2 to hold the joint still, or correct polycoef"
         raise values.place.error(f"polycoef {shown(values.text('polycoef'))} does not follow joint2", step)
     offset = zero + constant - slope * tree.joints[other].ref
-    return replace(joint, mimic=Mimic(other, slope, offset))
+    return Mimic(other, slope, offset)
 
 
 def _check_rings(ties: Mapping[str, Element], joints: Mapping[str, Connection]) -> None:
     """Refuse joints that follow each other in a ring: one of their equalities is redundant."""
     for start in ties:
         seen, name = [start], start
-        while (mimic := joints[name].mimic) is not None and joints[name].kind != "fixed":
+        while (mimic := joints[name].mimic) is not None:
             name = mimic.joint
             if name in seen:
                 words = " -> ".join(shown(each) for each in [*seen, name])

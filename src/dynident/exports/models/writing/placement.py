@@ -1,4 +1,4 @@
-"""Where the links of a URDF stand on those of the model, and what inertia each gets of the sum that was identified."""
+"""Where the links of a robot model stand on those of the estimate, and what inertia each gets of the sum."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dynident.robot_files.tree import Connection
 #: Largest difference between a pose of the file and one of the model, in m and as entries of a rotation.
 SAME = 1e-9
 
-_STEP = "give the URDF that was identified, with --description"
+_STEP = "give the robot model that was identified, with --description"
 
 
 @dataclass(frozen=True)
