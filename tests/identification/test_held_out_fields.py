@@ -17,6 +17,7 @@ from dynident.errors import BadOption
 from dynident.identification.files.estimate_file import summary
 from dynident.identification.identify import identify
 from dynident.identification.problem.choices import Choices
+from dynident.identification.selection.friction.column_pool import beyond
 from dynident.identification.selection.friction.held_out_fields import choose_fields
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
@@ -232,3 +233,19 @@ def test_what_is_chosen_last_is_chosen_with_the_delay_that_was_found(
     (found,), (known,) = estimate.choices.chosen_fields, again.choices.chosen_fields
     assert (found.gain, found.value) == pytest.approx((known.gain, known.value), rel=2e-3)
     assert found.value == pytest.approx(0.03, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_column_with_no_slow_rows_has_no_say_beyond_them(seed: int) -> None:
+    """Against least squares by rows; the difference of products leaves rounding of the column, of either sign."""
+    random = np.random.default_rng(seed)
+    w = random.normal(size=(400, 5)) * [1.0, 1.0, 1.0, 1e3, 10.0]
+    fast = np.arange(400) >= 300
+    w[~fast, 3] = 0.0  # the torque is the last column; the first is a body, the others are friction
+    products = w.T @ w
+    beta = np.linalg.lstsq(w[:, :4], w[:, 4])[0]
+    left = w[~fast, 4] - w[~fast, 0] * beta[0]
+    beta[1:3], beta[3] = np.linalg.lstsq(w[~fast, 1:3], left)[0], 0.0
+    expected = float(np.sum((w[fast, 4] - w[fast, :4] @ beta) ** 2))
+    summed = np.sum([np.outer(row, row) for row in w[fast]], axis=0)  # in another order than the whole
+    assert beyond(products, summed, np.arange(4), 1) == pytest.approx(expected, rel=1e-6)

@@ -117,7 +117,7 @@ def beyond(whole: Array, fast: Array, keep: IntArray, shared: int) -> float:
     The ``shared`` first columns of ``keep`` stay at their fit of all rows: what is asked is how friction goes on beyond
     the speeds it is fitted to. ``whole`` and ``fast`` are products of all and of the fastest rows, (c + 1, c + 1).
     """
-    beta, slow = fit(whole, keep), whole - fast
+    beta, slow = fit(whole, keep), without(whole, fast)
     friction = keep[shared:]
     if len(friction):
         left = slow.copy()
@@ -265,6 +265,17 @@ class _PooledLog:
                     fast[i][place] += chosen @ chosen.T
                     fast_rows[i] += chosen.shape[1]
         return found, rows, fast, fast_rows
+
+
+def without(whole: Array, part: Array) -> Array:
+    """Return the products of the rows that are not in a part, both shape (..., c + 1, c + 1).
+
+    A column all of whose rows are in the part has none left; what the difference leaves of it is rounding, of any sign.
+    """
+    left = whole - part
+    size, all_rows = (np.diagonal(each, axis1=-2, axis2=-1) for each in (left, whole))
+    stays = size > RIDGE * all_rows
+    return left * (stays[..., :, None] & stays[..., None, :])
 
 
 def fit(products: Array, keep: IntArray) -> Array:

@@ -29,7 +29,15 @@ from dynident.arrays import Array, IntArray
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.residuals.quantiles import student_quantile
-from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs, beyond, fit, held_out, loss
+from dynident.identification.selection.friction.column_pool import (
+    ColumnPool,
+    PooledLogs,
+    beyond,
+    fit,
+    held_out,
+    loss,
+    without,
+)
 from dynident.identification.selection.friction.load import default_load
 from dynident.identification.selection.friction.variable_projection import fastest_of, minimum, spans_of
 from dynident.model.dynamic_model import DynamicModel
@@ -348,7 +356,7 @@ class _Tried:
     def errors(self, fastest: bool = True) -> list[Array]:
         """Return the logarithms of the held-out errors of each: of the blocks, and of the fastest rows, (B + 1,)."""
         whole = self.held.sum(axis=0)
-        rest, (fast, count) = whole - self.held, self.fast
+        rest, (fast, count) = without(whole, self.held), self.fast
         found = [held_out(self.held, rest, self.rows, keep) for keep in self.keeps]
         if fastest:
             last = [beyond(whole, fast, keep, self.shared) / max(count, 1) for keep in self.keeps]
