@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -137,6 +138,8 @@ def test_a_mass_that_the_data_contradict_is_named(folder: Path, capsys: Capture)
     out = shown(capsys, "--test", "b.csv", "--bodies", "plausible", "--report", "r.html")
     line = next(line for line in out.splitlines() if line.startswith("mass of link2: the data contradict it"))
     assert line.endswith("its bound is relaxed") and line.split(" (")[0] in (folder / "r.html").read_text()
+    links = next(line for line in out.splitlines() if line.startswith("links: "))
+    assert re.match(r"links: physically consistent and plausible but for .*mass of link2.* \(bound relaxed\)", links)
 
 
 def test_bodies_are_for_the_estimator_consistent(folder: Path, capsys: Capture) -> None:

@@ -68,8 +68,20 @@ def cost_line(test: Validation | None, is_default: bool) -> str:
 
 def contradiction(found: ContradictedBound) -> str:
     """Return how the data contradict a bound, and what became of it."""
-    name = TOTAL_MASS if found.name == TOTAL_MASS else f"{found.bound} of {label(found.name)}"
     fate = "its bound is relaxed" if found.is_relaxed else "the stated range is kept: check it"
     numbers = f"chi-square {format_number(found.statistic, 3)} > {format_number(found.limit, 3)}"
     gain = f"training error {format_number(100 * found.gain, 2)} % lower without the bound"
-    return f"{name}: the data contradict it ({numbers}; {gain}); {fate}"
+    return f"{bound_name(found)}: the data contradict it ({numbers}; {gain}); {fate}"
+
+
+def bound_name(found: ContradictedBound) -> str:
+    """Return what a bound is of, such as ``mass of upper``."""
+    return TOTAL_MASS if found.name == TOTAL_MASS else f"{found.bound} of {label(found.name)}"
+
+
+def plausible_words(facts: Plausibility | None) -> str:
+    """Return `` and plausible`` with the bounds that were relaxed; empty where the links have no bounds."""
+    if facts is None:
+        return ""
+    relaxed = ", ".join(bound_name(one) for one in facts.contradicted if one.is_relaxed)
+    return f" and plausible but for {relaxed} (bound relaxed)" if relaxed else " and plausible"

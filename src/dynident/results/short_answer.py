@@ -13,7 +13,7 @@ from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.plausibility import Plausibility
 from dynident.identification.estimate.validation import Validation
 from dynident.results.nominal import errors_table, link_changes, missing_reason
-from dynident.results.plausibility import plausibility_lines
+from dynident.results.plausibility import plausibility_lines, plausible_words
 from dynident.results.text import (
     Column,
     Table,
@@ -81,7 +81,7 @@ def bodies_line(estimate: Estimate) -> str:
         more = len(verdict.reasons) - 1
         reasons = f"{'; '.join(verdict.reasons[:1])}{f' and {more} more' if more > 0 else ''}"
         return f"links: physically INCONSISTENT: {reasons}"
-    line = "links: physically consistent" + (" and plausible" if Plausibility.of(estimate.run) else "")
+    line = f"links: physically consistent{plausible_words(Plausibility.of(estimate.run))}"
     changes = [each for each in link_changes(estimate) if min(each.mass) > 0]
     if not changes:
         return line
