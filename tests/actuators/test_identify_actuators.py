@@ -43,6 +43,22 @@ def test_a_known_servo_is_found_again(robot: Robot, tmp_path: Path) -> None:
         read_actuators(tmp_path / "b.json")
 
 
+def test_no_angle_offset_is_sought_where_no_weight_tells_it(robot: Robot) -> None:
+    """The axis of the pendulum along gravity: the known inertia is no scale beside the armature, and both are said."""
+    upright = robot.with_gravity([0.0, -9.81, 0.0])
+    logs = virtual_logs(upright, parameters(angle_offset=0.0))
+    setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1")
+    joint = identify_actuators(upright, setup, logs).joints[0]
+    assert joint.value("angle_offset") == 0.0 and "angle_offset" not in {one.name for one in joint.known}
+    inertia = 0.8 * 0.15**2 + 0.002
+    per_inertia = joint.value("full_torque") / (inertia + joint.value("armature"))
+    assert per_inertia == pytest.approx(TRUE["full_torque"] / (inertia + TRUE["armature"]), rel=0.01)
+    labels = {one.name: one.label for one in joint.known}
+    assert {labels[name] for name in ("full_torque", "armature", "coulomb")} == {"not separable"}
+    assert labels["delay"] == "identified"
+    assert not any("offset" in warning for warning in joint_warnings(joint))
+
+
 def test_a_slew_limit_of_the_drive_is_found(robot: Robot) -> None:
     logs = virtual_logs(robot, parameters(slew_limit=2.5), gains=(4.0,))
     setup = ServoSetup((preset("feetech_sts3215"),), COLUMNS, "m1")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,11 @@ from dynident.actuators.servo_log import ServoLog
 from dynident.api.actuators import logs_of_servos
 from dynident.case.case import read_case
 from dynident.cli.main import main
-from dynident.errors import DescriptionError, FileError
+from dynident.errors import DescriptionError, FileError, LogMismatch
 from dynident.model.robot import Robot
 
 pa = pytest.importorskip("pyarrow", reason="Parquet needs the package pyarrow (extra parquet)")
+pq = pytest.importorskip("pyarrow.parquet", reason="Parquet needs the package pyarrow (extra parquet)")
 
 #: Counts of the motor's range, and the same as the file of LeRobot has it.
 LOW, HIGH = 900, 3300
@@ -43,8 +45,6 @@ def logs(robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[
 
 def write_set(logs: list[ServoLog], factor: float) -> None:
     """Write logs as the episodes of one file of a data set, positions times a factor."""
-    import pyarrow.parquet as pq
-
     rows = {
         name: np.concatenate([getattr(log, signal)[:, 0] * factor for log in logs]).astype(np.float32)
         for name, signal in (("action", "q_ref"), ("observation.state", "q"))
@@ -91,8 +91,7 @@ def test_from_a_draft_to_actuators(logs: list[ServoLog], capsys: pytest.CaptureF
     assert joint["parameters"]["armature"]["value"] == pytest.approx(0.012, rel=0.05)
     assert joint["test_error_rad"].keys() == {"set.parquet episode 9"}
     assert joint["test_error_rad"]["set.parquet episode 9"] < 2e-3
-    capsys.readouterr()
-    Path("case.yaml").write_text(Path("case.yaml").read_text().replace("split", "# split"))
+    capsys.readouterr()  # a split of the case is none of the logs that are named
     assert main(["validate", "a.json", "set.parquet", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)["roll_outs"]
     assert [one["trained_on"] for one in told] == [True, True, False]
@@ -103,13 +102,49 @@ def test_what_is_wrong_is_named(logs: list[ServoLog], capsys: pytest.CaptureFixt
     Path("case.yaml").write_text(CASE % (", calibration: follower.json, counts: feetech", ""))
     with pytest.raises(DescriptionError, match="counts and calibration"):
         read_case("case.yaml")
-    Path("two.json").write_text(json.dumps({**CALIBRATION, "gripper": CALIBRATION["joint1"]}))
+    Path("two.json").write_text(json.dumps({"a": CALIBRATION["joint1"], "gripper": CALIBRATION["joint1"]}))
     Path("case.yaml").write_text(CASE % (", calibration: two.json", ""))
-    with pytest.raises(DescriptionError, match=r"2 motors \(joint1, gripper\); the log has joint1"):
+    with pytest.raises(DescriptionError, match=r"no motor for joint1: it has a, gripper, and the log joint1"):
+        read_case("case.yaml")
+    Path("case.yaml").write_text(CASE % (", calibration: follower.json", ", units: {position: deg}"))
+    with pytest.raises(DescriptionError, match="a unit of positions beside shares"):
         read_case("case.yaml")
     Path("case.yaml").write_text(CASE % ("", ", units: {position: rad}"))
     assert main(["identify", "case.yaml"]) == 1
     assert "counts, degrees, or shares of a range" in capsys.readouterr().err
+
+
+def test_episodes_without_motion_are_left_out(logs: list[ServoLog], capsys: pytest.CaptureFixture[str]) -> None:
+    still = replace(logs[0], q=0.0 * logs[0].q, q_ref=0.0 * logs[0].q_ref)
+    short = replace(logs[1], time=logs[1].time[:3], q=logs[1].q[:3], q_ref=logs[1].q_ref[:3])
+    write_set([still, logs[0], short, logs[1]], 180.0 / np.pi)
+    Path("case.yaml").write_text(CASE % ("", ", units: {position: deg}"))
+    assert main(["identify", "case.yaml", "-o", "a.json", "--quiet"]) == 0
+    told = capsys.readouterr().out
+    assert "warning: set.parquet episode 7 is left out: joint1 stands in one pose" in told
+    assert "warning: set.parquet episode 9 is left out: only 3 samples" in told
+    write_set([still], 180.0 / np.pi)
+    assert main(["identify", "case.yaml"]) == 1
+    assert "stands in one pose" in capsys.readouterr().err
+
+
+def test_files_by_a_pattern_and_recordings_in_a_row(logs: list[ServoLog]) -> None:
+    for k, log in enumerate(logs):
+        write_set([log], 180.0 / np.pi)
+        Path("set.parquet").rename(f"episode_{k}.parquet")
+    case = (CASE % ("", ", units: {position: deg}")).replace("set.parquet", "episode_*.parquet")
+    Path("case.yaml").write_text(case)
+    train, test = logs_of_servos(read_case("case.yaml"))
+    assert [one.name for one in (*train, *test)] == [f"episode_{k}.parquet" for k in range(3)]
+    Path("case.yaml").write_text(case.replace("episode_*", "episode_1"))
+    with pytest.raises(DescriptionError, match="1 log: with servo it divides whole logs"):
+        logs_of_servos(read_case("case.yaml"))
+    write_set(logs, 180.0 / np.pi)
+    Path("case.yaml").write_text(case.replace("episode_*", "row"))
+    table = pq.read_table("set.parquet").drop_columns(["episode_index"])
+    pq.write_table(table, "row.parquet")
+    with pytest.raises(LogMismatch, match=r"time runs back at 2 places, the first after sample 1200"):
+        logs_of_servos(read_case("case.yaml"))
 
 
 @pytest.mark.parametrize(

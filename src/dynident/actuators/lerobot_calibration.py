@@ -14,7 +14,7 @@ from dynident.errors import FileError
 #: Counts of a turn of the motors that LeRobot calibrates in shares (Feetech STS3215, Dynamixel X series).
 TURN = 4096
 
-#: The motor whose share runs from 0 to 100; those of all others run from -100 to 100.
+#: End of the names of motors whose share runs from 0 to 100; that of all others runs from -100 to 100.
 GRIPPER = "gripper"
 
 _STEP = "name the JSON that lerobot-calibrate wrote for the follower arm, with range_min and range_max of each motor"
@@ -36,7 +36,7 @@ class MotorRange:
 
     def radians(self, shares: Array) -> Array:
         """Return angles in rad from the middle of the range, of any shape, from shares in percent."""
-        middle, width = (50.0, 100.0) if self.name == GRIPPER else (0.0, 200.0)
+        middle, width = (50.0, 100.0) if self.name.endswith(GRIPPER) else (0.0, 200.0)
         return (np.asarray(shares) - middle) / width * self.travel
 
 
@@ -59,5 +59,5 @@ def read_calibration(path: str | Path) -> tuple[MotorRange, ...]:
         return tuple(found)
     except OSError as error:
         raise FileError(path, str(error.strerror), _STEP) from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise FileError(path, f"no calibration of LeRobot ({type(error).__name__}: {error})", _STEP) from error
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise FileError(path, f"no calibration of LeRobot ({error})", _STEP) from error

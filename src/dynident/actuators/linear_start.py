@@ -33,6 +33,10 @@ _PASSES = 2
 #: A slew limit is kept where it lowers the error of the roll-outs by this share at least.
 _SLEW_GAIN = 0.05
 
+#: Largest slope of the weight over the angle, as a share of the largest torque of the rigid body, below which no weight
+#: tells the angle offset of a joint: an axis along gravity.
+_WEIGHTLESS = 0.02
+
 #: Fewest rows of motion without saturation.
 _FEWEST = 100
 
@@ -209,7 +213,13 @@ def _regression(
 ) -> tuple[Array, float]:
     """Return the parameters at one delay and slew limit, and the share of saturated samples."""
     has_load = "load_motor" in friction.free
-    names = ["full_torque", "viscous", "coulomb", "armature", "angle_offset"]
+    names = ["full_torque", "viscous", "coulomb", "armature"]
+    slope, most = (
+        max(float(np.abs(part).max()) for part in parts)
+        for parts in zip(*((one.slope, one.target) for one in rows), strict=True)
+    )
+    if slope > _WEIGHTLESS * most:
+        names.append("angle_offset")
     if not law.controls_torque:
         names.insert(1, "back_emf")
     if law.has_damping_gain:
@@ -286,7 +296,9 @@ def free_parameters(
         has_gain: Whether the gain is free beside the torque at full duty.
         has_off: Whether some logs have the drive off, which tells back-EMF from viscous friction.
     """
-    names = ["full_torque", *friction.free, "armature", "angle_offset"]
+    names = ["full_torque", *friction.free, "armature"]
+    if start[PLACE["angle_offset"]] != 0.0:  # else no weight tells it
+        names.append("angle_offset")
     if has_gain:
         names.insert(0, "gain_ratio")
     if not law.controls_torque and has_off:

@@ -36,11 +36,19 @@ def read_servo_logs(path: str | Path, how: ServoColumns) -> list[ServoLog]:
     parts = episode_rows(numbers) if len(numbers) else []
     if len(parts) < 2:
         return [checked_log(whole)]
-    logs = [rows_of(whole, part) for part in parts]
-    return [
-        checked_log(replace(log, name=f"{whole.name} episode {numbers[part.start]:g}"))
-        for log, part in zip(logs, parts, strict=True)
-    ]
+    logs, left_out = list[ServoLog](), list[str]()
+    last: LogMismatch | None = None
+    for part in parts:
+        log = replace(rows_of(whole, part), name=f"{whole.name} episode {numbers[part.start]:g}")
+        try:
+            logs.append(checked_log(log))
+        except LogMismatch as problem:
+            last = problem
+            left_out.append(f"{log.name} is left out: {problem.evidence}")
+    if not logs and last is not None:
+        raise last
+    logs[0] = replace(logs[0], left_out=tuple(left_out))
+    return logs
 
 
 def _table_log(path: str | Path, how: ServoColumns) -> tuple[ServoLog, Array]:

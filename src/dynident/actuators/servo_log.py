@@ -26,6 +26,12 @@ _LARGEST_ANGLE = 40.0
 #: samples away.
 _COPIED, _MOST_LAG = 0.9, 5
 
+#: Positions of a joint in one pose span less than this many rad.
+_POSE = 1e-3
+
+#: Time that runs back by more than this many s is the start of another recording.
+_BACK_S = 1.0
+
 #: Fewest samples of a log.
 _FEWEST = 20
 
@@ -94,6 +100,7 @@ class ServoLog:
         failed: Reads that failed, shape (N, n).
         kp: Position gain in the drive's unit; nan where it is not known.
         path: The file.
+        left_out: What of the file is left out, and why, in words; with the first log of the file.
     """
 
     name: str
@@ -108,6 +115,7 @@ class ServoLog:
     failed: BoolArray
     kp: float
     path: str = ""
+    left_out: tuple[str, ...] = ()
 
     @property
     def samples(self) -> int:
@@ -121,6 +129,13 @@ def checked_log(log: ServoLog) -> ServoLog:
     Raises:
         LogMismatch: What ``read_servo_logs`` says.
     """
+    back = np.flatnonzero(np.diff(log.time) < -_BACK_S)
+    if len(back):
+        evidence = (
+            f"time runs back at {len(back)} places, the first after sample {back[0] + 1}: several recordings in a row"
+        )
+        step = "give each recording a file, or the file a column episode_index with the number of the recording"
+        raise LogMismatch(log.name, evidence, step)
     good = np.isfinite(log.time) & np.isfinite(log.q_ref).all(axis=1)
     good &= log.time > np.maximum.accumulate(np.concatenate([[-np.inf], np.where(good, log.time, -np.inf)[:-1]]))
     log = rows_of(log, good)
@@ -172,9 +187,11 @@ def _check_meaning(log: ServoLog, q: Array) -> None:
                 f"{' or '.join(COUNTS)}}}), or the calibration of LeRobot (servo: {{calibration: FILE}})"
             )
             raise LogMismatch(log.name, evidence, step)
-        if np.ptp(measured) < 1e-3 and np.ptp(command) < 1e-3:
-            step = "log a motion of tens of degrees, or leave the joint out (locked: {joint: position})"
-            raise LogMismatch(log.name, f"{name} stands in one pose throughout", step)
+        if max(np.ptp(measured), np.ptp(command)) < _POSE:
+            if np.max(np.ptp(np.hstack([q, log.q_ref]), axis=0)) < _POSE:
+                step = "log a motion of tens of degrees, or leave the joint out (locked: {joint: position})"
+                raise LogMismatch(log.name, f"{name} stands in one pose throughout", step)
+            continue  # it may move in other logs
         if not log.enabled[:, joint].any():
             step = "log with the torque on; where the column is 0 while the drive is on, it is inverted: turn it over"
             raise LogMismatch(log.name, f"the drive of {name} is never on by its column", step)

@@ -26,6 +26,9 @@ _LOGS = 8
 #: logs do not see.
 RANK = 1e-6
 
+#: Share of a direction that the logs do not see from which a parameter is part of it.
+BLIND = 0.01
+
 #: Correlation from which two parameters are known only together.
 TOGETHER = 0.98
 
@@ -98,7 +101,7 @@ def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[Known, .
         sizes, vectors = np.linalg.eigh(core)
         good = sizes > RANK * sizes[-1]
         inverse = (vectors[:, good] / sizes[good]) @ vectors[:, good].T
-        seen[free] = np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) <= 0.1
+        seen[free] = np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) <= BLIND
         meat = _squares(scores, free) * count / max(count - 1, 1)
         meat += _encoder_step(problem.records) ** 2 / 12.0 * _squares(resting.values(), free)
         covariance[np.ix_(free, free)] = inverse @ meat @ inverse

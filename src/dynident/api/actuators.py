@@ -14,6 +14,7 @@ from dynident.actuators.servo_files import read_servo_logs
 from dynident.actuators.servo_log import ServoLog
 from dynident.api.case_logs import with_logs
 from dynident.case.case import Case, read_case
+from dynident.data.log_places import logs_named
 from dynident.errors import BadOption, DescriptionError, LogMismatch
 from dynident.files import sha256_of
 from dynident.model.threads import one_blas_thread
@@ -30,7 +31,7 @@ def actuators(
         progress: Called with each step in words.
 
     Raises:
-        DescriptionError: The case has no key ``servo``, or a split.
+        DescriptionError: The case has no key ``servo``, or a split of a single log.
         BadOption: No training log is named.
         LogFormatError: A log lacks a column, or is no sound log.
         LogMismatch: A log that determines nothing: no command, one pose, counts, saturated throughout.
@@ -51,6 +52,7 @@ def actuators(
         "robot": {"path": case.robot_path, "sha256": sha256_of(case.robot_path)},
         "logs": [{"path": path, "sha256": sha256_of(path)} for path in paths],
         "train": [log.name for log in train],
+        "left_out": [text for log in (*train, *test) for text in log.left_out],
     }
     return replace(found, provenance=provenance)
 
@@ -73,7 +75,7 @@ def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple
         step = "identify again: its inertias are the scale of all torques"
         raise DescriptionError(case.robot_path, "", "it has changed since these actuators were identified", step)
     if logs:
-        case, _ = with_logs(case, [str(log) for log in logs], ())
+        case = replace(with_logs(case, [str(log) for log in logs], ())[0], split=None)
     train, test = logs_of_servos(case)
     with one_blas_thread():
         return followed(estimate, case.robot, test or train, _seen(estimate, test or train))
@@ -101,17 +103,15 @@ def logs_of_servos(case: Case) -> tuple[list[ServoLog], list[ServoLog]]:
         raise DescriptionError(case.path or "the case", "servo", "is missing", "state the drive law of the servos")
     if not case.train:
         raise BadOption("LOG", "", "name a log on the command line, or under train: in the case file")
-    train, test = (
-        [log for name in names for log in read_servo_logs(case.find(name), case.servo.columns)]
-        for names in (case.train, case.test)
-    )
+    files = [[case.find(name) for name in logs_named(names, case.find)[0]] for names in (case.train, case.test)]
+    train, test = ([log for file in part for log in read_servo_logs(file, case.servo.columns)] for part in files)
     seen: dict[str, str] = {}
-    for path in (case.find(name) for name in (*case.train, *case.test)):
-        digest = sha256_of(path)
+    for file in (file for part in files for file in part):
+        digest = sha256_of(file)
         if digest in seen:
             step = "give each log once, and test on logs that are not trained on"
-            raise LogMismatch(str(path), f"the same content as {seen[digest]}", step)
-        seen[digest] = str(path)
+            raise LogMismatch(str(file), f"the same content as {seen[digest]}", step)
+        seen[digest] = str(file)
     return (train, test) if case.split is None else _split(case, train)
 
 
@@ -119,9 +119,11 @@ def _split(case: Case, logs: list[ServoLog]) -> tuple[list[ServoLog], list[Servo
     """Return the first and the other episodes of a case with a split."""
     assert case.split is not None
     if case.split.first is None or len(logs) < 2:
-        step = (
-            "name whole logs under test, a roll-out starts at the first sample of a log; several episodes: first:0.67"
+        evidence = (
+            f"{case.split} of {len(logs)} log{'s' * (len(logs) != 1)}: with servo it divides whole logs or episodes"
         )
-        raise DescriptionError(case.path, "split", "it stands beside servo", step)
+        raise DescriptionError(
+            case.path, "split", evidence, "name other logs under test, or write first:0.67 with several"
+        )
     count = min(max(round(case.split.first * len(logs)), 1), len(logs) - 1)
     return logs[:count], logs[count:]

@@ -85,21 +85,31 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
             added=texts(section, "feedforward"),
             kp=kp,
             counts=section.choice("counts", tuple(COUNTS)) if section.has("counts") else "",
-            ranges=_ranges(section, columns.joints or names) if section.has("calibration") else (),
+            ranges=_ranges(section, columns, columns.joints or names) if section.has("calibration") else (),
         ),
         friction,
     )
 
 
-def _ranges(section: Section, logged: tuple[str, ...]) -> tuple[MotorRange, ...]:
-    """Return the range of the motor of each logged joint from a calibration file of LeRobot."""
+def _ranges(section: Section, columns: ColumnMap, logged: tuple[str, ...]) -> tuple[MotorRange, ...]:
+    """Return the range of the motor of each logged joint from a calibration file of LeRobot.
+
+    Motors are those of the joints' names; where no name agrees, they are in the order of the joints.
+    """
     place = section.place("calibration")
+    if columns.units.position != "rad":
+        raise place.error("a unit of positions beside shares", "leave out units: position, or the calibration")
     if section.has("counts"):
         raise place.error("counts and calibration beside each other", "state counts, or calibration of shares")
     found = read_calibration(find_file(section.text("calibration"), str(section.path)))
-    if len(found) != len(logged):
-        step = f"the log has {', '.join(logged)}: list its joints in the order of the motors (joints: [...])"
-        raise place.error(f"{len(found)} motors ({', '.join(one.name for one in found)})", step)
+    own = {motor.name: motor for motor in found}
+    missing = [name for name in logged if name not in own]
+    if not missing:
+        return tuple(own[name] for name in logged)
+    if len(found) != len(logged) or len(missing) < len(logged):
+        step = "name its motors as the joints of the log, or give one motor for each joint in their order"
+        told = f"it has {', '.join(own) or 'no motors'}, and the log {', '.join(logged)}"
+        raise place.error(f"no motor for {', '.join(missing)}: {told}", step)
     return found
 
 

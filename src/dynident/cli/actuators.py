@@ -61,6 +61,8 @@ def run(case: Case, options: argparse.Namespace) -> int:
             console.answer(f"  {line}")
         for warning in joint_warnings(joint):
             console.answer(f"warning: {joint.name}: {warning}")
+    for text in found.provenance.get("left_out", ()):
+        console.answer(f"warning: {text}")
     if options.output:
         console.remark(f"saved {options.output}", options.quiet)
     return 0
@@ -216,10 +218,20 @@ def check(case: Case, options: argparse.Namespace) -> int:
         told = [{"path": log.name, "findings": [asdict(one) for one in own]} for log, own in found]
         console.answer_json({"robot": case.robot.name, "sound": sound, "logs": told})
         return 0 if sound else 1
+    notes: dict[tuple[str, str, str], list[str]] = {}
     for log, own in found:
-        console.answer(f"{log.name}: {f'{len(own)} findings' if own else 'nothing found'}")
-        for one in own:
+        heavy = [one for one in own if one.severity != "note"]
+        console.answer(f"{log.name}: {f'{len(heavy)} findings' if heavy else 'nothing found'}")
+        for one in heavy:
             of = f" ({one.joint})" if one.joint else ""
             console.answer(f"  {one.severity}: {one.name}{of}: {one.evidence}")
             console.answer(f"    {one.remedy}")
+        for one in own[len(heavy) :]:  # notes come last
+            notes.setdefault((one.name, one.evidence, one.remedy), []).append(one.joint)
+        for text in log.left_out:
+            console.answer(f"  warning: {text}")
+    for (name, evidence, remedy), joints in notes.items():
+        of = ", ".join(dict.fromkeys(joint for joint in joints if joint))
+        console.answer(f"note: {name}{f' ({of})' if of else ''}: {evidence}")
+        console.answer(f"  {remedy}")
     return 0 if sound else 1

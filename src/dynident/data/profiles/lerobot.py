@@ -17,7 +17,13 @@ class Lerobot(Profile):
 
     time: ClassVar = "timestamp"
     channels: ClassVar = (
-        Channel("observation.state{}", "q", unit="", needed=True, note="degrees, radians or a share of the range"),
+        Channel(
+            "observation.state{}",
+            "q",
+            unit="",
+            needed=True,
+            note="degrees, radians; for shares of the range write servo: {calibration: FILE} instead",
+        ),
         Channel("action{}", "q_ref", "commanded", unit=""),
     )
     source: ClassVar = "LeRobot data set format, version 3"
