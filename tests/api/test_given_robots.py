@@ -269,3 +269,16 @@ def test_verbs_take_them(estimate: di.Estimate, exact_log: Callable[..., di.Log]
     found = di.identify(di.mujoco_spec(estimate), arrays, "wls", trust=di.TrustOptions())
     assert found.model.robot.joint_names == planar_2r.joint_names
     assert di.log_of(arrays, di.mujoco_spec(estimate)).joints == planar_2r.joint_names
+
+
+def test_an_actuator_with_several_controls_is_one_actuator() -> None:
+    text = (
+        '<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody>'
+        '<actuator><pid joint="j" kp="5" ki="1"/></actuator></mujoco>'
+    )
+    mujoco = pytest.importorskip("mujoco")
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+    except ValueError:
+        pytest.skip("this MuJoCo has no pid")
+    assert di.robot_of(model).dof == 1

@@ -87,6 +87,8 @@ def test_everything_in_the_schema_of_the_installed_mujoco_is_known() -> None:
 
 
 def test_what_every_xml_file_may_have_is_passed_over(tmp_path: Path) -> None:
-    text = ARM.format(head="", world="", body="", tail="").replace("<mujoco>", '<mujoco xmlns:xi="x" xml:base="y">')
+    text = ARM.format(head="", world="", body="", tail="").replace(
+        "<mujoco>", '<mujoco xmlns:xi="x" xml:base="y" xi:schema="z">'
+    )
     (tmp_path / "arm.xml").write_text(text)
     assert read_robot(tmp_path / "arm.xml").dof == 2

@@ -121,6 +121,22 @@ def test_a_follower_has_no_share_of_its_own_left(tmp_path: Path) -> None:
     assert (follower.friction, follower.damping, follower.drive.reflected_inertia) == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("motor", "told"),
+    [
+        ('joint="j1" damping="0.1 0.2"', "without damping of second and third order (j1)"),
+        ('tendon="t" armature="0.2"', "without armature and damping of actuators beside joints (m)"),
+    ],
+)
+def test_what_an_actuator_adds_beyond_joints_and_first_order_is_named(motor: str, told: str, tmp_path: Path) -> None:
+    tendon = '<tendon><fixed name="t"><joint joint="j1" coef="1"/></fixed></tendon>'
+    tail = f'{tendon}<actuator><motor name="m" {motor}/></actuator>'
+    (tmp_path / "arm.xml").write_text(two(tail=tail))
+    assert told in read_robot(tmp_path / "arm.xml").note
+    (tmp_path / "arm.xml").write_text(two(tail=tail.replace(' armature="0.2"', "").replace("0.1 0.2", "0.1")))
+    assert told not in read_robot(tmp_path / "arm.xml").note
+
+
 def test_a_class_gives_tendons_a_spring(tmp_path: Path) -> None:
     tendon = '<tendon><fixed name="t"><joint joint="j1" coef="1"/></fixed></tendon>'
     robot, model = both(two(head='<default><tendon stiffness="100"/></default>', tail=tendon), tmp_path)

@@ -117,6 +117,8 @@ def test_limits_frames_and_meshes_are_read(tmp_path: Path) -> None:
     assert "mount" in robot.frames and robot.frames["flange"].link == 0
     (mesh,) = robot.links[1].shapes
     assert isinstance(mesh, Mesh) and mesh.file == "model://arm/tool.stl"
+    (tmp_path / "arm.sdf").write_text(ARM.replace("<mesh>", '<mesh optimization="convex_hull">'))
+    assert len(read_robot(tmp_path / "arm.sdf").links[1].shapes) == 1
 
 
 def test_identified_values_return_into_the_file_and_every_other_byte_is_kept() -> None:

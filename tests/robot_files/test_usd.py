@@ -115,6 +115,10 @@ def test_drives_and_what_physx_adds(stage: Any) -> None:
     assert other.limits.velocity == pytest.approx(np.pi) and other.drive.rotor_inertia == 0.25
     assert "stiffness and damping of the drive of joint2 are gains of a controller and not read" in robot.note
     assert "the joint friction of PhysX of joint2 is not read" in robot.note
+    passive.CreateTypeAttr("acceleration")
+    robot = again(stage)
+    assert robot.joints[0].damping is None
+    assert "damping of the drive of joint1 is per inertia (type acceleration) and not read" in robot.note
 
 
 def test_what_newton_adds(stage: Any) -> None:

@@ -97,7 +97,7 @@ def _check_bodies(model: Any) -> None:
     Raises:
         BadArgument: A muscle, or a flexible body.
     """
-    for number in range(model.nu):
+    for number in range(len(model.actuator_dyntype)):  # a pid has several controls
         if model.actuator_dyntype[number] == _MUSCLE or model.actuator_gaintype[number] == _MUSCLE_GAIN:
             name = model.actuator(number).name or f"number {number}"
             evidence = f"the actuator {name} is a muscle, whose force depends on its length and speed"

@@ -27,6 +27,7 @@ _ATTRIBUTES: Final[Mapping[str, tuple[str, ...]]] = {
     "pose": ("relative_to", "rotation_format", "degrees", "frame"),
     "xyz": ("expressed_in",),
     "mimic": ("joint", "axis"),
+    "mesh": ("optimization",),
 }
 
 #: Elements that are read in each element.

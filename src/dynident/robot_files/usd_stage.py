@@ -291,6 +291,9 @@ class _StageReader:
             raise self._place(prim).error(f"the largest force of its drive is {largest:g}", "write 0 or more")
         damping = float(drive.GetDampingAttr().Get()) * force
         damping = damping * math.degrees(1.0) if axis == "angular" else damping / self.units.length
+        if damping and drive.GetTypeAttr().Get() == "acceleration":
+            self.notes.append(f"damping of the drive of {name} is per inertia (type acceleration) and not read")
+            return None, math.inf
         if drive.GetStiffnessAttr().Get() or drive.GetTargetVelocityAttr().Get():
             self.notes.append(f"stiffness and damping of the drive of {name} are gains of a controller and not read")
             return None, largest * force

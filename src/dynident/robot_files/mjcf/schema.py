@@ -18,7 +18,7 @@ _GROUPS: Final = {
     "frame": "axisangle childclass euler name pos quat scale xyaxes zaxis",
     "replicate": "childclass count euler offset sep",
 }
-#: Attributes that every XML file may have.
+#: Start of the attributes that every XML file may have, beside those with a prefix.
 _OF_XML: Final = "xml"
 
 
@@ -69,7 +69,7 @@ def check_schema(root: Element) -> None:
     """
     for element, rule in _ruled(root, mjcf_rules()):
         for name in element.attributes:
-            if name not in rule.attributes and not name.startswith(_OF_XML):
+            if name not in rule.attributes and not name.startswith(_OF_XML) and ":" not in name:
                 step = f"remove or correct it{nearest(name, sorted(rule.attributes))}"
                 raise element.place.error(f"unknown attribute {shown(name)}", step)
 

@@ -126,7 +126,10 @@ def _driven(document: MjcfDocument, defaults: Defaults, tree: MjcfTree, joints: 
         if element.tag == "muscle" or "muscle" in words:
             raise values.place.error("a muscle is not read", f"replace it by a motor of the joint: {_RIGID}")
         name = values.text("joint", values.text("jointinparent", ""))
+        states = [key for key in ("armature", "damping") if key in values and np.any(values.numbers(key, 1, 3))]
         if element.tag not in ACTUATORS or not name:
+            if states:
+                tree.note("armature and damping of actuators beside joints", values.text("name", element.tag))
             continue
         if name not in tree.joints:
             step = f"correct the name{nearest(name, tree.joints)}"
@@ -135,7 +138,9 @@ def _driven(document: MjcfDocument, defaults: Defaults, tree: MjcfTree, joints: 
         if motor is None:
             continue
         motors.setdefault(name, []).append(motor)
-        if any(key in values and np.any(values.numbers(key, 1, 3)) for key in ("armature", "damping")):
+        if "damping" in states and np.any(values.numbers("damping", 1, 3)[1:]):
+            tree.note("damping of second and third order", name)
+        if states:
             tree.motors.setdefault(name, []).append(element)
     return [_moved(joint, motors.get(name, [])) for name, joint in found.items()]
 
