@@ -30,7 +30,7 @@ lint: .venv/dev
 	$(BIN)/python scripts/words.py
 
 type: .venv/dev
-	$(BIN)/pyright
+	$(BIN)/pyright --threads 2
 
 imports: .venv/dev
 	$(BIN)/lint-imports
