@@ -273,14 +273,18 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("name", FAULTS)
-def test_what_is_not_read_is_refused_with_file_element_and_remedy(name: str) -> None:
-    old, new, evidence, remedy = FAULTS[name]
-    text = ARM.replace(old.replace("'", '"'), new, 1)
+def refusal(text: str) -> str:
+    """Return the message with which a file other than the arm is refused."""
     assert text != ARM
     with pytest.raises(DescriptionError) as caught:
         SdfFile().read("arm.sdf", text.encode())
-    message = str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_what_is_not_read_is_refused_with_file_element_and_remedy(name: str) -> None:
+    old, new, evidence, remedy = FAULTS[name]
+    message = refusal(ARM.replace(old.replace("'", '"'), new, 1))
     assert "arm.sdf" in message and evidence in message and remedy in message and "\n" not in message
 
 
@@ -297,7 +301,6 @@ TYPOS = {
 @pytest.mark.parametrize("name", TYPOS)
 def test_mistyped_words_are_refused_with_the_nearest_known_one(name: str) -> None:
     old, new, evidence, remedy = TYPOS[name]
-    with pytest.raises(DescriptionError) as caught:
-        SdfFile().read("arm.sdf", ARM.replace(old, new).encode())
-    assert re.match(r"arm\.sdf: line \d+, <\w+", str(caught.value))
-    assert evidence in str(caught.value) and remedy in str(caught.value)
+    message = refusal(ARM.replace(old, new))
+    assert re.match(r"arm\.sdf: line \d+, <\w+", message)
+    assert evidence in message and remedy in message

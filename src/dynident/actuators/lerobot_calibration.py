@@ -41,7 +41,7 @@ class MotorRange:
 
 
 def read_calibration(path: str | Path) -> tuple[MotorRange, ...]:
-    """Return the ranges of the motors in the order of the file, which is that of the columns.
+    """Return the ranges of the motors in the order of the file.
 
     Raises:
         FileError: The file cannot be read, or is no calibration.

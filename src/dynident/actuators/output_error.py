@@ -179,14 +179,12 @@ def output_error(
     if best is None:
         step = "check the drive law (error_gain, limit) and the robot model's inertias"
         raise SolverFailed("the output error of the servo", "no start gives a finite roll-out", step)
-    for _ in range(effort.reweights if len(problem.records) > 2 else 0):
-        weights = log_weights(problem, best[0])
-        values, cost, count = _refined(problem, best[0], loss_scale, effort.many, weights)
-        evaluations += count
-        best = (values, cost, best[2])
-    if effort.finish:
-        weights = log_weights(problem, best[0]) if len(problem.records) > 2 else None
-        values, cost, count = _refined(problem.finely, best[0], loss_scale, effort.finish, weights)
+    is_weighted = len(problem.records) > 2
+    passes = [(problem, effort.many)] * (effort.reweights if is_weighted else 0)
+    passes += [(problem.finely, effort.finish)] if effort.finish else []
+    for one, most in passes:
+        weights = log_weights(problem, best[0]) if is_weighted else None
+        values, cost, count = _refined(one, best[0], loss_scale, most, weights)
         evaluations += count
         best = (values, cost, best[2])
     return ServoFit(best[0], best[1], best[2], evaluations, tuple(costs))

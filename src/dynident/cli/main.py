@@ -198,10 +198,11 @@ def _joined(arguments: Sequence[str]) -> list[str]:
     """
     found: list[str] = []
     for one in arguments:
-        robots = [number for number, word in enumerate(found) if _MODEL.search(word)]
+        argument = _XACRO_ARGUMENT.fullmatch(one)
+        robots = [number for number, word in enumerate(found) if _MODEL.search(word)] if argument else []
         if found and found[-1].startswith("--") and "=" not in found[-1] and _NEGATIVE_LIST.match(one):
             found[-1] += f"={one}"
-        elif robots and (argument := _XACRO_ARGUMENT.fullmatch(one)):
+        elif robots and argument:
             from dynident.robot_files.xacro import with_arguments
 
             found[robots[-1]] = with_arguments(found[robots[-1]], {argument[1]: argument[2]})
