@@ -130,6 +130,10 @@ FILES = {
         '<asset><mesh name="m" inertia="exact" scale="1 2 -1" vertex="0 0 0 1 0 0 0 1 0 0 0 1" '
         'face="0 2 1 0 1 3 1 2 3 2 0 3"/></asset>',
     ),
+    "a mesh of points alone": arm(
+        HINGE + '<geom type="mesh" mesh="m" pos=".1 0 0" euler="10 20 30"/>',
+        '<asset><mesh name="m" scale="1 2 -1" vertex="0 0 0 1 0 0 0 1 0 0 0 1 .1 .1 .1 1 1 1"/></asset>',
+    ),
 }
 
 

@@ -94,6 +94,40 @@ FILES = {
     ),
 }
 
+#: A body and what is on it, thrice; actuators and equalities name what is copied.
+COPIES = (
+    '<mujoco>{}<worldbody><replicate count="3" sep="-" offset="0 1 0" euler="0 0 20"><body name="b"><joint name="a" '
+    'axis="0 1 0" ref="10"/><geom size=".1" pos=".2 .1 0"/><body pos=".3 0 0"><joint name="c" axis="1 0 0" ref="20" '
+    'armature=".1"/><geom size=".1" pos=".1 .2 .3"/></body></body></replicate><body><joint name="q" axis="1 1 0"/>'
+    '<geom size=".1" pos=".2 .1 0"/></body></worldbody>{}</mujoco>'
+)
+FILES |= {
+    f"{what}, switched off": two(
+        head=f'<option density="2" viscosity=".1"><flag {flags}/></option>',
+        one='damping="2" stiffness="3" frictionloss="4"',
+        tail=TIE.format("") + '<actuator><motor joint="j1" damping="1"/></actuator>',
+    )
+    for what, flags in {
+        "damping, springs and a fluid": 'spring="disable" damper="disable"',
+        "all constraints and forces": 'constraint="disable" spring="disable" damper="disable"',
+        "equalities and forces": 'equality="disable" damper="disable" spring="disable"',
+    }.items()
+} | {
+    "actuators of copies": COPIES.format(
+        "", '<actuator><motor joint="c" gear="3" armature=".2" damping=".3"/></actuator>'
+    ),
+    "equalities in copies": COPIES.format("", '<equality><joint joint1="c" joint2="a" polycoef=".1 -2"/></equality>'),
+    "copies that are held still": COPIES.format("", '<equality><joint joint1="c" polycoef=".1"/></equality>'),
+    "one copy that follows": COPIES.format("", '<equality><joint joint1="c-1" joint2="q"/></equality>'),
+    "copies in copies": COPIES.format("", '<actuator><motor joint="a" armature=".2"/></actuator>')
+    .replace(
+        '<body pos=".3 0 0"><joint name="c"',
+        '<replicate count="2" offset="0 0 1" sep="."><body><joint name="i" axis="1 0 0"/><geom size=".1" pos=".1 0 1"/>'
+        '</body></replicate><body pos=".3 0 0"><joint name="c"',
+    )
+    .replace("</actuator>", '<motor joint="i" armature=".3"/></actuator>'),
+}
+
 
 @pytest.mark.parametrize("name", FILES)
 def test_torques_are_those_of_mujoco(name: str, tmp_path: Path) -> None:
@@ -177,3 +211,34 @@ def test_ties_that_cannot_be_of_a_model_in_python(ties: str, told: str) -> None:
     model = mujoco.MjModel.from_xml_string(two(tail=f"<equality>{ties}</equality>"))
     with pytest.raises(BadArgument, match=told):
         robot_of(model)
+
+
+def test_an_equality_that_mujoco_leaves_out_is_refused(tmp_path: Path) -> None:
+    """One joint is copied, the other is not: MuJoCo refuses it, or has no equality and no word of it."""
+    text = COPIES.format("", '<equality><joint joint1="c" joint2="q"/></equality>')
+    with pytest.raises(ValueError, match="unknown element 'c'"):
+        mujoco.MjModel.from_xml_string(text)
+    first = '<worldbody><body><joint name="q"/><geom size=".1"/></body>'
+    before = text.replace("<worldbody>", first).replace('<body><joint name="q" axis', '<body><joint name="r" axis')
+    assert mujoco.MjModel.from_xml_string(before).neq == 0
+    with pytest.raises(DescriptionError, match=r"copies both of its joints; name those of copies, such as c-0 and q"):
+        both(text, tmp_path)
+
+
+def test_flags_end_what_they_switch_off(tmp_path: Path) -> None:
+    head = '<option density="1"><flag frictionloss="disable" {}/></option>'
+    one = 'frictionloss=".1" damping="2 1" stiffness="3"'
+    for flags, damping, told in (
+        ("", 2.0, "without a fluid, springs of joints"),
+        ('damper="disable"', 0.0, "without a fluid, springs of joints"),
+        ('damper="disable" spring="disable"', 0.0, ""),
+    ):
+        robot, model = both(two(head=head.format(flags), one=one), tmp_path)
+        for found in (robot, robot_of(model)):
+            assert (found.joints[0].friction, found.joints[0].damping) == (0.0, damping)
+            assert ("of second" in found.note) == ("damper" not in flags)
+            assert "without" not in found.note if not told else "springs of joints" in found.note
+    with pytest.raises(
+        DescriptionError, match=r"<flag>: damper 'disabled' is not known; choose one of: enable, disable"
+    ):
+        both(two(head='<option><flag damper="disabled"/></option>'), tmp_path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -51,6 +52,7 @@ def robot_of_mujoco(model: Any) -> Robot:
     import mujoco  # pyright: ignore[reportMissingImports]
 
     package: Any = mujoco
+    off = _switched_off(model, package.mjtDisableBit)
     _check_bodies(model)
     bodies = _MujocoParts(_names(model, "body", model.nbody), _names(model, "joint", model.njnt, 1))
     base = model.body(0).name or "world"
@@ -58,12 +60,13 @@ def robot_of_mujoco(model: Any) -> Robot:
     bodies.inertias[base] = None
     for number in range(1, model.nbody):
         _add_body(model, number, bodies)
-    _tie(model, bodies)
+    if "equality" not in off:
+        _tie(model, bodies)
     if all(joint.kind == "fixed" for joint in bodies.joints.values()):
         raise BadArgument("robot", "a model without moving joints", "give the model of an arm")
     name = bytes(model.names).split(b"\0", 1)[0].decode("utf-8", "replace") or "robot"
     try:
-        found = assemble("robot", name, bodies.inertias, list(bodies.joints.values()), _note(model))
+        found = assemble("robot", name, bodies.inertias, list(bodies.joints.values()), _note(model, off))
     except DescriptionError as error:
         raise BadArgument("robot", f"{error.where} {error.evidence}".strip(), error.step) from error
     links = {base: Frame(-1, np.eye(3), np.zeros(3))}
@@ -77,9 +80,21 @@ def robot_of_mujoco(model: Any) -> Robot:
         site = model.site(number).name or f"site{number}"
         if site not in links:
             frames.setdefault(site, frame)
-    has_gravity = not model.opt.disableflags & int(package.mjtDisableBit.mjDSBL_GRAVITY)
-    gravity = np.array(model.opt.gravity) if has_gravity else np.zeros(3)
-    return replace(found, gravity=gravity, frames=frames, joints=carried_by_leaders(found.joints))
+    gravity = np.zeros(3) if "gravity" in off else np.array(model.opt.gravity)
+    damped, rubs = "damper" not in off, "frictionloss" not in off
+    joints = tuple(
+        replace(joint, damping=joint.damping if damped else 0.0, friction=joint.friction if rubs else 0.0)
+        for joint in carried_by_leaders(found.joints)
+    )
+    return replace(found, gravity=gravity, frames=frames, joints=joints)
+
+
+def _switched_off(model: Any, bits: Any) -> set[str]:
+    """Return what flags of the model switch off, of what has a part in torques."""
+    parts = {"constraint": ("equality", "frictionloss"), "passive": ("spring", "damper")}  # passive: before 3.3
+    names = (*parts, "equality", "frictionloss", "spring", "damper", "gravity")
+    found = {name for name in names if model.opt.disableflags & int(getattr(bits, f"mjDSBL_{name.upper()}", 0))}
+    return found.union(*(parts.get(name, ()) for name in found))
 
 
 def _names(model: Any, kind: Literal["body", "joint"], size: int, first: int = 0) -> list[str]:
@@ -221,15 +236,17 @@ def _tie(model: Any, bodies: _MujocoParts) -> None:
     joints.update(with_held(joints, still))
 
 
-def _note(model: Any) -> str:
+def _note(model: Any, off: Set[str]) -> str:
     """Return where the robot is from, with what has a torque in MuJoCo and none here."""
     curved = (np.any(getattr(model, name, 0.0)) for name in ("dof_dampingpoly", "actuator_dampingpoly"))
+    stiff = np.any(model.jnt_stiffness) or np.any(getattr(model, "jnt_stiffnesspoly", 0.0))
+    is_passive = not {"spring", "damper"} <= off
     without = {
-        "springs of joints": np.any(model.jnt_stiffness) or np.any(getattr(model, "jnt_stiffnesspoly", 0.0)),
-        "damping of second and third order": any(curved),
-        "gravity compensation of bodies": np.any(model.body_gravcomp),
+        "springs of joints": stiff and "spring" not in off,
+        "damping of second and third order": any(curved) and "damper" not in off,
+        "gravity compensation of bodies": np.any(model.body_gravcomp) and is_passive,
         "tendons": model.ntendon > 0,
-        "a fluid": model.opt.density > 0 or model.opt.viscosity > 0,
+        "a fluid": (model.opt.density > 0 or model.opt.viscosity > 0) and is_passive,
     }
     left = [what for what, is_there in without.items() if is_there]
     return "read from a model of MuJoCo" + (f"; without {', '.join(left)}" if left else "")

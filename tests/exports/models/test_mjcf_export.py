@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -149,6 +150,33 @@ def test_changed_includes_get_names_of_their_own(place: str, tmp_path: Path) -> 
     assert b'<include file="tip.xml"/>' in files[folder / "out.xml"]
     assert "your own files stay as they are: what changed in includes is in out-whole.xml" in " ".join(patched.notes)
     assert not any(before.get(file) for file in files)
+
+
+def test_names_of_changed_includes_are_those_of_no_other_file(tmp_path: Path) -> None:
+    """Neither a file of the user's beside the output, nor an include; an output of before is written over."""
+    path = in_includes(tmp_path)
+    new = tmp_path / "new"
+    new.mkdir()
+    (new / "out-bodies.xml").write_text("a file of the user's")
+    for _ in range(2):
+        _, files = reloaded(path, new)
+        assert [file.name for file in files] == ["out.xml", "out-whole.xml", "out-bodies_2.xml"]
+        shutil.rmtree(new / "own")
+        for file, data in files.items():
+            file.write_bytes(data)
+    whole = tmp_path / "whole.xml"
+    whole.rename(tmp_path / "out-bodies.xml")
+    path.write_text(path.read_text().replace("whole.xml", "out-bodies.xml"))
+    _, files = reloaded(path, tmp_path)
+    assert [file.name for file in files] == ["out.xml", "out-out-bodies.xml", "out-bodies_2.xml"]
+
+
+@pytest.mark.parametrize("flag", ["damper", "frictionloss", "constraint"])
+def test_what_a_flag_would_end_is_not_written(flag: str, tmp_path: Path) -> None:
+    text = MJCF.replace("  <default><joint", f'  <option><flag {flag}="disable"/></option>\n  <default><joint', 1)
+    key = "damping" if flag == "damper" else "frictionloss"
+    with pytest.raises(DescriptionError, match=rf"line 5, <flag>: it switches {key} off, and joint '.*; enable it in"):
+        reloaded(given(tmp_path, text), tmp_path)
 
 
 def test_what_a_changed_include_includes_from_its_own_folder_is_found(tmp_path: Path) -> None:

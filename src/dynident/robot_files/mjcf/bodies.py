@@ -75,6 +75,7 @@ class MjcfTree:
         joints: The joints that move, by name.
         sources: The bodies of the file, by name.
         motors: The actuators that give a joint armature or damping, by joint.
+        copies: What the names of the copies of a joint in a ``<replicate>`` end with, by its name there.
         curved: The joints with damping of second or third order.
         notes: What has a torque in MuJoCo and none here.
     """
@@ -86,6 +87,7 @@ class MjcfTree:
     joints: dict[str, JointSource] = field(default_factory=dict)
     sources: dict[str, BodySource] = field(default_factory=dict)
     motors: dict[str, list[Element]] = field(default_factory=dict)
+    copies: dict[str, list[str]] = field(default_factory=dict)
     curved: set[str] = field(default_factory=set)
     notes: dict[str, list[str]] = field(default_factory=dict)
 
@@ -318,6 +320,8 @@ class _TreeReader:
             rotation = rotation @ rotation_about(axis, -ref)
         else:
             translation = translation - ref * rotation @ axis
+        if scope.suffix and element.attributes.get("name"):
+            self.tree.copies.setdefault(name.removesuffix(scope.suffix), []).append(scope.suffix)
         self.tree.joints[name] = JointSource(element, values.at_least_zero("armature", 0.0), ref, scope.is_own)
         joint = Connection(
             name, kind, "", "", rotation, translation, axis, _limits(values, scope, unit),

@@ -84,7 +84,8 @@ class MjcfDocument:
         gravity: Gravity, shape (3,), in m/s^2.
         texts: The bytes of each file by its path as messages call it, those of attached models too.
         includes: The elements that include files, by the path of what they include.
-        notes: What has a torque in MuJoCo and none here.
+        disabled: The ``<flag>`` elements of what is switched off, by the name of the flag.
+        has_fluid: Whether a fluid resists the motion.
     """
 
     path: object
@@ -94,7 +95,8 @@ class MjcfDocument:
     gravity: Array
     texts: dict[str, bytes]
     includes: Mapping[str, Element]
-    notes: list[str] = field(default_factory=list)
+    disabled: Mapping[str, Element] = field(default_factory=dict)
+    has_fluid: bool = False
 
     @property
     def folder(self) -> Path:
@@ -123,11 +125,20 @@ def read_document(path: object, data: bytes, known: Mapping[str, bytes] | None =
             sections.setdefault(element.tag, []).append(element)
     if "worldbody" not in sections:
         raise Place(path).error("no <worldbody> in <mujoco>", "give the MJCF of a robot")
-    gravity, notes = _options(sections.get("option", []))
+    disabled = _disabled(sections.get("option", []))
+    gravity, has_fluid = _options(sections.get("option", []))
     name = root.attributes.get("model") or PurePath(str(path)).stem
     compiler = _compiler(sections.get("compiler", []))
     return MjcfDocument(
-        path, name if name.isprintable() else "robot", sections, compiler, gravity, files.texts, files.includes, notes
+        path,
+        name if name.isprintable() else "robot",
+        sections,
+        compiler,
+        np.zeros(3) if "gravity" in disabled else gravity,
+        files.texts,
+        files.includes,
+        disabled,
+        has_fluid,
     )
 
 
@@ -201,16 +212,31 @@ def file_beside(element: Element, attribute: str, name: str, folder: Path) -> by
     return data
 
 
-def _options(elements: list[Element]) -> tuple[Array, list[str]]:
-    gravity, on, fluid = np.array([0.0, 0.0, -9.81]), True, False
+def _options(elements: list[Element]) -> tuple[Array, bool]:
+    """Return gravity, and whether there is a fluid."""
+    gravity, fluid = np.array([0.0, 0.0, -9.81]), False
     for element in elements:
         values = Values(element.place, element.attributes)
         gravity = values.numbers("gravity", 3) if "gravity" in values else gravity
         fluid |= any(name in values and values.number(name) > 0 for name in ("density", "viscosity"))
-        for flag in element.all("flag"):
-            inner = Values(flag.place, flag.attributes)
-            on = inner.choice("gravity", ("enable", "disable"), "enable" if on else "disable") == "enable"
-    return gravity if on else np.zeros(3), ["a fluid"] if fluid else []
+    return gravity, fluid
+
+
+def _disabled(elements: list[Element]) -> dict[str, Element]:
+    """Return the flags that are switched off; of several the last one counts.
+
+    What ``constraint`` and ``passive`` (before MuJoCo 3.3) switch off counts as switched off by its own flag.
+    """
+    found: dict[str, Element] = {}
+    for flag in (flag for element in elements for flag in element.all("flag")):
+        values = Values(flag.place, flag.attributes)
+        for name in flag.attributes:
+            found.pop(name, None)
+            if values.choice(name, ("enable", "disable"), "enable") == "disable":
+                found[name] = flag
+    for whole, parts in (("constraint", ("equality", "frictionloss")), ("passive", ("spring", "damper"))):
+        found |= {part: found[whole] for part in parts if whole in found}
+    return found
 
 
 def _compiler(elements: list[Element]) -> CompilerSettings:

@@ -18,7 +18,7 @@ from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from dynident.robot_files.mesh_files import folders_above
 from dynident.robot_files.mjcf.defaults import Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument
-from dynident.robot_files.mjcf.mesh_bodies import MeshKind, mesh_body
+from dynident.robot_files.mjcf.mesh_bodies import MeshKind, hull_of, mesh_body
 from dynident.robot_files.mjcf.poses import Pose, placed, pose_of
 from dynident.robot_files.rotations import rotation_from_quaternion, rotation_to_axis
 from dynident.robot_files.xml_elements import Element
@@ -124,7 +124,7 @@ class Meshes:
         if asset.file:
             folder = self.document.folder
             found = mesh_triangles(Mesh(asset.file), [folder.absolute(), *folders_above(folder, [asset.file])])
-        elif "vertex" in values and "face" in values:
+        elif "vertex" in values:
             found = _written(values)
         else:
             raise values.place.error("its points are not in the file and not in a mesh file", _WRITE)
@@ -138,10 +138,15 @@ class Meshes:
 
 
 def _written(values: Values) -> Array:
+    """Return the triangles of a mesh whose points are written; without faces those of the convex hull."""
     points = values.numbers("vertex", 12, 3_000_000)
+    if len(points) % 3:
+        raise values.place.error(f"vertex has {len(points)} numbers", "write three a point")
+    if "face" not in values:
+        return hull_of(points.reshape(-1, 3))
     faces = values.numbers("face", 3, 3_000_000)
     rows = faces.astype(int)
-    if len(points) % 3 or len(faces) % 3 or np.any(rows != faces) or rows.min() < 0 or rows.max() >= len(points) // 3:
+    if len(faces) % 3 or np.any(rows != faces) or rows.min() < 0 or rows.max() >= len(points) // 3:
         raise values.place.error("face has an index of no vertex", "write three whole numbers a face, from 0")
     return points.reshape(-1, 3)[rows.reshape(-1, 3)]
 

@@ -24,7 +24,7 @@ def mesh_body(triangles: Array, kind: MeshKind) -> Inertia:
         ValueError: No volume, or a surface that encloses none.
     """
     if kind == "convex":
-        triangles = _hull(triangles)
+        triangles = hull_of(triangles.reshape(-1, 3))
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     areas = 0.5 * np.linalg.norm(normals, axis=1)
     if not areas.sum() > 0.0:
@@ -50,10 +50,14 @@ def _moments(corners: Array, areas: Array, kind: MeshKind) -> tuple[float, Array
     return float(parts.sum()), parts @ sums / 4.0, np.einsum("k,kij->ij", parts, squares) / 20.0
 
 
-def _hull(triangles: Array) -> Array:
+def hull_of(points: Array) -> Array:
+    """Return the triangles of the convex hull of points, shape (n, 3) -> (k, 3, 3), normals outwards.
+
+    Raises:
+        ValueError: The points are in one plane.
+    """
     from scipy.spatial import ConvexHull, QhullError
 
-    points = triangles.reshape(-1, 3)
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError) as problem:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
+from typing import Final
 
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Frame, Robot
@@ -14,6 +15,15 @@ from dynident.robot_files.mjcf.document import MjcfDocument, read_document
 from dynident.robot_files.mjcf.poses import IDENTITY
 from dynident.robot_files.mjcf.ties import tied
 from dynident.robot_files.tree import Connection, assemble, carried_by_leaders
+
+#: The flags that, all switched off, end a torque which MuJoCo has and which is not read here.
+_ENDED: Final[Mapping[str, set[str]]] = {
+    "a fluid": {"spring", "damper"},
+    "springs of joints": {"spring"},
+    "springdamper of joints": {"spring", "damper"},
+    "damping of second and third order": {"damper"},
+    "gravity compensation of bodies": {"spring", "damper"},
+}
 
 
 @dataclass(frozen=True)
@@ -37,7 +47,12 @@ class MjcfModel:
             DescriptionError: No joint moves.
         """
         document, tree = self.document, self.tree
-        left = [*document.notes, *(f"{what} ({', '.join(names[:4])})" for what, names in tree.notes.items())]
+        notes = {**({"a fluid": []} if document.has_fluid else {}), **tree.notes}
+        left = [
+            f"{what} ({', '.join(names[:4])})" if names else what
+            for what, names in notes.items()
+            if what not in _ENDED or not _ENDED[what] <= document.disabled.keys()
+        ]
         note = f"read from {PurePath(str(document.path)).name}" + (f"; without {', '.join(left)}" if left else "")
         found = assemble(document.path, document.name, tree.bodies, self.connections, note, tree.shapes)
         places = {WORLD: Frame(-1, *IDENTITY)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -20,6 +20,7 @@ from dynident.robot_files.xml_values import Values
 
 _RIGID: Final = "arms of rigid links moved by joints are read"
 _LEAST_GEAR: Final = 1e-12
+_ENDS: Final = ("joint1", "joint2")
 _PARAMETERS: Final = ("dyntype", "gaintype", "biastype")
 
 
@@ -33,26 +34,31 @@ def tied(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Con
     for element in document.each("deformable"):
         if element.tag == "flex":
             raise element.place.error("a flexible body is not read", f"remove it: {_RIGID}")
-    joints = _followed(document, defaults, tree)
+    joints = tree.connections if "equality" in document.disabled else _followed(document, defaults, tree)
     for element in document.each("tendon"):
-        _note_tendon(defaults.values(element, "", "tendon"), element, tree)
-    return _driven(document, defaults, tree, joints)
+        _note_tendon(document, defaults.values(element, "", "tendon"), element, tree)
+    joints = _driven(document, defaults, tree, joints)
+    damped, rubs = "damper" not in document.disabled, "frictionloss" not in document.disabled
+    return [
+        replace(joint, damping=joint.damping if damped else 0.0, friction=joint.friction if rubs else 0.0)
+        for joint in joints
+    ]
 
 
 def _followed(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> list[Connection]:
     joints = {joint.name: joint for joint in tree.connections}
     ties: dict[str, Element] = {}
     still: dict[str, float] = {}
-    for element in document.each("equality"):
+    for element, suffix in _equalities(document, defaults, tree):
         values = defaults.values(element, "", "equality")
-        if not values.flag("active", True):
-            continue
         if element.tag == "tendon":
             step = 'write the coupling as an equality of joints (<joint joint1= joint2= polycoef=>), or active="false"'
             raise values.place.error("an equality of tendons is not read", step)
         if element.tag != "joint":
             step = 'remove it, or write active="false": loops of bodies are not read'
             raise values.place.error(f"the equality constraint <{element.tag}> closes a loop of bodies", step)
+        names = {key: values.text(key) + suffix for key in _ENDS if key in values}
+        values = replace(values, given={**values.given, **names})
         one = _joint_named(values, "joint1", joints, tree)
         if one in ties:
             evidence = f"joint {shown(one)} is tied twice, at line {ties[one].line} too: redundant equalities"
@@ -65,6 +71,19 @@ def _followed(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> lis
             still[one] = tie
     _check_rings(ties, joints)
     return list(with_held(joints, still).values())
+
+
+def _equalities(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> Iterator[tuple[Element, str]]:
+    """Yield the active equalities, of joints in a ``<replicate>`` once a copy, with what names there end with."""
+    for element in document.each("equality"):
+        values = defaults.values(element, "", "equality")
+        if values.flag("active", True):
+            ends = [tree.copies.get(values.text(key), [""]) for key in _ENDS if key in values]
+            if len(ends) == 2 and ends[0] != ends[1]:
+                evidence = "no <replicate> copies both of its joints"
+                names = f"{values.text('joint1')}{ends[0][0]} and {values.text('joint2')}{ends[1][0]}"
+                raise values.place.error(evidence, f"name those of copies, such as {names}")
+            yield from ((element, suffix) for suffix in (ends[0] if ends else [""]))
 
 
 def _joint_named(values: Values, key: str, joints: Mapping[str, Connection], tree: MjcfTree) -> str:
@@ -108,10 +127,10 @@ def _check_rings(ties: Mapping[str, Element], joints: Mapping[str, Connection]) 
             seen.append(name)
 
 
-def _note_tendon(values: Values, element: Element, tree: MjcfTree) -> None:
+def _note_tendon(document: MjcfDocument, values: Values, element: Element, tree: MjcfTree) -> None:
     """Keep that a tendon has a torque of its own."""
-    for key in ("stiffness", "damping", "frictionloss", "armature"):
-        if key in values and np.any(values.numbers(key, 1, 3)):
+    for key, flag in (("stiffness", "spring"), ("damping", "damper"), ("frictionloss",) * 2, ("armature", "")):
+        if key in values and flag not in document.disabled and np.any(values.numbers(key, 1, 3)):
             tree.note("tendons", element.attributes.get("name", f"line {element.line}"))
             return
 
@@ -131,17 +150,19 @@ def _driven(document: MjcfDocument, defaults: Defaults, tree: MjcfTree, joints: 
             if states:
                 tree.note("armature and damping of actuators beside joints", values.text("name", element.tag))
             continue
-        if name not in tree.joints:
+        names = [name + suffix for suffix in tree.copies.get(name, [""])]
+        if names[0] not in tree.joints:
             step = f"correct the name{nearest(name, tree.joints)}"
             raise values.place.error(f"its joint {shown(name)} is not there", step)
         motor = _motor(values, element)
         if motor is None:
             continue
-        motors.setdefault(name, []).append(motor)
-        if "damping" in states and np.any(values.numbers("damping", 1, 3)[1:]):
-            tree.note("damping of second and third order", name)
-        if states:
-            tree.motors.setdefault(name, []).append(element)
+        for name in names:
+            motors.setdefault(name, []).append(motor)
+            if "damping" in states and np.any(values.numbers("damping", 1, 3)[1:]):
+                tree.note("damping of second and third order", name)
+            if states:
+                tree.motors.setdefault(name, []).append(element)
     return [_moved(joint, motors.get(name, [])) for name, joint in found.items()]
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from xml.sax.saxutils import unescape
 
 import numpy as np
 
@@ -35,6 +37,7 @@ from dynident.robot_files.mjcf.poses import ORIENTATIONS
 from dynident.robot_files.xml_elements import Element
 
 _SIX = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_INCLUDED = re.compile(r"""<include\s[^>]*?\bfile\s*=\s*["']([^"'/]+)["']""")
 _STEP = "put it into the main file, with names of its own, and identify again"
 #: Settings of the compiler under which a stated inertia is not the one that counts, and what ends that.
 _NEUTRAL = {
@@ -90,7 +93,7 @@ def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lu
     tags, left = _tags(subject, drives)
     for name, values in tags.items():
         writer.joint(name, values)
-    texts, renamed = writer.texts(output.stem)
+    texts, renamed = writer.texts(output)
     after = read_mjcf_model(source.path, texts[str(source.path)], texts)
     notes = kept_notes(shares, placement, left)
     if renamed:
@@ -142,8 +145,11 @@ class _Writer:
             for element in model.document.compiler.elements:
                 self._neutralise(element)
 
-    def texts(self, stem: str) -> tuple[dict[str, bytes], list[str]]:
-        """Return the files that changed, by path, and the names of the changed includes, which begin with ``stem``."""
+    def texts(self, output: Path) -> tuple[dict[str, bytes], list[str]]:
+        """Return the files that changed, by path, and the names of the changed includes, which begin as the output's.
+
+        No name is that of a file of the model, or of one beside the output that an earlier output has not included.
+        """
         document = self._model.document
         changed = {str(document.path)}
         for path in self._edits:
@@ -151,8 +157,11 @@ class _Writer:
                 changed.add(path)
                 path = str(document.includes[path].path)  # noqa: PLW2901
         names: dict[str, str] = {}
+        taken = {Path(path).stem for path in document.texts} | _beside_not_of(output)
         for path in (path for path in document.includes if path in changed):
-            names[path] = unused_name(f"{stem}-{Path(path).name}", list(names.values()))
+            stem = unused_name(f"{output.stem}-{Path(path).stem}", taken)
+            taken.add(stem)
+            names[path] = stem + Path(path).suffix
         for path, element in document.includes.items():
             name = names.get(path, Path(os.path.relpath(path, document.folder)).as_posix())
             if str(element.path) in changed and Path(name) != Path(element.attributes["file"]):
@@ -197,6 +206,10 @@ class _Writer:
         }
         if name in tree.curved and values[1] is not None:  # the model has no other order of damping
             changed["damping"] = f"{number(values[1])} 0 0"
+        for key, flag in (("damping", "damper"), ("frictionloss", "frictionloss")):
+            if key in changed and (element := self._model.document.disabled.get(flag)):
+                evidence = f"it switches {key} off, and joint '{name}' has {changed[key]} now, which would do nothing"
+                raise element.place.error(evidence, "enable it in your file, and export with --description FILE")
         source = tree.joints[name]
         if changed.keys() & {"armature", "damping"} and name in tree.motors:
             for motor in tree.motors[name]:
@@ -243,6 +256,19 @@ def _first_child(data: bytes, parent: PlacedElement, text: bytes) -> ByteEdit:
     indent = edit.text[: len(edit.text) - len(text)]
     start = parent.children[0].start
     return ByteEdit(start, start, text + indent)
+
+
+def _beside_not_of(output: Path) -> set[str]:
+    """Return the names, without endings, of files beside an output that it does not include as it is now."""
+    folder = output.absolute().parent
+    own, waiting = set[str](), [output.name]
+    while waiting:
+        name = waiting.pop()
+        if name not in own and (folder / name).is_file():
+            own.add(name)
+            words = _INCLUDED.findall((folder / name).read_text("utf-8", errors="replace"))
+            waiting += [unescape(word, {"&quot;": '"', "&apos;": "'"}) for word in words]
+    return {file.stem for file in folder.iterdir() if file.name not in own} if folder.is_dir() else set()
 
 
 def _inertial_values(body: Inertia | None, origin: Array) -> dict[str, str]:
