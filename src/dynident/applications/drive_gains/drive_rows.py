@@ -14,7 +14,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import at_rest
-from dynident.identification.problem.problem import Problem
+from dynident.identification.problem.problem import Problem, rest_speeds
 from dynident.identification.problem.regressor_stream import motion_of
 from dynident.identification.residuals.row_passes import KEPT, RowPasses, Segment
 
@@ -86,7 +86,8 @@ class DriveRows(RowPasses):
             moving = np.ones((len(log.keep), len(coupling)), bool)
             if log.how.rest == "mask" and log.how.standstill > 0:
                 speeds = motion_of(log.log).dq @ coupling.T
-                moving = ~at_rest(speeds, log.how.standstill, log.log.rate)[log.keep]
+                slowest = rest_speeds(self.problem.model.robot, log.how.standstill)
+                moving = ~at_rest(speeds, slowest, log.log.rate)[log.keep]
             current = np.asarray(log.log.torque)[log.keep] @ self._turn.T
             level = SURE * np.sqrt(np.mean(current**2, axis=0))
             sure = {"": moving, "+": moving & (current > level), "-": moving & (current < -level)}

@@ -20,6 +20,7 @@ from dynident.case.draft.signal_units import position_factors
 from dynident.case.draft.yaml_words import asked, few, listed, offered, plain, quoted
 from dynident.case.evidence.torques import agrees
 from dynident.data.preprocessing import BRIDGED, at_rest, bridge_over
+from dynident.identification.problem.problem import rest_speeds
 from dynident.robot_files import shipped_robots
 from dynident.robot_files.xacro import split_arguments, with_arguments
 
@@ -35,7 +36,7 @@ _WIDTH = 0.01
 #: Speed in rad/s over which friction at rest fades, where held-out samples find some and no other speed of it.
 _FADES = 0.1
 
-#: A joint slower than this, in rad/s or m/s, is at rest.
+#: A joint slower than this, in rad/s, is at rest; a slide below a tenth of it in m/s.
 _STANDSTILL = 0.02
 
 
@@ -215,10 +216,16 @@ def _preprocessing(found: Recognised) -> list[str]:
         "(99.9 % of the positions' power)",
         f"  rate_hz: {rate}               # rows that are used; the log has {max(rates):.4g} a second",
         f"  trim_s: {trim:.2g}",
-        f"  standstill: {_STANDSTILL:g}            # rad/s; samples at rest are left out: {rest:.0%} of the first log",
+        f"  standstill: {_STANDSTILL:g}            # rad/s{_of_slides(found)}; samples at rest are left out: "
+        f"{rest:.0%} of the first log",
         "  delay_s: auto               # found from the log; applied where it is significant",
         *_bridged(found),
     ]
+
+
+def _of_slides(found: Recognised) -> str:
+    """Return what the speed of rest is for slides; nothing where the robot has none."""
+    return ", of slides a tenth in m/s" if any(joint.kind == "prismatic" for joint in found.robot.active) else ""
 
 
 def _bridged(found: Recognised) -> list[str]:
@@ -239,7 +246,8 @@ def _rest_share(found: Recognised) -> float:
     positions = reading.signals["q"]
     factors = position_factors(found.units["position"], positions.shape[1])
     q = np.column_stack([np.interp(even, time, column) for column in positions.T]) * factors
-    return float(at_rest(np.gradient(q, even[1] - even[0], axis=0), _STANDSTILL, 1 / (even[1] - even[0])).mean())
+    slowest = _STANDSTILL if found.moving is None else rest_speeds(found.moving, _STANDSTILL)
+    return float(at_rest(np.gradient(q, even[1] - even[0], axis=0), slowest, 1 / (even[1] - even[0])).mean())
 
 
 def _data(found: Recognised, files: Files) -> list[str]:

@@ -17,8 +17,8 @@ from dynident.model.robot import Joint
 #: How the evidence begins where the name of a column has its unit.
 HEADER = "the header states"
 
-#: Positions of less span than this, in rad or m, say nothing about their unit.
-_TELLING = 0.05
+#: Positions of less span than this, in rad or m, and than this share of the limits say nothing about their unit.
+_TELLING, _SHARE = 0.05, 0.1
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,8 @@ def position_unit(q: Array, joints: Sequence[Joint], stated: str) -> SignalUnit:
             continue
         own = [joints[k] for k in mine]
         fits = {word: _fits(q[:, mine] * _factor("position", word), own) for word in (si, other)}
-        telling = float(spans[mine].max()) >= _TELLING
+        widths = np.array([joint.limits.upper - joint.limits.lower for joint in own])
+        telling = bool(np.any(spans[mine] >= np.minimum(_TELLING, _SHARE * widths)))
         said = stated if stated in fits else ""
         if said and fits[said]:
             word, sure, why = said, True, f"the header states {said}, and the limits of the joints agree"

@@ -55,8 +55,8 @@ class Preprocessing:
         filter: The filter part.
         rate_hz: Samples a second that are kept; None: as ``rows_per_period`` says.
         trim_s: Seconds left out at both ends, where filters have no past or future.
-        standstill: Speed in rad/s (or m/s) below which a joint is at rest when it stays there; its static friction is
-            then unknown.
+        standstill: Speed in rad/s below which a joint is at rest when it stays there, of slides a tenth of it in m/s;
+            its static friction is then unknown.
         rest: ``mask`` leaves samples at rest out of the fit, ``keep`` takes them in.
         delay_s: By how much the torque of the log lags behind its positions, in s; the motion is shifted by it. None:
             identification estimates it for each log.
@@ -261,14 +261,14 @@ def check_finite(log: Log, before: int = 0) -> None:
             raise LogMismatch(log.name, evidence, "repair the recording or leave these samples out")
 
 
-def at_rest(dq: Array, velocity: float, rate: float, shortest: float = SHORTEST_REST) -> BoolArray:
+def at_rest(dq: Array, velocity: float | Array, rate: float, shortest: float = SHORTEST_REST) -> BoolArray:
     """Return where each joint rests: slower than ``velocity`` for ``shortest`` seconds or longer, shape (N, n).
 
     A joint that only passes through zero speed is not at rest: its friction changes sign, but is known.
 
     Args:
         dq: Velocities on a uniform grid, shape (N, n).
-        velocity: In rad/s or m/s; 0 for nowhere at rest.
+        velocity: In rad/s or m/s, one or one for each joint, shape (n,); 0 for nowhere at rest.
         rate: Samples a second.
         shortest: In s.
     """

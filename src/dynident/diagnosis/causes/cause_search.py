@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
-from dynident.diagnosis.causes.quick_fit import EXACT, RIDGE, Solved, weighted_products
+from dynident.diagnosis.causes.weighted_fit import EXACT, RIDGE, Solved, weighted_products
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.residuals.quantiles import (
     chi_square_tail,

@@ -14,7 +14,8 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.diagnosis.causes.held_out import ReadRows
-from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit, Solved, Triangles
+from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit
+from dynident.diagnosis.causes.weighted_fit import Solved, Triangles
 from dynident.diagnosis.finding import listed
 
 #: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An

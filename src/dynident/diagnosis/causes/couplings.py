@@ -17,7 +17,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.line_search import lowest_near
-from dynident.diagnosis.causes.quick_fit import EXACT, QuickFit, Solved, weighted_products
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.weighted_fit import EXACT, Solved, weighted_products
 from dynident.identification.problem.regressor_stream import motion_of
 from dynident.model.friction import Motion
 

@@ -9,7 +9,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.diagnosis.causes.column_readings import GAIN
 from dynident.diagnosis.causes.held_out import ReadRows
-from dynident.diagnosis.causes.quick_fit import Products, QuickFit
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.weighted_fit import Products
 from dynident.identification.problem.regressor_stream import RegressorStream
 
 #: First step of the search over the two angles, and the angle to which gravity is told, in rad.

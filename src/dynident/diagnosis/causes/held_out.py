@@ -16,7 +16,8 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, BoolArray
-from dynident.diagnosis.causes.quick_fit import EXACT, FitRows, QuickFit, Solved, weighted_products
+from dynident.diagnosis.causes.quick_fit import FEWEST_ROWS, FitRows, QuickFit
+from dynident.diagnosis.causes.weighted_fit import EXACT, Solved, weighted_products
 
 #: Blocks of a log of which every other one learns.
 BLOCKS = 16
@@ -26,6 +27,11 @@ def halves(count: int) -> tuple[BoolArray, BoolArray]:
     """Return every other block of a log's rows and those between, shape (N,) each: one learns, the other judges."""
     first = (np.arange(count) * BLOCKS // max(count, 1)) % 2 == 0
     return first, ~first
+
+
+def judged(masks: BoolArray) -> BoolArray:
+    """Return which joints have rows enough in both halves, shape (n,); ``masks`` are those of all rows, (N, n)."""
+    return np.all([masks[half].sum(axis=0) >= FEWEST_ROWS for half in halves(len(masks))], axis=0)
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,7 @@ class HeldOutErrors:
 
     def __init__(self, fit: QuickFit) -> None:
         self._fit, self._masks, self._half = fit, fit.rows.masks, halves(len(fit.rows.torque))[0]
+        self._judged = judged(self._masks)
         self._blocks = np.arange(len(self._half)) * BLOCKS // max(len(self._half), 1)
 
     @cached_property
@@ -92,7 +99,7 @@ class HeldOutErrors:
         return self.errors(as_stated(self._fit))
 
     def errors(self, reading: ReadRows, ridge: float | None = None) -> Array:
-        """Return the sum of the squared errors of each block and measured torque, shape (blocks, n).
+        """Return the sum of the squared errors of each block and measured torque, shape (blocks, n); 0 of few rows.
 
         Args:
             reading: How the rows are read.
@@ -105,7 +112,7 @@ class HeldOutErrors:
             alone = ridge is not None
             errors = reading.squared_errors_alone(beta, masks, ridge) if alone else reading.squared_errors(beta)
             found[~half] = errors[~half]
-        kept = np.where(self._masks, found, 0.0)
+        kept = np.where(self._masks & self._judged, found, 0.0)
         return np.stack([kept[self._blocks == block].sum(axis=0) for block in range(BLOCKS)])
 
     def gain(self, errors: Array) -> float:
@@ -141,7 +148,7 @@ def predicts_unseen(fit: QuickFit, find: Callable[[QuickFit], ReadRows | None]) 
             beta = read.fitted(learned.rows.masks).beta
             sums[k] += np.where(unseen, read.squared_errors(beta), 0.0).sum(axis=0)
         moved |= np.diag(reading.mixing) == 0
-    gains = np.log(np.maximum(sums[0], 1e-300) / np.maximum(sums[1], 1e-300))
+    gains = np.where(judged(fit.rows.masks), np.log(np.maximum(sums[0], 1e-300) / np.maximum(sums[1], 1e-300)), 0.0)
     return bool(gains.sum() > 0 and (gains[moved] > 0).all())
 
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.diagnosis.causes.cause_search import Cause, CauseRows, CauseSearch
-from dynident.diagnosis.causes.quick_fit import PASSES, RIDGE, Solved
 from dynident.diagnosis.causes.trends import OVERSAMPLING, Trends
+from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.problem.regressor_stream import motion_of
 from dynident.identification.residuals.quantiles import chi_square_tail

@@ -8,7 +8,6 @@ is their log-likelihood up to the number of independent rows (Seber and Wild 200
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,15 +18,15 @@ from dynident.case.case import Case
 from dynident.data.log import Log
 from dynident.data.preprocessing import FILTERS, Prepared, Preprocessing, preprocess, resample
 from dynident.data.preprocessing._zero_phase import low_passed
+from dynident.diagnosis.causes.weighted_fit import EXACT, Products, Solved, Triangles, weighted_products
 from dynident.errors import DynidentError
-from dynident.identification.problem.problem import counting_rows
+from dynident.identification.problem.problem import LEVER, counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of, target_torque
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction, default_friction
 from dynident.model.friction.rotor_inertia import RotorInertia
-from dynident.model.lapack import solve_positive
 from dynident.model.reduction import triangle_of
 from dynident.model.robot import Robot
 
@@ -37,17 +36,8 @@ CUTOFF_HZ, ROWS_PER_HZ = 5.0, 8.0
 #: Samples a second per Hz of the cut-off before the filter.
 SAMPLES_PER_HZ = 20.0
 
-#: Passes of weighting.
-PASSES = 6
-
 #: Rows of a joint below which nothing is said.
 FEWEST_ROWS = 30
-
-#: Pull to zero, as a share of the strongest column: directions that no row tells stay at zero.
-RIDGE = 1e-11
-
-#: A residual below this share of the joint's torque is none.
-EXACT = 1e-4
 
 
 @dataclass(frozen=True)
@@ -69,99 +59,6 @@ class FitRows:
     known: Array
     masks: BoolArray
     prepared: Prepared
-
-
-@dataclass(frozen=True)
-class Products:
-    """What a fit needs of the rows of each joint, T all measured torques and the known one.
-
-    Attributes:
-        grams: W_i' W_i, shape (n, size, size).
-        sides: W_i' T, shape (n, size, n + 1).
-        squares: T' T, shape (n, n + 1, n + 1).
-        whole: The same where columns have been taken out of T; None where ``squares`` are these.
-    """
-
-    grams: Array
-    sides: Array
-    squares: Array
-    whole: Array | None = None
-
-
-@dataclass(frozen=True)
-class Triangles:
-    """The rows of each joint, reduced; torques of any mixing need no others.
-
-    Attributes:
-        columns: Positions in beta of the columns of W_i, shape (K_i,) each.
-        factors: Triangle of [W_i, all torques, known torque] of each joint.
-        size: Length of beta.
-    """
-
-    columns: tuple[IntArray, ...]
-    factors: tuple[Array, ...]
-    size: int
-
-    def __iter__(self) -> Iterator[tuple[IntArray, Array]]:
-        return zip(self.columns, self.factors, strict=True)
-
-    @cached_property
-    def shared(self) -> Triangles:
-        """The same rows with the columns that one joint alone has taken out: the residual of a fit is the same."""
-        owners = np.bincount(np.concatenate(self.columns), minlength=self.size)
-        places = np.cumsum(owners > 1) - 1
-        columns, factors = [], []
-        for own, factor in self:
-            alone = owners[own] == 1
-            targets = np.arange(len(own), factor.shape[1])
-            order = np.concatenate([np.flatnonzero(alone), np.flatnonzero(~alone), targets])
-            columns.append(places[own[~alone]])
-            factors.append(triangle_of(factor[:, order])[alone.sum() :, alone.sum() :])
-        return Triangles(tuple(columns), tuple(factors), int(np.sum(owners > 1)))
-
-    @cached_property
-    def products(self) -> Products:
-        """Products of the columns and of all torques.
-
-        Products of the triangles cost half the digits: enough for a comparison, not for a rank.
-        """
-        joints = len(self.columns)
-        grams = np.zeros((joints, self.size, self.size))
-        sides, squares = np.zeros((joints, self.size, joints + 1)), np.zeros((joints, joints + 1, joints + 1))
-        for i, (own, factor) in enumerate(self):
-            columns, torques = factor[:, : len(own)], factor[:, len(own) :]
-            grams[i][np.ix_(own, own)] = columns.T @ columns
-            sides[i][own], squares[i] = columns.T @ torques, torques.T @ torques
-        return Products(grams, sides, squares)
-
-
-@dataclass(frozen=True)
-class Solved:
-    """A weighted fit.
-
-    Attributes:
-        beta: Shape (b,); further columns follow the base parameters where there are any.
-        variances: Residual variance of each joint, shape (n,).
-        score: Sum of their logarithms; lower is likelier.
-        information: Weighted products of the columns, the inverse of the covariance for independent rows.
-        surprise: Squared distance from what was known of beta before, in its deviations; 0 where nothing was.
-        freedom: Errors of the bodies from which the deviations of known bodies were found; infinite where these are
-            stated, or none are known.
-    """
-
-    beta: Array
-    variances: Array
-    score: float
-    information: Array
-    surprise: float = 0.0
-    freedom: float = np.inf
-
-    @cached_property
-    def covariance(self) -> Array:
-        """Covariance of beta for independent rows, shape (b, b)."""
-        sizes = np.sqrt(np.diag(self.information))
-        scales = np.outer(sizes, sizes)
-        return np.linalg.inv(self.information / scales) / scales
 
 
 @dataclass(frozen=True)
@@ -264,6 +161,11 @@ class QuickFit:
         """Rows of each joint that count, shape (n,), at least 1."""
         return np.maximum(self.rows.masks.sum(axis=0), 1).astype(float)
 
+    @property
+    def moves(self) -> BoolArray:
+        """Which joints have rows enough that something is said of them, shape (n,)."""
+        return self.rows.masks.sum(axis=0) >= FEWEST_ROWS
+
     @cached_property
     def residual(self) -> Array:
         """Measured torque less that of the plain fit, shape (N, n)."""
@@ -276,13 +178,12 @@ class QuickFit:
 
     @cached_property
     def relative(self) -> Array:
-        """Root mean square of the residual over that of the torque less its mean, shape (n,)."""
-        masks = self.rows.masks
-        size = [
-            float(np.std(column[mask])) if mask.any() else 0.0
-            for column, mask in zip(self.rows.torque.T, masks.T, strict=True)
-        ]
-        return np.sqrt(self.plain.variances) / np.maximum(size, 1e-300)
+        """Root mean square of the residual over that of the torque less its mean, shape (n,); 0 of few rows."""
+        found = np.zeros(len(self.counts))
+        for i in np.flatnonzero(self.moves):
+            size = float(np.std(self.rows.torque[self.rows.masks[:, i], i]))
+            found[i] = np.sqrt(self.plain.variances[i]) / max(size, 1e-300)
+        return found
 
     @cached_property
     def independent_rows(self) -> Array:
@@ -315,40 +216,14 @@ class QuickFit:
         return share, score
 
 
-def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Solved:
-    """Return the fit in which each joint's rows weigh by their own residual variance.
-
-    Args:
-        grams: Products of the columns of each joint's rows, shape (n, k, k).
-        sides: Products of columns and target, shape (n, k).
-        squares: Sum of the squared target, shape (n,).
-        counts: Rows of each joint, shape (n,).
-        floors: Residual variance of each joint at least, shape (n,).
-    """
-    norms = np.sqrt(np.einsum("ikk->ik", grams).sum(axis=0))
-    scale = np.where(norms > 0, norms, 1.0)
-    grams, sides = grams / np.outer(scale, scale), sides / scale
-    variances = squares / counts + floors
-    beta, gram, flat = np.zeros(len(norms)), np.eye(len(norms)), grams.reshape(len(grams), -1)
-    for _ in range(PASSES):
-        gram = ((1.0 / variances) @ flat).reshape(grams.shape[1:])
-        diagonal = gram.flat[:: len(norms) + 1]
-        gram.flat[:: len(norms) + 1] = diagonal + RIDGE * np.maximum(diagonal, 1e-300 + diagonal.max(initial=0.0))
-        side = (1.0 / variances) @ sides
-        found = solve_positive(gram, side)
-        beta = np.linalg.solve(gram, side) if found is None else found
-        left = squares - 2 * sides @ beta + (grams @ beta) @ beta
-        variances = np.maximum(left, 0.0) / counts + floors
-    return Solved(beta / scale, variances, float(np.sum(np.log(variances))), gram * np.outer(scale, scale))
-
-
 def quick_fit(case: Case, log: Log) -> QuickFit | None:
     """Return the fit of a sound log; None where it has no torques or is too short for one."""
     if log.torque is None:
         return None
     known = bool(np.any(case.robot.reflected_inertia))
     own = {FRICTION.name_of(part): part for part in case.friction if part.joints is None and part.is_default}
-    friction = [own.get(name) or FRICTION.make(name) for name in default_friction()]
+    parts = [own.get(name) or FRICTION.make(name) for name in default_friction()]
+    friction = [each for part in parts for each in _by_kind(part, case.robot)]
     if known or asks_inertia(case):
         friction.append(RotorInertia())
     model = DynamicModel(_without_rotors(case.robot) if known else case.robot, tuple(friction))
@@ -366,6 +241,17 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
     except DynidentError:
         return None
     return found if enough else None
+
+
+def _by_kind(part: Friction, robot: Robot) -> list[Friction]:
+    """Return a part whose speeds are for hinges, and one for slides, which are slower; the part alone where none is."""
+    slides = tuple(joint.name for joint in robot.active if joint.kind == "prismatic")
+    speeds = {name: LEVER * getattr(part, name) for name, one in part.ranges.items() if one.is_speed}
+    if not slides or not speeds:
+        return [part]
+    hinges = tuple(name for name in robot.joint_names if name not in slides)
+    slow = replace(part, joints=slides, **speeds)  # type: ignore[arg-type]
+    return [replace(part, joints=hinges), slow] if hinges else [slow]
 
 
 def asks_inertia(case: Case) -> bool:

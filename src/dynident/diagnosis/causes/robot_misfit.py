@@ -15,7 +15,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_search import Blame
-from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, as_stated
+from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, as_stated, judged
 from dynident.diagnosis.causes.quick_fit import QuickFit
 
 #: Ridge, as a share of the squares of a joint's column.
@@ -68,7 +68,13 @@ def robot_misfit(fit: QuickFit, reading: ReadRows | None = None, known: Sequence
     gain, spread = held.difference(held.errors(shared, ridge=RIDGE), errors)
     torque = reading.rows.torque
     counts = np.maximum(reading.rows.masks.sum(axis=0), 1)
-    sizes = np.array([np.var(column[mask]) for column, mask in zip(torque.T, reading.rows.masks.T, strict=True)])
+    told = judged(fit.rows.masks)
+    sizes = np.array(
+        [
+            np.var(column[mask]) if one else 0.0
+            for column, mask, one in zip(torque.T, reading.rows.masks.T, told, strict=True)
+        ]
+    )
     left = errors.sum(axis=0) / counts
     joints = np.sqrt(left / np.maximum(sizes, 1e-300))
     return RobotMisfit(float(np.sqrt(left.sum() / max(float(sizes.sum()), 1e-300))), joints, gain, spread)

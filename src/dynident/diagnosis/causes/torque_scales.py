@@ -16,7 +16,8 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.diagnosis.causes.held_out import ReadRows, predicts_unseen
 from dynident.diagnosis.causes.line_search import lowest_near
-from dynident.diagnosis.causes.quick_fit import RIDGE, QuickFit
+from dynident.diagnosis.causes.quick_fit import QuickFit
+from dynident.diagnosis.causes.weighted_fit import RIDGE
 from dynident.identification.residuals.covariance import correlation_factors
 
 #: Logarithms of the factors between which a scale is looked for, their distance, and how near a linear estimate is.
@@ -107,6 +108,9 @@ def is_sure(fit: QuickFit, scale: JointScale) -> bool:
 
 
 def _scale(fit: QuickFit, joint: int, name: str) -> JointScale:
+    if not fit.moves[joint]:
+        return JointScale(name, 1.0, 0.0, np.inf, 0.0)
+
     def logs(x: float) -> Array:
         """Return the log variances of the joints in their own scales at the factor e^x, shape (n,)."""
         found = np.log(fit.solve(fit.shared, _mixing(fit, joint, x)).variances)

@@ -10,7 +10,9 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseRows, CauseSearch
+from dynident.diagnosis.causes.held_out import judged
 from dynident.diagnosis.causes.quick_fit import ROWS_PER_HZ, QuickFit
+from dynident.identification.problem.problem import rest_speeds
 from dynident.identification.problem.regressor_stream import RegressorStream
 
 #: Step of the finite difference by the clock, a share.
@@ -19,7 +21,7 @@ CLOCK_STEP = 1e-3
 #: Rows of the quick fit for each that is independent: a band of f Hz has 2 f values a second.
 OVERSAMPLING = ROWS_PER_HZ / 2.0
 
-#: Smoothing of the sign of a velocity, in rad/s or m/s.
+#: Smoothing of the sign of a velocity in rad/s, of slides less.
 WIDTH = 0.02
 
 
@@ -52,9 +54,11 @@ class Trends:
         names = self.fit.model.robot.joint_names
         clock = np.asarray(self._log.time)
         clock = (clock - clock.mean()) / max(float(np.ptp(clock)), 1e-9)
-        sign, q = np.tanh(self._speed / WIDTH), np.asarray(self._log.q)
-        load = np.abs(self._predicted)
+        sign, q = np.tanh(self._speed / rest_speeds(self.fit.model.robot, WIDTH)), np.asarray(self._log.q)
+        load, told = np.abs(self._predicted), judged(self.fit.rows.masks)
         for i, (name, joint) in enumerate(zip(names, self.fit.model.robot.active, strict=True)):
+            if not told[i]:
+                continue
             yield self._cause("drift", name, self._at_joint(i, clock))
             yield self._cause("spring", name, self._at_joint(i, q[:, i] - q[:, i].mean()))
             if joint.kind == "revolute":
@@ -66,7 +70,7 @@ class Trends:
             curves = (speed * size, sign[:, i] * np.sqrt(size), sign[:, i] * load[:, i], size)
             yield self._cause("friction curve", name, *(self._at_drive(i, curve) for curve in curves))
             yield Cause("torque scale", name, self._own_torque(i)[None])
-        warm = [self._at_drive(i, clock * column) for i in range(len(names)) for column in (sign[:, i],)]
+        warm = [self._at_drive(i, clock * sign[:, i] * told[i]) for i in range(len(names))]
         yield self._cause("friction drift", "", *warm)
         yield self._cause("time scale", "", self._clock())
         yield from self._tilts()

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynident.diagnosis.checks.base import Check, CheckedLog
-from dynident.diagnosis.finding import Finding
+from dynident.diagnosis.finding import Finding, listed
 
 #: Condition number with unit columns and weighted rows above which noise decides some parameters, and above which
 #: they are not determined.
@@ -48,5 +48,9 @@ class Excitation(Check):
         told = f"{int(weak.sum())} poorly excited direction" + "s" * (int(weak.sum()) != 1)
         evidence = f"condition number {condition:.3g} ({told}), above all the base parameters of {names}"
         remedy = "record a motion that moves all joints fast and far at once (dynident excite)"
+        resting = [name for name, moves in zip(fit.model.robot.joint_names, fit.moves, strict=True) if not moves]
+        if resting:
+            evidence += f"; nearly all samples of {listed(resting)} are at rest"
+            remedy += ", or lock what rests (locked: in the case file)"
         name, grave = ("poor excitation", condition > NONE)
         return [Finding("error" if grave else "warning", name, "", evidence, remedy, {"condition": condition})]

@@ -22,9 +22,10 @@ from dynident.diagnosis.causes.column_readings import (
 from dynident.diagnosis.causes.couplings import best_coupling
 from dynident.diagnosis.causes.gravity_direction import LEAN, GravityDirection, degrees_off
 from dynident.diagnosis.causes.held_out import HeldOutErrors, ReadRows, predicts_unseen
-from dynident.diagnosis.causes.quick_fit import QuickFit, Solved
+from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.robot_misfit import RobotMisfit, robot_misfit
 from dynident.diagnosis.causes.torque_scales import is_sure, other_scales, reading_of
+from dynident.diagnosis.causes.weighted_fit import Solved
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import CONSEQUENCES, Finding, Severity, listed
 

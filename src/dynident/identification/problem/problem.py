@@ -20,6 +20,10 @@ from dynident.model.base_parameters import BaseParameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.reduction import Reduced, Triangle, reduce
+from dynident.model.robot import Robot
+
+#: Lever in m at which a hinge moves as a slide does: a slide rests below this times the speed of rest of a hinge.
+LEVER = 0.1
 
 
 @dataclass(frozen=True)
@@ -204,11 +208,16 @@ def counting_rows(model: DynamicModel, prepared: Prepared) -> BoolArray:
     at_motors = motion_of(prepared.log).at_motors(coupling)
     aside = np.zeros(at_motors.q.shape, dtype=bool)
     if rests:
-        aside |= at_rest(at_motors.dq, how.standstill, prepared.log.rate)
+        aside |= at_rest(at_motors.dq, rest_speeds(model.robot, how.standstill), prepared.log.rate)
     for part in remembering:
         drives = list(model.drives_of(part))
         aside[:, drives] |= part.is_unsettled(at_motors.of_drives(drives))
     return ~((aside[prepared.keep] @ (coupling != 0)) > 0)
+
+
+def rest_speeds(robot: Robot, standstill: float) -> Array:
+    """Return the speed below which each joint rests, shape (n,): ``standstill`` in rad/s, of slides less, in m/s."""
+    return standstill * np.where([joint.kind == "prismatic" for joint in robot.active], LEVER, 1.0)
 
 
 def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) -> None:

@@ -1,0 +1,146 @@
+"""Weighted least squares of rows that are reduced already: triangles, their products, and the fit.
+
+The rows of each joint are reduced to a triangle that keeps the torques of all joints as columns, so that a torque with
+another sign, scale or joint costs no new rows. Each joint's rows weigh by their own residual variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dynident.arrays import Array, IntArray
+from dynident.model.lapack import solve_positive
+from dynident.model.reduction import triangle_of
+
+#: Passes of weighting.
+PASSES = 6
+
+#: Pull to zero, as a share of the strongest column: directions that no row tells stay at zero.
+RIDGE = 1e-11
+
+#: A residual below this share of the joint's torque is none.
+EXACT = 1e-4
+
+
+@dataclass(frozen=True)
+class Products:
+    """What a fit needs of the rows of each joint, T all measured torques and the known one.
+
+    Attributes:
+        grams: W_i' W_i, shape (n, size, size).
+        sides: W_i' T, shape (n, size, n + 1).
+        squares: T' T, shape (n, n + 1, n + 1).
+        whole: The same where columns have been taken out of T; None where ``squares`` are these.
+    """
+
+    grams: Array
+    sides: Array
+    squares: Array
+    whole: Array | None = None
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """The rows of each joint, reduced; torques of any mixing need no others.
+
+    Attributes:
+        columns: Positions in beta of the columns of W_i, shape (K_i,) each.
+        factors: Triangle of [W_i, all torques, known torque] of each joint.
+        size: Length of beta.
+    """
+
+    columns: tuple[IntArray, ...]
+    factors: tuple[Array, ...]
+    size: int
+
+    def __iter__(self) -> Iterator[tuple[IntArray, Array]]:
+        return zip(self.columns, self.factors, strict=True)
+
+    @cached_property
+    def shared(self) -> Triangles:
+        """The same rows with the columns that one joint alone has taken out: the residual of a fit is the same."""
+        owners = np.bincount(np.concatenate(self.columns), minlength=self.size)
+        places = np.cumsum(owners > 1) - 1
+        columns, factors = [], []
+        for own, factor in self:
+            alone = owners[own] == 1
+            targets = np.arange(len(own), factor.shape[1])
+            order = np.concatenate([np.flatnonzero(alone), np.flatnonzero(~alone), targets])
+            columns.append(places[own[~alone]])
+            factors.append(triangle_of(factor[:, order])[alone.sum() :, alone.sum() :])
+        return Triangles(tuple(columns), tuple(factors), int(np.sum(owners > 1)))
+
+    @cached_property
+    def products(self) -> Products:
+        """Products of the columns and of all torques.
+
+        Products of the triangles cost half the digits: enough for a comparison, not for a rank.
+        """
+        joints = len(self.columns)
+        grams = np.zeros((joints, self.size, self.size))
+        sides, squares = np.zeros((joints, self.size, joints + 1)), np.zeros((joints, joints + 1, joints + 1))
+        for i, (own, factor) in enumerate(self):
+            columns, torques = factor[:, : len(own)], factor[:, len(own) :]
+            grams[i][np.ix_(own, own)] = columns.T @ columns
+            sides[i][own], squares[i] = columns.T @ torques, torques.T @ torques
+        return Products(grams, sides, squares)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A weighted fit.
+
+    Attributes:
+        beta: Shape (b,); further columns follow the base parameters where there are any.
+        variances: Residual variance of each joint, shape (n,).
+        score: Sum of their logarithms; lower is likelier.
+        information: Weighted products of the columns, the inverse of the covariance for independent rows.
+        surprise: Squared distance from what was known of beta before, in its deviations; 0 where nothing was.
+        freedom: Errors of the bodies from which the deviations of known bodies were found; infinite where these are
+            stated, or none are known.
+    """
+
+    beta: Array
+    variances: Array
+    score: float
+    information: Array
+    surprise: float = 0.0
+    freedom: float = np.inf
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of beta for independent rows, shape (b, b)."""
+        sizes = np.sqrt(np.diag(self.information))
+        scales = np.outer(sizes, sizes)
+        return np.linalg.inv(self.information / scales) / scales
+
+
+def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Solved:
+    """Return the fit in which each joint's rows weigh by their own residual variance.
+
+    Args:
+        grams: Products of the columns of each joint's rows, shape (n, k, k).
+        sides: Products of columns and target, shape (n, k).
+        squares: Sum of the squared target, shape (n,).
+        counts: Rows of each joint, shape (n,).
+        floors: Residual variance of each joint at least, shape (n,).
+    """
+    norms = np.sqrt(np.einsum("ikk->ik", grams).sum(axis=0))
+    scale = np.where(norms > 0, norms, 1.0)
+    grams, sides = grams / np.outer(scale, scale), sides / scale
+    variances = squares / counts + floors
+    beta, gram, flat = np.zeros(len(norms)), np.eye(len(norms)), grams.reshape(len(grams), -1)
+    for _ in range(PASSES):
+        gram = ((1.0 / variances) @ flat).reshape(grams.shape[1:])
+        diagonal = gram.flat[:: len(norms) + 1]
+        gram.flat[:: len(norms) + 1] = diagonal + RIDGE * np.maximum(diagonal, 1e-300 + diagonal.max(initial=0.0))
+        side = (1.0 / variances) @ sides
+        found = solve_positive(gram, side)
+        beta = np.linalg.solve(gram, side) if found is None else found
+        left = squares - 2 * sides @ beta + (grams @ beta) @ beta
+        variances = np.maximum(left, 0.0) / counts + floors
+    return Solved(beta / scale, variances, float(np.sum(np.log(variances))), gram * np.outer(scale, scale))
