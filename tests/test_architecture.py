@@ -132,6 +132,7 @@ SMALL = {
     "results/report/judgement.py": "the thresholds of a verdict's words",
     "results/verdict.py": "of terminal, report and studio",
     "robot_files/formats/base.py": "base of the family",
+    "robot_files/robot_origin.py": "what goes with an estimate, apart from reading",
     "robot_files/rotations.py": "of several formats",
     "robot_files/urdf_elements.py": "what is read of a URDF, apart from how",
     "studio/child.py": "what the process of a command runs",

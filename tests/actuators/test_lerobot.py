@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +78,9 @@ def test_episodes_are_logs(logs: list[ServoLog], factor: float, servo: str, log:
         np.testing.assert_allclose(found.time, known.time - known.time[0])
 
 
+XACRO = 'xmlns:xacro="http://ros.org/wiki/xacro"'
+
+
 def test_from_a_draft_to_actuators(logs: list[ServoLog], capsys: pytest.CaptureFixture[str]) -> None:
     write_set(logs, 180.0 / np.pi)
     assert main(["init", "pendulum.urdf", "set.parquet", "-o", "case.yaml"]) == 0
@@ -85,6 +89,11 @@ def test_from_a_draft_to_actuators(logs: list[ServoLog], capsys: pytest.CaptureF
     assert "runs back" not in text and "runs back" not in capsys.readouterr().out
     for old, new in (("position_servo", "feetech_sts3215"), ("kp: unknown", "kp: 4"), ("auto ", "m1 ")):
         text = text.replace(old, new, 1)
+    if find_spec("xacro") is not None:  # a robot with arguments: the file of its provenance is not its name
+        urdf = Path("pendulum.urdf").read_text().replace("<robot", f"<robot {XACRO}", 1)
+        Path("arm.xacro").write_text(urdf.replace(">", '><xacro:arg name="size" default="1"/>', 1))
+        text = text.replace("robot: pendulum.urdf", "robot: {file: arm.xacro, arguments: {size: 1}}")
+        assert "arm.xacro" in text
     Path("case.yaml").write_text(text.replace("position: ask", "position: deg", 1))
     assert main(["identify", "case.yaml", "-o", "a.json", "--quiet"]) == 0
     joint = json.loads(Path("a.json").read_text())["joints"]["joint1"]

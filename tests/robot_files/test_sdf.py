@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -167,6 +167,33 @@ def test_rotor_inertia_returns_into_drakes_own_elements(stated: str) -> None:
     assert any("Gazebo passes over" in note for note in patched.notes)
 
 
+@pytest.mark.parametrize("part", ["<mass>1.5</mass>", BODY])
+def test_an_incomplete_inertial_is_unknown_and_named(part: str) -> None:
+    """SDFormat has 1 kg and 1 kg m^2 there, which are of no robot; what is identified fills in the part."""
+    before, at = ARM.split('name="tool"')
+    text = f'{before}name="tool"{at.replace(part, "", 1)}'
+    robot = SdfFile().read("arm.sdf", text.encode())
+    missing = "mass" if "mass" in part else "inertia"
+    assert robot.links[1].inertia is None
+    assert robot.note == f"read from arm.sdf; without the incomplete <inertial> of tool (no <{missing}>)"
+    nominal = DynamicModel(SdfFile().read("arm.sdf", ARM.encode())).nominal()
+    assert nominal is not None
+    source, estimate = OwnDescription(Path("arm.sdf"), text.encode()), SimpleNamespace(model=DynamicModel(robot))
+    subject = Identified(cast(Any, estimate), 1.2 * nominal, OWN, source)
+    patched = patched_sdf(subject, drives_of(subject), source, lump=False)
+    again = DynamicModel(SdfFile().read("arm.sdf", patched.data)).nominal()
+    np.testing.assert_allclose(cast(Any, again), 1.2 * nominal, atol=1e-12)
+
+
+def test_gravity_that_links_are_without() -> None:
+    off = "<gravity>false</gravity>"
+    one = SdfFile().read("arm.sdf", ARM.replace('<link name="tool">', f'<link name="tool">{off}').encode())
+    assert one.note.endswith("without <gravity>false</gravity> of links (tool)") and one.gravity.any()
+    every = re.sub(r'(<link name="\w+")(/?)>', lambda m: f"{m[1]}>{off}{'</link>' if m[2] else ''}", ARM)
+    assert every.count(off) == 6
+    assert not SdfFile().read("arm.sdf", every.encode()).gravity.any()
+
+
 def test_the_pose_of_a_model_is_that_of_its_placement_frame() -> None:
     """Gravity at the base, and the place of the base in the world, against poses that Pinocchio multiplies."""
     pin = pytest.importorskip("pinocchio", reason="pip install pin")
@@ -255,14 +282,32 @@ FAULTS = {
         "attached to itself",
         "attached_to",
     ),
-    "an included model": ("<link name='base'/>", "<include/><link name='base'/>", "<include>", "expand it first"),
+    "an include of nothing": ("<link name='base'/>", "<include/><link name='base'/>", "0 <uri>", "write one <uri>"),
+    "a static model": (
+        "<link name='base'/>",
+        "<static>1</static><link name='base'/>",
+        "a static model",
+        "remove <static>",
+    ),
     "an unknown frame": ('relative_to="mount"', 'relative_to="mont"', "no frame 'mont'", "did you mean 'mount'"),
     "a ring of frames": ("<pose>.1 0 0 0 .2 0</pose>", '<pose relative_to="upper"/>', "in a ring", "relative_to"),
     "an unknown link": ("<child>tool<", "<child>tol<", "its child 'tol' is no link", "did you mean 'tool'"),
     "a ball joint": ('type="prismatic"', 'type="ball"', "type 'ball' is not read", "revolute and prismatic"),
     "an unknown joint": ('type="prismatic"', 'type="prisma"', "type 'prisma' is not known", "did you mean 'prismatic'"),
     "a computed inertia": ("<inertial><mass>1.5", '<inertial auto="true"><mass>1.5', "computes it", "<mass>"),
-    "no mass": ("<mass>1.5</mass>", "", "0 <mass> in <inertial>", "in kg"),
+    "a joint between one link": ("<child>upper<", "<child>base<", "form a loop: 'base'", "only trees are read"),
+    "a rotor inertia elsewhere": (
+        "<axis><xyz>1 1",
+        "<axis><drake:rotor_inertia>1</drake:rotor_inertia><xyz>1 1",
+        "<drake:rotor_inertia> in <axis>",
+        "write it in the <joint>",
+    ),
+    "a mistyped element of Drake": (
+        "<axis><xyz>1 1",
+        "<drake:rotor_inertias>1</drake:rotor_inertias><axis><xyz>1 1",
+        "unknown element <drake:rotor_inertias>",
+        "did you mean 'drake:rotor_inertia'",
+    ),
     "a negative mass": (">1.5<", ">-1.5<", "mass -1.5 is negative", "0 or more"),
     "no axis": ("<axis><xyz>1 1 .2</xyz></axis>", "", "0 <axis> in <joint>", "write <axis>"),
     "an axis without direction": (">1 1 .2<", ">0 0 0<", "has no direction", "0 0 1"),

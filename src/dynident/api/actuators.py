@@ -18,6 +18,8 @@ from dynident.data.log_places import logs_named
 from dynident.errors import BadOption, DescriptionError, LogMismatch
 from dynident.files import sha256_of
 from dynident.model.threads import one_blas_thread
+from dynident.robot_files.robot_origin import is_unchanged, robot_facts
+from dynident.robot_files.xacro import split_arguments
 
 
 def actuators(
@@ -49,7 +51,7 @@ def actuators(
         "dynident": version("dynident"),
         "command": command,
         "case": {"path": case.path, "sha256": sha256_of(case.path)},
-        "robot": {"path": case.robot_path, "sha256": sha256_of(case.robot_path)},
+        "robot": robot_facts(case.robot_path),
         "logs": [{"path": path, "sha256": sha256_of(path)} for path in paths],
         "train": [log.name for log in train],
         "left_out": [text for log in (*train, *test) for text in log.left_out],
@@ -70,8 +72,8 @@ def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple
         DynidentError: A log that is not sound, as of :func:`actuators`.
     """
     case = read_case(estimate.provenance.get("case", {}).get("path", ""))
-    known = estimate.provenance.get("robot", {}).get("sha256", "")
-    if known != sha256_of(case.robot_path):
+    facts = estimate.provenance.get("robot", {})
+    if facts and not is_unchanged(facts, split_arguments(case.robot_path)[0]):
         step = "identify again: its inertias are the scale of all torques"
         raise DescriptionError(case.robot_path, "", "it has changed since these actuators were identified", step)
     if logs:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from dynident.api.case_logs import read_data
@@ -24,7 +23,7 @@ from dynident.identification.estimators import Estimator
 from dynident.identification.identify import identify as identify_model
 from dynident.identification.uncertainty.trust import TrustOptions
 from dynident.model.dynamic_model import DynamicModel
-from dynident.robot_files.xacro import split_arguments
+from dynident.robot_files.robot_origin import robot_facts
 
 if TYPE_CHECKING:
     from dynident.identification.streaming.digest import Digest
@@ -145,9 +144,8 @@ def _provenance(case: Case, record: Record) -> dict[str, Any]:
     facts: dict[str, Any] = {"command": record.command} if record.command else {}
     if case.path:
         facts["case"] = {"path": case.path, "sha256": sha256_of(case.path)}
-    file, arguments = split_arguments(case.robot_path)
-    if Path(file).is_file():
-        facts["robot"] = {"path": file, "sha256": sha256_of(file)} | ({"arguments": arguments} if arguments else {})
+    if robot := robot_facts(case.robot_path):
+        facts["robot"] = robot
     if case.accept:
         facts["accept"] = dict(case.accept.limits)
     if record.quality is not None:

@@ -62,6 +62,7 @@ class RobotText:
         data: Its bytes; of a xacro those of the URDF that it stands for.
         called: What messages call it.
         is_expanded: Whether it is a xacro.
+        files: What that includes.
         notes: Warnings of xacro.
     """
 
@@ -69,6 +70,7 @@ class RobotText:
     data: bytes
     called: str
     is_expanded: bool = False
+    files: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -81,7 +83,7 @@ def robot_text(path: str | Path) -> RobotText:
     data = _bytes(entry.path)
     if is_xacro(entry.path, data):
         done = expand(entry.path, {**entry.arguments, **arguments}, entry.packages)
-        return RobotText(entry.path, done.data, f"{entry.path} (expanded)", True, done.notes)
+        return RobotText(entry.path, done.data, f"{entry.path} (expanded)", True, done.files, done.notes)
     if arguments:
         raise BadOption("robot", str(path), f"{name} is no xacro: it has no arguments")
     return RobotText(entry.path, data, str(entry.path))
@@ -112,7 +114,12 @@ def format_name(path: object, data: bytes) -> str:
     Raises:
         DescriptionError: It is empty or of no format that is known.
     """
-    return DESCRIPTIONS.name_of(_format(path, Path(str(path)).suffix.lower(), data))
+    return DESCRIPTIONS.name_of(format_of(path, data))
+
+
+def format_of(path: object, data: bytes) -> Description:
+    """Return the format of a file; errors as of :func:`format_name`."""
+    return _format(path, Path(str(path)).suffix.lower(), data)
 
 
 def _format(path: object, suffix: str, data: bytes) -> Description:

@@ -106,10 +106,13 @@ def kind_of_joint(joint: Element) -> JointKind:
     return KINDS[word]
 
 
-def inertia_of_link(link: Element) -> Inertia | None:
-    """Return the inertia of a link about its frame; None where the file has none."""
+def inertia_of_link(link: Element) -> tuple[Inertia | None, str]:
+    """Return the inertia of a link about its frame, and which of its parts is missing.
+
+    It is None where the file has none, or not all of it: SDFormat has 1 kg and 1 kg m^2 there, which no one measured.
+    """
     if not link.all("inertial"):
-        return None
+        return None, ""
     inertial = only_child(link, "inertial", "keep one of them")
     if inertial.attributes.get("auto", "false") in ("true", "1"):
         raise inertial.place.error('auto="true" computes it from shapes', "write <mass> and <inertia>")
@@ -117,6 +120,9 @@ def inertia_of_link(link: Element) -> Inertia | None:
     if poses and poses[0].attributes.get("relative_to"):
         raise poses[0].place.error("an inertial has its pose in its link", "write it there, without relative_to")
     rotation, centre = pose_of_element(poses[0]) if poses else (np.eye(3), np.zeros(3))
+    for tag in ("mass", "inertia"):
+        if not inertial.all(tag):
+            return None, tag
     only_child(inertial, "mass", "write one <mass>, in kg")
     mass = number_in(inertial, "mass", 0.0)
     if mass < 0.0:
@@ -126,7 +132,7 @@ def inertia_of_link(link: Element) -> Inertia | None:
         only_child(holder, tag, f"write one <{tag}>")
     ixx, ixy, ixz, iyy, iyz, izz = (number_in(holder, tag, 0.0) for tag in _TENSOR)
     tensor = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    return Inertia.from_centre_of_mass(mass, centre, rotation @ tensor @ rotation.T)
+    return Inertia.from_centre_of_mass(mass, centre, rotation @ tensor @ rotation.T), ""
 
 
 def limits_of_joint(joint: Element, holder: Element) -> JointLimits:

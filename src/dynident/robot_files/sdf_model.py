@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
-from typing import Final
 
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import nearest
 from dynident.model.documents.numbers import Place, shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import STANDARD_GRAVITY, Drive, Frame, JointLimits, Mimic, Robot
@@ -20,25 +18,18 @@ from dynident.robot_files.sdf_elements import (
     inertia_of_link,
     kind_of_joint,
     limits_of_joint,
-    model_pose,
     name_of,
     number_in,
     numbers_in,
     only_child,
     placed,
-    pose_of_element,
     shape_of,
-    version_of,
 )
-from dynident.robot_files.sdf_words import check_words
-from dynident.robot_files.tree import Connection, assemble
-from dynident.robot_files.xml_elements import Element, XmlLanguage, parse_xml
+from dynident.robot_files.sdf_frames import WORLD, SdfFrames
+from dynident.robot_files.sdf_includes import SdfFiles, read_sdf_files
+from dynident.robot_files.tree import Connection, assemble, with_unknown
+from dynident.robot_files.xml_elements import Element
 from dynident.robot_files.xml_values import Values
-
-WORLD: Final = "world"
-
-
-_SDF: Final = XmlLanguage("SDF", ("sdf",), "link")
 
 
 @dataclass(frozen=True)
@@ -63,6 +54,7 @@ class SdfModel:
     Attributes:
         path: The file.
         name: Name of the model.
+        files: The file with its includes.
         bodies: Inertia of each link about its frame in the robot; None where the file states none.
         links: The links of the file.
         shapes: Their shapes.
@@ -70,11 +62,13 @@ class SdfModel:
         joints: Their elements.
         gravity: In the frame of the base, shape (3,), in m/s^2.
         frames: Named frames: the link that each is fixed to, and its place there.
+        incomplete: The links whose inertial lacks its mass or moments.
         notes: What has a torque in a simulator and none here.
     """
 
     path: object
     name: str
+    files: SdfFiles
     bodies: dict[str, Inertia | None] = field(default_factory=dict)
     links: dict[str, SdfLink] = field(default_factory=dict)
     shapes: dict[str, list[Shape]] = field(default_factory=dict)
@@ -82,6 +76,7 @@ class SdfModel:
     joints: dict[str, Element] = field(default_factory=dict)
     gravity: Array = field(default_factory=lambda: np.array(STANDARD_GRAVITY))
     frames: dict[str, tuple[str, Pose]] = field(default_factory=dict)
+    incomplete: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
     def robot(self) -> Robot:
@@ -93,6 +88,7 @@ class SdfModel:
         left = f"; without {', '.join(self.notes)}" if self.notes else ""
         note = f"read from {PurePath(str(self.path)).name}{left}"
         found = assemble(self.path, self.name, self.bodies, self.connections, note, self.shapes)
+        found = with_unknown(found, self.incomplete)
         places = {found.base: Frame(-1, np.eye(3), np.zeros(3)), **found.frames}
         places |= {link.name: Frame(i, np.eye(3), np.zeros(3)) for i, link in enumerate(found.links)}
         frames = dict(found.frames)
@@ -110,39 +106,28 @@ def read_sdf_model(path: object, data: bytes) -> SdfModel:
     Raises:
         DescriptionError: Any fault; the message names the file, the line and the element.
     """
-    root = parse_xml(path, data, _SDF)
-    check_words(root)
-    holders = [root, *root.all("world")]
-    models = [model for holder in holders for model in holder.all("model")]
-    for holder in holders:
-        _refuse_includes(holder)
-        for joint in holder.all("joint"):
-            raise joint.place.error("a joint of the world is not read", "write it in the <model>")
-    if len(models) != 1:
-        step = "give the SDF of one robot"
-        raise Place(path).error(f"{len(models)} <model> elements in <sdf>", step)
-    return _SdfReader(path, root, models[0]).read()
+    root, files = read_sdf_files(path, data)
+    for joint in (joint for world in root.all("world") for joint in world.all("joint")):
+        raise joint.place.error("a joint of the world is not read", "write it in the <model>")
+    models = [model for holder in (root, *root.all("world")) for model in holder.all("model")]
+    robots = [model for model in models if not _states(model, "static", ("true", "1"))] or models
+    if len(robots) != 1:
+        raise Place(path).error(f"{len(robots)} <model> elements in <sdf>", "give the SDF of one robot")
+    return _SdfReader(path, root, robots[0], files).read()
 
 
-def _refuse_includes(holder: Element) -> None:
-    for element in holder.all("include"):
-        raise element.place.error("an included model is not read", "expand it first: gz sdf -p FILE > model.sdf")
-
-
-def _inverse(pose: Pose) -> Pose:
-    return pose[0].T, -pose[0].T @ pose[1]
+def _states(element: Element, tag: str, words: tuple[str, ...]) -> bool:
+    return any(child.text in words for child in element.all(tag))
 
 
 class _SdfReader:
-    """Resolves the frames of one model and those nested in it."""
+    """Reads the links and joints of one model and those nested in it."""
 
-    def __init__(self, path: object, root: Element, model: Element) -> None:
-        self._version = version_of(root)
+    def __init__(self, path: object, root: Element, model: Element, files: SdfFiles) -> None:
+        self._files = files
         self._model = model
-        self._frames: dict[str, tuple[Element, str]] = {}  # element and scope of each frame by its full name
-        self._poses: dict[str, Pose] = {}
-        self._open: list[str] = []
-        self.found = SdfModel(path, name_of(model))
+        self._frames = SdfFrames(model)
+        self.found = SdfModel(path, name_of(model), files)
         self._gravity = np.array(STANDARD_GRAVITY)
         for world in root.all("world"):
             for gravity in world.all("gravity"):
@@ -150,124 +135,41 @@ class _SdfReader:
 
     def read(self) -> SdfModel:
         """Return all links and joints."""
-        self._collect(self._model, "")
-        links = {name: element for name, (element, _) in self._frames.items() if element.tag == "link"}
+        frames, links = self._frames, self._frames.all("link")
         if not links:
             raise self._model.place.error("no <link> in <model>", "give the SDF of a robot")
+        joints = {
+            name: (element, scope) for name, (element, scope) in frames.elements.items() if element.tag == "joint"
+        }
         carried: dict[str, tuple[str, Element]] = {}
-        for name, (element, scope) in self._frames.items():
-            if element.tag == "joint":
-                child = self._end(element, scope, "child")
-                if child != WORLD:
-                    carried.setdefault(child, (name, element))
+        for name, (element, scope) in joints.items():
+            carried.setdefault(frames.end(element, scope, "child"), (name, element))
+        for model in (self._model, *frames.all("model").values()):
+            if _states(model, "static", ("true", "1")):
+                raise model.place.error("a static model, whose joints do not move", "remove <static> from it")
         for name, element in links.items():
             self._link(name, element, carried.get(name))
-        for name, (element, scope) in self._frames.items():
-            if element.tag == "joint":
-                self._joint(name, element, scope)
+        for name, (element, scope) in joints.items():
+            self._joint(name, element, scope)
         gravity = self._gravity_at_base()
-        for name, (element, _) in self._frames.items():
-            if element.tag == "frame":
-                self._named(name)
+        for name in frames.all("frame"):
+            self._named(name)
+        floating = [name for name, element in links.items() if _states(element, "gravity", ("false", "0"))]
+        if len(floating) == len(links):
+            gravity = np.zeros(3)
+        elif floating:
+            self.found.notes.append(f"<gravity>false</gravity> of links ({', '.join(floating[:4])})")
         return replace(self.found, gravity=gravity)
 
-    def _collect(self, model: Element, scope: str) -> None:
-        _refuse_includes(model)
-        for element in model.children:
-            if element.tag in ("link", "joint", "frame", "model"):
-                name = scope + name_of(element)
-                if name in self._frames or name == WORLD:
-                    step = "give each link, joint, frame and nested model a name of its own"
-                    raise element.place.error(f"the name {shown(name)} is taken", step)
-                self._frames[name] = element, scope
-                if element.tag == "model":
-                    self._collect(element, f"{name}::")
-
-    def _pose(self, name: str) -> Pose:
-        """Return where a frame is in the frame of the model."""
-        if name in self._poses:
-            return self._poses[name]
-        if name in self._open or len(self._open) > 200:
-            ring = " -> ".join(shown(each) for each in [*self._open[:6], name])
-            evidence = f"poses refer to each other in a ring: {ring}"
-            raise self._frames[name][0].place.error(evidence, "correct relative_to")
-        self._open.append(name)
-        element, scope = self._frames[name]
-        found = self._placed_element(element, scope)
-        self._open.pop()
-        self._poses[name] = found
-        return found
-
-    def _placed_element(self, element: Element, scope: str) -> Pose:
-        poses = element.all("pose")
-        given = poses[0].attributes.get("relative_to", "") if poses else ""
-        own = pose_of_element(poses[0]) if poses else (np.eye(3), np.zeros(3))
-        if element.tag == "model" and element.attributes.get("placement_frame"):
-            step = "remove it, and write the pose of the model's own frame"
-            raise element.place.error("a nested model with a placement_frame is not read", step)
-        if given:
-            return placed(self._frame(given, scope, poses[0]), own)
-        if element.tag == "joint":
-            child = self._end(element, scope, "child")
-            return placed(self._frame_of(child, element), own)
-        if element.tag == "frame" and element.attributes.get("attached_to"):
-            return placed(self._frame(element.attributes["attached_to"], scope, element), own)
-        return placed(self._frame("__model__", scope, element), own)
-
-    def _model_in_world(self) -> Pose:
-        """Return the frame of the model in the world; its pose is that of its ``placement_frame``."""
-        given, name = model_pose(self._model), self._model.attributes.get("placement_frame", "")
-        if name == WORLD:
-            raise self._model.place.error("its placement_frame is the world", "write a frame of the model")
-        return placed(given, _inverse(self._frame(name, "", self._model))) if name else given
-
-    def _frame(self, name: str, scope: str, element: Element) -> Pose:
-        """Return the frame that a name means in a model."""
-        if name == "__model__":
-            return self._pose(scope.removesuffix("::")) if scope else (np.eye(3), np.zeros(3))
-        return self._frame_of(name if name == WORLD else scope + name, element)
-
-    def _frame_of(self, name: str, element: Element) -> Pose:
-        if name == WORLD:
-            return _inverse(self._model_in_world())
-        if name not in self._frames:
-            step = f"correct the name{nearest(name, self._frames)}"
-            raise element.place.error(f"there is no frame {shown(name)}", step)
-        return self._pose(name)
-
-    def _end(self, joint: Element, scope: str, tag: str) -> str:
-        """Return the link that a joint names, behind frames that are fixed to one."""
-        found = joint.all(tag)
-        text = found[0].text if found else ""
-        if not text:
-            raise joint.place.error(f"<joint> has no <{tag}>", f"write <{tag}>LINK</{tag}>")
-        name = self._link_behind(WORLD if text == WORLD else scope + text)
-        if name is None:
-            raise joint.place.error(f"its {tag} {shown(text)} is fixed to itself", "correct attached_to")
-        if name != WORLD and (name not in self._frames or self._frames[name][0].tag != "link"):
-            links = [key for key, (one, _) in self._frames.items() if one.tag == "link"]
-            step = f"write the name of a link{nearest(name, links)}"
-            raise joint.place.error(f"its {tag} {shown(text)} is no link", step)
-        return name
-
-    def _link_behind(self, name: str) -> str | None:
-        """Return what a name is fixed to, frame behind frame: a link or the world where it is sound; None in a ring."""
-        for _ in range(100):
-            if name not in self._frames or self._frames[name][0].tag != "frame":
-                return name
-            element, scope = self._frames[name]
-            attached = element.attributes.get("attached_to", "")
-            if attached in ("", "__model__"):
-                return name
-            name = WORLD if attached == WORLD else scope + attached
-        return None
-
     def _link(self, name: str, element: Element, carrier: tuple[str, Element] | None) -> None:
-        pose, origin = self._pose(name), np.zeros(3)
+        pose, origin = self._frames.pose(name), np.zeros(3)
         if carrier is not None and kind_of_joint(carrier[1]) != "fixed":
-            anchor = self._pose(carrier[0])
+            anchor = self._frames.pose(carrier[0])
             origin = pose[0].T @ (pose[1] - anchor[1])
-        inertia = inertia_of_link(element)
+        inertia, missing = inertia_of_link(element)
+        if missing:
+            self.found.incomplete.append(name)
+            self.found.notes.append(f"the incomplete <inertial> of {name} (no <{missing}>)")
         self.found.links[name] = SdfLink(element, pose, origin)
         self.found.bodies[name] = None if inertia is None else inertia.moved(np.eye(3), origin)
         shapes = [shape_of(collision) for collision in element.all("collision")]
@@ -276,13 +178,13 @@ class _SdfReader:
     def _link_frame(self, name: str, element: Element) -> Pose:
         """Return the frame of a link of the robot in that of the model."""
         if name == WORLD:
-            return self._frame_of(WORLD, element)
+            return self._frames.frame(WORLD, "", element)
         link = self.found.links[name]
         return link.pose[0], link.pose[1] - link.pose[0] @ link.origin
 
     def _joint(self, name: str, element: Element, scope: str) -> None:
         kind = kind_of_joint(element)
-        parent, child = (self._end(element, scope, tag) for tag in ("parent", "child"))
+        parent, child = (self._frames.end(element, scope, tag) for tag in ("parent", "child"))
         if child == WORLD:
             raise element.place.error("the world is its child", "exchange <parent> and <child>")
         if parent == WORLD:
@@ -311,11 +213,12 @@ class _SdfReader:
             raise written[0].place.error(f"axis {shown(written[0].text)} has no direction", "write it as 0 0 1")
         expressed = written[0].attributes.get("expressed_in", "") if written else ""
         in_model = any(flag.text in ("true", "1") for flag in holder.all("use_parent_model_frame"))
+        version = self._files.versions[str(joint.path)]
         if expressed:
-            return self._frame(expressed, scope, joint)[0] @ axis
-        if self._version < (1, 5) or (self._version < (1, 7) and in_model):
-            return self._frame("__model__", scope, joint)[0] @ axis
-        return self._pose(name)[0] @ axis
+            return self._frames.frame(expressed, scope, joint)[0] @ axis
+        if version < (1, 5) or (version < (1, 7) and in_model):
+            return self._frames.frame("__model__", scope, joint)[0] @ axis
+        return self._frames.pose(name)[0] @ axis
 
     def _mimic(self, holder: Element, scope: str) -> Mimic | None:
         found = holder.all("mimic")
@@ -345,7 +248,7 @@ class _SdfReader:
         """Return gravity in the frame of the base."""
         carried = {joint.child for joint in self.found.connections}
         roots = [name for name in self.found.bodies if name not in carried]
-        turn = self._model_in_world()[0]
+        turn = self._frames.in_world()[0]
         if len(roots) > 1 and WORLD in roots:
             loose = next(name for name in roots if name != WORLD)
             step = "fix it to the world or to another link with a joint, or remove it"
@@ -356,13 +259,13 @@ class _SdfReader:
 
     def _named(self, name: str) -> None:
         """Check a named frame, and keep it on the link that it is fixed to."""
-        element, scope = self._frames[name]
-        own = self._pose(name)
+        element, scope = self._frames.elements[name]
+        own = self._frames.pose(name)
         if element.attributes.get("attached_to"):
-            self._frame(element.attributes["attached_to"], scope, element)  # an unknown one is refused
-        link = self._link_behind(name)
+            self._frames.frame(element.attributes["attached_to"], scope, element)  # an unknown one is refused
+        link = self._frames.link_behind(name)
         if link is None:
             raise element.place.error("it is attached to itself, frame behind frame", "correct attached_to")
         if link in self.found.links:
-            frame = self._link_frame(link, self._frames[link][0])
+            frame = self._link_frame(link, self._frames.elements[link][0])
             self.found.frames[name] = link, (frame[0].T @ own[0], frame[0].T @ (own[1] - frame[1]))

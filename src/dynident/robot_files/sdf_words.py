@@ -28,15 +28,17 @@ _ATTRIBUTES: Final[Mapping[str, tuple[str, ...]]] = {
     "xyz": ("expressed_in",),
     "mimic": ("joint", "axis"),
     "mesh": ("optimization",),
+    "include": ("merge",),
 }
 
 #: Elements that are read in each element.
 _READ: Final[Mapping[str, tuple[str, ...]]] = {
-    "sdf": ("world", "model"),
-    "world": ("gravity", "model"),
-    "model": ("pose", "frame", "link", "joint", "model"),
+    "sdf": ("world", "model", "include"),
+    "world": ("gravity", "model", "include"),
+    "model": ("pose", "frame", "link", "joint", "model", "include", "static"),
+    "include": ("uri", "name", "pose", "placement_frame", "static"),
     "frame": ("pose",),
-    "link": ("pose", "inertial", "collision"),
+    "link": ("pose", "inertial", "collision", "gravity"),
     "inertial": ("pose", "mass", "inertia"),
     "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
     "joint": ("pose", "parent", "child", "axis"),
@@ -56,11 +58,11 @@ _READ: Final[Mapping[str, tuple[str, ...]]] = {
 
 #: Elements of the format that have no part in the model here, with all that is in them.
 _PASSED_OVER: Final[Mapping[str, str]] = {
-    "sdf": "actor light include",
-    "world": "audio wind include magnetic_field atmosphere gui physics scene light frame joint actor road state "
+    "sdf": "actor light",
+    "world": "audio wind magnetic_field atmosphere gui physics scene light frame joint actor road state "
     "population spherical_coordinates",
-    "model": "static self_collide allow_auto_disable enable_wind include gripper model_state origin",
-    "link": "gravity enable_wind self_collide kinematic must_be_base_link velocity_decay frame visual projector "
+    "model": "self_collide allow_auto_disable enable_wind gripper model_state origin",
+    "link": "enable_wind self_collide kinematic must_be_base_link velocity_decay frame visual projector "
     "audio_sink audio_source battery light particle_emitter damping origin",
     "inertial": "frame density auto_inertia_params fluid_added_mass origin",
     "joint": "frame gearbox_ratio gearbox_reference_body thread_pitch screw_thread_pitch axis2 physics origin",
@@ -69,6 +71,9 @@ _PASSED_OVER: Final[Mapping[str, str]] = {
     "geometry": "empty cone heightmap image plane polyline",
     "mesh": "submesh convex_decomposition",
 }
+#: Elements of Drake that are read, in a joint, and how like one of them a mistyped one is.
+_OF_DRAKE: Final = ("drake:rotor_inertia", "drake:gear_ratio")
+_ALIKE: Final = 0.85
 _EVERYWHERE: Final = ("plugin", "sensor")
 
 
@@ -89,6 +94,16 @@ def check_words(element: Element) -> None:
     for child in element.children:
         if child.tag in read:
             check_words(child)
-        elif child.tag not in known and ":" not in child.tag:
+        elif ":" in child.tag:
+            _check_prefixed(child, tag)
+        elif child.tag not in known:
             evidence = f"unknown element <{child.tag}> in <{tag}>"
             raise child.place.error(evidence, f"remove or correct it{nearest(child.tag, known)}")
+
+
+def _check_prefixed(element: Element, parent: str) -> None:
+    """Refuse an element of Drake that is read elsewhere or by nearly the same name; others are the user's own."""
+    if element.tag in _OF_DRAKE and parent != "joint":
+        raise element.place.error(f"<{element.tag}> in <{parent}>", "write it in the <joint>")
+    if element.tag not in _OF_DRAKE and (near := nearest(element.tag, _OF_DRAKE, _ALIKE)):
+        raise element.place.error(f"unknown element <{element.tag}> in <{parent}>", f"remove or correct it{near}")

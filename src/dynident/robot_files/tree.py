@@ -108,6 +108,12 @@ def assemble(
     )
 
 
+def with_unknown(robot: Robot, bodies: Collection[str]) -> Robot:
+    """Return a robot of which the links that are or carry one of the bodies have an unknown inertia, not its rest."""
+    links = (replace(link, inertia=None) if {link.name, *link.fixed} & set(bodies) else link for link in robot.links)
+    return replace(robot, links=tuple(links))
+
+
 def with_held(joints: Mapping[str, Connection], positions: Mapping[str, float]) -> dict[str, Connection]:
     """Return joints of which some are fixed at a position, in rad or m, and their followers where that puts them."""
     found, waiting = dict(joints), dict(positions)

@@ -11,12 +11,14 @@ import pytest
 from identified_arms import estimate_of
 
 from dynident.data.log import Log
-from dynident.errors import FileError
+from dynident.errors import DescriptionError, FileError
 from dynident.exports.models import export_model, own_target
+from dynident.exports.models.subject.source import files_of, find_source
 from dynident.files import sha256_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.files.estimate_file import read_estimate, write_estimate
 from dynident.robot_files import read_robot
+from dynident.robot_files.robot_origin import robot_facts
 
 MJCF = """<mujoco><worldbody><body name="arm"><joint name="a" axis="0 1 0"/><geom size=".1" pos=".2 .1 0"/>
 <body name="fore" pos=".3 0 0"><joint name="b" axis="1 1 0"/><geom type="box" size=".1 .2 .05"/></body></body>
@@ -68,8 +70,9 @@ def test_a_robot_model_that_is_not_found_is_said_to_be_lost(
     if is_changed:
         (home / name).write_text(text + "\n")
     found = export_model(estimate, kind, output)
-    note = rf"no robot model file was given or found ({name}, which was identified, is not there or has changed): the "
-    assert any(one.startswith(f"{note}{kind.upper()} is new") and "--description FILE" in one for one in found.notes)
+    lost = rf"({name}, which was identified, is not there or has changed, or an include of it)"
+    note = f"no robot model file was given or found {lost}: the {kind.upper()} is new"
+    assert any(one.startswith(note) and "--description FILE" in one for one in found.notes)
     assert own_target(estimate) == (kind, Path(output).suffix, True)
 
 
@@ -79,3 +82,76 @@ def test_the_robot_model_is_not_overwritten_from_another_folder(saved: tuple[str
         export_model(estimate, kind, home / FORMATS[kind][0])
     with pytest.raises(FileError, match="it is an input of this command and would be overwritten"):
         export_model(estimate, "c_header", home / FORMATS[kind][0])
+
+
+LINK = SDF[SDF.index("<inertial>") : SDF.index('</link>\n<joint name="a"')]
+BODIES = MJCF[MJCF.index("<body") : MJCF.index("</worldbody>")]
+#: A main file, and two files: one that it includes, and one that this includes or that holds values.
+WITH_INCLUDES = {
+    "arm.xml": (
+        '<mujoco><worldbody><include file="fore.xml"/></worldbody></mujoco>',
+        f'<mujocoinclude><include file="more.xml"/>{BODIES}</mujocoinclude>',
+        "<mujocoinclude><site name='s'/></mujocoinclude>",
+    ),
+    "arm.sdf": (
+        '<sdf version="1.9"><model name="arm"><link name="base"/><include><uri>fore.xml</uri></include>'
+        '<joint name="a" type="revolute"><parent>base</parent><child>n::l</child><axis><xyz>0 1 0</xyz></axis></joint>'
+        "</model></sdf>",
+        f'<sdf version="1.9"><model name="n"><link name="l">{LINK}</link><include><uri>more.xml</uri></include>'
+        '<joint name="f" type="fixed"><parent>l</parent><child>m::l</child></joint></model></sdf>',
+        f'<sdf version="1.9"><model name="m"><link name="l">{LINK}</link></model></sdf>',
+    ),
+    "arm.urdf.xacro": (
+        '<robot name="arm" xmlns:xacro="http://ros.org/wiki/xacro"><xacro:include filename="fore.xml"/>'
+        '<xacro:property name="v" value="${xacro.load_yaml(\'more.xml\')}"/><link name="base"/>'
+        '<xacro:fore mass="${v[0]}"/>'
+        "</robot>",
+        '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:macro name="fore" params="mass"><link name="l">'
+        '<inertial><mass value="${mass}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        '<joint name="a" type="continuous"><parent link="base"/><child link="l"/><axis xyz="0 1 0"/></joint>'
+        "</xacro:macro></robot>",
+        "[2.0, 3.0]\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("changed", ["fore.xml", "more.xml"])
+@pytest.mark.parametrize("name", WITH_INCLUDES)
+def test_a_changed_include_is_a_changed_robot_model(
+    name: str, changed: str, tmp_path: Path, exact_log: Callable[..., Log], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if name.endswith("xacro"):
+        pytest.importorskip("xacro", reason="pip install 'dynident[xacro]'")
+    for file, text in zip((name, "fore.xml", "more.xml"), WITH_INCLUDES[name], strict=True):
+        (tmp_path / file).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    robot = read_robot(name)
+    facts: Any = {"robot": robot_facts(name)}
+    assert list(facts["robot"]["includes"]) == ["fore.xml", "more.xml"]
+    estimate = replace(estimate_of(robot, exact_log, exact=True), provenance=facts)
+    source = find_source(estimate, None)
+    assert source is not None and len(files_of(source)) == (1 if name.endswith("xacro") else 3)
+    Path(changed).write_text(Path(changed).read_text() + "\n")
+    assert find_source(estimate, None) is None
+
+
+def test_what_an_included_model_states_is_not_written(
+    tmp_path: Path, exact_log: Callable[..., Log], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The way out is the file with its includes expanded; a model whose inertia stays is left alone."""
+    for file, text in zip(("arm.sdf", "fore.xml", "more.xml"), WITH_INCLUDES["arm.sdf"], strict=True):
+        (tmp_path / file).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    estimate = estimate_of(read_robot("arm.sdf"), exact_log, exact=True)
+    with pytest.raises(
+        DescriptionError, match=r"fore\.xml: line 1, <link name='l'>.*an included file; expand the includes"
+    ):
+        export_model(estimate, "sdf", "out.sdf", description="arm.sdf")
+    main, fore, _ = WITH_INCLUDES["arm.sdf"]
+    inner = fore[fore.index("<model") : fore.index("</sdf>")]
+    Path("arm.sdf").write_text(main.replace("<include><uri>fore.xml</uri></include>", inner))
+    export_model(estimate, "sdf", "out.sdf", description="arm.sdf")
+    again = read_robot("out.sdf").nominal
+    assert again is not None and estimate.theta is not None
+    assert again == pytest.approx(estimate.theta[: len(again)], rel=1e-9, abs=1e-12)
+    assert "<include><uri>more.xml</uri></include>" in Path("out.sdf").read_text()

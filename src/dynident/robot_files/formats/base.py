@@ -30,5 +30,9 @@ class Description(ABC):
             DescriptionError: Any fault of the file.
         """
 
+    def included(self, path: object, data: bytes) -> tuple[str, ...]:
+        """Return the files that it includes; none, unless a format has includes."""
+        return ()
+
 
 DESCRIPTIONS: Final = Family("dynident.robot_files.formats", Description, "robot model format")

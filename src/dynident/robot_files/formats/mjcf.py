@@ -35,3 +35,9 @@ class MjcfFile(Description):
         from dynident.robot_files.mjcf.model import read_mjcf_model  # few need it
 
         return read_mjcf_model(path, data).robot()
+
+    def included(self, path: object, data: bytes) -> tuple[str, ...]:
+        """Return includes and attached models; see :class:`Description`."""
+        from dynident.robot_files.mjcf.document import included_files
+
+        return included_files(path, data)

@@ -18,7 +18,8 @@ class SdfFile(Description):
       the world the base. Gravity is that of the world, seen from the base.
     * The frame of a link of the robot stands at its joint, with the axes of the link.
     * Rotor inertia and gear ratio are those of Drake's own elements.
-    * Refused with the remedy: included models, joints with several degrees of freedom, ``<inertial auto="true">``.
+    * Models that it includes are read with their pose and name there.
+    * Refused with the remedy: joints with several degrees of freedom, ``<inertial auto="true">``, merged includes.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".sdf",)
@@ -30,3 +31,9 @@ class SdfFile(Description):
         from dynident.robot_files.sdf_model import read_sdf_model  # few need it
 
         return read_sdf_model(path, data).robot()
+
+    def included(self, path: object, data: bytes) -> tuple[str, ...]:
+        """Return included models; see :class:`Description`."""
+        from dynident.robot_files.sdf_includes import read_sdf_files
+
+        return tuple(read_sdf_files(path, data)[1].texts)[1:]

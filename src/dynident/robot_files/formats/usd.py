@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
@@ -12,8 +13,8 @@ import numpy as np
 from dynident.errors import DescriptionError
 from dynident.model.robot import Frame, Robot
 from dynident.robot_files.formats.base import Description
-from dynident.robot_files.tree import assemble
-from dynident.robot_files.usd_parts import StageParts
+from dynident.robot_files.tree import assemble, with_unknown
+from dynident.robot_files.usd_parts import StageParts, open_stage
 from dynident.robot_files.usd_stage import read_stage
 
 #: First bytes of its kinds of files: text, binary ("crate"), archive.
@@ -52,6 +53,12 @@ class UsdModel(Description):
             file.write_bytes(data)
             return robot_of_stage(path, read_stage(file))
 
+    def included(self, path: object, data: bytes) -> tuple[str, ...]:
+        """Return the layers of a stage; see :class:`Description`."""
+        stage = open_stage(str(path))  # its layers live as long as it does
+        files = {os.path.realpath(layer.realPath) for layer in stage.GetUsedLayers() if os.path.isfile(layer.realPath)}
+        return tuple(sorted(files - {os.path.realpath(str(path))}))
+
 
 def robot_of_stage(path: object, parts: StageParts) -> Robot:
     """Return the robot that the bodies and joints of a stage make.
@@ -60,15 +67,11 @@ def robot_of_stage(path: object, parts: StageParts) -> Robot:
         DescriptionError: No joint moves.
     """
     note = "; ".join([f"read from {PurePath(str(path)).name}", *parts.notes])
-    robot = assemble(path, parts.name, parts.inertias, parts.connections, note)
-    frames, links = dict(robot.frames), list(robot.links)
-    for name in parts.unknown:  # a link that carries such a body is of unknown inertia as well
-        carrier = frames[name].link if name in frames else -1
-        if carrier >= 0:
-            links[carrier] = replace(links[carrier], inertia=None)
+    robot = with_unknown(assemble(path, parts.name, parts.inertias, parts.connections, note), parts.unknown)
+    frames = dict(robot.frames)
     for number, link in enumerate(robot.links):
         shift = parts.bodies[link.name].shift
         if np.any(shift):
             frames[f"{link.name}_prim"] = Frame(number, np.eye(3), -shift)
-    robot = replace(robot, links=tuple(links), frames=frames).with_gravity(parts.gravity)
+    robot = replace(robot, frames=frames).with_gravity(parts.gravity)
     return robot.with_drives(parts.drives) if parts.drives else robot

@@ -142,6 +142,24 @@ def read_document(path: object, data: bytes, known: Mapping[str, bytes] | None =
     )
 
 
+def included_files(path: object, data: bytes) -> tuple[str, ...]:
+    """Return the files that an MJCF includes, and those of the models that may be attached to it with their includes.
+
+    Raises:
+        DescriptionError: As of :func:`read_document`.
+    """
+    found: dict[str, None] = {}
+    waiting = [(str(path), data)]
+    while waiting:
+        document = read_document(*waiting.pop())
+        found |= dict.fromkeys(document.texts)
+        for element in document.each("asset"):
+            file = element.attributes.get("file", "") if element.tag == "model" else ""
+            if file and str(document.folder / file) not in found:
+                waiting.append((str(document.folder / file), file_beside(element, "file", file, document.folder)))
+    return tuple(one for one in found if one != str(path))
+
+
 @dataclass(frozen=True)
 class _Files:
     """The files of a model: the main one and its includes.

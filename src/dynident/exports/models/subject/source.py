@@ -6,13 +6,13 @@ import os
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from dynident.errors import DynidentError
-from dynident.files import sha256_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.robot_files.formats.base import DESCRIPTIONS
-from dynident.robot_files.reading import format_name, robot_text
+from dynident.robot_files.reading import format_name, format_of, robot_text
+from dynident.robot_files.robot_origin import is_unchanged
 from dynident.robot_files.xacro import with_arguments
 
 #: Ending of the file for each exporter that writes into a robot model.
@@ -83,15 +83,13 @@ def find_source(estimate: Estimate, path: str | Path | None) -> OwnDescription |
 
 
 def files_of(source: OwnDescription | None) -> tuple[str, ...]:
-    """Return the files of a robot model of a user: the main one, and the includes of an MJCF."""
+    """Return the files of a robot model of a user: the main one, and its includes."""
     if source is None:
         return ()
-    if source.kind == "mjcf":
-        from dynident.robot_files.mjcf.model import read_mjcf_model  # few need it
-
-        with suppress(DynidentError):
-            return tuple(read_mjcf_model(source.path, source.data).document.texts)
-    return (str(source.path),)
+    found: tuple[str, ...] = ()
+    with suppress(DynidentError):
+        found = format_of(source.path, source.data).included(source.path, source.data)
+    return (str(source.path), *found)
 
 
 def anew_note(source: OwnDescription | None, estimate: Estimate, noun: str) -> tuple[str, ...]:
@@ -99,7 +97,7 @@ def anew_note(source: OwnDescription | None, estimate: Estimate, noun: str) -> t
     if source is not None:
         return ()
     name = _name(estimate)
-    lost = f" ({name}, which was identified, is not there or has changed)" if name else ""
+    lost = f" ({name}, which was identified, is not there or has changed, or an include of it)" if name else ""
     return (
         f"no robot model file was given or found{lost}: the {noun} is new, without meshes; --description FILE changes "
         "the inertias of your own",
@@ -135,8 +133,8 @@ def _kind_by_ending(name: str) -> str:
     return next(kinds, "")
 
 
-def _unchanged(facts: dict[str, str], estimate_file: str) -> str:
-    """Return where a file of the provenance is, with the bytes that it had; empty where it is not there or changed.
+def _unchanged(facts: dict[str, Any], estimate_file: str) -> str:
+    """Return where a file of the provenance is, with the bytes that it and its includes had; empty for nowhere.
 
     Its path is relative to where the identification ran, which is often the folder of the estimate or one above.
     """
@@ -144,11 +142,8 @@ def _unchanged(facts: dict[str, str], estimate_file: str) -> str:
     home = Path(estimate_file).absolute().parent
     folders = (home, *home.parents) if estimate_file else ()
     for place in dict.fromkeys((name, *(str(folder / name) for folder in folders if name))):
-        try:
-            if os.path.isfile(place) and sha256_of(place) == facts.get("sha256"):
-                return place
-        except DynidentError:
-            continue
+        if os.path.isfile(place) and is_unchanged(facts, place):
+            return place
     return ""
 
 

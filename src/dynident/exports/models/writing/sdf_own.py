@@ -25,6 +25,7 @@ from dynident.exports.models.writing.xml_edit import (
 from dynident.exports.models.writing.xml_text import number, numbers
 from dynident.model.inertia import Inertia
 from dynident.robot_files.sdf_model import SdfModel, read_sdf_model
+from dynident.robot_files.xml_elements import Element
 
 _ENTRIES = (("ixx", 0, 0), ("ixy", 0, 1), ("ixz", 0, 2), ("iyy", 1, 1), ("iyz", 1, 2), ("izz", 2, 2))
 
@@ -54,30 +55,45 @@ def patched_sdf(subject: Identified, drives: Drives, source: OwnDescription, lum
     """Return the SDF with the inertias and joint friction of a model; rotor inertias by Drake's own elements.
 
     Raises:
-        DescriptionError: It is faulty, in UTF-16, or of another robot.
+        DescriptionError: It is faulty, in UTF-16, of another robot, or what changes is in a file that it includes.
     """
     before = read_sdf_model(source.path, source.data)
     placement = place(source.path, subject.model.robot, before.bodies, before.connections)
     shares = shared(subject, placement, lump)
-    placed = list(preorder(elements(source.path, source.data)))
+    placed = _Own(source)
     edits: list[ByteEdit] = []
     for name, body in shares.inertias.items():
         link = before.links[name]
         own = None if body is None else body.moved(np.eye(3), -link.origin)
-        edits += _inertial(source.data, placed[link.element.number], own)
+        edits += _inertial(source.data, placed.of(link.element), own)
     tags = dict(joint_tags(subject, drives))
     for joint in before.connections:
         if joint.name in tags and (joint.damping or 0.0, joint.friction or 0.0) != tags[joint.name]:
-            edits.append(_dynamics(source.data, placed[before.joints[joint.name].number], tags[joint.name]))
+            edits.append(_dynamics(source.data, placed.of(before.joints[joint.name]), tags[joint.name]))
     rotors = dict(zip(drives.joints, map(float, drives.at_joints()[0]), strict=True))
     notes = kept_notes(shares, placement, [name for name in subject.model.robot.joint_names if name not in tags])
     for joint in before.connections:
         rotor = rotors.get(joint.name, 0.0)
         if not np.isclose(rotor, joint.drive.reflected_inertia, rtol=1e-14, atol=0.0):
-            element = placed[before.joints[joint.name].number]
+            element = placed.of(before.joints[joint.name])
             edits.append(_rotor(source.data, element, rotor / joint.drive.gear_ratio**2))
             notes += [_PASSED_OVER] if _PASSED_OVER not in notes else []
     return PatchedSdf(apply(source.data, edits), before, placement, tags, rotors, tuple(notes))
+
+
+class _Own:
+    """The elements of the user's file by those that were read."""
+
+    def __init__(self, source: OwnDescription) -> None:
+        self._path = str(source.path)
+        self._placed = list(preorder(elements(source.path, source.data)))
+
+    def of(self, element: Element) -> PlacedElement:
+        """Return where an element stands."""
+        if str(element.path) != self._path:
+            step = f"expand the includes (gz sdf -p {self._path} > whole.sdf), and export with --description whole.sdf"
+            raise element.place.error("what was identified of it would change an included file", step)
+        return self._placed[element.number]
 
 
 def _inertial(data: bytes, link: PlacedElement, body: Inertia | None) -> Iterator[ByteEdit]:
@@ -94,6 +110,10 @@ def _inertial(data: bytes, link: PlacedElement, body: Inertia | None) -> Iterato
     }
     if not found:
         yield added_child(data, link, b"<inertial>" + b"".join(parts.values()) + b"</inertial>")
+        return
+    if not found[0].children:
+        whole = b"<inertial>" + b"".join(parts.values()) + b"</inertial>"
+        yield ByteEdit(found[0].start, found[0].end, whole)
         return
     for holder in found[0].all("inertia"):
         del parts["inertia"]
