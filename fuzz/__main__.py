@@ -23,7 +23,9 @@ from fuzz.record import Record
 from fuzz.targets import TARGETS
 
 _START = 300.0  # s that a process may take to load
-_STILL = 120.0  # s without news, after which a process that is stuck in compiled code is ended
+_STILL = 120.0  # s without news, after which a process that is stuck in compiled code is ended,
+_AT_WORK = 20.0  # where it had so many s of the processor since: on a busy machine it may have had none,
+_ASLEEP = 1800.0  # s without news, after which it is ended in any case
 _KINDS = ("crash", "hang", "memory", "escape", "died")
 
 
@@ -70,18 +72,28 @@ def _turn(name: str, runs: int, first: int, seconds: float, way: str, out: Path)
 def _followed(words: list[str], kept: Path) -> str:
     """Return how a process ended: done, stuck, or died with its code."""
     child = _child(words, kept)
-    score, since = kept / "score.json", time.monotonic() + _START
+    score, since, spent = kept / "score.json", time.monotonic() + _START, 0.0
     before = 0
     while child.poll() is None:
         time.sleep(0.2)
         now = score.stat().st_mtime_ns if score.exists() else 0
         if now != before:
-            since, before = time.monotonic(), now
-        if time.monotonic() - since > _STILL:
+            since, before, spent = time.monotonic(), now, _spent(child.pid)
+        still = time.monotonic() - since
+        if still > _ASLEEP or (still > _STILL and _spent(child.pid) - spent > _AT_WORK):
             child.kill()
             child.wait()
             return "stuck"
     return "done" if child.returncode == 0 else f"died ({child.returncode})"
+
+
+def _spent(process: int) -> float:
+    """Return the time of the processor that a process had so far, in s; that of the clock where the system does not say."""
+    try:
+        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return time.monotonic()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def _child(words: list[str], kept: Path) -> subprocess.Popen[bytes]:

@@ -102,6 +102,32 @@ SDF = """<sdf version="1.9"><model name="arm"><pose>0 0 1 0 0.1 0</pose><link na
 <joint name="g" type="fixed"><parent>upper</parent><child>hand::palm</child></joint></model></sdf>
 """
 
+#: Nested and included models, in a world; what joints name is fixed to links.
+SDF_OF_MODELS = """<sdf version="1.11"><world name="w"><gravity>0 0 -9.8</gravity>
+<model name="ground"><static>true</static><link name="l"/></model>
+<model name="arm" canonical_link="base" placement_frame="mount"><link name="base"/>
+<frame name="mount"><pose>0 0 1 0 0 0</pose></frame>
+<model name="fore" canonical_link="b" placement_frame="b"><pose relative_to="mount">1 0 0 0 0 0.1</pose>
+<link name="a"><inertial><mass>2</mass></inertial></link><link name="b"><gravity>false</gravity></link>
+<joint name="f" type="fixed"><parent>b</parent><child>a</child></joint></model>
+<joint name="shoulder" type="continuous"><parent>__model__</parent><child>fore</child>
+<axis><xyz>0 1 0</xyz></axis><drake:rotor_inertia>1e-4</drake:rotor_inertia></joint>
+<include><uri>hand.sdf</uri><name>tool</name><pose relative_to="fore::b">0 0 1 0 0 0</pose></include>
+<joint name="g" type="prismatic"><parent>shoulder</parent><child>tool::palm</child><axis><xyz>1 0 0</xyz></axis></joint>
+</model></world></sdf>
+"""
+#: What it includes.
+HAND = '<sdf version="1.6"><model name="hand"><pose>1 0 0 0 0 0</pose><link name="palm"/></model></sdf>'
+
+#: Copies, what they share, flags, and a mesh of points.
+MJCF_OF_COPIES = """<mujoco><option density="1"><flag damper="disable" equality="enable" gravity="disable"/></option>
+<asset><mesh name="m" vertex="0 0 0 1 0 0 0 1 0 0 0 1 .3 .3 .3"/></asset>
+<worldbody><replicate count="2" sep="-" euler="0 0 90"><body name="b"><joint name="a" axis="0 1 0"/>
+<geom type="mesh" mesh="m"/><body><joint name="c"/><geom size=".1"/></body></body></replicate></worldbody>
+<equality><joint joint1="c" joint2="a" polycoef=".1 2"/></equality>
+<actuator><motor joint="a" gear="3" damping=".1" armature=".1"/><motor joint="c-1"/></actuator></mujoco>
+"""
+
 XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
 <xacro:arg name="mass" default="2"/><xacro:property name="half" value="${0.4 / 2}"/>
 <xacro:include filename="ball.xacro"/><link name="base"/>
@@ -196,8 +222,7 @@ def urdf(folder: Path) -> list[Path]:
 
 def mjcf(folder: Path) -> list[Path]:
     """Write MJCFs."""
-    (folder / "a.xml").write_text(MJCF)
-    return [folder / "a.xml"]
+    return _texts(folder, MJCF, MJCF_OF_COPIES)
 
 
 def xacro(folder: Path) -> list[Path]:
@@ -209,8 +234,7 @@ def xacro(folder: Path) -> list[Path]:
 
 def sdf(folder: Path) -> list[Path]:
     """Write SDFs."""
-    (folder / "a.sdf").write_text(SDF)
-    return [folder / "a.sdf"]
+    return _texts(folder, SDF, SDF_OF_MODELS)
 
 
 def usd(folder: Path) -> list[Path]:

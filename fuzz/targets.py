@@ -13,7 +13,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-from fuzz.seeds import BALL, CASE, DH, JOINTS, MAKERS, ONE
+from fuzz.seeds import BALL, CASE, DH, HAND, JOINTS, MAKERS, ONE
 
 Read = Callable[[Path], object]
 
@@ -26,8 +26,30 @@ _XML = (
     "${1+1}",
     "<mesh filename='../x'/>",
 )
-_MJCF = ("<include file='../x'/>", "<frame/>", "<replicate count='9'/>", "class='main'", "<geom size='.1'/>", "0 0 0 0")
-_SDF = ("relative_to='upper'", "attached_to='mount'", "world", "__model__", "<include/>", "hand::palm", "version='1.4'")
+_MJCF = (
+    "equality='disable'",
+    "vertex='0 0 0'",
+    "joint='a'",
+    "<include file='../x'/>",
+    "<frame/>",
+    "<replicate count='9'/>",
+    "class='main'",
+    "<geom size='.1'/>",
+    "0 0 0 0",
+)
+_SDF = (
+    "relative_to='upper'",
+    "attached_to='mount'",
+    "world",
+    "__model__",
+    "<include/>",
+    "hand::palm",
+    "version='1.4'",
+    "<include><uri>hand.sdf</uri></include>",
+    "canonical_link='upper'",
+    "placement_frame='upper'",
+    "merge='true'",
+)
 _USD = (
     "nan",
     "inf",
@@ -234,7 +256,7 @@ TARGETS: Mapping[str, Target] = {
     "mjcf": Target(
         ".xml", "text", _of_format("mjcf"), (*_XML, *_MJCF), instrument=(*_MODEL, "dynident.robot_files.mjcf")
     ),
-    "sdf": Target(".sdf", "text", _of_format("sdf"), (*_XML, *_SDF), instrument=_MODEL),
+    "sdf": Target(".sdf", "text", _of_format("sdf"), (*_XML, *_SDF), {"hand.sdf": HAND}, instrument=_MODEL),
     "usd": Target(".usda", "text", _of_format("usd"), _USD, instrument=_MODEL),
     "dh": Target(".yaml", "text", _robot, _YAML, instrument=_MODEL),
     "robot_json": Target(".json", "json", _robot, instrument=_MODEL),
