@@ -264,6 +264,20 @@ def test_a_merged_include_is_refused_with_the_way_out(tmp_path: Path) -> None:
         read_robot(written(tmp_path, f'{ARM}<include merge="true"><uri>hand.sdf</uri></include>'))
 
 
+def test_includes_that_grow_without_end_are_refused(tmp_path: Path) -> None:
+    """Each file includes the next one twice: 2^20 models."""
+    for number in range(20):
+        both = "".join(f"<include><uri>m{number + 1}.sdf</uri><name>{name}</name></include>" for name in "ab")
+        text = both if number < 19 else link("l")
+        (tmp_path / f"m{number}.sdf").write_text(f'<sdf version="1.9"><model name="m">{text}</model></sdf>')
+    with pytest.raises(DescriptionError, match="more than 200 includes"):
+        read_robot(tmp_path / "m0.sdf")
+    many = "".join(link(f"l{number}") for number in range(999))
+    (tmp_path / "m19.sdf").write_text(f'<sdf version="1.9"><model name="m">{many}</model></sdf>')
+    with pytest.raises(DescriptionError, match="more than 1000 links"):
+        read_robot(tmp_path / "m18.sdf")
+
+
 def test_scenery_of_a_world_is_no_robot(tmp_path: Path) -> None:
     written(tmp_path, ARM)
     (tmp_path / "sun.sdf").write_text('<sdf version="1.9"><light type="directional" name="sun"/></sdf>')

@@ -23,7 +23,7 @@ from dynident.robot_files.xml_elements import Element, XmlLanguage, parse_xml
 _SDF: Final = XmlLanguage("SDF", ("sdf",), "link")
 _CONFIG: Final = XmlLanguage("model.config of a model", ("model",), "link")
 _MAX_BYTES: Final = 20_000_000
-_MAX_FILES: Final = 200
+_MAX_INCLUDES: Final = 200
 #: Folders above a file in which the models that it names by ``model://`` are looked for.
 _LEVELS_UP: Final = 3
 #: Where Gazebo and Drake look for them, folders that hold models.
@@ -38,10 +38,12 @@ class SdfFiles:
     Attributes:
         texts: Bytes of each by its path as messages call it, the main one first.
         versions: The version of SDF that each states.
+        includes: The includes that were read, a file as often as it is included.
     """
 
     texts: dict[str, bytes] = field(default_factory=dict)
     versions: dict[str, tuple[int, int]] = field(default_factory=dict)
+    includes: list[Element] = field(default_factory=list)
 
 
 def read_sdf_files(path: object, data: bytes) -> tuple[Element, SdfFiles]:
@@ -81,8 +83,11 @@ def _included(element: Element, files: SdfFiles, above: tuple[str, ...]) -> Elem
         raise element.place.error("a merged include is not read", step)
     uri = only_child(element, "uri", "write one <uri>").text
     file = _file_of(element, uri)
-    if str(file) in above or len(files.texts) >= _MAX_FILES:
-        raise element.place.error(f"{shown(uri)} includes itself, or there are too many files", "remove this include")
+    files.includes.append(element)
+    if str(file) in above:
+        raise element.place.error(f"{shown(uri)} includes itself", "remove this include")
+    if len(files.includes) > _MAX_INCLUDES:
+        raise element.place.error(f"more than {_MAX_INCLUDES} includes", "give the SDF of one robot")
     try:
         data = read_at_most(file, _MAX_BYTES, "give the model of one robot")
     except FileError as problem:

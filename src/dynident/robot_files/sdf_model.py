@@ -28,7 +28,7 @@ from dynident.robot_files.sdf_elements import (
 from dynident.robot_files.sdf_frames import WORLD, SdfFrames
 from dynident.robot_files.sdf_includes import SdfFiles, read_sdf_files
 from dynident.robot_files.tree import Connection, assemble, with_unknown
-from dynident.robot_files.xml_elements import Element
+from dynident.robot_files.xml_elements import MAX_LINKS, Element
 from dynident.robot_files.xml_values import Values
 
 
@@ -138,6 +138,8 @@ class _SdfReader:
         frames, links = self._frames, self._frames.all("link")
         if not links:
             raise self._model.place.error("no <link> in <model>", "give the SDF of a robot")
+        if len(links) > MAX_LINKS:
+            raise self._model.place.error(f"more than {MAX_LINKS} links", "give the SDF of one robot")
         joints = {
             name: (element, scope) for name, (element, scope) in frames.elements.items() if element.tag == "joint"
         }

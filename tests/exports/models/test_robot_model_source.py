@@ -86,6 +86,7 @@ def test_the_robot_model_is_not_overwritten_from_another_folder(saved: tuple[str
 
 LINK = SDF[SDF.index("<inertial>") : SDF.index('</link>\n<joint name="a"')]
 BODIES = MJCF[MJCF.index("<body") : MJCF.index("</worldbody>")]
+GEOM = '<geom size=".1" pos=".2 .1 0"/>'
 #: A main file, and two files: one that it includes, and one that this includes or that holds values.
 WITH_INCLUDES = {
     "arm.xml": (
@@ -133,6 +134,18 @@ def test_a_changed_include_is_a_changed_robot_model(
     assert source is not None and len(files_of(source)) == (1 if name.endswith("xacro") else 3)
     Path(changed).write_text(Path(changed).read_text() + "\n")
     assert find_source(estimate, None) is None
+
+
+def test_models_that_may_be_attached_are_files_of_an_mjcf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is attached, with its includes; one that is named only, and missing, is none."""
+    monkeypatch.chdir(tmp_path)
+    models = '<asset><model name="m" file="hand.xml"/><model name="gone" file="gone.xml"/></asset>'
+    body = f'{BODIES}<attach model="m" prefix="h_"/>'
+    Path("arm.xml").write_text(f"<mujoco>{models}<worldbody>{body}</worldbody></mujoco>")
+    Path("hand.xml").write_text('<mujoco><worldbody><include file="part.xml"/></worldbody></mujoco>')
+    Path("part.xml").write_text(f'<mujocoinclude><body name="p"><joint name="p"/>{GEOM}</body></mujocoinclude>')
+    assert read_robot("arm.xml").joint_names == ("a", "b", "h_p")
+    assert list(robot_facts("arm.xml")["includes"]) == ["hand.xml", "part.xml"]
 
 
 def test_what_an_included_model_states_is_not_written(

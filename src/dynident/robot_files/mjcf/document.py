@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 from typing import Final
@@ -11,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from dynident.arrays import Array
+from dynident.errors import DescriptionError
 from dynident.model.documents.numbers import Place, shown
 from dynident.robot_files.mjcf.schema import check_schema
 from dynident.robot_files.xml_elements import Element, XmlLanguage, parse_xml
@@ -145,18 +147,22 @@ def read_document(path: object, data: bytes, known: Mapping[str, bytes] | None =
 def included_files(path: object, data: bytes) -> tuple[str, ...]:
     """Return the files that an MJCF includes, and those of the models that may be attached to it with their includes.
 
+    A model that cannot be read is left out: it is attached nowhere, since the reader would have refused it.
+
     Raises:
         DescriptionError: As of :func:`read_document`.
     """
-    found: dict[str, None] = {}
-    waiting = [(str(path), data)]
+    document = read_document(path, data)
+    found, waiting = dict.fromkeys(document.texts), [document]
     while waiting:
-        document = read_document(*waiting.pop())
-        found |= dict.fromkeys(document.texts)
+        document = waiting.pop()
         for element in document.each("asset"):
             file = element.attributes.get("file", "") if element.tag == "model" else ""
-            if file and str(document.folder / file) not in found:
-                waiting.append((str(document.folder / file), file_beside(element, "file", file, document.folder)))
+            inner = str(document.folder / file)
+            if file and inner not in found:
+                with suppress(DescriptionError):
+                    waiting.append(read_document(inner, file_beside(element, "file", file, document.folder)))
+                    found |= dict.fromkeys(waiting[-1].texts)
     return tuple(one for one in found if one != str(path))
 
 
