@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -11,8 +11,10 @@ from dynident.actuators.rollout_loop import COLUMNS
 from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array
 from dynident.errors import NotConsistent
+from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
+from dynident.simulation.effects import Payload
 
 #: Cut-off in Hz of the zero-phase filter of the measured motion, at most; a fifth of the rate where that is less.
 CUTOFF_HZ = 10.0
@@ -90,13 +92,33 @@ def rigid_inertia(robot: Robot) -> Array:
     return np.asarray(nominal)
 
 
+def with_payload(robot: Robot, payload: Payload) -> Robot:
+    """Return a robot that carries a payload as a part of one of its links, the last one where none is named.
+
+    Raises:
+        NotConsistent: That link has no inertia.
+    """
+    links = list(robot.links)
+    place = [link.name for link in links].index(payload.link) if payload.link else len(links) - 1
+    inertia = links[place].inertia
+    if inertia is None:
+        step = "add an inertial element to it: the payload is added to its mass"
+        raise NotConsistent(f"robot '{robot.name}'", f"link {links[place].name} has no inertia", step)
+    own = Inertia.from_centre_of_mass(payload.mass, payload.centre, np.diag(payload.inertia))
+    links[place] = replace(links[place], inertia=inertia + own)
+    return replace(robot, links=tuple(links))
+
+
 def joint_loads(robot: Robot, log: ServoLog, motion: MeasuredMotion) -> list[JointLoad]:
     """Return the load of every joint; the order of the log's joints is that of the robot.
 
-    Rotor inertia that the robot model states is no part of the load: the armature is found as a whole.
+    A payload of the log is a part of it. Rotor inertia that the robot model states is none: the armature is found as a
+    whole.
     The bias of a joint that turns is taken at three of its own angles a third of a turn apart, the other joints on
     their measured motion: gravity is exact at every angle, and for a single joint so is all of it.
     """
+    if log.payload is not None:
+        robot = with_payload(robot, log.payload)
     theta = rigid_inertia(robot)
     q, dq, ddq = (
         np.column_stack([np.interp(log.time, motion.time, column) for column in values.T])

@@ -35,7 +35,7 @@ _SLEW_GAIN = 0.05
 
 #: Largest slope of the weight over the angle, as a share of the largest torque of the rigid body, below which no weight
 #: tells the angle offset of a joint: an axis along gravity.
-_WEIGHTLESS = 0.02
+WEIGHTLESS = 0.02
 
 #: Fewest rows of motion without saturation.
 _FEWEST = 100
@@ -218,7 +218,7 @@ def _regression(
         max(float(np.abs(part).max()) for part in parts)
         for parts in zip(*((one.slope, one.target) for one in rows), strict=True)
     )
-    if slope > _WEIGHTLESS * most:
+    if slope > WEIGHTLESS * most:
         names.append("angle_offset")
     if not law.controls_torque:
         names.insert(1, "back_emf")

@@ -18,6 +18,7 @@ from dynident.data.formats import open_log
 from dynident.data.formats.base import missing_column
 from dynident.data.split import EPISODE, episode_rows
 from dynident.errors import FileError, LogFormatError, LogMismatch
+from dynident.simulation.effects import Payload
 
 
 def read_servo_logs(path: str | Path, how: ServoColumns) -> list[ServoLog]:
@@ -30,9 +31,11 @@ def read_servo_logs(path: str | Path, how: ServoColumns) -> list[ServoLog]:
         LogMismatch: The command is missing or copies the measurement, one pose only, counts in place of radians, the
             drive is never on, or the gain of the log is not stated.
     """
+    payload = payload_of(path, how.payloads)
     if str(path).lower().endswith(".json"):
-        return [checked_log(_bam_log(path, how))]
+        return [replace(checked_log(_bam_log(path, how)), payload=payload)]
     whole, numbers = _table_log(path, how)
+    whole = replace(whole, payload=payload)
     parts = episode_rows(numbers) if len(numbers) else []
     if len(parts) < 2:
         return [checked_log(whole)]
@@ -55,12 +58,8 @@ def _table_log(path: str | Path, how: ServoColumns) -> tuple[ServoLog, Array]:
     """Return a table as one log, not checked, and the number of the episode of each sample, (N,); (0,) without one."""
     table = open_log(path, how.columns)
     names, count = how.columns, len(how.joints)
-    logged = names.joints or how.joints
-    order = [logged.index(name) for name in how.joints]
-    q, q_ref = (
-        tuple((stated or tuple(f"{word}{k + 1}" for k in range(len(logged))))[k] for k in order)
-        for stated, word in ((names.q, "q"), (names.q_ref, "q_ref"))
-    )
+    order = _order(how)
+    q, q_ref = column_names(how, "q"), column_names(how, "q_ref")
     if not set(q_ref) <= set(table.header):
         missing = next(name for name in q_ref if name not in table.header)
         step = (
@@ -101,6 +100,33 @@ def _table_log(path: str | Path, how: ServoColumns) -> tuple[ServoLog, Array]:
         path=str(path),
     )
     return log, chosen([EPISODE])[:, 0] if EPISODE in place else np.zeros(0)
+
+
+def _order(how: ServoColumns) -> list[int]:
+    """Return the place of each joint among those of the log."""
+    logged = how.columns.joints or how.joints
+    return [logged.index(name) for name in how.joints]
+
+
+def column_names(how: ServoColumns, signal: str) -> tuple[str, ...]:
+    """Return the columns of ``q`` or ``q_ref``, one for each joint; numbered where none are stated."""
+    stated = how.columns.q if signal == "q" else how.columns.q_ref
+    return tuple(stated[k] if stated else f"{signal}{k + 1}" for k in _order(how))
+
+
+def written_positions(how: ServoColumns, values: Array) -> Array:
+    """Return positions in rad or m, shape (N, n), as the columns of the command have them: counts, degrees, shares."""
+    zero = np.array([how.columns.zero[k] for k in _order(how)]) if how.columns.zero else 0.0
+    count = len(how.joints)
+    at_0, at_1 = _positions("", how, "q_ref", np.vstack([np.zeros(count), np.ones(count)])) + zero
+    written = (values - at_0) / (at_1 - at_0)
+    return np.round(written, 0 if how.counts else 9)
+
+
+def payload_of(path: str | Path, payloads: Mapping[str, Payload]) -> Payload | None:
+    """Return the payload whose name is a part of the name of a log, the longest of several; None for none."""
+    named = [key for key in payloads if key in Path(path).name]
+    return payloads[max(named, key=len)] if named else None
 
 
 def _supply(how: ServoColumns, volts: Array) -> Array:

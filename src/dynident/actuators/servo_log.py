@@ -12,6 +12,7 @@ from dynident.actuators.lerobot_calibration import MotorRange
 from dynident.arrays import Array, BoolArray
 from dynident.data.formats import ColumnMap
 from dynident.errors import BadOption, LogMismatch
+from dynident.simulation.effects import Payload
 
 #: Share of samples whose reads may fail before a log is refused.
 _MOST_FAILED = 0.5
@@ -51,6 +52,7 @@ class ServoColumns:
             by name; None where it is not known.
         counts: Name of a coding of COUNTS where positions and commands are counts; empty where they have a unit.
         ranges: Range of the motor of each logged joint where positions and commands are shares of it; else empty.
+        payloads: Payload by a word in the name of a log; logs without any of them were recorded without one.
     """
 
     joints: tuple[str, ...]
@@ -62,6 +64,7 @@ class ServoColumns:
     kp: float | str | Mapping[str, float] | None = None
     counts: str = ""
     ranges: tuple[MotorRange, ...] = ()
+    payloads: Mapping[str, Payload] = field(default_factory=dict)
 
 
 #: Stands for a friction model that held-out roll-outs choose.
@@ -101,6 +104,7 @@ class ServoLog:
         kp: Position gain in the drive's unit; nan where it is not known.
         path: The file.
         left_out: What of the file is left out, and why, in words; with the first log of the file.
+        payload: What the arm carried; None for nothing.
     """
 
     name: str
@@ -116,6 +120,7 @@ class ServoLog:
     kp: float
     path: str = ""
     left_out: tuple[str, ...] = ()
+    payload: Payload | None = None
 
     @property
     def samples(self) -> int:

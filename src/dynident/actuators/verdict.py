@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,6 +164,17 @@ EXPERIMENTS = {
     "delay": "steps or a fast chirp of the command",
     "slew_limit": "large steps of the command",
 }
+
+#: What separates all torques of a joint from its armature, where no weight and no known inertia does.
+SCALE = (
+    "only their ratios are known: no weight sets the scale of the torques; record a known payload off the axis too "
+    "(servo: payloads)"
+)
+
+
+def lacks_scale(labels: Mapping[str, str]) -> bool:
+    """Return whether torque and armature are not separable, by the labels of the parameters: the scale is missing."""
+    return all(labels.get(name) == "not separable" for name in ("full_torque", "armature"))
 
 
 def unit_of(name: str) -> str:

@@ -1,13 +1,15 @@
 """The key ``servo`` of a case file: position servos whose logs have commands and positions, and no torque.
 
 Keys for all joints: law, kp, error_gain, limit, dead_zone, punch, slew_limit, delay_s, damping_gain, friction, enabled,
-supply, nominal_volts, feedforward, counts, calibration, and joints with a mapping of the first eight per joint.
+supply, nominal_volts, feedforward, counts, calibration, payloads, and joints with a mapping of the first eight for one
+joint.
 docs/case-file.md describes each.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from dynident.data.formats import ColumnMap
 from dynident.errors import BadOption
 from dynident.model.documents.sections import Section
 from dynident.model.robot import Robot
+from dynident.simulation.effects import Payload
 
 #: Keys of a drive law, for all joints or for one.
 LAW_KEYS = ("law", "error_gain", "limit", "dead_zone", "punch", "slew_limit", "delay_s", "damping_gain")
@@ -34,6 +37,7 @@ KEYS = (
     "feedforward",
     "counts",
     "calibration",
+    "payloads",
     "joints",
 )
 
@@ -86,9 +90,26 @@ def servo_of(top: Section, robot: Robot, columns: ColumnMap) -> ServoSetup:
             kp=kp,
             counts=section.choice("counts", tuple(COUNTS)) if section.has("counts") else "",
             ranges=_ranges(section, columns, columns.joints or names) if section.has("calibration") else (),
+            payloads=_payloads(section, tuple(link.name for link in robot.links)) if section.has("payloads") else {},
         ),
         friction,
     )
+
+
+def _payloads(section: Section, links: tuple[str, ...]) -> dict[str, Payload]:
+    """Return the payloads by the word that names of their logs contain."""
+    named = section.value("payloads")
+    if not isinstance(named, Mapping):
+        step = "write a mapping such as payloads: {load2: {mass: 0.2, centre: [0, 0, 0.1]}}"
+        raise section.place("payloads").error("no mapping of payloads by a word in the names of their logs", step)
+    inner, found = section.section("payloads", tuple(map(str, named))), {}
+    for key in map(str, named):
+        own = inner.section(key, ("mass", "centre", "inertia", "link"))
+        centre, inertia = own.numbers("centre", 3).tolist(), own.numbers("inertia", 3, (0.0, 0.0, 0.0)).tolist()
+        link = own.choice("link", links) if own.has("link") else ""
+        mass = own.at_least_zero("mass")
+        found[key] = guarded(own.place(), partial(Payload, mass, tuple(centre), tuple(inertia), link))
+    return found
 
 
 def _ranges(section: Section, columns: ColumnMap, logged: tuple[str, ...]) -> tuple[MotorRange, ...]:

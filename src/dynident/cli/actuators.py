@@ -68,6 +68,81 @@ def run(case: Case, options: argparse.Namespace) -> int:
     return 0
 
 
+#: Options of 'excite' that design a motion for torques.
+_DESIGN = (
+    "friction", "harmonics", "trajectory", "torque_margin", "noise", "noise_from", "sigmas", "earlier", "earlier_logs",
+    "rows", "criterion", "starts", "seed", "time_limit", "jobs", "scheduler", "resume", "csv", "repeats",
+)  # fmt: skip
+
+
+def excite(case: Case, options: argparse.Namespace, defaults: argparse.Namespace) -> int:
+    """Offer motions for the servos of a case and write them into a folder.
+
+    Raises:
+        BadOption: An option that designs a motion for torques, or a value that cannot be.
+        DynidentError: A fault of the case, or no motion within its limits.
+    """
+    from dynident.actuators.command_files import motions_data, write_motions
+    from dynident.api.servo_motions import servo_motions
+    from dynident.cli import console
+    from dynident.errors import BadOption
+    from dynident.results import servo_motion_text as shown
+    from dynident.results.text import counted
+
+    for name in _DESIGN:
+        if getattr(options, name, None) != getattr(defaults, name, None):
+            step = "leave it out: the case has servo:, and its motions are chosen for positions without torque"
+            raise BadOption(f"--{name.replace('_', '-')}", getattr(options, name), step)
+    with console.progress(case.robot.dof, options.quiet or options.json) as progress:
+        found = servo_motions(
+            case,
+            rate=options.rate or 100.0,
+            seconds=options.period or 6.0,
+            margin=options.margin,
+            gains=options.kp or (),
+            pose=_numbers("--pose", options.pose),
+            model=options.model,
+            progress=progress.step,
+        )
+    if options.output:
+        write_motions(found, options.output)
+    if options.json:
+        console.answer_json(motions_data(found))
+        return 0
+    request = found.request
+    gains = f", kp {', '.join(f'{kp:g}' for kp in request.gains)}"
+    motions = f"{request.seconds:g} s each at {request.rate:g} Hz"
+    joints = counted(case.robot.dof, "joint")
+    console.answer(f"{found.robot}: motions for servos of {joints}, {motions}{gains}")
+    for line in shown.servo_lines(found):
+        console.answer(line)
+    console.answer()
+    for table in shown.interval_tables(found):
+        console.answer_table(table, "half widths of the 95 % intervals that the logs would give, in % of the value")
+    for line in shown.unknown_lines(found):
+        console.answer(line)
+    console.answer()
+    console.answer_table(shown.range_table(found), "simulated motion beside the limits (rad, rad/s)")
+    for text in (*shown.next_lines(found, case.path, options.output), *found.remarks):
+        for line in shown.wrapped(text):
+            console.answer(line)
+    if options.output:
+        console.remark(f"wrote {len(found.files)} files to {options.output}", options.quiet)
+    return 0
+
+
+def _numbers(name: str, text: str | None) -> list[float] | None:
+    """Return the numbers of an option with commas between them; None where it is not stated."""
+    from dynident.errors import BadOption
+
+    if text is None:
+        return None
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise BadOption(name, text, "give numbers with commas between them, one for each joint") from None
+
+
 def _refuse(options: argparse.Namespace, names: Sequence[str], step: str) -> None:
     """Refuse options that have no meaning for actuators, with what to do.
 

@@ -15,6 +15,12 @@ uncertainty is better, and its information matrix decides what to record next:
 
 A long search: --resume keeps finished starts, so that the same command goes on after Ctrl-C, and --starts 16 adds to 8.
 
+A case with the key servo has position servos whose logs have no torque. Chirp, steps, ramps and release of each joint
+are then written into the folder of -o, as commands for the servos, with the intervals that their logs would give. Of
+the options, --kp, --pose, --period (6), --rate (100), --margin and --model with an estimate of actuators apply:
+
+  dynident excite servos.yaml --kp 100 400 -o motions
+
 Watch the first run at low speed. What has not been checked is said under the table.
 """
 
@@ -50,6 +56,9 @@ FREQUENT = (
     "--json",
 )
 
+#: Samples a second of --csv, and period in s, where none are stated.
+RATE, PERIOD = 1000.0, 10.0
+
 #: Rows of the table for the pairs that come nearest.
 PAIRS = 6
 
@@ -62,7 +71,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("case", metavar="CASE|ROBOT", help="case file, robot model or built-in example robot")
     parser.add_argument("--friction", nargs="*", metavar="NAME", help="friction parts; default: those of the case")
     motion = parser.add_argument_group("motion")
-    motion.add_argument("--period", type=float, default=10.0, metavar="S", help="period in s (10)")
+    motion.add_argument("--period", type=float, metavar="S", help="period in s (10); with servos of a motion (6)")
     motion.add_argument(
         "--harmonics",
         type=int,
@@ -82,6 +91,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     motion.add_argument(
         "--torque-margin", type=float, default=0.2, metavar="SHARE", help="share of each torque left unused (0.2)"
     )
+    _add_servo_options(motion)
     add_options(parser)
     search = parser.add_argument_group("search")
     search.add_argument(
@@ -102,16 +112,53 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="keep finished starts in FILE (default: beside the output) and go on from those that are there",
     )
     output = parser.add_argument_group("output")
-    output.add_argument("-o", "--output", metavar="FILE", help="write the plan (JSON) here")
+    output.add_argument("-o", "--output", metavar="FILE", help="write the plan (JSON) here; servos: a folder")
     output.add_argument("--csv", metavar="FILE", help="write t, q, dq, ddq for the controller here, in SI units")
-    output.add_argument("--rate", type=float, default=1000.0, metavar="HZ", help="samples a second of --csv (1000)")
+    output.add_argument(
+        "--rate", type=float, metavar="HZ", help="samples a second of --csv (1000), or of commands for servos (100)"
+    )
     output.add_argument("--repeats", type=int, default=1, metavar="N", help="periods in --csv (1)")
     output.add_argument("--json", action="store_true", help="print one JSON object instead of tables")
     output.add_argument("--quiet", action="store_true", help="no progress and no remarks")
 
 
+def _add_servo_options(motion: argparse._ArgumentGroup) -> None:
+    """Add the options of a case with servos."""
+    motion.add_argument(
+        "--kp", type=float, nargs="+", metavar="GAIN", help="servos: position gains to record at; default: the case's"
+    )
+    motion.add_argument(
+        "--pose", metavar="Q1,Q2,...", help="servos: where the joints are held; default: the middles of their ranges"
+    )
+
+
 def run(options: argparse.Namespace) -> int:
     """Run the command."""
+    from dynident.case.case import read_case
+    from dynident.cli.plans import is_plan
+    from dynident.errors import BadOption, FileError
+
+    if is_plan(options.case):
+        step = "give the case or robot to design for; 'dynident inspect' shows a plan, 'dynident export' writes it"
+        raise FileError(options.case, "it is a plan", step)
+    case = read_case(options.case)
+    if case.servo is not None:
+        from dynident.cli import actuators
+
+        parser = argparse.ArgumentParser()
+        configure(parser)
+        return actuators.excite(case, options, parser.parse_args([options.case]))
+    for name in ("kp", "pose"):
+        if getattr(options, name) is not None:
+            step = "leave it out: it is for a case with servo:, and this one has none"
+            raise BadOption(f"--{name}", getattr(options, name), step)
+    options.rate = RATE if options.rate is None else options.rate
+    options.period = PERIOD if options.period is None else options.period
+    return _designed(case, options)
+
+
+def _designed(case: Case, options: argparse.Namespace) -> int:
+    """Design, show and write one motion of all joints for logs with torques."""
     from dataclasses import replace
 
     from dynident.api.excite import case_clearance
@@ -120,7 +167,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.excitation.design.plan import plan_data, write_plan, write_samples
     from dynident.model.friction import FRICTION
 
-    case, resume = _case(options)
+    resume = _checked(case, options)
     if options.friction is not None:
         case = replace(case, friction=tuple(FRICTION.make(name) for name in options.friction))
     else:
@@ -155,18 +202,12 @@ def _known_before(friction: tuple[Friction, ...], quiet: bool) -> tuple[Friction
     return kept
 
 
-def _case(options: argparse.Namespace) -> tuple[Case, str | None]:
-    """Return the case and the file of finished starts, all names of files checked."""
-    from dynident.case.case import read_case
+def _checked(case: Case, options: argparse.Namespace) -> str | None:
+    """Return the file of finished starts, all names of files and numbers checked."""
     from dynident.cli.knowledge import files_of
-    from dynident.cli.plans import is_plan
-    from dynident.errors import BadOption, FileError
+    from dynident.errors import BadOption
     from dynident.files import check_outputs, check_place
 
-    if is_plan(options.case):
-        step = "give the case or robot to design for; 'dynident inspect' shows a plan, 'dynident export' writes it"
-        raise FileError(options.case, "it is a plan", step)
-    case = read_case(options.case)
     resume = options.resume
     if resume == "":
         if not options.output:
@@ -184,7 +225,7 @@ def _case(options: argparse.Namespace) -> tuple[Case, str | None]:
         raise BadOption("--period", options.period, "give the period in s, above 0")
     if options.repeats < 1:
         raise BadOption("--repeats", options.repeats, "give 1 or more")
-    return case, resume
+    return resume
 
 
 def _design(options: argparse.Namespace, case: Case, known: Knowledge, resume: str | None) -> Plan:

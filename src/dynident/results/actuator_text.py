@@ -6,7 +6,7 @@ import numpy as np
 
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
-from dynident.actuators.verdict import EXPERIMENTS, unit_of
+from dynident.actuators.verdict import EXPERIMENTS, SCALE, lacks_scale, unit_of
 from dynident.results.text import MISSING, Column, Table, format_number, format_value, pretty_unit
 
 
@@ -72,7 +72,13 @@ def joint_warnings(joint: JointActuator) -> list[str]:
     found = list(joint.remarks)
     for one in joint.combinations:
         found.append(f"{one.name} is known only as a whole ({one.words})")
+    scaleless = lacks_scale({one.name: one.label for one in joint.known})
+    if scaleless:
+        names = ", ".join(one.name.replace("_", " ") for one in joint.known if one.label == "not separable")
+        found.append(f"{names}: {SCALE}")
     for one in joint.known:
+        if scaleless and one.label == "not separable":
+            continue
         if one.label in ("weak", "not separable") and one.name in EXPERIMENTS and not joint.combinations:
             found.append(f"{one.name.replace('_', ' ')} is {one.label}: {EXPERIMENTS[one.name]}")
     bound = [one.name.replace("_", " ") for one in joint.known if one.label == "at its bound" and one.value != 0.0]
