@@ -1,11 +1,13 @@
-"""Are servos found with intervals that hold? Virtual pendulums whose servo is known, seed by seed.
+"""Are servos found with intervals that hold? Virtual arms whose servos are known, seed by seed.
 
-Each seed draws a pendulum (0.2 to 1.5 kg, 0.08 to 0.25 m), a servo for it (torque at full duty 2.5 to 6 times the
-weight's torque, back-EMF, armature, friction, delay 2 to 20 ms, one in three with a slew limit) and logs of 6 s at
-200 Hz, 4096 counts a turn: chirp, steps, lift and free swing at two position gains. Friction m1 is stated, the drive
-law is that of the STS3215. A second answer gets one slow chirp without saturation and no gain: the torque at full duty
-has to be called not separable. One line a seed is added to the file, and seeds that it holds are not run again.
-Run: python -m benchmarks.servos FILE [--seeds N] [--first K]
+One joint: each seed draws a pendulum (0.2 to 1.5 kg, 0.08 to 0.25 m), a servo for it (torque at full duty 2.5 to 6
+times the weight's torque, back-EMF, armature, friction, delay 2 to 20 ms, one in three with a slew limit) and logs of
+6 s at 200 Hz, 4096 counts a turn: chirp, steps, lift and free swing at two position gains. The drive law is that of the
+STS3215. A second answer gets one slow chirp without saturation and no gain: the torque at full duty has to be called
+not separable. Three or six joints: arms of desk size, all joints in motion at once, at 30, 50, 100 or 200 Hz,
+integrated by Pinocchio (servo_arms.py). One seed in four has stiction (Stribeck), and friction m2 is stated; m1 for the
+others. One line a seed is added to the file, and seeds that it holds are not run again.
+Run: python -m benchmarks.servos FILE [--joints N] [--seeds N] [--first K]
 """
 
 from __future__ import annotations
@@ -20,11 +22,14 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.servo_arms import arm_logs, drawn_arm
 from dynident.actuators.drive_law import preset
+from dynident.actuators.estimate import JointActuator
 from dynident.actuators.identify import identify_actuators
 from dynident.actuators.parameters import PLACE, neutral
 from dynident.actuators.servo_log import ServoColumns, ServoSetup
 from dynident.actuators.virtual import ServoBench, virtual_log
+from dynident.arrays import Array
 from dynident.robot_files import read_robot
 
 PENDULUM = """<robot name="pendulum"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -{length}"/>
@@ -36,7 +41,21 @@ LAW = preset("feetech_sts3215")
 RATE, SECONDS = 200.0, 6.0
 
 #: Parameters whose intervals and relative errors are counted.
-COUNTED = ("full_torque", "back_emf", "viscous", "coulomb", "armature", "angle_offset", "delay", "slew_limit")
+COUNTED = (
+    "full_torque",
+    "back_emf",
+    "viscous",
+    "coulomb",
+    "coulomb_stribeck",
+    "stribeck_velocity",
+    "armature",
+    "angle_offset",
+    "delay",
+    "slew_limit",
+)
+
+#: Rates in Hz of the logs of arms, by seed.
+RATES = (30.0, 50.0, 100.0, 200.0)
 
 
 def drawn(random, folder: Path):
@@ -60,7 +79,15 @@ def drawn(random, folder: Path):
         values["slew_limit"] = random.uniform(2.0, 3.5)
     for name, value in values.items():
         true[PLACE[name]] = value
+    add_stiction(random, true[None])
     return read_robot(str(folder / "p.urdf")), true
+
+
+def add_stiction(random: np.random.Generator, true: Array) -> None:
+    """Give the drives of one seed in four friction that falls with the speed, in place; shape (n, COUNT)."""
+    if random.random() < 0.25:
+        true[:, PLACE["coulomb_stribeck"]] = true[:, PLACE["coulomb"]] * random.uniform(0.3, 0.8, len(true))
+        true[:, PLACE["stribeck_velocity"]] = random.uniform(0.1, 0.4, len(true))
 
 
 def logs_of(robot, true, seed: int, gains, motions):
@@ -75,50 +102,81 @@ def logs_of(robot, true, seed: int, gains, motions):
     }
     bench = ServoBench(robot, LAW, jitter_s=5e-4)
     return [
-        virtual_log(bench, true, time_, *commands[name][:1], kp, commands[name][1], seed=100 * seed + 10 * i + j)
+        virtual_log(bench, true, time_, commands[name][0], kp, commands[name][1], seed=100 * seed + 10 * i + j)
         for i, kp in enumerate(gains)
         for j, name in enumerate(motions)
     ]
 
 
-def one(seed: int, folder: Path) -> dict[str, object]:
+def one(seed: int, joints: int, folder: Path) -> dict[str, object]:
     """Return what one seed gives, as plain data."""
-    robot, true = drawn(np.random.default_rng([7, seed]), folder)
-    columns, begun = ServoColumns(("joint1",)), time.process_time()
-    logs = logs_of(robot, true, seed, (3.0, 6.0), ("chirp", "steps", "drop"))
-    joint = identify_actuators(robot, ServoSetup((LAW,), columns, "m1"), logs).joints[0]
-    seconds = time.process_time() - begun
-    known = {k.name: k for k in joint.known}
-    found = {}
+    random = np.random.default_rng([7, seed] if joints == 1 else [11, joints, seed])
+    rate = RATE
+    if joints == 1:
+        robot, true = drawn(random, folder)
+        logs, true = logs_of(robot, true, seed, (3.0, 6.0), ("chirp", "steps", "drop")), true[None]
+    else:
+        arm = drawn_arm(random, joints, LAW, folder)
+        add_stiction(random, arm.true)
+        robot, true, rate = arm.robot, arm.true, RATES[seed % len(RATES)]
+        logs = arm_logs(arm, rate, (8.0, 16.0))
+    friction = "m2" if true[0, PLACE["coulomb_stribeck"]] > 0 else "m1"
+    setup, begun = ServoSetup((LAW,) * joints, ServoColumns(robot.joint_names), friction), time.process_time()
+    found = identify_actuators(robot, setup, logs).joints
+    line = {
+        "seed": seed,
+        "rate": rate,
+        "friction": friction,
+        "seconds": time.process_time() - begun,
+        "joints": [_of_joint(joint, own) for joint, own in zip(found, true, strict=True)],
+    }
+    if joints == 1:
+        quiet = [replace(log, kp=float("nan")) for log in logs_of(robot, true[0], seed, (1.5,), ("slow",))]
+        setup = ServoSetup((preset("position_servo"),), ServoColumns(("joint1",)), "m1")
+        known = identify_actuators(robot, setup, quiet).joints[0].known
+        line["gain_unknown"] = next(k.label for k in known if k.name == "full_torque")
+    return line
+
+
+def _of_joint(joint: JointActuator, true: Array) -> dict[str, dict[str, object]]:
+    """Return truth, value, half width and label of each parameter of a joint that is counted."""
+    known, found = {k.name: k for k in joint.known}, {}
     for name in COUNTED:
         value, truth = joint.value(name), float(true[PLACE[name]])
+        if name not in known and name != "slew_limit":
+            continue
+        if name == "viscous" and "back_emf" not in known:  # damping as a whole
+            truth += float(true[PLACE["back_emf"]])
         if not np.isfinite(truth) and not np.isfinite(value):
             continue
         half = known[name].half_width if name in known else float("nan")
+        label = known[name].label if name in known else "left out"
+        if name == "viscous" and known[name].together == "back_emf":
+            label = "identified"
         found[name] = {
             "true": truth if np.isfinite(truth) else None,
             "value": value if np.isfinite(value) else None,
             "half": half if np.isfinite(half) else None,
-            "label": known[name].label if name in known else "left out",
+            "label": label,
         }
-    quiet = [replace(log, kp=float("nan")) for log in logs_of(robot, true, seed, (1.5,), ("slow",))]
-    law = preset("position_servo")
-    blind = identify_actuators(robot, ServoSetup((law,), columns, "m1"), quiet).joints[0]
-    label = next(k.label for k in blind.known if k.name == "full_torque")
-    return {"seed": seed, "seconds": seconds, "parameters": found, "gain_unknown": label}
+    return found
 
 
 def summary(lines: list[Mapping]) -> list[str]:
     """Return the figures over seeds as lines of text."""
     found = [f"{len(lines)} seeds, {np.median([line['seconds'] for line in lines]):.1f} s of the processor a seed"]
-    found.append("parameter     identified  holds the truth  relative error: median, 95 %    largest (labels aside)")
+    found.append(
+        "parameter         identified  holds the truth  relative error: median, 95 %    largest (labels aside)"
+    )
+    held, counted = 0.0, 0
     for name in COUNTED:
-        rows = [line["parameters"][name] for line in lines if name in line["parameters"]]
+        rows = [joint[name] for line in lines for joint in line["joints"] if name in joint]
         both = [row for row in rows if row["true"] is not None and row["value"] is not None]
         sure = [row for row in both if row["half"] is not None]
         if not sure:
             continue
         holds = np.mean([abs(row["value"] - row["true"]) <= row["half"] for row in sure])
+        held, counted = held + holds * len(sure), counted + len(sure)
         named = [row for row in both if row["label"] == "identified"] or sure
         scale = 1e3 if name in ("delay", "angle_offset") else 100.0
         unit = {"delay": "ms", "angle_offset": "mrad"}.get(name, "%")
@@ -127,12 +185,15 @@ def summary(lines: list[Mapping]) -> list[str]:
         share = sum(row["label"] == "identified" for row in both)
         middle, most = np.quantile(errors, [0.5, 0.95])
         text = f"{share:4d} of {len(both):3d} {100 * holds:8.1f} % of {len(sure):3d}"
-        found.append(f"{name:14s}{text}   {middle:8.3g} {most:8.3g} {unit:5s} {errors.max():8.3g}")
+        found.append(f"{name:18s}{text}   {middle:8.3g} {most:8.3g} {unit:5s} {errors.max():8.3g}")
         odd = len(rows) - len(both)
         if odd:
-            found.append(f"{name:14s}{odd} times found where there is none, or missed")
-    right = sum(line["gain_unknown"] == "not separable" for line in lines)
-    found.append(f"unknown gain without saturation called not separable: {right} of {len(lines)}")
+            found.append(f"{name:18s}{odd} times found where there is none, or missed")
+    found.append(f"all intervals: {100 * held / max(counted, 1):.1f} % of {counted} hold the truth")
+    labels = [line["gain_unknown"] for line in lines if "gain_unknown" in line]
+    if labels:
+        right = labels.count("not separable")
+        found.append(f"unknown gain without saturation called not separable: {right} of {len(labels)}")
     return found
 
 
@@ -140,6 +201,7 @@ def main() -> None:
     """Run the seeds that the file lacks and print the summary."""
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("file", type=Path)
+    options.add_argument("--joints", type=int, default=1, choices=(1, 3, 6))
     options.add_argument("--seeds", type=int, default=200)
     options.add_argument("--first", type=int, default=0)
     chosen = options.parse_args()
@@ -149,7 +211,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(chosen.first, chosen.first + chosen.seeds):
             if seed not in done:
-                lines.append(one(seed, Path(folder)))
+                lines.append(one(seed, chosen.joints, Path(folder)))
                 with file.open("a") as sink:
                     sink.write(json.dumps(lines[-1]) + "\n")
     print("\n".join(summary(lines)))

@@ -88,7 +88,7 @@ def _followed(words: list[str], kept: Path) -> str:
 
 
 def _spent(process: int) -> float:
-    """Return the time of the processor that a process had so far, in s; that of the clock where the system does not say."""
+    """Return the time of the processor that a process had so far, in s; the clock where the system does not say."""
     try:
         fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     except OSError:

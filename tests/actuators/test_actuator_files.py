@@ -13,7 +13,7 @@ from servo_bench import PENDULUM, motions, parameters, virtual_logs
 
 from dynident.actuators.drive_law import preset
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator, write_actuators
-from dynident.actuators.joint_load import joint_loads, measured_motion
+from dynident.actuators.joint_load import measured_loads
 from dynident.actuators.rollout import record_of, rolled_out
 from dynident.cli.main import main
 from dynident.model.robot import Robot
@@ -48,7 +48,7 @@ def test_mujoco_follows_the_roll_out(folder: Path) -> None:
         command = each[name][0]
         log = next(one for one, key in zip(virtual_logs(robot, true, gains=(KP,)), each, strict=True) if key == name)
         log = type(log)(**{**vars(log), "time": time})
-        record = record_of(log, 0, joint_loads(robot, log, measured_motion(log))[0], law)
+        record = record_of(log, 0, measured_loads(robot, log)[0], law)
         ours = rolled_out(record, true).q
         data = mujoco.MjData(model)
         data.qpos[0] = ours[0]
@@ -101,7 +101,7 @@ def test_the_armature_and_the_actuators_of_a_model_are_replaced(folder: Path) ->
     )
     robot = read_robot("pendulum.xml")
     (log,) = virtual_logs(robot, parameters(), gains=(KP,))[:1]
-    (load,) = joint_loads(robot, log, measured_motion(log))
+    (load,) = measured_loads(robot, log)
     assert np.allclose(load.inertia, 0.8 * 0.15**2 + 0.4 * 0.8 * 0.02**2)
     saved = json.loads(Path("a.json").read_text())
     saved["provenance"]["robot"]["path"] = "pendulum.xml"

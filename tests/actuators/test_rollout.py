@@ -10,11 +10,11 @@ from scipy.integrate import solve_ivp
 from servo_bench import motions, parameters, virtual_logs
 
 from dynident.actuators.drive_law import preset
-from dynident.actuators.joint_load import joint_loads, measured_motion
+from dynident.actuators.joint_load import measured_loads
 from dynident.actuators.output_error import ServoProblem
 from dynident.actuators.parameters import FRICTION_MODELS, PARAMETERS, PLACE
 from dynident.actuators.rollout import NONE, STEP, JointRecord, record_of, rolled_out
-from dynident.actuators.verdict import known_parameters
+from dynident.actuators.verdict import known_parameters, spread_of
 from dynident.model.robot import Robot
 
 
@@ -22,7 +22,7 @@ from dynident.model.robot import Robot
 def records(robot: Robot) -> list[JointRecord]:
     law = preset("feetech_sts3215")
     logs = virtual_logs(robot, parameters(), gains=(4.0,))
-    return [record_of(log, 0, joint_loads(robot, log, measured_motion(log))[0], law) for log in logs]
+    return [record_of(log, 0, measured_loads(robot, log)[0], law) for log in logs]
 
 
 def test_smooth_roll_out_is_that_of_a_runge_kutta_integrator(records: list[JointRecord]) -> None:
@@ -100,7 +100,7 @@ def test_friction_holds_a_joint_where_it_can(records: list[JointRecord]) -> None
     record = records[2]
     off = record.samples.copy()
     off[:, 4] = 0.0
-    still = JointRecord(record.name, off, record.law, record.kp, record.q, record.used, np.array([1.0, 0.0]))
+    still = replace(record, samples=off, start=np.array([1.0, 0.0]))
     held = rolled_out(still, parameters(coulomb=1.3)).q
     falls = rolled_out(still, parameters(coulomb=0.5)).q
     assert np.ptp(held) == 0.0 and np.ptp(falls) > 0.3
@@ -110,7 +110,7 @@ def test_intervals_hold_where_a_joint_rests_between_two_readings(robot: Robot) -
     """Errors of an encoder at rest repeat; the step of Gauss and Newton from the truth is the error they make."""
     true, holds, law, step = parameters(coulomb=0.12), [], preset("feetech_sts3215"), 2.0 * np.pi / 4096
     logs = virtual_logs(robot, true, gains=(2.0, 5.0))
-    records = [record_of(log, 0, joint_loads(robot, log, measured_motion(log))[0], law) for log in logs]
+    records = [record_of(log, 0, measured_loads(robot, log)[0], law) for log in logs]
     free = ("full_torque", "back_emf", "viscous", "coulomb", "armature", "angle_offset", "delay")
     exact = [rolled_out(record, true, longest=STEP).q for record in records]
     for phase in np.linspace(0.0, 1.0, 12, endpoint=False):
@@ -119,7 +119,8 @@ def test_intervals_hold_where_a_joint_rests_between_two_readings(robot: Robot) -
         problem = ServoProblem(kept, free, FRICTION_MODELS["m1"]).finely
         errors, slopes = problem.errors(true)
         moved = np.linalg.lstsq(np.concatenate(slopes), -np.concatenate(errors))[0]
-        halves = [known.half_width for known in known_parameters(problem, problem.full(true[problem.places], true))]
+        known = known_parameters(problem, true, spread_of(problem, true))
+        halves = [one.half_width for one in known]
         holds.append(np.abs(moved) <= halves)
     shares = np.mean(holds, axis=0)
     assert shares.mean() >= 0.93 and shares.min() >= 0.75, dict(zip(free, shares, strict=True))

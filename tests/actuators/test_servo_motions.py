@@ -16,7 +16,7 @@ from servo_bench import PENDULUM, write_csv
 from dynident.actuators.command_files import CommandFile, ServoMotions
 from dynident.actuators.estimate import write_actuators
 from dynident.actuators.identify import identify_actuators
-from dynident.actuators.joint_load import joint_loads, measured_motion, with_payload
+from dynident.actuators.joint_load import measured_loads, with_payload
 from dynident.actuators.parameters import PLACE
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.virtual import ServoBench, virtual_log
@@ -217,10 +217,11 @@ def test_a_payload_adds_its_mass_to_the_load_of_its_logs(folder: Path) -> None:
 
     for name in ("joint1_steps.csv", "joint1_steps_m02.csv"):
         (read,) = read_servo_logs(write_csv(log, Path(name)), case.servo.columns)
-        loads.append(joint_loads(case.robot, read, measured_motion(read))[0])
+        loads.append(measured_loads(case.robot, read)[0])
     assert np.allclose(loads[1].inertia - loads[0].inertia, 0.2 * 0.25**2)
     q = log.q[:, 0]
-    assert np.allclose(loads[1].torque(q) - loads[0].torque(q), 0.2 * 9.81 * 0.25 * np.sin(q), atol=1e-9)
+    heavier = loads[1].torque(log.time, q) - loads[0].torque(log.time, q)
+    assert np.allclose(heavier, 0.2 * 9.81 * 0.25 * np.sin(q), atol=1e-9)
 
 
 def test_the_command_writes_files_and_a_table_of_80_columns(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

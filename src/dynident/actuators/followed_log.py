@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dynident.actuators.arm_fit import arm_loads
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
-from dynident.actuators.joint_load import joint_loads, measured_motion
 from dynident.actuators.parameters import PLACE
 from dynident.actuators.rollout import mean_error, record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog, check_gains, is_outside
@@ -74,7 +74,8 @@ def followed(
         raise LogMismatch(f"robot '{robot.name}'", evidence, "name the case file of this estimate")
     found: list[FollowedJoint] = []
     logs = check_gains(logs, estimate.joints[0].law.kp)
-    loads = [joint_loads(robot, log, measured_motion(log)) for log in logs]
+    laws, values = [joint.law for joint in estimate.joints], [joint.parameters for joint in estimate.joints]
+    loads = [arm_loads(robot, log, laws, values) for log in logs]
     for k, (actuator, joint) in enumerate(zip(estimate.joints, robot.active, strict=True)):
         nominal = _stated(actuator, joint)
         for log, load in zip(logs, loads, strict=True):
@@ -94,7 +95,7 @@ def followed(
                     mean_error(record, predicted),
                     mean_error(record, rolled_out(record, actuator.linear).q),
                     float("nan") if nominal is None else mean_error(record, rolled_out(record, nominal).q),
-                    float(np.sqrt(np.mean(load[k].torque(record.q) ** 2))),
+                    float(np.sqrt(np.mean(load[k].torque(log.time, record.q) ** 2))),
                 )
             )
     return tuple(found)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from dynident.actuators.drive_law import DriveLaw
-from dynident.actuators.joint_load import JointLoad, MeasuredMotion
+from dynident.actuators.joint_load import JointLoad, MeasuredMotion, between
 from dynident.actuators.parameters import COUNT, PARAMETERS, PLACE, FrictionModel, neutral
 from dynident.actuators.rollout import JointRecord, mean_errors
 from dynident.actuators.servo_log import ServoLog
@@ -94,7 +94,7 @@ def start_rows(log: ServoLog, joint: int, load: JointLoad, motion: MeasuredMotio
     time = motion.time
 
     def on_grid(values: Array) -> Array:
-        return np.interp(time, log.time, values)
+        return np.interp(time, load.time, values)
 
     q = motion.q[:, joint]
     c0, c1, c2 = (on_grid(column) for column in load.bias.T)
@@ -106,7 +106,7 @@ def start_rows(log: ServoLog, joint: int, load: JointLoad, motion: MeasuredMotio
         law=law.numbers(log.kp),
         motion=motion,
         target=motion.filtered(on_grid(load.inertia) * motion.ddq[:, joint] + bias),
-        angle=on_grid(log.q[:, joint]),
+        angle=between(log.time, log.q[:, [joint]], time)[:, 0],
         external=-bias,
         slope=c2 * np.cos(q) - c1 * np.sin(q),
         on=log.enabled[held, joint].astype(float),

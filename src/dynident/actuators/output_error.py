@@ -44,8 +44,8 @@ class RefineEffort:
     finish: int
 
 
-#: Of the answer, and of a fold of the cross-validation.
-WHOLE, FOLD = RefineEffort(12, 60, 4, 3, 8), RefineEffort(8, 25, 0, 1, 0)
+#: Of the answer, of a joint of an arm before its load is known better, and of a fold of the cross-validation.
+WHOLE, ROUGH, FOLD = RefineEffort(12, 60, 4, 3, 8), RefineEffort(12, 25, 2, 1, 0), RefineEffort(8, 25, 0, 1, 0)
 
 
 #: Starts beside the linear one, as multiples of its parameters.
@@ -157,9 +157,7 @@ def output_error(
         SolverFailed: No start gives a finite roll-out.
     """
     if loss_scale <= 0.0:
-        first = problem.full(starts[0][problem.places], starts[0])
-        sizes = np.concatenate([np.abs(one) for one in problem.errors(first)[0]])
-        loss_scale = max(float(np.median(sizes[np.isfinite(sizes)])) if np.isfinite(sizes).any() else 0.1, 1e-4)
+        loss_scale = _loss_scale(problem, problem.full(starts[0][problem.places], starts[0]))
     pieces = replace(problem, records=_intervals(problem.records))
     coarse, evaluations = [], 0
     for start in starts if effort.go_on else ():
@@ -188,6 +186,19 @@ def output_error(
         evaluations += count
         best = (values, cost, best[2])
     return ServoFit(best[0], best[1], best[2], evaluations, tuple(costs))
+
+
+def refined(problem: ServoProblem, start: Array, most: int) -> Array:
+    """Return the output error from a start that is near it, shape (COUNT,), by at most some evaluations."""
+    weights = log_weights(problem, start) if len(problem.records) > 2 else None
+    return _refined(problem, start, _loss_scale(problem, start), most, weights)[0]
+
+
+def _loss_scale(problem: ServoProblem, parameters: Array) -> float:
+    """Return the median absolute error in rad, from which the loss counts errors by their size."""
+    runs = [(one, rolled_out(one, parameters, longest=problem.longest).q) for one in problem.records]
+    sizes = np.concatenate([np.abs(q - one.q)[one.used] for one, q in runs])
+    return max(float(np.median(sizes[np.isfinite(sizes)])) if np.isfinite(sizes).any() else 0.1, 1e-4)
 
 
 def _distinct(found: Sequence[tuple[float, Array]], problem: ServoProblem) -> list[int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -16,7 +16,7 @@ from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array, BoolArray, IntArray
 
 #: Longest step of the integration in s: of a search, and of the answer.
-SEARCH_STEP, STEP = 2e-3, 5e-4
+SEARCH_STEP, STEP = 2e-3, 2.5e-4
 
 #: No derivative is asked for.
 NONE: Final = np.full(COUNT, -1)
@@ -32,6 +32,7 @@ class JointRecord:
     Attributes:
         name: The log.
         samples: Shape (N, COLUMNS) of ``rollout_loop``.
+        loads: Shape ((N - 1) S, LOADS) of ``rollout_loop``.
         law: Numbers of the drive law at the gain of the log, shape (4,).
         kp: Gain of the log.
         q: Measured positions, shape (N,), in rad.
@@ -41,6 +42,7 @@ class JointRecord:
 
     name: str
     samples: Array
+    loads: Array
     law: Array
     kp: float
     q: Array
@@ -50,10 +52,31 @@ class JointRecord:
     def part(self, first: int, last: int) -> JointRecord:
         """Return some of the samples, started from the measurement there."""
         own = slice(first, last)
+        loads = self.loads[first * self.parts : (last - 1) * self.parts]
         q, used = self.q[own], self.used[own]
-        return JointRecord(
-            self.name, self.samples[own], self.law, self.kp, q, used, start_of(self.samples[own, 0], q, used)
-        )
+        start = start_of(self.samples[own, 0], q, used)
+        return replace(self, samples=self.samples[own], loads=loads, q=q, used=used, start=start)
+
+    @property
+    def parts(self) -> int:
+        """S, the rows of the load for each interval between two samples."""
+        return len(self.loads) // (len(self.samples) - 1)
+
+    def under(self, load: JointLoad) -> JointRecord:
+        """Return the record with another load."""
+        return replace(self, loads=np.column_stack([load.inertia, load.bias]))
+
+    def with_bias(self, bias: Array) -> JointRecord:
+        """Return the record with another bias torque, shape ((N - 1) S, 3)."""
+        return replace(self, loads=np.column_stack([self.loads[:, 0], bias]))
+
+    def finely(self, time: Array) -> JointRecord:
+        """Return the record with a sample at each end of a part of the load, at the times (K + 1,) of these."""
+        held = np.minimum(np.arange(len(time)) // self.parts, len(self.samples) - 1)
+        samples = self.samples[held]
+        samples[:, 0] = time
+        used = self.used[held] & (np.arange(len(time)) % self.parts == 0)
+        return replace(self, samples=samples, q=self.q[held], used=used)
 
 
 def start_of(time: Array, q: Array, used: BoolArray) -> Array:
@@ -70,7 +93,8 @@ def record_of(log: ServoLog, joint: int, load: JointLoad, law: DriveLaw) -> Join
     used = ~log.failed[:, joint]
     return JointRecord(
         name=log.name,
-        samples=loop_samples(log, joint, load),
+        samples=loop_samples(log, joint),
+        loads=np.column_stack([load.inertia, load.bias]),
         law=law.numbers(log.kp),
         kp=log.kp,
         q=log.q[:, joint],
@@ -85,11 +109,13 @@ class Rollout:
 
     Attributes:
         q: Positions at the samples, shape (N,), in rad.
+        dq: Velocities, shape (N,), in rad/s.
         slopes: Their derivatives by the parameters, shape (N, f).
         saturated: Whether the duty was at its limit after a sample, shape (N,).
     """
 
     q: Array
+    dq: Array
     slopes: Array
     saturated: BoolArray
 
@@ -104,9 +130,9 @@ def rolled_out(record: JointRecord, parameters: Array, at: IntArray = NONE, long
         longest: Longest step of the integration in s.
     """
     count = len(record.q)
-    out, saturated = np.empty((count, 2 + int(at.max()))), np.zeros(count, dtype=bool)
-    roll_out(parameters, record.samples, record.law, record.start, longest, at, out, saturated)
-    return Rollout(out[:, 0], out[:, 1:], saturated)
+    out = np.empty((count, 4 + int(at.max())))
+    roll_out(parameters, record.samples, record.loads, record.law, record.start, longest, at, out)
+    return Rollout(out[:, 0], out[:, 1], out[:, 3:], out[:, 2] > 0.5)
 
 
 def mean_errors(records: Sequence[JointRecord], parameters: Array, longest: float = SEARCH_STEP) -> Array:

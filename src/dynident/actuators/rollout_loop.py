@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from dynident.actuators.parameters import PLACE
-from dynident.arrays import Array, BoolArray, IntArray
+from dynident.arrays import Array, IntArray
 from dynident.model.kernels.jit import compiled
 
 _GAIN, _TORQUE, _EMF, _VISCOUS = (PLACE[name] for name in ("gain_ratio", "full_torque", "back_emf", "viscous"))
@@ -18,9 +18,11 @@ _VS, _ALPHA, _ARMATURE = PLACE["stribeck_velocity"], PLACE["stribeck_exponent"],
 _OFFSET, _DELAY, _SLEW, _KD = (PLACE[name] for name in ("angle_offset", "delay", "slew_limit", "damping_gain"))
 
 #: Columns of the samples that the loop takes: time, command, commanded velocity, duty that is added, whether the drive
-#: is on, supply voltage over the nominal one, inertia, and the bias torque c0 + c1 cos q + c2 sin q.
-COLUMNS = 10
-_COLUMNS = COLUMNS
+#: is on, supply voltage over the nominal one.
+COLUMNS = 6
+
+#: Columns of the load: inertia, and the bias torque c0 + c1 cos q + c2 sin q.
+LOADS = 4
 
 #: Entries of the work array ``now`` of one step: drive, friction budget, step.
 (
@@ -188,13 +190,6 @@ def _carry(p: Array, h: float, v: float, now: Array, slopes: Array, at: IntArray
 
 
 @compiled
-def _between(samples: Array, i: int, share: float, sample: Array) -> None:
-    """Write inertia and bias torque at a share of the way from one sample to the next."""
-    for k in range(6, _COLUMNS):
-        sample[k] = samples[i, k] + share * (samples[i + 1, k] - samples[i, k])
-
-
-@compiled
 def _drift(h: float, slopes: Array) -> None:
     """Carry the derivatives of the position over half a step."""
     for k in range(slopes.shape[1]):
@@ -202,7 +197,7 @@ def _drift(h: float, slopes: Array) -> None:
 
 
 @compiled
-def _push(p: Array, h: float, q: float, v: float, sample: Array, law: Array, now: Array) -> tuple[float, float, float]:
+def _push(p: Array, h: float, q: float, v: float, load: Array, law: Array, now: Array) -> tuple[float, float, float]:
     """Return the velocity after one step with the forces at q, and motor and external torque."""
     error = now[_COMMAND] - q
     error = 0.0 if abs(error) <= law[2] else error
@@ -217,10 +212,10 @@ def _push(p: Array, h: float, q: float, v: float, sample: Array, law: Array, now
     braking = on * p[_EMF] + (0.0 if abs(whole) >= law[1] else now[_ACTIVE] * p[_TORQUE] * p[_KD])
     motor = force - braking * v
     cosine, sine = math.cos(q + p[_OFFSET]), math.sin(q + p[_OFFSET])
-    external = -(sample[7] + sample[8] * cosine + sample[9] * sine)
-    now[_STIFFNESS] = sample[8] * sine - sample[9] * cosine  # d external / d angle
+    external = -(load[1] + load[2] * cosine + load[3] * sine)
+    now[_STIFFNESS] = load[2] * sine - load[3] * cosine  # d external / d angle
     _budget(p, v, motor, external, now)
-    inertia = sample[6] + p[_ARMATURE]
+    inertia = load[0] + p[_ARMATURE]
     now[_FORCE], now[_INERTIA], now[_DAMPING] = force + external, inertia, p[_VISCOUS] + braking
     x = h * now[_DAMPING] / inertia
     now[_DECAY] = math.exp(-x)
@@ -239,12 +234,12 @@ def _push(p: Array, h: float, q: float, v: float, sample: Array, law: Array, now
 def roll_out(
     p: Array,
     samples: Array,
+    loads: Array,
     law: Array,
     start: Array,
     longest: float,
     at: IntArray,
     out: Array,
-    saturated: BoolArray,
 ) -> None:
     """Integrate one joint from the first sample; the commands and the load are all that it is given.
 
@@ -256,40 +251,40 @@ def roll_out(
     Args:
         p: Parameters in the order of PARAMETERS, shape (COUNT,).
         samples: Shape (N, COLUMNS).
+        loads: Mean load of each of the S equal parts of each interval between two samples, shape ((N - 1) S, LOADS).
         law: Duty per rad of error, duty limit, dead zone in rad, punch (duty added outside the dead zone), shape (4,).
         start: Position and velocity at the first sample, shape (2,).
         longest: Longest step in s.
         at: Column of the derivatives by each parameter, shape (COUNT,): parameters that are equal share one; -1
             where the derivative is not asked for.
-        out: Positions at the samples and their derivatives, shape (N, 1 + f); written.
-        saturated: Whether the duty was at its limit somewhere in the interval after a sample, shape (N,); written.
+        out: Positions and velocities at the samples, 1 where the duty was at its limit in the interval after a
+            sample, and the derivatives of the positions, shape (N, 3 + f); written.
     """
     q, v, goal = start[0], start[1], samples[0, 1]
-    now, sample = np.zeros(_ENTRIES), np.zeros(_COLUMNS)
-    count, place = out.shape[1] - 1, 0
+    now, parts = np.zeros(_ENTRIES), len(loads) // max(len(samples) - 1, 1)
+    count, place = out.shape[1] - 3, 0
     slopes = np.zeros((_ROWS, count + 1))
     both = slopes[6:8]
     for k in (_COULOMB_S, _LMS, _LES, _LMQ, _LEQ):  # without these no part of the friction fades with the speed
         now[_HAS_FADE] = 1.0 if p[k] != 0.0 or at[k] >= 0 else now[_HAS_FADE]
     for i in range(len(samples)):
-        out[i, 0], saturated[i] = q, False
-        for k in range(count):
-            out[i, 1 + k] = slopes[0, k]
+        out[i, 0], out[i, 1], out[i, 2] = q, v, 0.0
+        out[i, 3:] = slopes[0, :count]
         if i + 1 == len(samples):
             break
-        steps = max(1, math.ceil((samples[i + 1, 0] - samples[i, 0]) / longest - 1e-9))
+        steps = parts * max(1, math.ceil((samples[i + 1, 0] - samples[i, 0]) / (parts * longest) - 1e-9))
         h = (samples[i + 1, 0] - samples[i, 0]) / steps
         now[_ON], now[_ACTIVE] = samples[i, 4], samples[i, 4] * samples[i, 5]
         for step in range(steps):
             begin = samples[i, 0] + step * h - p[_DELAY]
             place, goal, now[_COMMAND] = _follow(p, samples, begin, h, place, goal, both, at)
-            _between(samples, i, (step + 0.5) / steps, sample)
+            load = loads[parts * i + step * parts // steps]
             now[_RATE], now[_FED] = samples[place, 2], samples[place, 3]
             before = v
             q += 0.5 * h * v
-            v, motor, external = _push(p, h, q, before, sample, law, now)
+            v, motor, external = _push(p, h, q, before, load, law, now)
             q += 0.5 * h * v
-            saturated[i] = saturated[i] or (now[_LIMITED] > 0.5 and now[_ON] > 0.5)
+            out[i, 2] = max(out[i, 2], now[_LIMITED] * now[_ON])
             if count:
                 _drift(h, slopes)
                 _drive_slopes(p, before, now, slopes, at)

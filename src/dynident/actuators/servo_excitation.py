@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 
 from dynident.actuators.drive_law import DriveLaw
-from dynident.actuators.identify import SATURATED, JointData
-from dynident.actuators.joint_load import JointLoad, joint_loads, measured_motion, rigid_inertia, with_payload
+from dynident.actuators.joint_fit import SATURATED, JointData
+from dynident.actuators.joint_load import JointLoad, measured_loads, measured_motion, rigid_inertia, with_payload
 from dynident.actuators.linear_start import WEIGHTLESS, free_parameters, refinable, start_rows
 from dynident.actuators.nominal_servo import RESOLUTION, NominalServo
 from dynident.actuators.output_error import ServoProblem
@@ -18,7 +18,7 @@ from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.servo_motions import KINDS, MOST_TURN, MotionFrame, ServoMotion, caught_release
-from dynident.actuators.verdict import Known, known_parameters
+from dynident.actuators.verdict import Known, known_parameters, spread_of
 from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.arrays import Array
 from dynident.errors import BadOption
@@ -223,7 +223,7 @@ def _load(robot: Robot, position: float) -> JointLoad:
         "at rest", robot.joint_names, np.arange(count) / 100.0, column, column, zero, zero,
         np.ones((count, 1), dtype=bool), np.ones(count), np.zeros((count, 1), dtype=bool), 1.0,
     )  # fmt: skip
-    return joint_loads(robot, log, measured_motion(log))[0]
+    return measured_loads(robot, log)[0]
 
 
 def _frame(
@@ -238,7 +238,7 @@ def _frame(
     reach = min(centre - float(limits.lower[k]), float(limits.upper[k]) - centre)
     most = dict(MOST_TURN) if limits.revolute[k] else dict.fromkeys(KINDS, np.inf)
     size = min(reach, most["release"])
-    ends = load.torque(centre + np.linspace(-size, size, len(load.bias)))[[0, -1]]
+    ends = load.torque(load.time, centre + np.linspace(-size, size, len(load.bias)))[[0, -1]]
     swings = bool(np.min(np.abs(ends)) > _SWINGS * servo.value("coulomb"))
     return MotionFrame(centre, reach, float(limits.velocity[k]), request.rate, request.seconds, most, swings)
 
@@ -283,10 +283,9 @@ def _simulated_set(
     for payload in payloads:
         for motion in motions:
             for log in joint.logs(motion, gains, parameters, resolution, payload):
-                smooth = measured_motion(log)
-                (load,) = joint_loads(joint.robots[payload], log, smooth)
+                (load,) = measured_loads(joint.robots[payload], log)
                 records.append(record_of(log, 0, load, joint.law))
-                rows.append(start_rows(log, 0, load, smooth, joint.law))
+                rows.append(start_rows(log, 0, load, measured_motion(log), joint.law))
     return JointData(joint.name, joint.law, tuple(records), (), tuple(rows))
 
 
@@ -340,7 +339,8 @@ def _known(data: JointData, servo: NominalServo) -> tuple[Known, ...]:
     has_gain = law.gain_is_free and float(np.mean(saturated)) > SATURATED
     start = refinable(values, law, data.has_off)
     free = free_parameters(law, model, start, has_gain, data.has_off)
-    known = known_parameters(ServoProblem(data.train, free, model).finely, start)
+    problem = ServoProblem(data.train, free, model).finely
+    known = known_parameters(problem, start, spread_of(problem, start))
     whole = {}
     if law.gain_is_free and not has_gain:
         whole["full_torque"] = ("stiffness", float(values[PLACE["gain_ratio"]]) * law.error_gain)

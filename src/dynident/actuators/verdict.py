@@ -11,7 +11,7 @@ from scipy.stats import t as student
 from dynident.actuators.output_error import ServoProblem, log_weights
 from dynident.actuators.parameters import PARAMETERS, PLACE
 from dynident.actuators.rollout import JointRecord
-from dynident.arrays import Array
+from dynident.arrays import Array, BoolArray
 
 #: Confidence of the intervals.
 LEVEL = 0.95
@@ -22,12 +22,9 @@ PIECE_S = 1.0
 #: Fewest logs that count as the independent pieces by themselves.
 _LOGS = 8
 
-#: Singular values below this share of the largest, of columns at the scale of each parameter, are directions that the
-#: logs do not see.
-RANK = 1e-6
-
-#: Share of a direction that the logs do not see from which a parameter is part of it.
-BLIND = 0.01
+#: Squared singular values below this share of the largest, of columns at the scale of each parameter, are directions
+#: that the logs do not see.
+RANK = 1e-9
 
 #: Correlation from which two parameters are known only together.
 TOGETHER = 0.98
@@ -62,8 +59,27 @@ class Known:
         return replace(self, value=self.value * factor, half_width=self.half_width * factor)
 
 
-def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[Known, ...]:
-    """Return how far each free parameter is known.
+@dataclass(frozen=True)
+class Spread:
+    """How the errors of one joint spread its free parameters.
+
+    Attributes:
+        covariance: Of the f free parameters; zero for those at a bound, shape (f, f).
+        products: J' W J in units of each parameter's size, shape (f, f).
+        inner: Which are not at a bound, shape (f,).
+        seen: Which the logs see, shape (f,).
+        pieces: Number of pieces of logs that count as independent.
+    """
+
+    covariance: Array
+    products: Array
+    inner: BoolArray
+    seen: BoolArray
+    pieces: int
+
+
+def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
+    """Return how the errors of the roll-outs spread the free parameters.
 
     By the sandwich covariance of clustered scores: errors of one roll-out are correlated over its whole length, so
     pieces of it (whole logs where there are eight or more) are taken as the independent ones. Cameron and Miller, "A
@@ -71,20 +87,24 @@ def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[Known, .
 
     A joint that rests reads the same error of the encoder's step again wherever it comes to rest at the same reading:
     no piece is independent of it, so its variance, a twelfth of the squared step, is added reading by reading.
+
+    Parameters that a direction without any effect moves by more than WEAK are not seen.
     """
     errors, slopes = problem.errors(parameters)
     weights = log_weights(problem, parameters) if len(errors) > 2 else np.ones(len(errors))
-    scales = np.maximum(np.abs(parameters[problem.places]), 0.1 * problem.scales())
     lower, upper = problem.bounds()
     values = parameters[problem.places]
+    scales = np.maximum(np.abs(values), np.where(lower < 0, 1.0, 0.1) * problem.scales())  # of a sign: may be near 0
     inner = (values > lower + 1e-4 * problem.scales()) & (values < upper - 1e-4 * problem.scales())
     bread = np.zeros((len(values), len(values)))
     scores: list[Array] = []
+    squares = 0.0
     resting: dict[float, Array] = {}
     for record, error, slope, weight in zip(problem.records, errors, slopes, weights, strict=True):
         own = slope * scales * weight / np.sqrt(len(error))
         residual = error * weight / np.sqrt(len(error))
         bread += own.T @ own
+        squares += float(residual @ residual)
         pieces = 1
         if len(errors) < _LOGS:
             time = record.samples[record.used, 0]
@@ -100,24 +120,32 @@ def known_parameters(problem: ServoProblem, parameters: Array) -> tuple[Known, .
         core, count = bread[np.ix_(free, free)], len(scores)
         sizes, vectors = np.linalg.eigh(core)
         good = sizes > RANK * sizes[-1]
+        loose = np.sqrt(squares / count / np.maximum(sizes, 1e-6 * RANK * sizes[-1]))
         inverse = (vectors[:, good] / sizes[good]) @ vectors[:, good].T
-        seen[free] = np.abs(vectors[:, ~good]).max(axis=1, initial=0.0) <= BLIND
+        seen[free] = np.linalg.norm(vectors[:, ~good] * loose[~good], axis=1) <= WEAK
         meat = _squares(scores, free) * count / max(count - 1, 1)
         meat += _encoder_step(problem.records) ** 2 / 12.0 * _squares(resting.values(), free)
         covariance[np.ix_(free, free)] = inverse @ meat @ inverse
-    covariance *= np.outer(scales, scales)
-    spread = student.ppf(0.5 + LEVEL / 2.0, max(len(scores) - 1, 1))
-    halves = spread * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return Spread(covariance * np.outer(scales, scales), bread, inner, seen, len(scores))
+
+
+def known_parameters(problem: ServoProblem, parameters: Array, spread: Spread) -> tuple[Known, ...]:
+    """Return how far each free parameter is known."""
+    values = parameters[problem.places]
+    free = [int(k) for k in np.flatnonzero(spread.inner)]
+    factor = student.ppf(0.5 + LEVEL / 2.0, max(spread.pieces - 1, 1))
+    halves = factor * np.sqrt(np.maximum(np.diag(spread.covariance), 0.0))
     found = []
     for k, (name, value, half) in enumerate(zip(problem.free, values.tolist(), halves.tolist(), strict=True)):
-        if not inner[k]:
+        if not spread.inner[k]:
             found.append(Known(name, value, np.inf, "at its bound"))
-        elif not seen[k]:
-            found.append(Known(name, value, np.inf, "not separable", _partner(problem.free, bread, k, free)))
+        elif not spread.seen[k]:
+            found.append(Known(name, value, np.inf, "not separable", _partner(problem.free, spread.products, k, free)))
         elif half < WEAK * abs(value) or name == "angle_offset":
             found.append(Known(name, value, half, "identified"))
         else:
-            found.append(Known(name, value, half, "weak", _partner(problem.free, covariance, k, free, TOGETHER)))
+            partner = _partner(problem.free, spread.covariance, k, free, TOGETHER)
+            found.append(Known(name, value, half, "weak", partner))
     return tuple(found)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.actuators.drive_law import DriveLaw
-from dynident.actuators.joint_load import joint_loads, loop_samples, measured_motion
+from dynident.actuators.joint_load import loop_samples, measured_loads
 from dynident.actuators.rollout import NONE
 from dynident.actuators.rollout_loop import roll_out
 from dynident.actuators.servo_log import ServoLog
@@ -83,11 +83,11 @@ def virtual_log(
         failed=np.zeros((count, 1), dtype=bool),
         kp=kp,
     )
-    (load,) = joint_loads(bench.robot, log, measured_motion(log))
-    out, saturated = np.empty((count, 1)), np.zeros(count, dtype=bool)
+    (load,) = measured_loads(bench.robot, log)
+    out = np.empty((count, 3))
     start = np.array([command[0], 0.0])
-    samples = loop_samples(log, 0, load)
-    roll_out(parameters, samples, bench.law.numbers(kp), start, STEP, NONE, out, saturated)
+    samples, loads = loop_samples(log, 0), np.column_stack([load.inertia, load.bias])
+    roll_out(parameters, samples, loads, bench.law.numbers(kp), start, STEP, NONE, out)
     seen = out[:, 0] + bench.noise * random.standard_normal(count)
     if bench.resolution > 0:
         seen = np.round(seen / bench.resolution) * bench.resolution

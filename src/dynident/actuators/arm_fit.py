@@ -1,0 +1,234 @@
+"""All joints of an arm together: the loads that the roll-outs of all of them give, and the zeros of the encoders.
+
+Each joint is rolled out along the motion of the others, found before: waveform relaxation (Lelarasmee, Ruehli and
+Sangiovanni-Vincentelli 1982). Logged positions are coarse in time and in angle and count from the encoder's zero; the
+load of a joint wants accelerations, and the angles that the robot model means.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynident.actuators.drive_law import DriveLaw
+from dynident.actuators.joint_fit import JointData, JointFit, fit_again
+from dynident.actuators.joint_load import (
+    ArmMotion,
+    JointLoad,
+    MeasuredMotion,
+    between,
+    bias_of,
+    carrying,
+    joint_loads,
+    load_times,
+    measured_loads,
+    measured_motion,
+    motion_at,
+)
+from dynident.actuators.output_error import log_weights
+from dynident.actuators.parameters import PLACE
+from dynident.actuators.rollout import SEARCH_STEP, JointRecord, record_of, rolled_out
+from dynident.actuators.servo_log import ServoLog
+from dynident.actuators.verdict import Spread, spread_of
+from dynident.arrays import Array
+from dynident.model.robot import Robot
+
+#: Times that the loads of an arm are found anew from the roll-outs of all joints, at least and at most; between them
+#: until no encoder's zero moves by more than this share of its standard deviation.
+LEAST_TURNS, MOST_TURNS, SETTLED = 2, 6, 0.2
+
+#: Passes over the joints in each turn.
+_SWEEPS = 2
+
+#: Evaluations of the output error of each joint in a turn, and with the step of the answer.
+_EVALUATIONS, _FINISH = 15, 8
+
+#: Change of an angle in rad by which the effect of the others' zeros is found.
+_TURN = 1e-4
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An arm between two turns.
+
+    Attributes:
+        robots: The robot, of n joints, in each log.
+        measured: Measured motion of each log.
+        ends: Ends of the parts of the load of each log, each (K + 1,).
+        motions: The motion of each log that the loads are of.
+        datas: Each joint under these loads.
+        fits: Of each joint.
+    """
+
+    robots: Sequence[Robot]
+    measured: Sequence[MeasuredMotion]
+    ends: Sequence[Array]
+    motions: Sequence[ArmMotion]
+    datas: Sequence[JointData]
+    fits: Sequence[JointFit]
+
+
+def together(
+    arm: Arm, spreads: Sequence[Spread], progress: Callable[[str], None]
+) -> tuple[list[JointData], list[JointFit], list[Spread]]:
+    """Return joints, fits and their spread under loads that agree with the fits of all joints.
+
+    Args:
+        arm: With fits of each joint by itself.
+        spreads: Of these fits.
+        progress: Called with each step in words.
+    """
+    zeros = np.zeros(len(arm.fits))  # that the motions have in them
+    for turn in range(MOST_TURNS):
+        fits, agreed, wider = _agreed(arm, spreads, zeros)
+        if turn >= LEAST_TURNS and _is_settled(fits, wider, agreed - zeros):
+            break
+        progress(f"motion of the whole arm, turn {turn + 1}")
+        parameters = [fit.parameters for fit in fits]
+        motions = [rolled_out_motion(arm, parameters, k) for k in range(len(arm.motions))]
+        loads = [joint_loads(robot, motion) for robot, motion in zip(arm.robots, motions, strict=True)]
+        datas = [data.under([load[joint] for load in loads]) for joint, data in enumerate(arm.datas)]
+        fits = [fit_again(data, fit, _EVALUATIONS) for data, fit in zip(datas, fits, strict=True)]
+        spreads = [spread_of(fit.problem(data), fit.parameters) for data, fit in zip(datas, fits, strict=True)]
+        arm, zeros = replace(arm, motions=motions, datas=datas, fits=fits), agreed
+    progress("all joints with the step of the answer")
+    fits = [fit_again(data, fit, _FINISH, finely=True) for data, fit in zip(arm.datas, arm.fits, strict=True)]
+    spreads = [spread_of(fit.problem(data).finely, fit.parameters) for data, fit in zip(arm.datas, fits, strict=True)]
+    fits, _, wider = _agreed(replace(arm, fits=fits), spreads, zeros)
+    return list(arm.datas), fits, wider
+
+
+def _is_settled(fits: Sequence[JointFit], spreads: Sequence[Spread], moves: Array) -> bool:
+    """Return whether no encoder's zero has moved by more than the noise of the logs."""
+    for fit, spread, move in zip(fits, spreads, moves.tolist(), strict=True):
+        if "angle_offset" in fit.free:
+            place = fit.free.index("angle_offset")
+            if abs(move) > SETTLED * np.sqrt(spread.covariance[place, place]):
+                return False
+    return True
+
+
+def _effects(arm: Arm, spreads: Sequence[Spread]) -> list[Array]:
+    """Return how the free parameters of each joint move with the zeros of all joints, each (f, n).
+
+    A zero that is not sought has no effect, nor has the joint's own, which its fit finds.
+    """
+    n = len(arm.fits)
+    errors, steps = [], []
+    for data, fit, spread in zip(arm.datas, arm.fits, spreads, strict=True):
+        problem = fit.problem(data)
+        own, slopes = problem.errors(fit.parameters)
+        weights = log_weights(problem, fit.parameters)
+        scales = [weight / np.sqrt(len(error)) for weight, error in zip(weights, own, strict=True)]
+        rows = np.concatenate([slope * scale for slope, scale in zip(slopes, scales, strict=True)])
+        free = np.flatnonzero(spread.inner & spread.seen)
+        sizes = np.linalg.norm(rows[:, free], axis=0)
+        solve = np.zeros((rows.shape[1], len(rows)))
+        solve[free] = np.linalg.pinv(rows[:, free] / sizes, rcond=1e-4) / sizes[:, None]
+        errors.append(np.concatenate(own))
+        steps.append(solve * np.concatenate([np.full(len(e), scale) for e, scale in zip(own, scales, strict=True)]))
+    found: list[Array] = [np.zeros((len(fit.free), n)) for fit in arm.fits]
+    for turned in [joint for joint, fit in enumerate(arm.fits) if "angle_offset" in fit.free]:
+        loads = []
+        for robot, motion in zip(arm.robots, arm.motions, strict=True):
+            q = motion.q.copy()
+            q[:, turned] += _TURN
+            loads.append(joint_loads(robot, replace(motion, q=q)))
+        for joint in set(range(n)) - {turned}:
+            data, fit = arm.datas[joint].under([load[joint] for load in loads]), arm.fits[joint]
+            moved = [(rolled_out(r, fit.parameters, longest=SEARCH_STEP).q - r.q)[r.used] for r in data.train]
+            found[joint][:, turned] = -steps[joint] @ (np.concatenate(moved) - errors[joint]) / _TURN
+    return found
+
+
+def _agreed(arm: Arm, spreads: Sequence[Spread], offsets: Array) -> tuple[list[JointFit], Array, list[Spread]]:
+    """Return the fits where the zeros of all joints agree, these zeros (n,), and the spread with that of the others.
+
+    A fit of joint k under the zeros o finds p_k(o); with its derivatives G_k the zeros that find themselves are
+    o + (I - G)^-1 (p(o) - o), G the rows of the zeros; the errors of all joints reach each other by the same inverse.
+    """
+    n, effects = len(arm.fits), _effects(arm, spreads)
+    place = [fit.free.index("angle_offset") if "angle_offset" in fit.free else -1 for fit in arm.fits]
+    between_zeros = np.array([effects[k][place[k]] if place[k] >= 0 else np.zeros(n) for k in range(n)])
+    found = np.array([fit.parameters[PLACE["angle_offset"]] for fit in arm.fits])
+    inverse = np.linalg.inv(np.eye(n) - between_zeros)
+    moved = offsets + inverse @ (found - offsets)
+    fits, wider = [], []
+    for k, (data, fit, spread) in enumerate(zip(arm.datas, arm.fits, spreads, strict=True)):
+        problem, covariance = fit.problem(data), spread.covariance
+        lower, upper = problem.bounds()
+        values = fit.parameters[problem.places] + effects[k] @ (moved - offsets)
+        fits.append(replace(fit, parameters=problem.full(np.clip(values, lower, upper), fit.parameters)))
+        reach = effects[k] @ inverse  # of the errors of all zeros, shape (f, n)
+        own = np.eye(len(values))
+        if place[k] >= 0:
+            own[:, place[k]] += reach[:, k]
+        total = own @ covariance @ own.T
+        for j in set(range(n)) - {k}:
+            if place[j] >= 0:
+                total += np.outer(reach[:, j], reach[:, j]) * spreads[j].covariance[place[j], place[j]]
+        wider.append(replace(spread, covariance=total))
+    return fits, moved, wider
+
+
+def rolled_out_motion(arm: Arm, parameters: Sequence[Array], log: int) -> ArmMotion:
+    """Return the motion of an arm in one log by the roll-outs of its joints, and what these leave, filtered."""
+    records = [data.records[log] for data in arm.datas]
+    return relaxed(arm.robots[log], records, parameters, arm.measured[log], arm.motions[log], arm.ends[log])
+
+
+def relaxed(
+    robot: Robot,
+    records: Sequence[JointRecord],
+    parameters: Sequence[Array],
+    measured: MeasuredMotion,
+    motion: ArmMotion,
+    ends: Array,
+) -> ArmMotion:
+    """Return the motion of an arm in one log by the roll-outs of its joints, and what these leave, filtered.
+
+    One joint after the other, each under the load of what is known by then (Gauss-Seidel): as the mass matrix is
+    positive definite, the accelerations come to agree however strongly joints are coupled.
+
+    Args:
+        robot: Of n joints.
+        records: Each joint in the log.
+        parameters: Of each joint, shape (COUNT,).
+        measured: The measured motion, with its filter.
+        motion: What is known of the motion so far.
+        ends: Ends of the parts of the load, shape (K + 1,), in s.
+    """
+    step = np.diff(ends)
+    columns = [motion.q.copy(), motion.dq.copy(), motion.ddq.copy()]
+    for _ in range(_SWEEPS):
+        for joint, (record, own) in enumerate(zip(records, parameters, strict=True)):
+            bias = bias_of(robot, ArmMotion(motion.time, *columns), joint)
+            model = rolled_out(record.with_bias(bias).finely(ends), own)
+            if not np.isfinite(model.q).all():
+                continue
+            stamps = record.samples[record.used, 0]
+            left = (record.q - model.q[:: record.parts])[record.used, None]
+            rest = measured.filtered(between(stamps, left, np.clip(measured.time, stamps[0], stamps[-1])))[:, 0]
+            speed = np.gradient(rest, measured.time)
+            parts = (rest, speed, np.gradient(speed, measured.time))
+            more = [np.interp(motion.time, measured.time, part) for part in parts]
+            columns[0][:, joint] = 0.5 * (model.q[1:] + model.q[:-1]) + own[PLACE["angle_offset"]] + more[0]
+            columns[1][:, joint] = np.diff(model.q) / step + more[1]
+            columns[2][:, joint] = np.diff(model.dq) / step + more[2]
+    return ArmMotion(motion.time, *columns)
+
+
+def arm_loads(robot: Robot, log: ServoLog, laws: Sequence[DriveLaw], parameters: Sequence[Array]) -> list[JointLoad]:
+    """Return the load of every joint in a log whose drives are known; the measured one of a single joint."""
+    loads = measured_loads(robot, log)
+    if robot.dof == 1:
+        return loads
+    records = [record_of(log, joint, loads[joint], law) for joint, law in enumerate(laws)]
+    measured, ends = measured_motion(log), load_times(log, robot.dof)
+    motion = motion_at(measured, ends)
+    for joint, own in enumerate(parameters):
+        motion.q[:, joint] += own[PLACE["angle_offset"]]
+    own = carrying(robot, log)
+    return joint_loads(own, relaxed(own, records, parameters, measured, motion, ends))

@@ -1,0 +1,181 @@
+"""The fit of one joint: gain, linear start, friction, output error, and again under loads that are known better."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynident.actuators.drive_law import DriveLaw
+from dynident.actuators.friction_choice import choose_friction
+from dynident.actuators.joint_load import JointLoad
+from dynident.actuators.linear_start import StartRows, free_parameters, linear_start, refinable, start_at
+from dynident.actuators.output_error import RefineEffort, ServoProblem, output_error, refined, starts_from
+from dynident.actuators.parameters import FRICTION_MODELS
+from dynident.actuators.rollout import JointRecord, rolled_out
+from dynident.actuators.servo_log import AUTO
+from dynident.arrays import Array
+from dynident.errors import LogMismatch
+
+#: Gains that are tried where the gain is free, as multiples of that of the law.
+GAIN_RATIOS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
+
+#: A gain counts as separable where saturation lowers the error of the roll-outs by this share, and at least this share
+#: of the samples saturates.
+SEPARATES, SATURATED = 0.05, 0.01
+
+#: Shortest time in s with the drive off and the joint in motion that tells back-EMF from viscous friction.
+OFF_S = 0.2
+
+
+@dataclass(frozen=True)
+class JointData:
+    """One joint in all logs.
+
+    Attributes:
+        name: The joint.
+        law: Its drive law.
+        train: What the roll-outs take of the training logs.
+        test: The same of the test logs.
+        rows: What the linear start takes of the training logs.
+    """
+
+    name: str
+    law: DriveLaw
+    train: tuple[JointRecord, ...]
+    test: tuple[JointRecord, ...]
+    rows: tuple[StartRows, ...]
+
+    @property
+    def records(self) -> tuple[JointRecord, ...]:
+        """The records of the training and the test logs."""
+        return self.train + self.test
+
+    def under(self, loads: Sequence[JointLoad]) -> JointData:
+        """Return the joint under other loads, one for each log."""
+        records = [record.under(load) for record, load in zip(self.records, loads, strict=True)]
+        count = len(self.train)
+        return replace(self, train=tuple(records[:count]), test=tuple(records[count:]))
+
+    def while_on(self) -> JointData:
+        """Return the joint with training samples counted only where the drive is on; all of a log where it never is."""
+        on = [one.used & (one.samples[:, 4] > 0.5) for one in self.train]
+        counted = [replace(one, used=u) if u.any() else one for one, u in zip(self.train, on, strict=True)]
+        return replace(self, train=tuple(counted))
+
+    @property
+    def has_off(self) -> bool:
+        """Whether the drive is off during motion for long enough to tell back-EMF from viscous friction."""
+        seconds = 0.0
+        for one in self.rows:
+            moving = (one.on < 0.5) & (np.abs(one.motion.dq[:, one.joint]) > 0.2)
+            seconds += float(moving.sum()) * (one.motion.time[1] - one.motion.time[0])
+        return seconds > OFF_S
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """What is found of one joint.
+
+    Attributes:
+        ratio: Multiple of the law's gain at which saturation explains the logs; 1 where none does.
+        friction: Name of the friction model.
+        folds: Cross-validation error of each friction model, in rad.
+        free: Names of the free parameters.
+        linear: Parameters of the linear start, shape (COUNT,).
+        parameters: Of the output error, shape (COUNT,).
+        simple: The same with Coulomb and viscous friction, shape (COUNT,).
+        simple_free: Names of its free parameters.
+    """
+
+    ratio: float
+    friction: str
+    folds: Mapping[str, float]
+    free: tuple[str, ...]
+    linear: Array
+    parameters: Array
+    simple: Array
+    simple_free: tuple[str, ...]
+
+    def problem(self, data: JointData) -> ServoProblem:
+        """Return the roll-outs of the training logs with the free parameters."""
+        return ServoProblem(data.train, self.free, FRICTION_MODELS[self.friction])
+
+
+def first_fit(data: JointData, friction: str, effort: RefineEffort, progress: Callable[[str], None]) -> JointFit:
+    """Return what is found of a joint from nothing: gain, delay and slew limit, friction, output error."""
+    progress(f"{data.name}: linear start")
+    richest = FRICTION_MODELS["m3" if friction == AUTO else friction]
+    law, ratio = data.law, _gain(data)
+    if ratio != 1.0:
+        data = at_ratio(data, ratio)
+    scanned = linear_start(data.rows, data.train, law, richest)
+    has_gain = law.gain_is_free and ratio != 1.0
+    folds: dict[str, float] = {}
+    if friction == AUTO:
+        progress(f"{data.name}: friction by cross-validation of roll-outs")
+        friction, folds = choose_friction(data.train, data.rows, law, scanned, data.has_off)
+    model = FRICTION_MODELS[friction]
+    linear = start_at(data.rows, law, model, scanned)
+    progress(f"{data.name}: output error, friction {friction}")
+    free = free_parameters(law, model, linear, has_gain, data.has_off)
+    starts = starts_from(refinable(linear, law, data.has_off), model)
+    fit = output_error(ServoProblem(data.train, free, model), starts, effort=effort)
+    simple, simple_free = fit.parameters.copy(), free
+    if friction != "m1":
+        start = refinable(start_at(data.rows, law, FRICTION_MODELS["m1"], scanned), law, data.has_off)
+        simple_free = free_parameters(law, FRICTION_MODELS["m1"], start, has_gain, data.has_off)
+        problem = ServoProblem(data.train, simple_free, FRICTION_MODELS["m1"])
+        simple = output_error(problem, [start], effort=effort).parameters
+    return JointFit(ratio, friction, folds, free, linear, fit.parameters, simple, simple_free)
+
+
+def fit_again(data: JointData, fit: JointFit, most: int, finely: bool = False) -> JointFit:
+    """Return the output error from where it ended before, under a load that is known better now.
+
+    Args:
+        data: The joint under that load.
+        fit: Where it ended.
+        most: Evaluations at most.
+        finely: Whether with the step of the answer.
+    """
+
+    def again(start: Array, free: tuple[str, ...], friction: str) -> Array:
+        problem = ServoProblem(data.train, free, FRICTION_MODELS[friction])
+        return refined(problem.finely if finely else problem, start, most)
+
+    parameters = again(fit.parameters, fit.free, fit.friction)
+    simple = parameters.copy() if fit.friction == "m1" else again(fit.simple, fit.simple_free, "m1")
+    return replace(fit, parameters=parameters, simple=simple)
+
+
+def _gain(data: JointData) -> float:
+    """Return the multiple of the law's gain at which saturation explains the logs; 1 where none does."""
+    law = data.law
+    if not law.gain_is_free or not np.isfinite(law.limit):
+        return 1.0
+    errors: dict[float, float] = {}
+    for ratio in GAIN_RATIOS:
+        own = at_ratio(data, ratio)
+        try:
+            found = linear_start(own.rows, own.train, replace(law, slew_limit=np.inf), FRICTION_MODELS["m1"])
+        except LogMismatch:  # everything saturates
+            break
+        share = float(np.mean(np.concatenate([rolled_out(one, found.parameters).saturated for one in own.train])))
+        if ratio == 1.0 or share > SATURATED:
+            errors[ratio] = found.error
+    best = min(errors, key=lambda ratio: errors[ratio])
+    plain = errors[min(errors)]
+    return best if best != min(errors) and errors[best] < (1.0 - SEPARATES) * plain else 1.0
+
+
+def at_ratio(data: JointData, ratio: float) -> JointData:
+    """Return the data of a joint with a multiple of the gain of its law."""
+
+    def scaled(numbers: Array) -> Array:
+        return np.array([numbers[0] * ratio, *numbers[1:]])
+
+    records = [[replace(one, law=scaled(one.law)) for one in part] for part in (data.train, data.test)]
+    rows = tuple(replace(one, law=scaled(one.law), fixed={}) for one in data.rows)
+    return replace(data, train=tuple(records[0]), test=tuple(records[1]), rows=rows)
