@@ -61,6 +61,62 @@ def test_mujoco_follows_the_roll_out(folder: Path) -> None:
         assert np.mean(np.abs(theirs - ours)) < 3e-3, (name, np.mean(np.abs(theirs - ours)))
 
 
+ARM = """<robot name="arm"><link name="base"/>
+<link name="a"><inertial><origin xyz="0.02 0 0.03"/><mass value="0.2"/>
+<inertia ixx="2e-4" ixy="0" ixz="0" iyy="2e-4" iyz="0" izz="2e-4"/></inertial></link>
+<link name="b"><inertial><origin xyz="0.08 0 0"/><mass value="0.15"/>
+<inertia ixx="4e-5" ixy="0" ixz="0" iyy="2e-4" iyz="0" izz="2e-4"/></inertial></link>
+<link name="c"><inertial><origin xyz="0.07 0.01 0"/><mass value="0.12"/>
+<inertia ixx="4e-5" ixy="0" ixz="0" iyy="2e-4" iyz="0" izz="2e-4"/></inertial></link>
+<joint name="pan" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/>
+<limit lower="-1.9" upper="1.9" effort="3" velocity="5"/></joint>
+<joint name="lift" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0.03 0 0.05"/><axis xyz="0 1 0"/>
+<limit lower="-1.7" upper="1.2" effort="3" velocity="5"/></joint>
+<joint name="elbow" type="revolute"><parent link="b"/><child link="c"/><origin xyz="0.12 0 0"/><axis xyz="0 1 0"/>
+<limit lower="-1.2" upper="1.6" effort="3" velocity="5"/></joint></robot>"""
+
+
+@pytest.fixture
+def arm(folder: Path) -> dict[str, dict[str, float]]:
+    """An arm of three joints with servos of different size as an answer, and their true values."""
+    Path("arm.urdf").write_text(ARM)
+    true = {
+        "pan": {"full_torque": 3.0, "armature": 0.03, "delay": 0.012},
+        "lift": {"full_torque": 2.8, "armature": 0.028, "back_emf": 0.5},
+        "elbow": {"full_torque": 1.5, "armature": 0.01, "coulomb": 0.06},
+    }
+    joints = []
+    for name, changed in true.items():
+        values = parameters(angle_offset=0.0, **changed)
+        empty: dict[str, float] = {}
+        own = (preset("feetech_sts3215"), (16.0,), "m1", values, (), (), values, values)
+        joints.append(JointActuator(name, *own, empty, empty, empty, empty, 0.0))
+    write_actuators(ActuatorEstimate("arm", tuple(joints), {"robot": {"path": "arm.urdf"}}), "arm.json")
+    return true
+
+
+def test_an_exported_arm_is_held_against_the_roll_out(
+    arm: dict[str, dict[str, float]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """MuJoCo's whole arm, joint by joint, is within 1 mrad; a model that is not is named with its joint."""
+    words = ["export", "arm.json", "--to", "mjcf", "-o", "arm.xml"]
+    assert main([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["mujoco_difference_rad"]
+    assert found.keys() == arm.keys() and all(value < 1e-3 for value in found.values()), found
+    saved = json.loads(Path("arm.json").read_text())
+    saved["joints"]["elbow"]["coulomb_viscous"]["load_motor"] = 0.3  # friction that MuJoCo does not have
+    Path("arm.json").write_text(json.dumps(saved))
+    assert main(words) == 0
+    assert "warning: MuJoCo and the roll-out differ by" in (answer := capsys.readouterr().out) and "(elbow;" in answer
+    Path("arm.urdf").write_text(ARM.replace('<joint name="elbow"', '<joint name="wrist"'))
+    saved["joints"].pop("elbow")
+    Path("arm.json").write_text(json.dumps(saved))
+    assert main(words) == 0
+    assert "joints that were not identified" in capsys.readouterr().out
+    assert main([*words, "--no-proof"]) == 0
+    assert capsys.readouterr().out == ""
+
+
 def test_tables_hold_the_numbers(folder: Path) -> None:
     stiffness = 2.4 * 0.166 * KP
     for target, name in (("isaac", "a.isaac"), ("genesis", "a.yaml"), ("urdf", "b.urdf"), ("c_header", "a.h")):

@@ -20,7 +20,7 @@ _FOREIGN = (
 
 #: Options of 'export' that are for plans and models.
 _OF_OTHERS = (
-    "rate", "repeats", "speed", "from_posture", "units", "description", "no_proof", "force", "prove", "motion",
+    "rate", "repeats", "speed", "from_posture", "units", "description", "force", "prove", "motion",
 )  # fmt: skip
 
 
@@ -166,18 +166,37 @@ def export(options: argparse.Namespace, stated: Mapping[str, str]) -> int:
     from dynident.actuators.estimate import read_actuators
     from dynident.cli import console
     from dynident.exports.actuator_files import actuator_file
+    from dynident.exports.actuator_proof import simulated_differences
     from dynident.files import check_outputs, write_atomically
 
     _refuse(options, _OF_OTHERS, f"{options.file} holds actuators; leave it out")
     check_outputs((options.output,), (options.file,))
-    text = actuator_file(read_actuators(options.file), options.to, stated)
+    estimate = read_actuators(options.file)
+    text = actuator_file(estimate, options.to, stated)
+    differences = None if options.no_proof else simulated_differences(estimate, options.to, stated)
     if not options.check:
         write_atomically(options.output, text)
     if options.json:
-        console.answer_json({"files": [] if options.check else [options.output], "target": options.to})
-    else:
-        console.remark(f"{'would write' if options.check else 'wrote'} {options.output}", options.quiet)
+        files = [] if options.check else [options.output]
+        console.answer_json({"files": files, "target": options.to, "mujoco_difference_rad": differences})
+        return 0
+    if differences is not None:
+        console.answer(_proof_line(differences))
+    console.remark(f"{'would write' if options.check else 'wrote'} {options.output}", options.quiet)
     return 0
+
+
+def _proof_line(differences: Mapping[str, float]) -> str:
+    """Return how far MuJoCo is from the roll-out, in words."""
+    from dynident.exports.actuator_proof import TOLERANCE
+
+    if not differences:
+        return "not compared with MuJoCo: the robot model has joints that were not identified, and they have no drive"
+    joint = max(differences, key=lambda name: differences[name])
+    text = f"MuJoCo and the roll-out differ by {1e3 * differences[joint]:.2g} mrad ({joint}; mean over chirp and steps)"
+    if differences[joint] <= TOLERANCE:
+        return text
+    return f"warning: {text}, more than {1e3 * TOLERANCE:g} mrad: compare on your own motions before you rely on it"
 
 
 def validate(options: argparse.Namespace) -> int:

@@ -101,6 +101,18 @@ def _robot_path(estimate: ActuatorEstimate) -> str:
 def mujoco_model(estimate: ActuatorEstimate, kp: float) -> str:
     """Return the robot model as MJCF with position actuators, armature, damping, frictionloss and delay.
 
+    Raises:
+        MissingDependency: MuJoCo is not installed.
+        BadOption: The robot model is not where it was.
+    """
+    spec = mujoco_spec(estimate, kp)[1]
+    spec.compile()
+    return str(spec.to_xml())
+
+
+def mujoco_spec(estimate: ActuatorEstimate, kp: float) -> tuple[Any, Any]:
+    """Return the module of MuJoCo, and the robot model with the actuators as its MjSpec.
+
     They replace the actuators and the armature, damping and frictionloss that the model has for these joints.
 
     Raises:
@@ -131,8 +143,7 @@ def mujoco_model(estimate: ActuatorEstimate, kp: float) -> str:
         if one.delay_s > 0:
             actuator.delay = one.delay_s
             actuator.nsample = int(np.ceil(one.delay_s / TIMESTEP)) + 1
-    spec.compile()
-    return spec.to_xml()
+    return engine, spec
 
 
 def _rows(estimate: ActuatorEstimate, kp: float) -> dict[str, SimulatorJoint]:

@@ -1,0 +1,126 @@
+"""An exported MuJoCo model of actuators beside dynident's roll-out: the same commands, joint by joint."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from dynident.actuators.estimate import ActuatorEstimate
+from dynident.actuators.joint_load import joint_loads, measured_motion
+from dynident.actuators.parameters import PLACE
+from dynident.actuators.rollout import mean_error, record_of, rolled_out
+from dynident.actuators.servo_log import ServoLog
+from dynident.actuators.servo_motions import MOST_TURN, MotionFrame
+from dynident.arrays import Array
+from dynident.case.case import read_case
+from dynident.exports.actuator_files import TARGETS, gain_for, mujoco_model, mujoco_spec
+from dynident.model.robot import Robot
+from dynident.robot_files import read_robot
+
+#: Largest mean absolute difference in rad that counts as the same motion.
+TOLERANCE: Final = 3e-3
+
+#: Motions that are compared, their length in s, commands a second.
+_KINDS, _SECONDS, _RATE = ("chirp", "steps"), 6.0, 200.0
+
+#: Amplitude of a joint that slides, in m, and speed where no limit is stated, in rad/s or m/s.
+_SLIDE, _SPEED = 0.05, 5.0
+
+
+def simulated_differences(
+    estimate: ActuatorEstimate, target: str, stated: Mapping[str, str]
+) -> Mapping[str, float] | None:
+    """Return what ``mujoco_differences`` does where a target is simulated here; None for the others.
+
+    Args:
+        estimate: The actuators.
+        target: Name of the target.
+        stated: Its options.
+
+    Raises:
+        DynidentError: As of the export.
+    """
+    if TARGETS.get(target) is not mujoco_model:
+        return None
+    return mujoco_differences(estimate, gain_for(estimate, float(stated["kp"]) if "kp" in stated else None))
+
+
+def mujoco_differences(estimate: ActuatorEstimate, kp: float) -> Mapping[str, float]:
+    """Return the mean absolute difference of the positions of MuJoCo and of the roll-out, by joint, in rad.
+
+    One joint moves, the others hold; contacts and ends of joints are switched off, as roll-outs have none. The angle
+    offset and the slew limit are not part of the model, so the roll-out is without them too.
+
+    Empty where the model has joints that were not identified: they have no drive in it, and swing.
+
+    Raises:
+        DynidentError: As of the export.
+    """
+    engine, spec = mujoco_spec(estimate, kp)
+    model: Any = spec.compile()
+    model.opt.disableflags |= engine.mjtDisableBit.mjDSBL_CONTACT | engine.mjtDisableBit.mjDSBL_LIMIT
+    robot = _robot(estimate)
+    names = robot.joint_names
+    if model.nv > len(names) or names != tuple(joint.name for joint in estimate.joints):
+        return {}
+    places = np.array([model.joint(name).qposadr[0] for name in names])
+    drives = np.array([model.actuator(name).id for name in names])
+    middles = [_middle(joint.limits.lower, joint.limits.upper) for joint in robot.active]
+    found = {}
+    for k, (name, joint) in enumerate(zip(names, robot.active, strict=True)):
+        low, high, speed = joint.limits.lower, joint.limits.upper, joint.limits.velocity
+        most = dict(MOST_TURN) if joint.kind == "revolute" else dict.fromkeys(MOST_TURN, _SLIDE)
+        reach = 0.9 * min(middles[k] - low, high - middles[k])
+        frame = MotionFrame(middles[k], reach, min(speed, _SPEED) or _SPEED, _RATE, _SECONDS, most, True)
+        motions = [frame.scaled(kind, 1.0) for kind in _KINDS]
+        command = np.concatenate([motions[0].command, motions[1].command[1:]])
+        commands = np.tile(middles, (len(command), 1))
+        commands[:, k] = command
+        time = np.arange(len(command)) / _RATE
+        q = _driven(engine, model, commands, places, drives)
+        found[name] = _difference(estimate, robot, k, ServoLog(
+            "MuJoCo", names, time, q, commands, np.zeros_like(q), np.zeros_like(q), np.ones(q.shape, dtype=bool),
+            np.ones(len(q)), np.zeros(q.shape, dtype=bool), kp,
+        ))  # fmt: skip
+    return found
+
+
+def _robot(estimate: ActuatorEstimate) -> Robot:
+    """Return the robot of the identification: of its case where that is still there, else of its file."""
+    case = str(dict(estimate.provenance.get("case", {})).get("path", ""))
+    if case and Path(case).is_file():
+        return read_case(case).robot
+    return read_robot(str(dict(estimate.provenance["robot"])["path"]))
+
+
+def _middle(lower: float, upper: float) -> float:
+    return 0.5 * (lower + upper) if np.isfinite(lower) and np.isfinite(upper) else 0.0
+
+
+def _driven(engine: Any, model: Any, commands: Array, places: Array, drives: Array) -> Array:
+    """Return the positions of MuJoCo under commands, shape (N, n), from rest at the first of them."""
+    data = engine.MjData(model)
+    data.qpos[places] = commands[0]
+    data.ctrl[drives] = commands[0]
+    for drive, value in zip(drives.tolist(), commands[0], strict=True):
+        count = int(model.actuator_history[drive, 0])
+        if count:
+            engine.mj_initCtrlHistory(model, data, drive, None, np.full((count, 1), value))
+    steps = round(1.0 / (_RATE * model.opt.timestep))
+    q = np.empty(commands.shape)
+    for row, command in enumerate(commands):
+        q[row] = data.qpos[places]
+        data.ctrl[drives] = command
+        engine.mj_step(model, data, nstep=steps)
+    return q
+
+
+def _difference(estimate: ActuatorEstimate, robot: Robot, k: int, log: ServoLog) -> float:
+    parameters = estimate.joints[k].simple.copy()
+    parameters[PLACE["angle_offset"]], parameters[PLACE["slew_limit"]] = 0.0, np.inf
+    load = joint_loads(robot, log, measured_motion(log))[k]
+    record = record_of(log, k, load, estimate.joints[k].law)
+    return mean_error(record, rolled_out(record, parameters).q)
