@@ -60,6 +60,7 @@ class Arm:
         motions: The motion of each log that the loads are of.
         datas: Each joint under these loads.
         fits: Of each joint.
+        zeros: Angles of the robot model at which the encoders read zero, as the motions have them, shape (n,).
     """
 
     robots: Sequence[Robot]
@@ -68,22 +69,20 @@ class Arm:
     motions: Sequence[ArmMotion]
     datas: Sequence[JointData]
     fits: Sequence[JointFit]
+    zeros: Array
 
 
-def together(
-    arm: Arm, spreads: Sequence[Spread], progress: Callable[[str], None]
-) -> tuple[list[JointData], list[JointFit], list[Spread]]:
-    """Return joints, fits and their spread under loads that agree with the fits of all joints.
+def settled(arm: Arm, progress: Callable[[str], None]) -> Arm:
+    """Return an arm under loads that agree with the fits of all joints; a single joint has no others.
 
     Args:
         arm: With fits of each joint by itself.
-        spreads: Of these fits.
         progress: Called with each step in words.
     """
-    zeros = np.zeros(len(arm.fits))  # that the motions have in them
-    for turn in range(MOST_TURNS):
-        fits, agreed, wider = _agreed(arm, spreads, zeros)
-        if turn >= LEAST_TURNS and _is_settled(fits, wider, agreed - zeros):
+    for turn in range(MOST_TURNS if len(arm.fits) > 1 else 0):
+        spreads = [spread_of(fit.problem(data), fit.parameters) for data, fit in zip(arm.datas, arm.fits, strict=True)]
+        fits, agreed, wider = _agreed(arm, spreads)
+        if turn >= LEAST_TURNS and _is_settled(fits, wider, agreed - arm.zeros):
             break
         progress(f"motion of the whole arm, turn {turn + 1}")
         parameters = [fit.parameters for fit in fits]
@@ -91,13 +90,19 @@ def together(
         loads = [joint_loads(robot, motion) for robot, motion in zip(arm.robots, motions, strict=True)]
         datas = [data.under([load[joint] for load in loads]) for joint, data in enumerate(arm.datas)]
         fits = [fit_again(data, fit, _EVALUATIONS) for data, fit in zip(datas, fits, strict=True)]
-        spreads = [spread_of(fit.problem(data), fit.parameters) for data, fit in zip(datas, fits, strict=True)]
-        arm, zeros = replace(arm, motions=motions, datas=datas, fits=fits), agreed
+        arm = replace(arm, motions=motions, datas=datas, fits=fits, zeros=agreed)
+    return arm
+
+
+def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Spread]]:
+    """Return an arm that is settled with fits by the step of the answer, and how their errors spread them."""
+    if len(arm.fits) == 1:
+        return arm, [spread_of(arm.fits[0].problem(arm.datas[0]).finely, arm.fits[0].parameters)]
     progress("all joints with the step of the answer")
     fits = [fit_again(data, fit, _FINISH, finely=True) for data, fit in zip(arm.datas, arm.fits, strict=True)]
     spreads = [spread_of(fit.problem(data).finely, fit.parameters) for data, fit in zip(arm.datas, fits, strict=True)]
-    fits, _, wider = _agreed(replace(arm, fits=fits), spreads, zeros)
-    return list(arm.datas), fits, wider
+    fits, _, wider = _agreed(replace(arm, fits=fits), spreads)
+    return replace(arm, fits=fits), wider
 
 
 def _is_settled(fits: Sequence[JointFit], spreads: Sequence[Spread], moves: Array) -> bool:
@@ -143,7 +148,7 @@ def _effects(arm: Arm, spreads: Sequence[Spread]) -> list[Array]:
     return found
 
 
-def _agreed(arm: Arm, spreads: Sequence[Spread], offsets: Array) -> tuple[list[JointFit], Array, list[Spread]]:
+def _agreed(arm: Arm, spreads: Sequence[Spread]) -> tuple[list[JointFit], Array, list[Spread]]:
     """Return the fits where the zeros of all joints agree, these zeros (n,), and the spread with that of the others.
 
     A fit of joint k under the zeros o finds p_k(o); with its derivatives G_k the zeros that find themselves are
@@ -154,12 +159,12 @@ def _agreed(arm: Arm, spreads: Sequence[Spread], offsets: Array) -> tuple[list[J
     between_zeros = np.array([effects[k][place[k]] if place[k] >= 0 else np.zeros(n) for k in range(n)])
     found = np.array([fit.parameters[PLACE["angle_offset"]] for fit in arm.fits])
     inverse = np.linalg.inv(np.eye(n) - between_zeros)
-    moved = offsets + inverse @ (found - offsets)
+    moved = arm.zeros + inverse @ (found - arm.zeros)
     fits, wider = [], []
     for k, (data, fit, spread) in enumerate(zip(arm.datas, arm.fits, spreads, strict=True)):
         problem, covariance = fit.problem(data), spread.covariance
         lower, upper = problem.bounds()
-        values = fit.parameters[problem.places] + effects[k] @ (moved - offsets)
+        values = fit.parameters[problem.places] + effects[k] @ (moved - arm.zeros)
         fits.append(replace(fit, parameters=problem.full(np.clip(values, lower, upper), fit.parameters)))
         reach = effects[k] @ inverse  # of the errors of all zeros, shape (f, n)
         own = np.eye(len(values))

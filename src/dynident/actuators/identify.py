@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.actuators.arm_fit import Arm, together
+from dynident.actuators.arm_fit import Arm, finished, settled
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
-from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, first_fit
+from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, choose_again, first_fit
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
 from dynident.actuators.linear_start import start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
 from dynident.actuators.parameters import PLACE
 from dynident.actuators.rollout import STEP, JointRecord, mean_errors, record_of, rolled_out
-from dynident.actuators.servo_log import ServoLog, ServoSetup, check_gains, is_outside, kp_values
-from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters, spread_of
+from dynident.actuators.servo_log import AUTO, ServoLog, ServoSetup, check_gains, is_outside, kp_values
+from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters
 from dynident.arrays import Array
 from dynident.model.robot import Robot
 
@@ -55,6 +55,7 @@ def identify_actuators(
     robots = [carrying(robot, log) for log in logs]
     loads = [joint_loads(one, motion) for one, motion in zip(robots, motions, strict=True)]
     datas, fits, kp = [], [], kp_values(logs[: len(train)])
+    effort = ROUGH if robot.dof > 1 else WHOLE
     for joint, (name, law) in enumerate(zip(robot.joint_names, setup.laws, strict=True)):
         records = [record_of(log, joint, load[joint], law) for log, load in zip(logs, loads, strict=True)]
         rows = [
@@ -64,16 +65,15 @@ def identify_actuators(
         data = JointData(name, law, tuple(records[: len(train)]), tuple(records[len(train) :]), tuple(rows))
         if not (data.has_off or law.controls_torque):  # viscous friction stands for back-EMF too
             data = data.while_on()
-        fit = first_fit(data, setup.friction, ROUGH if robot.dof > 1 else WHOLE, progress)
-        datas.append(at_ratio(data, fit.ratio) if fit.ratio != 1.0 else data)
+        fit = first_fit(data, setup.friction, effort, progress)
+        datas.append(at_ratio(data, fit.ratio))
         fits.append(fit)
-    spreads = [
-        spread_of(fit.problem(data) if robot.dof > 1 else fit.problem(data).finely, fit.parameters)
-        for data, fit in zip(datas, fits, strict=True)
-    ]
-    if robot.dof > 1:
-        datas, fits, spreads = together(Arm(robots, measured, ends, motions, datas, fits), spreads, progress)
-    joints = [_answer(data, fit, spread, kp) for data, fit, spread in zip(datas, fits, spreads, strict=True)]
+    arm = settled(Arm(robots, measured, ends, motions, datas, fits, np.zeros(robot.dof)), progress)
+    if setup.friction == AUTO:
+        fits = [choose_again(*each, effort, progress) for each in zip(arm.datas, arm.fits, strict=True)]
+        arm = settled(replace(arm, fits=fits), progress)
+    arm, spreads = finished(arm, progress)
+    joints = [_answer(*each, kp) for each in zip(arm.datas, arm.fits, spreads, strict=True)]
     return ActuatorEstimate(robot.name, tuple(joints))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.joint_load import JointLoad
-from dynident.actuators.linear_start import StartRows, free_parameters, linear_start, refinable, start_at
+from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, linear_start, refinable, start_at
 from dynident.actuators.output_error import RefineEffort, ServoProblem, output_error, refined, starts_from
 from dynident.actuators.parameters import FRICTION_MODELS
 from dynident.actuators.rollout import JointRecord, rolled_out
@@ -83,6 +83,7 @@ class JointFit:
         friction: Name of the friction model.
         folds: Cross-validation error of each friction model, in rad.
         free: Names of the free parameters.
+        scanned: Where the scan of delay and slew limit ended.
         linear: Parameters of the linear start, shape (COUNT,).
         parameters: Of the output error, shape (COUNT,).
         simple: The same with Coulomb and viscous friction, shape (COUNT,).
@@ -93,6 +94,7 @@ class JointFit:
     friction: str
     folds: Mapping[str, float]
     free: tuple[str, ...]
+    scanned: LinearStart
     linear: Array
     parameters: Array
     simple: Array
@@ -104,31 +106,44 @@ class JointFit:
 
 
 def first_fit(data: JointData, friction: str, effort: RefineEffort, progress: Callable[[str], None]) -> JointFit:
-    """Return what is found of a joint from nothing: gain, delay and slew limit, friction, output error."""
+    """Return what is found of a joint from nothing: gain, delay and slew limit, and the output error.
+
+    Args:
+        data: The joint.
+        friction: Name of the friction model; ``auto`` begins with m1, ``choose_again`` goes on from there.
+        effort: How long to look.
+        progress: Called with each step in words.
+    """
     progress(f"{data.name}: linear start")
-    richest = FRICTION_MODELS["m3" if friction == AUTO else friction]
-    law, ratio = data.law, _gain(data)
-    if ratio != 1.0:
-        data = at_ratio(data, ratio)
-    scanned = linear_start(data.rows, data.train, law, richest)
-    has_gain = law.gain_is_free and ratio != 1.0
-    folds: dict[str, float] = {}
-    if friction == AUTO:
-        progress(f"{data.name}: friction by cross-validation of roll-outs")
-        friction, folds = choose_friction(data.train, data.rows, law, scanned, data.has_off)
-    model = FRICTION_MODELS[friction]
-    linear = start_at(data.rows, law, model, scanned)
+    ratio = _gain(data)
+    data = at_ratio(data, ratio)
+    scanned = linear_start(data.rows, data.train, data.law, FRICTION_MODELS["m3" if friction == AUTO else friction])
+    simple = _refined(data, "m1", scanned, ratio, effort)
+    if friction in ("m1", AUTO):
+        return simple
     progress(f"{data.name}: output error, friction {friction}")
-    free = free_parameters(law, model, linear, has_gain, data.has_off)
+    return replace(_refined(data, friction, scanned, ratio, effort), simple=simple.simple, simple_free=simple.free)
+
+
+def choose_again(data: JointData, fit: JointFit, effort: RefineEffort, progress: Callable[[str], None]) -> JointFit:
+    """Return the fit with the friction that cross-validation chooses, from the start of a fit with m1."""
+    progress(f"{data.name}: friction by cross-validation of roll-outs")
+    friction, folds = choose_friction(data.train, data.rows, data.law, fit.scanned, data.has_off)
+    if friction == "m1":
+        return replace(fit, folds=folds)
+    progress(f"{data.name}: output error, friction {friction}")
+    richer = _refined(data, friction, fit.scanned, fit.ratio, effort)
+    return replace(richer, folds=folds, simple=fit.simple, simple_free=fit.free)
+
+
+def _refined(data: JointData, friction: str, scanned: LinearStart, ratio: float, effort: RefineEffort) -> JointFit:
+    """Return the linear start and the output error with one friction model."""
+    law, model = data.law, FRICTION_MODELS[friction]
+    linear = start_at(data.rows, law, model, scanned)
+    free = free_parameters(law, model, linear, law.gain_is_free and ratio != 1.0, data.has_off)
     starts = starts_from(refinable(linear, law, data.has_off), model)
-    fit = output_error(ServoProblem(data.train, free, model), starts, effort=effort)
-    simple, simple_free = fit.parameters.copy(), free
-    if friction != "m1":
-        start = refinable(start_at(data.rows, law, FRICTION_MODELS["m1"], scanned), law, data.has_off)
-        simple_free = free_parameters(law, FRICTION_MODELS["m1"], start, has_gain, data.has_off)
-        problem = ServoProblem(data.train, simple_free, FRICTION_MODELS["m1"])
-        simple = output_error(problem, [start], effort=effort).parameters
-    return JointFit(ratio, friction, folds, free, linear, fit.parameters, simple, simple_free)
+    found = output_error(ServoProblem(data.train, free, model), starts, effort=effort).parameters
+    return JointFit(ratio, friction, {}, free, scanned, linear, found, found.copy(), free)
 
 
 def fit_again(data: JointData, fit: JointFit, most: int, finely: bool = False) -> JointFit:
@@ -172,6 +187,8 @@ def _gain(data: JointData) -> float:
 
 def at_ratio(data: JointData, ratio: float) -> JointData:
     """Return the data of a joint with a multiple of the gain of its law."""
+    if ratio == 1.0:
+        return data
 
     def scaled(numbers: Array) -> Array:
         return np.array([numbers[0] * ratio, *numbers[1:]])
