@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from dynident.actuators.arm_fit import arm_loads
 from dynident.actuators.estimate import ActuatorEstimate
-from dynident.actuators.joint_load import joint_loads, measured_motion
 from dynident.actuators.parameters import PLACE
 from dynident.actuators.rollout import mean_error, record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog
@@ -119,8 +119,8 @@ def _driven(engine: Any, model: Any, commands: Array, places: Array, drives: Arr
 
 
 def _difference(estimate: ActuatorEstimate, robot: Robot, k: int, log: ServoLog) -> float:
-    parameters = estimate.joints[k].simple.copy()
-    parameters[PLACE["angle_offset"]], parameters[PLACE["slew_limit"]] = 0.0, np.inf
-    load = joint_loads(robot, log, measured_motion(log))[k]
-    record = record_of(log, k, load, estimate.joints[k].law)
-    return mean_error(record, rolled_out(record, parameters).q)
+    laws, parameters = [joint.law for joint in estimate.joints], [joint.simple.copy() for joint in estimate.joints]
+    for own in parameters:
+        own[PLACE["angle_offset"]], own[PLACE["slew_limit"]] = 0.0, np.inf
+    record = record_of(log, k, arm_loads(robot, log, laws, parameters)[k], laws[k])
+    return mean_error(record, rolled_out(record, parameters[k]).q)
