@@ -118,6 +118,11 @@ def test_what_is_wrong_is_named(logs: list[ServoLog], capsys: pytest.CaptureFixt
     Path("case.yaml").write_text(CASE % (", calibration: follower.json", ", units: {position: deg}"))
     with pytest.raises(DescriptionError, match="a unit of positions beside shares"):
         read_case("case.yaml")
+    write_set([replace(logs[0], q=6.0 * logs[0].q)], 57.29578)
+    Path("case.yaml").write_text(CASE.replace("split: first:0.67", "") % (", calibration: follower.json", ""))
+    assert main(["identify", "case.yaml"]) == 1
+    assert "shares of a range end at 100" in capsys.readouterr().err
+    write_set(logs, 57.29578)
     Path("case.yaml").write_text(CASE % ("", ", units: {position: rad}"))
     assert main(["identify", "case.yaml"]) == 1
     assert "counts, degrees, or shares of a range" in capsys.readouterr().err
@@ -162,6 +167,7 @@ def test_files_by_a_pattern_and_recordings_in_a_row(logs: list[ServoLog]) -> Non
         ("[1]", "no calibration"),
         ('{"a": {"range_min": 5, "range_max": 5}}', "a: range_min 5 is not below"),
         ("{", "no cal"),
+        ('{"a": {"range_min": 0, "range_max": 5000}}', "0 to range_max 5000 is more than a turn"),
     ],
 )
 def test_a_file_that_is_no_calibration(tmp_path: Path, text: str, told: str) -> None:

@@ -20,6 +20,10 @@ GRIPPER = "gripper"
 _STEP = "name the JSON that lerobot-calibrate wrote for the follower arm, with range_min and range_max of each motor"
 
 
+#: End of the calibrated range as a share in percent.
+SHARES = 100.0
+
+
 @dataclass(frozen=True)
 class MotorRange:
     """The calibrated range of one motor (``motors_bus.py`` of LeRobot: RANGE_M100_100, RANGE_0_100).
@@ -55,6 +59,9 @@ def read_calibration(path: str | Path) -> tuple[MotorRange, ...]:
                 raise FileError(
                     path, f"{name}: range_min {low} is not below range_max {high}", "calibrate the arm again"
                 )
+            if high - low > TURN:
+                evidence = f"{name}: range_min {low} to range_max {high} is more than a turn of {TURN} counts"
+                raise FileError(path, evidence, "calibrate the arm again")
             found.append(MotorRange(str(name), (high - low) * 2.0 * np.pi / TURN))
         return tuple(found)
     except OSError as error:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from dynident.actuators.drive_law import COUNTS
+from dynident.actuators.lerobot_calibration import SHARES
 from dynident.actuators.servo_log import ServoColumns, ServoLog, checked_log, rows_of
 from dynident.arrays import Array
 from dynident.data.formats import open_log
@@ -19,6 +20,9 @@ from dynident.data.formats.base import missing_column
 from dynident.data.split import EPISODE, episode_rows
 from dynident.errors import FileError, LogFormatError, LogMismatch
 from dynident.simulation.effects import Payload
+
+#: Measured positions may leave the calibrated range by this factor.
+_MOST_SHARE = 1.2
 
 
 def read_servo_logs(path: str | Path, how: ServoColumns) -> list[ServoLog]:
@@ -149,10 +153,20 @@ def _positions(path: str | Path, how: ServoColumns, signal: str, values: Array) 
     elif how.ranges:
         logged = names.joints or how.joints
         own = [how.ranges[logged.index(joint)] for joint in how.joints]
+        _check_shares(path, how, signal, values)
         found = np.column_stack([motor.radians(column) for motor, column in zip(own, values.T, strict=True)])
     else:
         found = names.to_si(signal, values)
     return names.counted(signal, found) if names.wrapped else found
+
+
+def _check_shares(path: str | Path, how: ServoColumns, signal: str, values: Array) -> None:
+    most = np.nanmax(np.abs(values), axis=0, initial=0.0)
+    beyond = np.flatnonzero(most > _MOST_SHARE * SHARES)
+    if signal == "q" and len(beyond):
+        evidence = f"positions of {how.joints[beyond[0]]} reach {most[beyond[0]]:.4g}, and shares of a range end at 100"
+        step = "leave calibration out and state the unit (log: {units: {position: deg}}), or name the right calibration"
+        raise LogMismatch(str(path), evidence, step)
 
 
 def _kp_column(how: ServoColumns, header: Sequence[str]) -> str:

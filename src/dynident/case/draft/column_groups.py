@@ -106,11 +106,11 @@ def unit_of_time(name: str, header: Sequence[str] = ()) -> str:
 def _named_groups(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
     """Return groups whose columns have the names of joints, whole or without words such as 'joint'."""
     found: dict[Meaning, dict[int, str]] = {}
-    forms, container = _joint_forms(joints), _container(header)
+    forms, container = joint_forms(joints), _container(header)
     for name in header:
         base, unit = split_unit(name)
         words = words_of(base, container)
-        place = _joint_in(words, forms)
+        place = joint_in(words, forms)
         if place is None:
             continue
         joint, start, length = place
@@ -127,7 +127,7 @@ def _named_groups(header: Sequence[str], joints: Sequence[str]) -> list[Group]:
     ]
 
 
-def _joint_forms(joints: Sequence[str]) -> dict[tuple[str, ...], int]:
+def joint_forms(joints: Sequence[str]) -> dict[tuple[str, ...], int]:
     """Return the words that stand for each joint; those that stand for two of them are left out."""
     forms: dict[tuple[str, ...], int] = {}
     doubtful: set[tuple[str, ...]] = set()
@@ -143,7 +143,7 @@ def _joint_forms(joints: Sequence[str]) -> dict[tuple[str, ...], int]:
     return {form: joint for form, joint in forms.items() if form not in doubtful}
 
 
-def _joint_in(words: Sequence[str], forms: Mapping[tuple[str, ...], int]) -> tuple[int, int, int] | None:
+def joint_in(words: Sequence[str], forms: Mapping[tuple[str, ...], int]) -> tuple[int, int, int] | None:
     """Return the joint whose words stand in a name, where, and how many; the longest form wins."""
     for length in range(len(words), 0, -1):
         for start in range(len(words) - length + 1):

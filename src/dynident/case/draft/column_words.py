@@ -30,7 +30,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 
 #: Words that join a signal and a side.
 _JOINED = {"qm": ("q", "motor"), "dqm": ("dq", "motor"), "taum": ("torque", "motor"), "im": ("current", "motor")}
-_SIGNAL = {word: signal for signal, words in WORDS.items() for word in words}
+SIGNAL = {word: signal for signal, words in WORDS.items() for word in words}
 
 _KINDS = {
     "measured": "actual act meas measured msr sensor present real encoder enc fb feedback ist".split(),
@@ -38,17 +38,17 @@ _KINDS = {
     "model": "model est estimated ext external hat predicted pred sim residual friction gravity coriolis ff "
     "disturbance interaction collision contact compensate compensation comp".split(),
 }
-_KIND = {word: kind for kind, words in _KINDS.items() for word in words}
+KIND = {word: kind for kind, words in _KINDS.items() for word in words}
 _SIDES = {"motor": "motor", "mot": "motor", "rotor": "motor", "link": "link", "load": "link"}
 
 #: Words that say what the column is not: a signal of a joint.
-_OTHER = frozenset(
+OTHER = frozenset(
     "err error std var cov min max limit lower upper tcp tool ee cart cartesian pose wrench twist imu x y z rx ry rz "
     "quat flange voltage volt volts power status mode flag count version bits".split()
 )
 
 #: Words that say nothing more about a column.
-_NEUTRAL = frozenset(
+NEUTRAL = frozenset(
     "joint joints j axis a achse arm robot state states value values observation data of s field msg header raw grp "
     "group actuator actuators wert gelenk articulation axe eje asse 关节 関節 轴 軸".split()
 )
@@ -130,7 +130,7 @@ def words_of(name: str, container: str = "") -> list[str]:
     """
     if not container or not name.startswith(container):
         return tokens_of(name)
-    known = _SIGNAL.keys() | _KIND.keys() | _SIDES.keys() | _JOINED.keys() | _OTHER
+    known = SIGNAL.keys() | KIND.keys() | _SIDES.keys() | _JOINED.keys() | OTHER
     outer = [word for word in tokens_of(container) if word in known and word != "t"]
     return outer + tokens_of(name[len(container) :])
 
@@ -160,22 +160,22 @@ def meaning_of(words: Sequence[str], unit: str = "", at_end: bool = True) -> Mea
     if not unit and len(words) > 1 and words[-1] in UNIT_WORDS and (at_end or words[-1] in _PLAIN_UNITS):
         unit = UNIT_WORDS[words[-1]]
         words = words[:-1] if unit in _QUANTITY_UNITS.get(signal, ()) else words
-    if signal in ("", "time") and set(words) <= _NEUTRAL | _KIND.keys() | _SIDES.keys() | {"t"}:
+    if signal in ("", "time") and set(words) <= NEUTRAL | KIND.keys() | _SIDES.keys() | {"t"}:
         signal = _UNIT_TELLS.get(unit, signal)  # J1 (deg), T1 (Nm)
     if signal in _QUANTITY_UNITS and unit not in _QUANTITY_UNITS[signal]:
         unit = ""
     for k, word in enumerate(words):
-        if word in _OTHER:
+        if word in OTHER:
             return Meaning("")
         if word in _JOINED:
             side = _JOINED[word][1]
-        elif word in _SIGNAL:
+        elif word in SIGNAL:
             continue
-        elif word in _KIND and (word != "d" or k):
-            kind = kind if kind in ("commanded", "model") else _KIND[word]
+        elif word in KIND and (word != "d" or k):
+            kind = kind if kind in ("commanded", "model") else KIND[word]
         elif word in _SIDES:
             side = _SIDES[word]
-        elif word not in _NEUTRAL and not (word == "in" and words[k + 1 :] and words[k + 1] in UNIT_WORDS):
+        elif word not in NEUTRAL and not (word == "in" and words[k + 1 :] and words[k + 1] in UNIT_WORDS):
             strange.append(word)
     if signal == "time" and (strange or kind not in ("", "measured")):
         return Meaning("")
@@ -186,7 +186,7 @@ def _undotted(words: list[str]) -> list[str]:
     """Return words with ``theta dot`` as one that is known, such as dq."""
     found: list[str] = []
     for word in words:
-        before = _SIGNAL.get(found[-1], "") if found else ""
+        before = SIGNAL.get(found[-1], "") if found else ""
         if word in ("dot", "ddot") and before in _DERIVED:
             derived = _DERIVED[before] if word == "dot" else "ddq" if before == "q" else ""
             found[-1:] = [derived] if derived else [found[-1], word]
@@ -200,8 +200,8 @@ def _signals(words: Sequence[str]) -> list[str]:
     for word in words:
         if word in _JOINED:
             found.append(_JOINED[word][0])
-        elif word in _SIGNAL:
-            found.append(_SIGNAL[word])
+        elif word in SIGNAL:
+            found.append(SIGNAL[word])
     return found
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from dynident.actuators.lerobot_calibration import SHARES
 from dynident.case.draft.profile_fit import equally_good
 from dynident.case.draft.recognition import Recognised
 from dynident.case.draft.servo_text import is_servo_log
@@ -65,18 +68,33 @@ def _effort(found: Recognised, name: str) -> str:
     return f"{channel.pattern} is a {channel.signal}{note}"
 
 
+def _more_motors(found: Recognised) -> list[str]:
+    """Return what has to be said where more motors are logged than the robot model has joints."""
+    channel, dof = found.profiles[0].profile.read_channels()["q"], len(found.joints.names)
+    logged = sum(channel.matches(name) for name in found.header)
+    if logged <= dof:
+        return []
+    text = f"{logged} motors are logged, the robot has {dof} joints: are the first {dof} its joints, in their order?"
+    return [f"    # ask: {text} Else name them: q: [...], q_ref: [...]"]
+
+
+def _may_be_shares(found: Recognised) -> bool:
+    """Return whether the positions of servos may be shares of the calibrated range: none is beyond 100."""
+    return is_servo_log(found) and all(np.nanmax(np.abs(one.signals["q"])) <= SHARES for one in found.readings)
+
+
 def _profile_gaps(found: Recognised) -> list[str]:
     """Return what the profile does not say: units that only the user knows, and the missing effort."""
     lines = []
     if is_servo_log(found):
-        lines += ["  columns:", "    torque: none"]
+        lines += ["  columns:", *_more_motors(found), "    torque: none"]
     elif not found.effort:
         lines += ["  columns:", f"    {_missing_effort(found)}"]
     told = found.units.get("position")
     channel = next(c for c in found.profiles[0].channels if c.signal == "q")
     if told is not None and not channel.unit:
         note = f"the unit of {found.sources['q'].shown()} (deg, rad, m, mm; {channel.note}): {told.why}"
-        lines += ["  units:", asked("    position", note, told.text)]
+        lines += ["  units:", asked("    position", note, "" if _may_be_shares(found) else told.text)]
     torque = found.units.get("torque")
     if found.drivers_differ and torque is not None and not torque.certain:
         note = (

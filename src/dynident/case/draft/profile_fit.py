@@ -57,7 +57,7 @@ def fitting_profiles(header: Sequence[str], joints: Sequence[str]) -> list[Profi
         if profile.time not in header:
             continue
         read = profile.read_channels()
-        there = _joints_of(read["q"], header, joints)
+        there = _joints_of(read["q"], header, joints, is_alone=not {"torque", "current"} & read.keys())
         if not there:
             continue
         channels = [c for c in read.values() if set(c.names(there)) <= set(header)]
@@ -80,9 +80,13 @@ def is_universal(joints: Sequence[str]) -> bool:
     return all(any(joint.endswith(name) for joint in joints) for name in ("shoulder_pan_joint", "wrist_1_joint"))
 
 
-def _joints_of(channel: Channel, header: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
-    """Return the joints that the positions of a profile are there for; with numbers it takes all of them."""
+def _joints_of(channel: Channel, header: Sequence[str], joints: Sequence[str], is_alone: bool) -> tuple[str, ...]:
+    """Return the joints that the positions of a profile are there for; with numbers it takes all of them.
+
+    Where positions have no torque beside them, a gripper that the robot model lacks may be the last of them.
+    """
     if "{joint}" in channel.pattern:
         return tuple(j for j in joints if channel.names([j])[0] in header)
     count = sum(channel.matches(column) for column in header)
-    return tuple(joints) if count == len(joints) and set(channel.names(joints)) <= set(header) else ()
+    fits = count >= len(joints) if is_alone else count == len(joints)
+    return tuple(joints) if fits and set(channel.names(joints)) <= set(header) else ()

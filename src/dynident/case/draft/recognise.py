@@ -9,6 +9,7 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray
 from dynident.case.draft.column_groups import Group, groups_of, time_columns, unit_of_time
+from dynident.case.draft.command_pairs import by_commands
 from dynident.case.draft.joint_choice import JointChoice, choose_joints
 from dynident.case.draft.profile_fit import ProfileFit, equally_good, fitting_profiles
 from dynident.case.draft.readings import LogReading, band, cutoff_from, read_rows
@@ -65,6 +66,8 @@ def recognised(robot: Robot, tables: Sequence[LogTable], profile: str = "") -> R
     fits = [fit for fit in fits if not profile or fit.name == profile]
     found = Recognised(robot, header, time=clock, is_clocked=bool(clock), profiles=tuple(fits))
     found = _by_profile(found, fits) if fits else _by_names(found)
+    if not fits and not {"q_ref", "torque", "current"} & (found.sources.keys() | found.rivals.keys()):
+        found = by_commands(found)
     if not fits and "q" not in found.sources and "q" not in found.rivals:
         found, tables = _by_structure(found, tables)
     if not found.time or "q" not in found.sources:
@@ -375,9 +378,7 @@ def _first_columns(found: Recognised) -> Recognised:
 
 
 def _likely_si(q: Array, stated: str) -> Array:
-    if stated in UNITS["position"]:
-        return q * _factor(stated)
-    return q
+    return q * _factor(stated) if stated in UNITS["position"] else q
 
 
 def _factor(word: str) -> float:
