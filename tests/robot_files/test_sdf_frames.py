@@ -235,6 +235,70 @@ def _inverse(plant: Any, tree: Any, robot: Robot, states: Any) -> Any:
     return np.array(found)
 
 
+class Draw:
+    """Random models: links, nested models and frames placed by and attached to each other, joints between any."""
+
+    def __init__(self, seed: int) -> None:
+        self._random = np.random.default_rng(seed)
+        self._count = 0
+
+    def word(self, letter: str) -> str:
+        self._count += 1
+        return f"{letter}{self._count}"
+
+    def pick(self, names: list[str]) -> str:
+        return names[int(self._random.integers(len(names)))]
+
+    def pose(self, names: list[str]) -> str:
+        name, numbers = self.pick(["", *names]), " ".join(f"{x:.2f}" for x in self._random.uniform(-1, 1, 6))
+        return f"<pose{f' relative_to={name!r}' if name else ''}>{numbers}</pose>"
+
+    def model(self, depth: int) -> tuple[str, list[str], str]:
+        """Return what stands in a model, the names in it, and its first link."""
+        names, text, parts = ["__model__"], "", []
+        for _ in range(int(self._random.integers(1, 4))):
+            name = self.word("l")
+            text += f'<link name="{name}">{self.pose(names)}{BODY}</link>'
+            names.append(name)
+            parts.append((name, [name]))
+        for _ in range(int(self._random.integers(0, 3)) if depth else 0):
+            name, (inside, inner, root) = self.word("m"), self.model(depth - 1)
+            placed = f' placement_frame="{self.pick(inner[1:])}"' if self._random.random() < 0.4 else ""
+            text += f'<model name="{name}" canonical_link="{root}"{placed}>{self.pose(names)}{inside}</model>'
+            names += [name, *(f"{name}::{one}" for one in inner)]
+            parts.append((f"{name}::{root}", [name, f"{name}::{root}", f"{name}::__model__"]))
+        for _ in range(int(self._random.integers(0, 3))):
+            name, attached = self.word("f"), self.pick(names)
+            text += f'<frame name="{name}" attached_to="{attached}">{self.pose(names)}</frame>'
+            names.append(name)
+        done = [parts[0][0]]
+        for link_name, ends in parts[1:]:
+            name, kind = self.word("j"), self.pick(["revolute", "prismatic", "fixed", "continuous"])
+            axis = f"<axis><xyz expressed_in='{self.pick(names)}'>.3 1 -.4</xyz></axis>" if kind != "fixed" else ""
+            stated = f"<parent>{self.pick(done)}</parent><child>{self.pick(ends)}</child>{axis}"
+            text += f'<joint name="{name}" type="{kind}">{self.pick(["", self.pose(names)])}{stated}</joint>'
+            done.append(link_name)
+            names.append(name)
+        return text, names, parts[0][0]
+
+
+@pytest.mark.battery
+@pytest.mark.parametrize("seed", range(40))
+def test_torques_of_random_models_are_those_of_drake(seed: int, tmp_path: Path) -> None:
+    path = written(tmp_path, Draw(seed).model(2)[0])
+    try:
+        robot = read_robot(path)
+    except DescriptionError as problem:
+        assert "no joint moves" in str(problem)
+        return
+    states = np.random.default_rng(0).uniform(-1, 1, (3, 6, robot.dof))
+    nominal = DynamicModel(robot).nominal()
+    assert nominal is not None
+    expected = drake_torque(path, robot, states)
+    found = (DynamicModel(robot).regressor(*states) @ nominal).reshape(expected.shape)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11 * max(1.0, np.abs(expected).max()))
+
+
 FAULTS = {
     "no such file": ("<uri>gone.sdf</uri>", "'gone.sdf' is missing beside", "put it there"),
     "no such model": ("<uri>model://gone</uri>", "'model://gone' is missing in GZ_SIM_RESOURCE_PATH", "put it there"),
