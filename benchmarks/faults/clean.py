@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio
 import scipy.stats
 
+from benchmarks.faults.trials import tracked
 from benchmarks.strangers.plant import Body, cylinder, urdf, waves
 from dynident.api.init import init
 from dynident.case.case import read_case
@@ -142,7 +143,7 @@ def main() -> None:
     alarmed: Counter[str] = Counter()
     kinds: Counter[str] = Counter()
     with tempfile.TemporaryDirectory() as name:
-        for seed in range(first, last):
+        for seed in tracked(range(first, last), "logs"):
             found, about = told(seed, Path(name))
             false = [one for one in found if one.name not in TRUE_OF_A_LOG]
             for severity in {one.severity for one in false}:

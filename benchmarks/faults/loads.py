@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.faults.clean import bound, log, robot, written
+from benchmarks.faults.trials import tracked
 from benchmarks.strangers.plant import urdf
 from dynident.case.case import read_case
 from dynident.diagnosis.checks import examine
@@ -57,7 +58,7 @@ def main() -> None:
     first, last = (int(word) for word in sys.argv[1:3]) if len(sys.argv) > 2 else (0, ARMS)
     count, held, missed = 0, 0, 0
     with tempfile.TemporaryDirectory() as name:
-        for seed in range(first, last):
+        for seed in tracked(range(first, last), "logs"):
             share = float(np.exp(np.random.default_rng([9, seed]).uniform(np.log(0.3), np.log(3.0))))
             mass, found = named(seed, share, Path(name))
             if found is None:

@@ -79,6 +79,7 @@ def main() -> None:
             for case, log in recorded(name) if name in SETS else strange(name, Path(folder)):
                 grave = [one for one in examine(case, log).findings if one.severity != "note"]
                 label = f"{name}/{Path(log).name}"
+                print(label, file=sys.stderr, flush=True)
                 told = [(one, reason(label, one.name)) for one in grave]
                 logs += 1
                 false.update({one.severity for one, why in told if not why})

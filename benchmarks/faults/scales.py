@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.faults import injections as put
-from benchmarks.faults.trials import REAL, Trial, recorded, virtual
+from benchmarks.faults.trials import REAL, Trial, recorded, tracked, virtual
 from dynident.case.case import read_case
 from dynident.diagnosis.checks import ordered
 from dynident.diagnosis.checks.base import CheckedLog
@@ -56,23 +56,23 @@ def count(trial: Trial, folder: Path) -> Count:
     if told(clean):
         raise SystemExit(f"clean log: {[one.line() for one in told(clean)]}")
     total, names = Count(), trial.case.robot.joint_names
-    for joint, own in enumerate(clean.scales):
+    cases = [(joint, own, factor) for joint, own in enumerate(clean.scales) for factor in FACTORS]
+    for joint, own, factor in tracked(cases, f"scales of {trial.case.robot.name}"):
         known = own.spread / 1.96 < TOLD
-        for factor in FACTORS:
-            found = told(subject_of(put.scaled(trial, factor - 1, joint), folder))
-            scales = [one for one in found if one.name == "torque scale"]
-            if known:
-                total.known += 1
-                hit = len(found) == 1 and bool(scales) and names[joint] in scales[0].joint.split(", ")
-                figure = scales[0].numbers["factor"] * factor / own.factor if hit else float("nan")
-                good = hit and scales[0].joint.startswith(names[joint]) and abs(figure - 1) <= EXACT
-                total.right += good
-            else:
-                total.unknown += 1
-                good = not scales
-                total.silent += good
-            if not good:
-                print(f"  {names[joint]} times {factor:g}: {[one.line()[:120] for one in found]}", flush=True)
+        found = told(subject_of(put.scaled(trial, factor - 1, joint), folder))
+        scales = [one for one in found if one.name == "torque scale"]
+        if known:
+            total.known += 1
+            hit = len(found) == 1 and bool(scales) and names[joint] in scales[0].joint.split(", ")
+            figure = scales[0].numbers["factor"] * factor / own.factor if hit else float("nan")
+            good = hit and scales[0].joint.startswith(names[joint]) and abs(figure - 1) <= EXACT
+            total.right += good
+        else:
+            total.unknown += 1
+            good = not scales
+            total.silent += good
+        if not good:
+            print(f"  {names[joint]} times {factor:g}: {[one.line()[:120] for one in found]}", flush=True)
     return total
 
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,7 +27,24 @@ REAL = {"panda": "panda_gaz2019/exciting_traj_1.csv", "tx40": "staubli_tx40_figa
 #: Share of a recorded log that is learned from; the rest is held out.
 LEARNED = 0.6667
 
+#: Seconds between two lines of progress.
+EVERY_S = 10.0
+
 Columns = dict[str, np.ndarray]
+
+Item = TypeVar("Item")
+
+
+def tracked(items: Sequence[Item], what: str) -> Iterator[Item]:
+    """Yield items, with a line on standard error now and then: how many are done, and what time the rest will take."""
+    begin = said = time.perf_counter()
+    for done, item in enumerate(items):
+        now = time.perf_counter()
+        if done and now - said > EVERY_S:
+            rest = (now - begin) / done * (len(items) - done)
+            print(f"{done} of {len(items)} {what}, {rest:.0f} s left", file=sys.stderr, flush=True)
+            said = now
+        yield item
 
 
 @dataclass(frozen=True)

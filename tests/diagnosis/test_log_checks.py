@@ -231,11 +231,14 @@ def test_another_width_of_the_sign_is_no_wrong_clock(width: float, tmp_path: Pat
     assert all(finding.numbers["torque"] < 0.5 for finding in curves)
 
 
-def test_a_payload_is_weighed(trial: Trial, tmp_path: Path) -> None:
-    found = put.loaded(trial, 0.8, np.random.default_rng(0)).examined(tmp_path).findings
+@pytest.mark.parametrize(("mass", "severity"), [(0.8, "note"), (2.0, "warning")])
+def test_a_payload_is_weighed(trial: Trial, mass: float, severity: str, tmp_path: Path) -> None:
+    """The last link has 3 kg, of which a tenth may be an error of the robot model."""
+    found = put.loaded(trial, mass, np.random.default_rng(0)).examined(tmp_path).findings
     (load,) = [finding for finding in found if finding.name == "load at the flange"]
-    assert load.severity == "warning" and "remove the payload or tool, or add it to the robot model" in load.remedy
-    assert load.numbers["mass_kg"] == pytest.approx(0.8, abs=3 * load.numbers["std_kg"] + 0.02)
+    assert load.severity == severity and "remove the payload or tool, or add it to the robot model" in load.remedy
+    assert load.numbers["mass_kg"] == pytest.approx(mass, abs=0.04)
+    assert load.numbers["std_kg"] == pytest.approx(0.3, rel=0.1)
 
 
 def test_a_load_is_told_with_the_errors_of_the_robot_model(case: Case, trial: Trial, tmp_path: Path) -> None:

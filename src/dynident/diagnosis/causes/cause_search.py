@@ -51,12 +51,20 @@ class Cause:
         joint: Name of the joint it belongs to; empty for the whole arm.
         columns: The torque at all joints for one unit of each coefficient, shape (k, N, n).
         likelier: Factor on its merit, above 1 for a cause that is likelier beforehand than one with the same torque.
+        hidden: How many of the coefficients, the last ones, have a prior about what the others make them, and are not
+            told.
     """
 
     name: str
     joint: str
     columns: Array
     likelier: float = 1.0
+    hidden: int = 0
+
+    @property
+    def told(self) -> int:
+        """How many coefficients are told."""
+        return len(self.columns) - self.hidden
 
 
 @dataclass(frozen=True)
@@ -202,7 +210,7 @@ class CauseSearch:
     def _next(self, before: Solved, chosen: list[int]) -> tuple[int, Solved, Blame] | None:
         sure: list[tuple[float, int, Solved, Array]] = []
         for k in self.candidates(before, chosen):
-            after, columns = self.fit([*chosen, k]), len(self._places[k])
+            after, columns = self.fit([*chosen, k]), self.causes[k].told
             worth = self.rows.counts / self.factors(after, [*chosen, k])
             ratio = _ratio(before, after, worth)
             if len(self.causes) * chi_square_tail(ratio, columns) < CHANCE:
@@ -241,6 +249,7 @@ class CauseSearch:
         values = after.beta[-size:]
         covariance = after.covariance[-size:, -size:] * self.spread(worth)
         torque = np.tensordot(values, cause.columns, 1)
+        values, covariance = values[: cause.told], covariance[: cause.told, : cause.told]
         masks, measured = self.rows.masks, self.rows.measured
         counts = self.rows.counts
         own = np.sqrt(np.sum(np.where(masks, torque, 0.0) ** 2, axis=0) / counts)

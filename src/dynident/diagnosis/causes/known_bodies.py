@@ -18,14 +18,13 @@ import numpy as np
 
 from dynident.arrays import Array, IntArray
 from dynident.diagnosis.causes.cause_search import Cause, CauseRows, CauseSearch
+from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, load_columns, own_inertia
 from dynident.diagnosis.causes.trends import OVERSAMPLING, Trends
 from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
 from dynident.identification.estimate.estimate import Estimate
-from dynident.identification.problem.regressor_stream import motion_of
 from dynident.identification.residuals.quantiles import chi_square_tail
 from dynident.model.base_parameters import BaseParameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.kernels import batched
 from dynident.model.robot import Robot
 
 #: A map of base parameters whose rest is below this share of it is the same.
@@ -37,12 +36,12 @@ SMALLEST = 1e-6
 #: Chance of so large a difference below which an earlier estimate contradicts the robot model.
 CONTRADICTS = 1e-3
 
-#: Columns of a body.
-TEN = 10
-
 #: Relative standard deviations of a robot model at first, at least, passes that look for them at most, and the relative
 #: change of these and of the variances at which they are found.
 FIRST, LEAST, SEARCHED, SETTLED = 0.1, 1e-5, 30, 1e-2
+
+#: Share of a step to the straight lines of a load about new values that is gone, as they turn.
+HALF = 0.5
 
 #: Share of the heaviest mass, and size in m, of which the errors of a body are shares at least.
 LIGHT, SMALL = 1e-3, 0.02
@@ -232,22 +231,50 @@ class Anchored(CauseSearch):
     def __init__(self, rows: CauseRows, causes: Sequence[Cause], known: KnownBodies, factors: Array) -> None:
         super().__init__(rows, causes)
         self._known, self._factors = known, factors
-        self._found = dict[tuple[int, ...], tuple[Array, Array]]()  # where the fit with one cause more begins
+        self._found = dict[tuple[int, ...], tuple[Array, Array, Array]]()  # where the fit with one cause more begins
 
     def fit(self, chosen: Sequence[int]) -> Solved:
-        grams, sides = self.products(chosen)
-        flat = grams.reshape(len(grams), -1)
+        solved, found = self._fitted(chosen, np.zeros(TEN))
+        slot = self._load(chosen)
+        if slot is not None and solved.beta[slot[TOLD - 1]] < 0.0:  # the sign of the moments of inertia may hold it
+            begin = found[2].copy()
+            begin[TOLD - 1] *= -1.0
+            other, turned = self._fitted(chosen, begin)
+            if self._deviance(other) < self._deviance(solved):
+                solved, found = other, turned
+        self._found[tuple(chosen)] = found
+        return solved
+
+    def _deviance(self, solved: Solved) -> float:
+        return float((self.rows.counts / self._factors) @ np.log(solved.variances)) + solved.surprise
+
+    def _fitted(self, chosen: Sequence[int], load: Array) -> tuple[Solved, tuple[Array, Array, Array]]:
+        """Return the fit, and residual variances, deviations of the bodies and load where the next one begins.
+
+        Args:
+            chosen: Causes that are fitted, by their numbers.
+            load: Where a load at the flange begins, if it is the last of them.
+        """
+        products, slot = self.products(chosen), self._load(chosen)
         known, held = self._known, np.ix_(self._known.places, self._known.places)
         counts, squares, floors = self.rows.counts, self.squares, self.floors
-        variances, shares = self._found.get(tuple(chosen[:-1]), (squares / counts + floors, np.full(2, FIRST)))
+        start = (squares / counts + floors, np.full(2, FIRST), load)
+        is_load = bool(chosen) and self.causes[chosen[-1]].hidden > 0  # which the bodies have taken in before: afresh
+        variances, shares, load = start if is_load else self._found.get(tuple(chosen[:-1]), start)
         beta = off = np.zeros(0)
-        information = prior = inverse = np.zeros((0, 0))
-        for _ in range(SEARCHED if isinstance(known, NominalBodies) else PASSES):
+        information = prior = inverse = turn = np.zeros((0, 0))
+        own = 1.0
+        for _ in range(SEARCHED if slot is not None or isinstance(known, NominalBodies) else PASSES):
             before = np.concatenate([variances, shares])
+            turn, own = carried(load), own_inertia(load) ** 2
+            grams, sides = products if slot is None else _turned(*products, slot, turn)
             weights = 1.0 / (variances * self._factors)
-            gram, side, prior = (weights @ flat).reshape(grams.shape[1:]), weights @ sides, known.information(shares)
+            gram = (weights @ grams.reshape(len(grams), -1)).reshape(grams.shape[1:])
+            side, prior = weights @ sides, known.information(shares)
             gram[held] += prior
             side[known.places] += prior @ known.values
+            if slot is not None:
+                gram[slot[TOLD:], slot[TOLD:]] += 1.0 / own
             sizes = np.sqrt(np.diag(gram))
             sizes = np.where(sizes > 0, sizes, 1.0)
             information = gram + RIDGE * np.diag(sizes**2)
@@ -257,13 +284,34 @@ class Anchored(CauseSearch):
             variances = np.maximum(left, 0.0) / counts + floors
             off = beta[known.places] - known.values
             shares = known.likelier(shares, prior, off, inverse[held])
-            if np.all(np.abs(np.log(np.concatenate([variances, shares]) / before)) < SETTLED):
+            moved = np.zeros(0) if slot is None else beta[slot] - load
+            if np.all(np.abs(np.log(np.concatenate([variances, shares]) / before)) < SETTLED) and np.all(
+                np.abs(moved[:TOLD]) < SETTLED * np.abs(load[:TOLD]).max(initial=0.0)
+            ):
                 break
-        self._found[tuple(chosen)] = variances, shares
+            load = load if slot is None else load + (HALF if load.any() else 1.0) * moved
         surprise = known.surprise(prior, off, information[: self.rows.size, : self.rows.size])
-        last = len(self._places[chosen[-1]]) if chosen else 0
-        freedom = known.freedom(prior, inverse[held]) / _share_of_bodies(information, inverse, known.places, last) ** 2
-        return Solved(beta, variances, float(np.sum(np.log(variances))), information, surprise, freedom)
+        if slot is not None:
+            surprise += float(beta[slot[TOLD:]] @ beta[slot[TOLD:]]) / own
+            beta[slot] = turn @ beta[slot]
+        share = _share_of_bodies(information, inverse, known.places, self._slot(chosen, -1)[: self._told(chosen)])
+        freedom = known.freedom(prior, inverse[held]) / share**2
+        solved = Solved(beta, variances, float(np.sum(np.log(variances))), information, surprise, freedom)
+        return solved, (variances, shares, load)
+
+    def _slot(self, chosen: Sequence[int], which: int) -> IntArray:
+        """Return where the coefficients of one of the chosen causes stand in the fit."""
+        lengths = [len(self._places[k]) for k in chosen]
+        end = self.rows.size + sum(lengths[: which % len(chosen) + 1]) if chosen else 0
+        return np.arange(end - lengths[which], end) if chosen else np.zeros(0, np.int64)
+
+    def _told(self, chosen: Sequence[int]) -> int:
+        return self.causes[chosen[-1]].told if chosen else 0
+
+    def _load(self, chosen: Sequence[int]) -> IntArray | None:
+        """Return where the load at the flange stands in the fit; None where it is not chosen."""
+        found = [which for which, k in enumerate(chosen) if self.causes[k].hidden]
+        return self._slot(chosen, found[0]) if found else None
 
     def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
         return self._factors
@@ -275,16 +323,25 @@ class Anchored(CauseSearch):
         return [k for k in range(len(self.causes)) if k not in chosen]  # errors of the bodies may hide any of them
 
 
-def _share_of_bodies(information: Array, inverse: Array, places: IntArray, last: int) -> float:
-    """Return the share of the variance of the last columns that is from errors of the bodies, above 0, 1 for no column.
+def _turned(grams: Array, sides: Array, slot: IntArray, turn: Array) -> tuple[Array, Array]:
+    """Return products (n, k, k) and (n, k) with the columns ``slot`` replaced by mixtures of them, ``turn``."""
+    grams, sides = grams.copy(), sides.copy()
+    grams[:, :, slot] = grams[:, :, slot] @ turn
+    grams[:, slot] = turn.T @ grams[:, slot]
+    sides[:, slot] = sides[:, slot] @ turn
+    return grams, sides
+
+
+def _share_of_bodies(information: Array, inverse: Array, places: IntArray, told: IntArray) -> float:
+    """Return the share of the variance of coefficients that is from errors of the bodies, above 0, 1 for none of them.
 
     Where it is small the rows make the interval, and these are many (Satterthwaite 1946).
     """
     rest = np.setdiff1d(np.arange(len(information)), places)
-    if not 0 < last <= len(rest):
+    if not len(told):
         return 1.0
-    certain = np.diag(np.linalg.pinv(information[np.ix_(rest, rest)], hermitian=True))[-last:]
-    return float(np.clip(np.mean(1.0 - certain / np.diag(inverse)[-last:]), 1e-6, 1.0))
+    certain = np.diag(np.linalg.pinv(information[np.ix_(rest, rest)], hermitian=True))[np.searchsorted(rest, told)]
+    return float(np.clip(np.mean(1.0 - certain / np.diag(inverse)[told]), 1e-6, 1.0))
 
 
 class AgainstBodies:
@@ -304,23 +361,22 @@ class AgainstBodies:
         target = rows.torque - rows.known
         found = CauseRows(rows.blocks, rows.columns, fit.base.count, target, rows.torque, rows.masks, OVERSAMPLING)
         causes = [cause for cause in self._trends.causes if cause.name not in LEFT_OUT]
-        causes += [Cause("load at the flange", "", self.load_columns), Cause("torque scale", "", self.bodies[None])]
+        load = Cause("load at the flange", "", load_columns(fit), hidden=TEN - TOLD)
+        causes += [load, Cause("torque scale", "", self.bodies[None])]
         return Anchored(found, causes, self._known, fit.counts / fit.independent_rows)
 
     @cached_property
-    def load_columns(self) -> Array:
-        """Torque of first moments and mass at the last link, 1 kg m and 1 kg, filtered, shape (4, N, n).
+    def masses(self) -> Array:
+        """Mass of each link by the robot model, in kg; infinite where it states none."""
+        theta, count = self.fit.model.nominal(), self.fit.model.inertial_count
+        return (
+            np.full(count // TEN, np.inf) if theta is None or not theta[:count].any() else theta[TEN - 1 : count : TEN]
+        )
 
-        The moments of inertia of a load at the flange hardly show beside its weight, and would count as six causes.
-        """
-        prepared = self.fit.rows.prepared
-        motion = motion_of(prepared.log)
-        chain = self.fit.model.robot.chain
-        regressor = batched.torque_regressor(chain, motion.q, motion.dq, motion.ddq, once=True)
-        last = regressor[:, :, -TEN:][:, :, TEN - 4 :]
-        flat = np.ascontiguousarray(last.transpose(2, 1, 0)).reshape(-1, len(last))
-        smooth = prepared.smooth(flat)[:, prepared.keep]
-        return smooth.reshape(4, last.shape[1], -1).transpose(0, 2, 1)
+    @property
+    def last_link(self) -> float:
+        """Standard deviation of the mass of the last link in kg, whose errors no log tells from a load."""
+        return FIRST * float(self.masses[-1]) if isinstance(self._known, NominalBodies) else 0.0
 
     @cached_property
     def bodies(self) -> Array:

@@ -11,13 +11,16 @@ import numpy as np
 from dynident.diagnosis.causes.cause_search import Blame
 from dynident.diagnosis.causes.known_bodies import AgainstBodies, nominal_bodies, with_rotors
 from dynident.diagnosis.causes.quick_fit import asks_inertia
-from dynident.diagnosis.causes.trend_findings import believed, trend_finding
+from dynident.diagnosis.causes.trend_findings import Z95, believed, trend_finding
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity
 
 #: Share of the largest torque of the bodies, or of the torque, from which a cause is a warning, and deviations of its
 #: figure, in which the errors of the known bodies count, from which it is one and from which it is told.
 MATTERS, SURE, TOLD = 0.1, 4.0, 2.0
+
+#: Half-width of the interval of a load as a share of its mass up to which it is a warning.
+NARROW = 0.5
 
 
 @dataclass(frozen=True)
@@ -69,15 +72,18 @@ def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: 
 
 def _load(blame: Blame, against: AgainstBodies) -> Finding:
     mass, deviation, half = (float(each[-1]) for each in (blame.values, blame.deviations, blame.half_widths))
+    half, deviation = float(np.hypot(half, Z95 * against.last_link)), float(np.hypot(deviation, against.last_link))
     told = f"of {mass:+.3g} kg (+- {half:.2g} kg)"
-    if abs(mass) < half:  # moments are sure, the mass is not
+    known = half <= abs(mass) <= against.masses.sum()  # no arm carries more than it weighs
+    if not known:  # moments are sure, the mass is not
         strongest = int(np.argmax(blame.torque))
         joint = against.fit.model.robot.joint_names[strongest]
         told = f"of {blame.torque[strongest]:.3g} N m (or N) rms at {joint}, its mass is not determined"
     evidence = f"a load at the flange {told} (t = {blame.certainty:.0f})"
     remedy = "remove the payload or tool, or add it to the robot model; check the last link"
     bodies = np.sqrt(np.mean(against.bodies**2, axis=0))
-    heavy = float(blame.torque.max()) > MATTERS * float(bodies.max()) and blame.score(abs(mass) / deviation) > SURE
+    large = float(blame.torque.max()) > MATTERS * float(bodies.max())
+    heavy = known and large and half < NARROW * abs(mass)
     severity: Severity = "warning" if heavy else "note"
     numbers = {"mass_kg": mass, "std_kg": deviation, "t": blame.certainty}
     return Finding(severity, "load at the flange", "", evidence, remedy, numbers)
