@@ -39,11 +39,14 @@ from dynident.model.robot import Robot
 #: until no encoder's zero moves by more than this share of its standard deviation.
 LEAST_TURNS, MOST_TURNS, SETTLED = 2, 6, 0.2
 
+#: The same of all logs, where the fits of some of them are settled.
+FEW_TURNS = 2
+
 #: Passes over the joints in each turn.
 _SWEEPS = 2
 
 #: Evaluations of the output error of each joint in a turn, and with the step of the answer.
-_EVALUATIONS, _FINISH = 15, 8
+_EVALUATIONS, _FINISH = 15, 6
 
 #: Change of an angle in rad by which the effect of the others' zeros is found.
 _TURN = 1e-4
@@ -71,27 +74,47 @@ class Arm:
     fits: Sequence[JointFit]
     zeros: Array
 
+    def part(self, logs: Sequence[int]) -> Arm:
+        """Return the arm in some of the training logs."""
+        return replace(
+            self,
+            robots=[self.robots[k] for k in logs],
+            measured=[self.measured[k] for k in logs],
+            ends=[self.ends[k] for k in logs],
+            motions=[self.motions[k] for k in logs],
+            datas=[data.part(logs) for data in self.datas],
+        )
 
-def settled(arm: Arm, progress: Callable[[str], None]) -> Arm:
+
+def settled(arm: Arm, progress: Callable[[str], None], least: int = LEAST_TURNS, most: int = MOST_TURNS) -> Arm:
     """Return an arm under loads that agree with the fits of all joints; a single joint has no others.
 
     Args:
-        arm: With fits of each joint by itself.
+        arm: With fits of each joint under its loads.
         progress: Called with each step in words.
+        least: Turns at least.
+        most: Turns at most.
     """
-    for turn in range(MOST_TURNS if len(arm.fits) > 1 else 0):
+    for turn in range(most if len(arm.fits) > 1 else 0):
         spreads = [spread_of(fit.problem(data), fit.parameters) for data, fit in zip(arm.datas, arm.fits, strict=True)]
         fits, agreed, wider = _agreed(arm, spreads)
-        if turn >= LEAST_TURNS and _is_settled(fits, wider, agreed - arm.zeros):
+        if turn >= least and _is_settled(fits, wider, agreed - arm.zeros):
             break
         progress(f"motion of the whole arm, turn {turn + 1}")
-        parameters = [fit.parameters for fit in fits]
-        motions = [rolled_out_motion(arm, parameters, k) for k in range(len(arm.motions))]
-        loads = [joint_loads(robot, motion) for robot, motion in zip(arm.robots, motions, strict=True)]
-        datas = [data.under([load[joint] for load in loads]) for joint, data in enumerate(arm.datas)]
-        fits = [fit_again(data, fit, _EVALUATIONS) for data, fit in zip(datas, fits, strict=True)]
-        arm = replace(arm, motions=motions, datas=datas, fits=fits, zeros=agreed)
+        arm = turned(arm, fits, agreed)
     return arm
+
+
+def turned(arm: Arm, fits: Sequence[JointFit], zeros: Array) -> Arm:
+    """Return an arm with the motion, the loads and the fits that follow from fits and zeros of the encoders (n,)."""
+    shifted = [replace(motion, q=motion.q + zeros - arm.zeros) for motion in arm.motions]
+    arm = replace(arm, motions=shifted)
+    parameters = [fit.parameters for fit in fits]
+    motions = [rolled_out_motion(arm, parameters, k) for k in range(len(shifted))]
+    loads = [joint_loads(robot, motion) for robot, motion in zip(arm.robots, motions, strict=True)]
+    datas = [data.under([load[joint] for load in loads]) for joint, data in enumerate(arm.datas)]
+    fits = [fit_again(data, fit, _EVALUATIONS) for data, fit in zip(datas, fits, strict=True)]
+    return replace(arm, motions=motions, datas=datas, fits=fits, zeros=zeros)
 
 
 def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Spread]]:

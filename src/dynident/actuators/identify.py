@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynident.actuators.arm_fit import Arm, finished, settled
+from dynident.actuators.arm_fit import FEW_TURNS, Arm, finished, settled, turned
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
 from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, choose_again, first_fit
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
@@ -19,6 +19,9 @@ from dynident.actuators.servo_log import AUTO, ServoLog, ServoSetup, check_gains
 from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters
 from dynident.arrays import Array
 from dynident.model.robot import Robot
+
+#: Logs of this length in s all is found from first: delay, gain, friction, zeros of the encoders.
+FIRST_S = 80.0
 
 
 def identify_actuators(
@@ -54,8 +57,7 @@ def identify_actuators(
     motions = [motion_at(motion, between) for motion, between in zip(measured, ends, strict=True)]
     robots = [carrying(robot, log) for log in logs]
     loads = [joint_loads(one, motion) for one, motion in zip(robots, motions, strict=True)]
-    datas, fits, kp = [], [], kp_values(logs[: len(train)])
-    effort = ROUGH if robot.dof > 1 else WHOLE
+    datas, kp = [], kp_values(logs[: len(train)])
     for joint, (name, law) in enumerate(zip(robot.joint_names, setup.laws, strict=True)):
         records = [record_of(log, joint, load[joint], law) for log, load in zip(logs, loads, strict=True)]
         rows = [
@@ -65,16 +67,38 @@ def identify_actuators(
         data = JointData(name, law, tuple(records[: len(train)]), tuple(records[len(train) :]), tuple(rows))
         if not (data.has_off or law.controls_torque):  # viscous friction stands for back-EMF too
             data = data.while_on()
-        fit = first_fit(data, setup.friction, effort, progress)
-        datas.append(at_ratio(data, fit.ratio))
-        fits.append(fit)
-    arm = settled(Arm(robots, measured, ends, motions, datas, fits, np.zeros(robot.dof)), progress)
-    if setup.friction == AUTO:
-        fits = [choose_again(*each, effort, progress) for each in zip(arm.datas, arm.fits, strict=True)]
-        arm = settled(replace(arm, fits=fits), progress)
-    arm, spreads = finished(arm, progress)
+        datas.append(data)
+    arm = Arm(robots, measured, ends, motions, datas, [], np.zeros(robot.dof))
+    arm, spreads = finished(_fitted(arm, _first_logs(train, robot.dof), setup.friction, progress), progress)
     joints = [_answer(*each, kp) for each in zip(arm.datas, arm.fits, spreads, strict=True)]
     return ActuatorEstimate(robot.name, tuple(joints))
+
+
+def _first_logs(logs: Sequence[ServoLog], joints: int) -> list[int]:
+    """Return the logs that all is found from first, at least FIRST_S; all of them for a single joint."""
+    seconds = np.array([log.time[-1] - log.time[0] for log in logs])
+    order = np.random.default_rng(0).permutation(len(logs))
+    count = int(np.searchsorted(np.cumsum(seconds[order]), FIRST_S)) + 1
+    return sorted(order[:count].tolist()) if joints > 1 else list(range(len(logs)))
+
+
+def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[str], None]) -> Arm:
+    """Return an arm with the fits of its joints, found from some of the logs, at last under the loads of all logs."""
+    effort = ROUGH if len(arm.datas) > 1 else WHOLE
+    part = arm.part(first)
+    fits = [first_fit(data, friction, effort, progress) for data in part.datas]
+    ratios = [fit.ratio for fit in fits]
+    arm, part = (
+        replace(one, datas=[at_ratio(*each) for each in zip(one.datas, ratios, strict=True)]) for one in (arm, part)
+    )
+    part = settled(replace(part, fits=fits), progress)
+    if friction == AUTO:
+        fits = [choose_again(*each, effort, progress) for each in zip(part.datas, part.fits, strict=True)]
+        part = settled(replace(part, fits=fits), progress)
+    if len(part.fits) == 1:
+        return replace(arm, fits=part.fits)
+    progress("motion of the whole arm in all logs")
+    return settled(turned(arm, part.fits, part.zeros), progress, 0, FEW_TURNS)
 
 
 def _answer(data: JointData, fit: JointFit, spread: Spread, kp: tuple[float, ...]) -> JointActuator:

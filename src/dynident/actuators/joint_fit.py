@@ -58,6 +58,10 @@ class JointData:
         count = len(self.train)
         return replace(self, train=tuple(records[:count]), test=tuple(records[count:]))
 
+    def part(self, logs: Sequence[int]) -> JointData:
+        """Return the joint in some of the training logs."""
+        return replace(self, train=tuple(self.train[k] for k in logs), test=(), rows=tuple(self.rows[k] for k in logs))
+
     def while_on(self) -> JointData:
         """Return the joint with training samples counted only where the drive is on; all of a log where it never is."""
         on = [one.used & (one.samples[:, 4] > 0.5) for one in self.train]

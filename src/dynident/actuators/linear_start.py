@@ -179,14 +179,19 @@ def linear_start(
             found[delay, slew] = (float(np.mean(np.minimum(errors, np.pi))), parameters, saturated)
         return found[delay, slew]
 
-    pairs = [(delay, slew) for delay in delays for slew in slews]
-    best = min(pairs, key=lambda pair: tried(*pair)[0])
-    if law.slew_limit is None:
-        free = min((pair for pair in pairs if np.isinf(pair[1])), key=lambda pair: tried(*pair)[0])
+    def nearest(pairs: Sequence[tuple[float, float]]) -> tuple[float, float]:
+        return min(pairs, key=lambda pair: tried(*pair)[0])
+
+    best = free = nearest([(delay, slews[0]) for delay in delays])
+    if law.slew_limit is None:  # a goal that is followed slowly looks late
+        limited = slews[1:]
+        best = nearest([(best[0], slew) for slew in limited])
+        best = nearest([(delay, best[1]) for delay in delays])
+        best = nearest([(best[0], slew) for slew in limited])
         best = best if tried(*best)[0] < (1.0 - _SLEW_GAIN) * tried(*free)[0] else free
     if law.delay_s is None:
         near = [best[0] + step for step in (-0.003, -0.002, -0.001, 0.001, 0.002, 0.003) if best[0] + step >= 0]
-        best = min([best, *((delay, best[1]) for delay in near)], key=lambda pair: tried(*pair)[0])
+        best = nearest([best, *((delay, best[1]) for delay in near)])
     error, parameters, saturated = found[best]
     return LinearStart(parameters, error, best[0], best[1], len(found), saturated)
 
