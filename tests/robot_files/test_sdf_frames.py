@@ -323,6 +323,27 @@ def test_includes_that_cannot_be_read_are_refused(name: str, tmp_path: Path) -> 
     assert evidence in message and remedy in message and "line 1" in message and "\n" not in message
 
 
+@pytest.mark.parametrize(
+    ("inside", "told"),
+    [
+        (
+            ARM + hand(' canonical_link="r"') + joint("b", "up", "n"),
+            r"<model name='n'>: its canonical_link 'r' is no link",
+        ),
+        (ARM + "<model name='n'/>" + joint("b", "up", "n"), r"<model name='n'>: a model without links; write a <link>"),
+        (ARM + joint("b", "up", "nn"), r"<joint name='b'>: its child 'nn' is no link and no frame"),
+        (
+            ARM + frame(' attached_to="F"') + joint("b", "up", "F"),
+            r"<joint name='b'>: its child 'F' is fixed to itself",
+        ),
+        (ARM + hand(' placement_frame="r"') + joint("b", "up", "n::p"), r"<model name='n'>: there is no frame 'n::r'"),
+    ],
+)
+def test_frames_that_are_fixed_to_nothing_are_refused(inside: str, told: str, tmp_path: Path) -> None:
+    with pytest.raises(DescriptionError, match=told):
+        read_robot(written(tmp_path, inside))
+
+
 def test_a_merged_include_is_refused_with_the_way_out(tmp_path: Path) -> None:
     with pytest.raises(DescriptionError, match=r"line 1, <include>: a merged include is not read; expand it first"):
         read_robot(written(tmp_path, f'{ARM}<include merge="true"><uri>hand.sdf</uri></include>'))

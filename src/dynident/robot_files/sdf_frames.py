@@ -163,8 +163,16 @@ class SdfFrames:
         return None
 
     def _canonical(self, model: Element, scope: str) -> str:
-        """Return the link that the frame of a model is fixed to: the stated one, else the first, own ones before."""
+        """Return the link that the frame of a model is fixed to: the stated one, else the first, own ones before.
+
+        Raises:
+            DescriptionError: It has none, or the stated one is none.
+        """
         if stated := model.attributes.get("canonical_link"):
+            links = self.all("link")
+            if scope + stated not in links:
+                step = f"write the name of a link in it{nearest(scope + stated, links)}"
+                raise model.place.error(f"its canonical_link {shown(stated)} is no link", step)
             return scope + stated
         for tag, end in (("link", ""), ("model", f"::{_OWN}")):
             for child in model.all(tag)[:1]:
