@@ -30,6 +30,7 @@ from dynident.actuators.parameters import PLACE, neutral
 from dynident.actuators.servo_log import ServoColumns, ServoSetup
 from dynident.actuators.virtual import ServoBench, virtual_log
 from dynident.arrays import Array
+from dynident.model.threads import one_blas_thread
 from dynident.robot_files import read_robot
 
 PENDULUM = """<robot name="pendulum"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -{length}"/>
@@ -197,6 +198,7 @@ def summary(lines: list[Mapping]) -> list[str]:
     return found
 
 
+@one_blas_thread()
 def main() -> None:
     """Run the seeds that the file lacks and print the summary."""
     options = argparse.ArgumentParser(description=__doc__)
