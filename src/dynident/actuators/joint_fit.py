@@ -12,7 +12,7 @@ from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.joint_load import JointLoad
 from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, linear_start, refinable, start_at
 from dynident.actuators.output_error import RefineEffort, ServoProblem, output_error, refined, starts_from
-from dynident.actuators.parameters import FRICTION_MODELS
+from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import JointRecord, rolled_out
 from dynident.actuators.servo_log import AUTO
 from dynident.arrays import Array
@@ -24,6 +24,9 @@ GAIN_RATIOS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)
 #: A gain counts as separable where saturation lowers the error of the roll-outs by this share, and at least this share
 #: of the samples saturates.
 SEPARATES, SATURATED = 0.05, 0.01
+
+#: A slew limit of the goal that is faster than the fastest motion by this factor is none.
+NO_LIMIT = 10.0
 
 #: Shortest time in s with the drive off and the joint in motion that tells back-EMF from viscous friction.
 OFF_S = 0.2
@@ -67,6 +70,11 @@ class JointData:
         on = [one.used & (one.samples[:, 4] > 0.5) for one in self.train]
         counted = [replace(one, used=u) if u.any() else one for one, u in zip(self.train, on, strict=True)]
         return replace(self, train=tuple(counted))
+
+    @property
+    def fastest(self) -> float:
+        """The fastest measured motion, in rad/s, filtered."""
+        return max(float(np.max(np.abs(one.motion.dq[:, one.joint]))) for one in self.rows)
 
     @property
     def has_off(self) -> bool:
@@ -147,6 +155,8 @@ def _refined(data: JointData, friction: str, scanned: LinearStart, ratio: float,
     free = free_parameters(law, model, linear, law.gain_is_free and ratio != 1.0, data.has_off)
     starts = starts_from(refinable(linear, law, data.has_off), model)
     found = output_error(ServoProblem(data.train, free, model), starts, effort=effort).parameters
+    if found[PLACE["slew_limit"]] > NO_LIMIT * data.fastest:
+        found[PLACE["slew_limit"]], free = np.inf, tuple(name for name in free if name != "slew_limit")
     return JointFit(ratio, friction, {}, free, scanned, linear, found, found.copy(), free)
 
 

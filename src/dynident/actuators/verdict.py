@@ -32,8 +32,8 @@ TOGETHER = 0.98
 #: Equal readings in a row from which a joint counts as at rest.
 REST_SAMPLES = 10
 
-#: Half width from which a parameter counts as not determined, as a share of its value.
-WEAK = 0.5
+#: Half width from which a parameter counts as weak, as a share of its value.
+WEAK = 0.25
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
     A joint that rests reads the same error of the encoder's step again wherever it comes to rest at the same reading:
     no piece is independent of it, so its variance, a twelfth of the squared step, is added reading by reading.
 
-    Parameters that a direction without any effect moves by more than WEAK are not seen.
+    Parameters that a direction without any effect moves by more than twice WEAK are not seen.
     """
     errors, slopes = problem.errors(parameters)
     weights = log_weights(problem, parameters) if len(errors) > 2 else np.ones(len(errors))
@@ -122,7 +122,7 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
         good = sizes > RANK * sizes[-1]
         loose = np.sqrt(squares / count / np.maximum(sizes, 1e-6 * RANK * sizes[-1]))
         inverse = (vectors[:, good] / sizes[good]) @ vectors[:, good].T
-        seen[free] = np.linalg.norm(vectors[:, ~good] * loose[~good], axis=1) <= WEAK
+        seen[free] = np.linalg.norm(vectors[:, ~good] * loose[~good], axis=1) <= 2.0 * WEAK
         meat = _squares(scores, free) * count / max(count - 1, 1)
         meat += _encoder_step(problem.records) ** 2 / 12.0 * _squares(resting.values(), free)
         covariance[np.ix_(free, free)] = inverse @ meat @ inverse
