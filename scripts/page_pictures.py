@@ -28,6 +28,7 @@ from matplotlib.figure import Figure
 
 import dynident as di
 from dynident.api.applications import monitor as monitor_logs
+from dynident.api.servo_motions import servo_motions
 from dynident.applications.drive_gains import gains_from_prior
 from dynident.cli.main import main as dynident
 from dynident.exports.motions import DrivenMotion
@@ -309,6 +310,23 @@ def payload(study: Study) -> Figure:
     return figure
 
 
+def servos(study: Study) -> Figure:
+    """Commands of the elbow of the virtual arm of servos, grey where the drive is off."""
+    elbow = servo_motions(ROOT / "examples" / "servo_arm" / "arm.yaml").joints[2]
+    figure, axis = _axes()
+    begin = 0.0
+    for k, one in enumerate(elbow.motions):
+        motion = one.motion
+        off = np.where(motion.enabled, np.nan, motion.command)
+        on = np.where(motion.enabled, motion.command, np.nan)
+        axis.plot(motion.time + begin, on, color=f"C{k}", linewidth=0.9, label=motion.kind)
+        axis.plot(motion.time + begin, off, color="0.6", linewidth=1.5)
+        begin += motion.time[-1]
+    axis.set(xlabel="time [s]", ylabel="command [rad]")
+    _legend(axis)
+    return figure
+
+
 def monitor(study: Study) -> Figure:
     """Residual of the observer and its threshold, with a contact of 0.2 s."""
     log = study.log(4)
@@ -435,6 +453,7 @@ PICTURES: dict[str, Callable[[Study], Figure]] = {
     "drive-gains": gains,
     "payload": payload,
     "monitor": monitor,
+    "servo-motions": servos,
     "track": track,
     "fleet": fleet,
     "parameters": parameters,

@@ -3,7 +3,8 @@
 Blocks that are marked in the line of the three backticks are run in a folder with a robot and two logs, page by page:
 ``python run`` in one namespace per page, ``console run`` with its output compared (``...`` is anything), ``yaml case``
 read as a case, ``yaml robot`` as a robot, ``yaml refused`` compared with the message in the block after it.
-``console run battery`` is left to `make test-all`, ``console real`` needs the folder of DYNIDENT_DATA. A comment
+``console run battery`` and ``python run battery`` are left to `make test-all`, ``console real`` needs the folder of
+DYNIDENT_DATA. A comment
 ``<!-- run with: OPTIONS -->`` before a block makes its commands short, ``<!-- run before: COMMAND -->`` prepares them.
 ``python tests/test_documentation.py`` writes the generated tables of docs/ anew.
 """
@@ -118,6 +119,7 @@ def material(tmp_path_factory: pytest.TempPathFactory) -> Path:
         torque = model.torque(Motion(q, dq, ddq), theta) + generator.normal(0, 0.5, q.shape)
         noise = generator.normal(0, 2e-5, q.shape)
         dynident.write_log(dynident.Log(robot.joint_names, time, q + noise, torque=torque), folder / name)
+    shutil.copytree(ROOT / "examples" / "servo_arm", folder / "examples" / "servo_arm")
     lines = [line.rsplit(",", 2)[0] for line in (folder / "run.csv").read_text().splitlines()[:100]]
     (folder / "no-torque.csv").write_text("\n".join(lines) + "\n")
     return folder
@@ -161,10 +163,14 @@ def test_the_marked_blocks_of_a_page_run(page: Path, workshop: Path, monkeypatch
 @pytest.mark.battery
 @pytest.mark.parametrize("page", _pages_with("console", "battery"), ids=_name)
 def test_the_long_blocks_of_a_page_run(page: Path, workshop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks marked ``battery`` run, and show what the page shows."""
+    """Blocks marked ``battery`` run and show what the page shows; all that run, where Python is among them."""
     monkeypatch.delenv("DYNIDENT_DATA", raising=False)  # with real logs the demo takes a real arm
-    for block in blocks_of(page):
-        if block.language == "console" and {"run", "battery"} <= set(block.marks):
+    blocks = blocks_of(page)
+    python = [block for block in blocks if block.language == "python" and "battery" in block.marks]
+    for block in blocks:
+        if block in python:
+            _run_python(block, {"__name__": "page"})
+        elif block.language == "console" and ({"run"} if python else {"run", "battery"}) <= set(block.marks):
             _run_console(block)
 
 

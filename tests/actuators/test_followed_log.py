@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from dynident.actuators.parameters import PLACE
 from dynident.cli.main import main
 from dynident.files import sha256_of
 from dynident.model.robot import Robot
+from dynident.results.actuator_report import actuator_page
 
 CASE = """case: 2
 robot: pendulum.urdf
@@ -78,6 +80,20 @@ def test_the_actuator_of_the_robot_model_is_followed_beside_it(robot: Robot) -> 
     wrong = replace(right, friction=10.0 * float(true[PLACE["coulomb"]]))
     errors = [[run.nominal for run in followed(found, replace(robot, joints=(own,)), logs)] for own in (right, wrong)]
     assert max(errors[0][:2]) < 5e-3 < min(errors[1])  # the third lets the joint swing with the drive off
+
+
+def test_the_report_has_the_actuator_of_the_robot_model_beside_the_identified_one(robot: Robot) -> None:
+    """Armature, damping and friction in a table; its friction and its roll-outs in the figures."""
+    (joint,) = robot.joints
+    stated = replace(joint, damping=0.5, friction=0.3)
+    stated = replace(stated, drive=replace(stated.drive, rotor_inertia=0.03, gear_ratio=1.0))
+    found, logs = estimate(preset("feetech_sts3215")), virtual_logs(robot, parameters(), gains=(4.0,))
+    page = actuator_page(found, followed(found, replace(robot, joints=(stated,)), logs))
+    text = " ".join(re.sub(r"<[^>]*>", " ", page).split())
+    assert "armature 0.0120 0.0300" in text and "Coulomb friction 0.0400 0.300" in text
+    assert "damping, back-EMF with it 0.260 0.500" in text and "robot model, back-EMF with it" in text
+    plain = actuator_page(found, followed(found, robot, logs))
+    assert "back-EMF with it" not in plain and page.count("robot model") > plain.count("robot model") + 3
 
 
 def test_the_report_has_every_log_and_the_friction(folder: Path) -> None:

@@ -35,6 +35,8 @@ class FollowedJoint:
         linear: The same of the linear start.
         nominal: The same with armature, damping and friction of the robot model; nan where it states none.
         load: Root mean square of the torque of the bodies, in N m.
+        stated: Parameters of the drive as identified with those of the robot model, shape (COUNT,); None for none.
+        by_model: Positions of the roll-out with them, shape (N,), in rad; None for none.
     """
 
     joint: str
@@ -50,6 +52,8 @@ class FollowedJoint:
     linear: float
     nominal: float
     load: float
+    stated: Array | None = None
+    by_model: Array | None = None
 
 
 def followed(
@@ -81,6 +85,7 @@ def followed(
         for log, load in zip(logs, loads, strict=True):
             record = record_of(log, k, load[k], actuator.law)
             predicted = rolled_out(record, actuator.parameters).q
+            by_model = None if nominal is None else rolled_out(record, nominal).q
             found.append(
                 FollowedJoint(
                     actuator.name,
@@ -94,8 +99,10 @@ def followed(
                     predicted,
                     mean_error(record, predicted),
                     mean_error(record, rolled_out(record, actuator.linear).q),
-                    float("nan") if nominal is None else mean_error(record, rolled_out(record, nominal).q),
+                    float("nan") if by_model is None else mean_error(record, by_model),
                     float(np.sqrt(np.mean(load[k].torque(log.time, record.q) ** 2))),
+                    nominal,
+                    by_model,
                 )
             )
     return tuple(found)

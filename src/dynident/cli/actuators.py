@@ -301,6 +301,7 @@ def check(case: Case, options: argparse.Namespace) -> int:
     from dynident.actuators.log_findings import servo_findings
     from dynident.api.actuators import logs_of_servos
     from dynident.cli import console
+    from dynident.results.text import counted
 
     _refuse(options, ("against", "fix"), "leave it out: it is for logs with torques")
     laws = case.servo.laws if case.servo else ()
@@ -315,7 +316,7 @@ def check(case: Case, options: argparse.Namespace) -> int:
     notes: dict[tuple[str, str, str], list[str]] = {}
     for log, own in found:
         heavy = [one for one in own if one.severity != "note"]
-        console.answer(f"{log.name}: {f'{len(heavy)} findings' if heavy else 'nothing found'}")
+        console.answer(f"{log.name}: {counted(len(heavy), 'finding') if heavy else 'nothing found'}")
         for one in heavy:
             of = f" ({one.joint})" if one.joint else ""
             console.answer(f"  {one.severity}: {one.name}{of}: {one.evidence}")

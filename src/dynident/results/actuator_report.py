@@ -9,11 +9,13 @@ import numpy as np
 
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
 from dynident.actuators.followed_log import FollowedJoint, friction_of
+from dynident.actuators.parameters import PLACE
+from dynident.arrays import Array
 from dynident.results.actuator_text import headline, joint_lines, joint_warnings, parameter_table
 from dynident.results.figures.signals import line_chart
 from dynident.results.report.builder import ReportPart, build_page
 from dynident.results.report.sections.base import drawn
-from dynident.results.text import MISSING, Column, Table, counted, format_number
+from dynident.results.text import MISSING, Column, Table, counted, format_number, pretty_unit
 
 #: Speeds of the friction curve, in rad/s at most, and points of a curve.
 FASTEST, POINTS = 10.0, 200
@@ -91,6 +93,12 @@ def _joint(joint: JointActuator, runs: Sequence[FollowedJoint]) -> dict[str, obj
     lines = [("no load", speed, friction_of(joint, speed, 0.0))]
     if joint.friction not in ("m1", "m2") and load > 0:
         lines.append((f"load of {format_number(load, 2)} N m", speed, friction_of(joint, speed, load)))
+    stated = next((run.stated for run in runs if run.stated is not None), None)
+    tables = [parameter_table(joint)]
+    if stated is not None:
+        friction = stated[PLACE["coulomb"]] + stated[PLACE["viscous"]] * speed
+        lines.append(("robot model, back-EMF with it", speed, friction))
+        tables.append(_beside_model(joint, stated))
     figures = [
         drawn(line_chart("Friction at even speed", lines, "speed [rad/s]", "friction [N m]"), "friction", joint.name)
     ]
@@ -99,9 +107,29 @@ def _joint(joint: JointActuator, runs: Sequence[FollowedJoint]) -> dict[str, obj
         own = run.time[::step]
         curves = [("command", own, run.command[::step]), ("measured", own, run.measured[::step])]
         curves.append(("roll-out", own, np.clip(run.predicted[::step], -1e3, 1e3)))
+        if run.by_model is not None:
+            curves.append(("robot model", own, np.clip(run.by_model[::step], -1e3, 1e3)))
         title = f"{Path(run.log).name}, {_mrad(run.error)} mrad"
         figures.append(drawn(line_chart(title, curves, "time [s]", "position [rad]"), "rollout", joint.name))
     return {
-        "lines": joint_lines(joint), "warnings": joint_warnings(joint), "tables": [parameter_table(joint)],
+        "lines": joint_lines(joint), "warnings": joint_warnings(joint), "tables": tables,
         "figures": figures,
     }  # fmt: skip
+
+
+def _beside_model(joint: JointActuator, stated: Array) -> Table:
+    """Return what simulators have of a joint, by the fit with Coulomb and viscous friction and by the robot model."""
+
+    def damping(values: Array) -> float:
+        return float(values[PLACE["viscous"]] + values[PLACE["back_emf"]])
+
+    rows = [
+        ("armature", joint.simple[PLACE["armature"]], stated[PLACE["armature"]], "kg m^2"),
+        ("damping, back-EMF with it", damping(joint.simple), damping(stated), "N m s/rad"),
+        ("Coulomb friction", joint.simple[PLACE["coulomb"]], stated[PLACE["coulomb"]], "N m"),
+    ]
+    cells = [
+        (name, format_number(ours, 3), format_number(theirs, 3), pretty_unit(unit)) for name, ours, theirs, unit in rows
+    ]
+    columns = (Column("of simulators"), Column("identified", numeric=True), Column("robot model", numeric=True))
+    return Table((*columns, Column("unit")), tuple(cells))
