@@ -110,7 +110,7 @@ def held_out(case, data, how, judge) -> float:
 def real() -> None:
     for name in CASES:
         case = read_case(Path(__file__).parents[1] / "examples" / "cases" / f"{name}.yaml")
-        data = read_data(case, (), ())
+        data = read_data(case)
         stated = case.preprocessing
         at = replace(stated, rate_hz=None, rows_per_period=8.0)
         logs = [log.ordered(case.robot.joint_names) for log in data.train]
@@ -158,7 +158,7 @@ def filters(seeds: int) -> None:
             spent = (time.process_time() - started) / seeds
             print(f"virtual 6R {label:20}{name:18}{100 * np.sqrt(np.mean(np.square(errors))):8.3f} %  {spent:.1f} s")
     case = read_case(Path(__file__).parents[1] / "examples" / "cases" / "panda.yaml")
-    data = read_data(case, (), ())
+    data = read_data(case)
     for name, values in options.items():
         if name == "fourier_fit":
             continue

@@ -16,9 +16,11 @@ from benchmarks.faults import injections as put
 from benchmarks.faults.trials import virtual
 
 from dynident.case.case import read_case
+from dynident.cli import check
 from dynident.cli.main import main
 from dynident.data.formats import read_log
 from dynident.data.preprocessing import default_preprocessing
+from dynident.diagnosis.checks import Examination, Finding
 from dynident.identification.files.estimate_file import write_estimate
 
 
@@ -104,3 +106,19 @@ def test_logs_are_held_against_an_earlier_estimate(
     assert "load at the flange" in {finding["name"] for finding in log["findings"]}
     assert main(["check", "er16", "loaded.npz", "--against", "earlier.json"]) == 1
     assert "give an estimate of this robot" in capsys.readouterr().err
+
+
+def test_causes_that_a_log_does_not_tell_apart_are_one_note(capsys: pytest.CaptureFixture[str]) -> None:
+    spring = Finding("note", "spring", "elbow", "follows the position", "model it")
+    rival = Finding("note", "tilt", "", "not distinguishable from spring (elbow): leans", "", beside=spring.label)
+    other = Finding("note", "drift", "", "not distinguishable from tilt: drifts", "warm up", beside="clock")
+    check.show(Examination("run.csv", (spring, rival, other)))
+    lines = capsys.readouterr().out.splitlines()
+    assert lines == [
+        "run.csv: 2 notes",
+        "  note: spring (elbow): follows the position",
+        "    model it",
+        "    or tilt: leans",
+        "  note: drift: not distinguishable from tilt: drifts",  # the likelier one is not told
+        "    warm up",
+    ]

@@ -15,7 +15,7 @@ from dynident.data.formats import ColumnMap
 from dynident.data.preprocessing import default_preprocessing
 from dynident.diagnosis.causes.body_consistency import BEYOND, inconsistency
 from dynident.diagnosis.causes.quick_fit import QuickFit, quick_fit
-from dynident.diagnosis.causes.torque_scales import JointScale, joint_scales, other_scales
+from dynident.diagnosis.causes.torque_scales import JointScale, is_sure, joint_scales, other_scales
 from dynident.diagnosis.checks import CHECKS, link_consistency
 from dynident.diagnosis.checks.base import CheckedLog
 from dynident.diagnosis.finding import Finding
@@ -86,6 +86,16 @@ def test_two_joints_that_explain_a_log_alike_are_both_named() -> None:
     assert not other_scales([JointScale("a", 1.1, 1.05, 1.15, 4.0)])  # too near one
     assert not other_scales([JointScale("a", 3.0, 0.0, np.inf, 0.9)])  # a model error without an interval
     assert JointScale("a", 3.0, 0.0, np.inf, 0.9).spread == np.inf
+
+
+def test_a_scale_without_an_end_is_not_sure(trial: Trial, tmp_path: Path) -> None:
+    """Such a torque has nothing to do with the bodies: the weight that a torso's effort leaves out, or noise alone."""
+    faulty = put.scaled(trial, 1.0, 1)
+    fit = quick_fit(faulty.case, faulty.case.read(faulty.written(tmp_path)))
+    assert isinstance(fit, QuickFit)
+    best = joint_scales(fit)[1]
+    assert is_sure(fit, best)
+    assert not is_sure(fit, replace(best, high=np.inf))
 
 
 @pytest.mark.battery

@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
         console.answer_json(_figures(case, found, mends))
     else:
         for examination in found:
-            _show(examination)
+            show(examination)
         for mend in mends or ():
             console.answer(f"{options.fix}: {mend}")
     return 0 if all(examination.sound for examination in found) else 1
@@ -119,18 +119,20 @@ def _figures(case: Case, found: list[Examination], mends: tuple[str, ...] | None
     }
 
 
-def _show(examination: Examination) -> None:
+def show(examination: Examination) -> None:
+    """Print what was found, rivals of a likelier cause under it."""
     from dynident.cli import console
 
-    counts = {
-        severity: sum(finding.severity == severity for finding in examination.findings)
-        for severity in ("error", "warning", "note")
-    }
+    labels = {finding.label for finding in examination.findings if not finding.beside}
+    alone = [finding for finding in examination.findings if finding.beside not in labels]
+    counts = {word: sum(finding.severity == word for finding in alone) for word in ("error", "warning", "note")}
     told = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for word, count in counts.items() if count)
     console.answer(f"{examination.path}: {told or 'nothing found'}")
-    for finding in examination.findings:
-        of = f" ({finding.joint})" if finding.joint else ""
-        console.answer(f"  {finding.severity}: {finding.name}{of}: {finding.evidence}")
+    for finding in alone:
+        console.answer(f"  {finding.severity}: {finding.label}: {finding.evidence}")
         console.answer(f"    {finding.remedy}")
+        for rival in examination.findings:
+            if rival.beside == finding.label and rival not in alone:
+                console.answer(f"    or {rival.label}: {rival.evidence.split(f'{rival.beside}: ')[-1]}")
     if examination.left_out:
         console.answer(f"  {examination.left_out}")

@@ -44,6 +44,7 @@ class Finding:
         remedy: What to do, with the key of the case file where there is one.
         numbers: The figures of the evidence.
         explains: Names of findings that follow from this one and are not told beside it.
+        beside: Label of the likelier finding that the log does not tell this one from; empty where it stands alone.
     """
 
     severity: Severity
@@ -53,6 +54,12 @@ class Finding:
     remedy: str
     numbers: Mapping[str, float] = field(default_factory=dict)
     explains: tuple[str, ...] = ()
+    beside: str = ""
+
+    @property
+    def label(self) -> str:
+        """Its name and the joints that it is about."""
+        return f"{self.name} ({self.joint})" if self.joint else self.name
 
     def figures(self) -> dict[str, Any]:
         """Return the finding as plain data for JSON; a number that does not exist is None."""
@@ -62,8 +69,7 @@ class Finding:
 
     def line(self) -> str:
         """Return the finding in one line."""
-        of = f" ({self.joint})" if self.joint else ""
-        return f"{self.severity}: {self.name}{of}: {self.evidence}; {self.remedy}"
+        return f"{self.severity}: {self.label}: {self.evidence}; {self.remedy}"
 
 
 def listed(names: Sequence[str]) -> str:

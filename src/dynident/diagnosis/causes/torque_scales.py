@@ -98,13 +98,16 @@ def reading_of(fit: QuickFit, scale: JointScale) -> ReadRows:
 
 
 def is_sure(fit: QuickFit, scale: JointScale) -> bool:
-    """Return whether the scale of a joint is far off and predicts samples that it was not found on."""
+    """Return whether the scale of a joint is far off, has an interval, and predicts samples that it was not found on.
+
+    One without an end fits where the torque has nothing to do with the bodies: another cause then, or none at all.
+    """
     joint = fit.model.robot.joint_names.index(scale.joint)
 
     def found_on(learned: QuickFit) -> ReadRows:
         return reading_of(learned, _scale(learned, joint, scale.joint))
 
-    return scale.gain > SURE_GAIN and predicts_unseen(fit, found_on)
+    return scale.gain > SURE_GAIN and bool(np.isfinite(scale.spread)) and predicts_unseen(fit, found_on)
 
 
 def _scale(fit: QuickFit, joint: int, name: str) -> JointScale:

@@ -12,6 +12,7 @@ from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.torque_scales import JointScale
 from dynident.diagnosis.causes.trends import across_gravity
 from dynident.diagnosis.finding import Finding, Severity
+from dynident.model.robot import Joint
 
 #: Share of a joint's residual variance that a cause explains, and share of the joint's torque, or of all torques where
 #: it acts on the whole arm, that it has, from which the result suffers.
@@ -29,11 +30,11 @@ Z95 = 1.96
 
 def rival_findings(blame: Blame, fit: QuickFit, scales: Sequence[JointScale] = ()) -> list[Finding]:
     """Return what is said of causes that explain about as well, each a note."""
-    of = f" ({blame.cause.joint})" * bool(blame.cause.joint)
+    beside = f"{blame.cause.name}{f' ({blame.cause.joint})' * bool(blame.cause.joint)}"
     rivals = [believed(rival, scales) for rival in blame.rivals if rival.cause.name in _TEXTS]
     found = [trend_finding(rival, fit) for rival in rivals if rival is not None]
-    told = f"not distinguishable from {blame.cause.name}{of}: "
-    return [replace(finding, severity="note", evidence=told + finding.evidence) for finding in found]
+    told = f"not distinguishable from {beside}: "
+    return [replace(finding, severity="note", evidence=told + finding.evidence, beside=beside) for finding in found]
 
 
 def believed(blame: Blame, scales: Sequence[JointScale] = ()) -> Blame | None:
@@ -62,7 +63,9 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     large = _size(blame) > (MATTERS if blame.cause.joint else MATTERS_ALL)
     grave = blame.share > EXPLAINED and large and blame.cause.name != "friction curve"
     severity: Severity = "warning" if grave else "note"
-    counted = f" (t = {blame.certainty:.0f}, {100 * blame.share:.0f} % of a joint's residual variance)"
+    of = "its torque" if blame.cause.joint else "all torques"
+    counted = f" (t = {blame.certainty:.0f}, {100 * blame.share:.0f} % of a joint's residual variance, "
+    counted += f"{100 * blame.size:.2g} % of {of})"
     numbers = {
         "value": float(blame.values[int(np.argmax(np.abs(blame.values)))]),
         "t": blame.certainty,
@@ -77,8 +80,14 @@ def _size(blame: Blame) -> float:
     return float(np.hypot(*blame.values[:2])) if blame.cause.name == "tilt" else blame.size
 
 
+def _joint(blame: Blame, fit: QuickFit) -> Joint:
+    """Return the joint that a cause belongs to."""
+    return next(joint for joint in fit.model.robot.active if joint.name == blame.cause.joint)
+
+
 def _spring(blame: Blame, fit: QuickFit) -> tuple[str, str]:
-    stiffness = f"{blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} N m/rad (or N/m)"
+    slides = _joint(blame, fit).kind == "prismatic"
+    stiffness = f"{blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} {'N/m' if slides else 'N m/rad'}"
     evidence = f"the residual is proportional to the position, {stiffness}"
     return (
         evidence,
@@ -94,7 +103,8 @@ def _counterbalance(blame: Blame, fit: QuickFit) -> tuple[str, str]:
 
 
 def _drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
-    evidence = f"the torque drifts by {blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} N m (or N) over the log"
+    unit = "N" if _joint(blame, fit).kind == "prismatic" else "N m"
+    evidence = f"the torque drifts by {blame.values[0]:.3g} +- {blame.half_widths[0]:.2g} {unit} over the log"
     return evidence, "check the zero of the sensor; warm it up first, or record a shorter log"
 
 
@@ -106,7 +116,8 @@ def _friction_drift(blame: Blame, fit: QuickFit) -> tuple[str, str]:
 
 
 def _friction_curve(blame: Blame, fit: QuickFit) -> tuple[str, str]:
-    evidence = f"sub-linear viscous or load-dependent friction, {blame.taken.max():.3g} N m (or N) rms"
+    unit = "N" if _joint(blame, fit).kind == "prismatic" else "N m"
+    evidence = f"sub-linear viscous or load-dependent friction, {blame.taken.max():.3g} {unit} rms"
     return evidence, "use friction model selection (friction: auto), or add degressive and load"
 
 

@@ -63,11 +63,11 @@ def _finding(blame: Blame, better: Blame | None, against: AgainstBodies, words: 
         and _sureness(blame) > SURE
     ):
         found = replace(found, severity="warning")  # known bodies take a part of a scale in: no residual tells it
-    told = words
-    if better is not None:
-        of = f" ({better.cause.joint})" * bool(better.cause.joint)
-        told += f"not distinguishable from {better.cause.name}{of}: "
-    return replace(found, severity=found.severity if better is None else "note", evidence=told + found.evidence)
+    if better is None:
+        return replace(found, evidence=words + found.evidence)
+    beside = f"{better.cause.name}{f' ({better.cause.joint})' * bool(better.cause.joint)}"
+    evidence = f"{words}not distinguishable from {beside}: {found.evidence}"
+    return replace(found, severity="note", evidence=evidence, beside=beside)
 
 
 def _load(blame: Blame, against: AgainstBodies) -> Finding:
