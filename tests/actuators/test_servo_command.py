@@ -98,6 +98,16 @@ def test_errors_of_real_servos(
         assert 1e3 * sum(joint[key].values()) / 4 < most
 
 
+def test_logs_of_the_command_line_are_those_of_the_report(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A case without logs: the report follows what was tested on."""
+    Path("case.yaml").write_text(CASE[: CASE.index("train:")])
+    words = ["identify", "case.yaml", "chirp_kp4.csv", "--test", "drop_kp4.csv", "-o", "a.json", "--quiet"]
+    assert main(words) == 0
+    capsys.readouterr()
+    assert main(["report", "a.json", "-o", "a.html", "--json"]) == 0
+    assert [run["log"] for run in json.loads(capsys.readouterr().out)["roll_outs"]] == ["drop_kp4.csv"]
+
+
 def test_init_drafts_the_case_of_such_logs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The draft is usable as it is: gain from the names of the logs, column of the torque state by its name."""
     logs = ["chirp_kp4.csv", "steps_kp4.csv", "drop_kp4.csv"]

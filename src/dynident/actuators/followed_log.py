@@ -16,6 +16,9 @@ from dynident.arrays import Array
 from dynident.errors import LogMismatch
 from dynident.model.robot import Joint, Robot
 
+#: Commands that span less than this many rad or m hold a joint.
+_HELD = 1e-3
+
 
 @dataclass(frozen=True)
 class FollowedJoint:
@@ -61,6 +64,8 @@ def followed(
 ) -> tuple[FollowedJoint, ...]:
     """Return the roll-outs of an estimate over logs, joint by joint and log by log.
 
+    A joint that a log holds at one command throughout is left out of it, where others move: it tests nothing.
+
     Args:
         estimate: The actuators.
         robot: The robot of the logs.
@@ -83,6 +88,9 @@ def followed(
     for k, (actuator, joint) in enumerate(zip(estimate.joints, robot.active, strict=True)):
         nominal = _stated(actuator, joint)
         for log, load in zip(logs, loads, strict=True):
+            held = (np.ptp(log.q_ref, axis=0) < _HELD) & log.enabled.all(axis=0)
+            if held[k] and not held.all():
+                continue
             record = record_of(log, k, load[k], actuator.law)
             predicted = rolled_out(record, actuator.parameters).q
             by_model = None if nominal is None else rolled_out(record, nominal).q

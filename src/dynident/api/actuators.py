@@ -64,7 +64,8 @@ def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple
 
     Args:
         estimate: The actuators, as :func:`actuators` or ``read_actuators`` gives them.
-        logs: The logs; by default the test logs of the case, or its training logs where it has none.
+        logs: The logs; by default the test logs of the case, or its training logs where it has none, or those of the
+            identification where the case names none.
 
     Raises:
         FileError: The case file of the estimate is gone.
@@ -76,11 +77,20 @@ def follow(estimate: ActuatorEstimate, logs: Sequence[str | Path] = ()) -> tuple
     if facts and not is_unchanged(facts, split_arguments(case.robot_path)[0]):
         step = "identify again: its inertias are the scale of all torques"
         raise DescriptionError(case.robot_path, "", "it has changed since these actuators were identified", step)
+    if not (logs or case.train):
+        logs = _test_logs(estimate)
     if logs:
         case = replace(with_logs(case, [str(log) for log in logs], ())[0], split=None)
     train, test = logs_of_servos(case)
     with one_blas_thread():
         return followed(estimate, case.robot, test or train, _seen(estimate, test or train))
+
+
+def _test_logs(estimate: ActuatorEstimate) -> list[str]:
+    """Return the files that an estimate was tested on, or trained on where it was not tested."""
+    paths = [str(one["path"]) for one in estimate.provenance.get("logs", ())]
+    trained = tuple(estimate.provenance.get("train", ()))
+    return [path for path in paths if not any(name.startswith(path) for name in trained)] or paths
 
 
 def _seen(estimate: ActuatorEstimate, logs: Sequence[ServoLog]) -> frozenset[str]:
