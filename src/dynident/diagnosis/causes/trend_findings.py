@@ -65,7 +65,7 @@ def trend_finding(blame: Blame, fit: QuickFit) -> Finding:
     severity: Severity = "warning" if grave else "note"
     of = "its torque" if blame.cause.joint else "all torques"
     counted = f" (t = {blame.certainty:.0f}, {100 * blame.share:.0f} % of a joint's residual variance, "
-    counted += f"{100 * blame.size:.2g} % of {of})"
+    counted += f"{100 * blame.size:{'.0f' if blame.size >= MATTERS else '.2g'}} % of {of})"
     numbers = {
         "value": float(blame.values[int(np.argmax(np.abs(blame.values)))]),
         "t": blame.certainty,
