@@ -27,8 +27,8 @@ from dynident.actuators.joint_load import (
     measured_motion,
     motion_at,
 )
-from dynident.actuators.output_error import log_weights
-from dynident.actuators.parameters import PLACE
+from dynident.actuators.output_error import log_errors, log_weights
+from dynident.actuators.parameters import PARAMETERS, PLACE
 from dynident.actuators.rollout import SEARCH_STEP, JointRecord, record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.verdict import Spread, spread_of
@@ -37,10 +37,16 @@ from dynident.model.robot import Robot
 
 #: Times that the loads of an arm are found anew from the roll-outs of all joints, at least and at most; between them
 #: until no encoder's zero moves by more than this share of its standard deviation.
-LEAST_TURNS, MOST_TURNS, SETTLED = 2, 6, 0.2
+LEAST_TURNS, MOST_TURNS, SETTLED = 2, 10, 0.2
 
 #: The same of all logs, where the fits of some of them are settled.
 FEW_TURNS = 2
+
+#: Farthest that the zero of any encoder moves in one turn, in rad: far from the answer the derivatives mislead.
+LONGEST_STEP = 0.05
+
+#: Turns in a row with a larger error than the best one after which the best one stands.
+_WORSE = 3
 
 #: Passes over the joints in each turn.
 _SWEEPS = 2
@@ -74,6 +80,11 @@ class Arm:
     fits: Sequence[JointFit]
     zeros: Array
 
+    def error(self) -> float:
+        """Return the mean logarithm of the errors of the roll-outs, over joints and logs."""
+        pairs = zip(self.datas, self.fits, strict=True)
+        return float(np.mean([np.log(log_errors(fit.problem(data), fit.parameters)).mean() for data, fit in pairs]))
+
     def part(self, logs: Sequence[int]) -> Arm:
         """Return the arm in some of the training logs."""
         return replace(
@@ -95,14 +106,21 @@ def settled(arm: Arm, progress: Callable[[str], None], least: int = LEAST_TURNS,
         least: Turns at least.
         most: Turns at most.
     """
+    best, error, worse = arm, np.inf, 0
     for turn in range(most if len(arm.fits) > 1 else 0):
         spreads = [spread_of(fit.problem(data), fit.parameters) for data, fit in zip(arm.datas, arm.fits, strict=True)]
-        fits, agreed, wider = _agreed(arm, spreads)
+        effects = _effects(arm, spreads)
+        fits, agreed, wider = _agreed(arm, effects, spreads, _step(arm, effects))
         if turn >= least and _is_settled(fits, wider, agreed - arm.zeros):
             break
         progress(f"motion of the whole arm, turn {turn + 1}")
         arm = turned(arm, fits, agreed)
-    return arm
+        now = arm.error()
+        worse = 0 if now < error else worse + 1
+        best, error = (arm, now) if now < error else (best, error)
+        if worse == _WORSE:
+            break
+    return best if worse else arm
 
 
 def turned(arm: Arm, fits: Sequence[JointFit], zeros: Array) -> Arm:
@@ -124,7 +142,9 @@ def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Sprea
     progress("all joints with the step of the answer")
     fits = [fit_again(data, fit, _FINISH, finely=True) for data, fit in zip(arm.datas, arm.fits, strict=True)]
     spreads = [spread_of(fit.problem(data).finely, fit.parameters) for data, fit in zip(arm.datas, fits, strict=True)]
-    fits, _, wider = _agreed(replace(arm, fits=fits), spreads)
+    arm = replace(arm, fits=fits)
+    effects = _effects(arm, spreads)
+    fits, _, wider = _agreed(arm, effects, spreads, _step(arm, effects))
     return replace(arm, fits=fits), wider
 
 
@@ -152,7 +172,7 @@ def _effects(arm: Arm, spreads: Sequence[Spread]) -> list[Array]:
         scales = [weight / np.sqrt(len(error)) for weight, error in zip(weights, own, strict=True)]
         rows = np.concatenate([slope * scale for slope, scale in zip(slopes, scales, strict=True)])
         free = np.flatnonzero(spread.inner & spread.seen)
-        sizes = np.linalg.norm(rows[:, free], axis=0)
+        sizes = np.maximum(np.linalg.norm(rows[:, free], axis=0), 1e-300)
         solve = np.zeros((rows.shape[1], len(rows)))
         solve[free] = np.linalg.pinv(rows[:, free] / sizes, rcond=1e-4) / sizes[:, None]
         errors.append(np.concatenate(own))
@@ -171,29 +191,51 @@ def _effects(arm: Arm, spreads: Sequence[Spread]) -> list[Array]:
     return found
 
 
-def _agreed(arm: Arm, spreads: Sequence[Spread]) -> tuple[list[JointFit], Array, list[Spread]]:
-    """Return the fits where the zeros of all joints agree, these zeros (n,), and the spread with that of the others.
+def _places(arm: Arm) -> list[int]:
+    """Return the place of the encoder's zero among the free parameters of each joint; -1 where it is not sought."""
+    return [fit.free.index("angle_offset") if "angle_offset" in fit.free else -1 for fit in arm.fits]
 
-    A fit of joint k under the zeros o finds p_k(o); with its derivatives G_k the zeros that find themselves are
-    o + (I - G)^-1 (p(o) - o), G the rows of the zeros; the errors of all joints reach each other by the same inverse.
-    """
-    n, effects = len(arm.fits), _effects(arm, spreads)
-    place = [fit.free.index("angle_offset") if "angle_offset" in fit.free else -1 for fit in arm.fits]
+
+def _reach(arm: Arm, effects: Sequence[Array]) -> Array:
+    """Return how the errors of the zeros of all joints reach each other, shape (n, n)."""
+    n, place = len(arm.fits), _places(arm)
     between_zeros = np.array([effects[k][place[k]] if place[k] >= 0 else np.zeros(n) for k in range(n)])
+    return np.asarray(np.linalg.inv(np.eye(n) - between_zeros))
+
+
+def _step(arm: Arm, effects: Sequence[Array]) -> Array:
+    """Return the step to the zeros that find themselves, shape (n,), no longer than LONGEST_STEP.
+
+    A fit of joint k under the zeros o finds p_k(o); with its derivatives G_k these zeros are o + (I - G)^-1 (p(o) - o),
+    G the rows of the zeros.
+    """
     found = np.array([fit.parameters[PLACE["angle_offset"]] for fit in arm.fits])
-    inverse = np.linalg.inv(np.eye(n) - between_zeros)
-    moved = arm.zeros + inverse @ (found - arm.zeros)
+    step = _reach(arm, effects) @ (found - arm.zeros)
+    return step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-12))
+
+
+def _agreed(
+    arm: Arm, effects: Sequence[Array], spreads: Sequence[Spread], step: Array
+) -> tuple[list[JointFit], Array, list[Spread]]:
+    """Return the fits after a step of the zeros of all joints, these zeros (n,), and the spread with theirs.
+
+    The errors of all joints reach each other as their zeros do.
+    """
+    n, place, inverse = len(arm.fits), _places(arm), _reach(arm, effects)
+    bounds = PARAMETERS[PLACE["angle_offset"]]
+    moved = np.clip(arm.zeros + step, bounds.lower, bounds.upper)
     fits, wider = [], []
     for k, (data, fit, spread) in enumerate(zip(arm.datas, arm.fits, spreads, strict=True)):
         problem, covariance = fit.problem(data), spread.covariance
         lower, upper = problem.bounds()
-        values = fit.parameters[problem.places] + effects[k] @ (moved - arm.zeros)
+        shift = effects[k] @ (moved - arm.zeros)
+        values = fit.parameters[problem.places] + shift
         fits.append(replace(fit, parameters=problem.full(np.clip(values, lower, upper), fit.parameters)))
         reach = effects[k] @ inverse  # of the errors of all zeros, shape (f, n)
         own = np.eye(len(values))
         if place[k] >= 0:
             own[:, place[k]] += reach[:, k]
-        total = own @ covariance @ own.T
+        total = own @ covariance @ own.T + np.outer(shift, shift)  # joints that do not agree yet are not known better
         for j in set(range(n)) - {k}:
             if place[j] >= 0:
                 total += np.outer(reach[:, j], reach[:, j]) * spreads[j].covariance[place[j], place[j]]

@@ -9,13 +9,13 @@ import numpy as np
 
 from dynident.actuators.arm_fit import FEW_TURNS, Arm, finished, settled, turned
 from dynident.actuators.estimate import ActuatorEstimate, Combination, JointActuator
-from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, choose_again, first_fit
+from dynident.actuators.joint_fit import JointData, JointFit, at_ratio, first_fit, richer_fit
 from dynident.actuators.joint_load import carrying, joint_loads, load_times, measured_motion, motion_at, rigid_inertia
 from dynident.actuators.linear_start import start_rows
 from dynident.actuators.output_error import ROUGH, WHOLE
 from dynident.actuators.parameters import PLACE
 from dynident.actuators.rollout import STEP, JointRecord, mean_errors, record_of, rolled_out
-from dynident.actuators.servo_log import AUTO, ServoLog, ServoSetup, check_gains, is_outside, kp_values
+from dynident.actuators.servo_log import ServoLog, ServoSetup, check_gains, is_outside, kp_values
 from dynident.actuators.verdict import EXPERIMENTS, Known, Spread, known_parameters
 from dynident.arrays import Array
 from dynident.model.robot import Robot
@@ -92,8 +92,8 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
         replace(one, datas=[at_ratio(*each) for each in zip(one.datas, ratios, strict=True)]) for one in (arm, part)
     )
     part = settled(replace(part, fits=fits), progress)
-    if friction == AUTO:
-        fits = [choose_again(*each, effort, progress) for each in zip(part.datas, part.fits, strict=True)]
+    if friction != "m1":
+        fits = [richer_fit(*each, friction, effort, progress) for each in zip(part.datas, part.fits, strict=True)]
         part = settled(replace(part, fits=fits), progress)
     if len(part.fits) == 1:
         return replace(arm, fits=part.fits)

@@ -11,7 +11,7 @@ from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.joint_load import JointLoad
 from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, linear_start, refinable, start_at
-from dynident.actuators.output_error import RefineEffort, ServoProblem, output_error, refined, starts_from
+from dynident.actuators.output_error import WHOLE, RefineEffort, ServoProblem, output_error, refined, starts_from
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import JointRecord, rolled_out
 from dynident.actuators.servo_log import AUTO
@@ -118,11 +118,11 @@ class JointFit:
 
 
 def first_fit(data: JointData, friction: str, effort: RefineEffort, progress: Callable[[str], None]) -> JointFit:
-    """Return what is found of a joint from nothing: gain, delay and slew limit, and the output error.
+    """Return what is found of a joint from nothing: gain, delay and slew limit, and the output error with m1.
 
     Args:
         data: The joint.
-        friction: Name of the friction model; ``auto`` begins with m1, ``choose_again`` goes on from there.
+        friction: Name of the friction model that the scan has, or ``auto``; ``richer_fit`` goes on from there.
         effort: How long to look.
         progress: Called with each step in words.
     """
@@ -130,30 +130,49 @@ def first_fit(data: JointData, friction: str, effort: RefineEffort, progress: Ca
     ratio = _gain(data)
     data = at_ratio(data, ratio)
     scanned = linear_start(data.rows, data.train, data.law, FRICTION_MODELS["m3" if friction == AUTO else friction])
-    simple = _refined(data, "m1", scanned, ratio, effort)
-    if friction in ("m1", AUTO):
-        return simple
-    progress(f"{data.name}: output error, friction {friction}")
-    return replace(_refined(data, friction, scanned, ratio, effort), simple=simple.simple, simple_free=simple.free)
+    return _refined(data, "m1", scanned, ratio, effort)
 
 
-def choose_again(data: JointData, fit: JointFit, effort: RefineEffort, progress: Callable[[str], None]) -> JointFit:
-    """Return the fit with the friction that cross-validation chooses, from the start of a fit with m1."""
-    progress(f"{data.name}: friction by cross-validation of roll-outs")
-    friction, folds = choose_friction(data.train, data.rows, data.law, fit.scanned, data.has_off)
+def richer_fit(
+    data: JointData, fit: JointFit, friction: str, effort: RefineEffort, progress: Callable[[str], None]
+) -> JointFit:
+    """Return the fit with a friction model that is stated, or that cross-validation chooses, from that with m1.
+
+    Args:
+        data: The joint.
+        fit: With m1.
+        friction: Name of the friction model, or ``auto``.
+        effort: How long to look.
+        progress: Called with each step in words.
+    """
+    folds: dict[str, float] = {}
+    if friction == AUTO:
+        progress(f"{data.name}: friction by cross-validation of roll-outs")
+        friction, folds = choose_friction(data.train, data.rows, data.law, fit.scanned, data.has_off)
     if friction == "m1":
         return replace(fit, folds=folds)
     progress(f"{data.name}: output error, friction {friction}")
-    richer = _refined(data, friction, fit.scanned, fit.ratio, effort)
+    richer = _refined(data, friction, fit.scanned, fit.ratio, effort, fit if effort is not WHOLE else None)
     return replace(richer, folds=folds, simple=fit.simple, simple_free=fit.free)
 
 
-def _refined(data: JointData, friction: str, scanned: LinearStart, ratio: float, effort: RefineEffort) -> JointFit:
-    """Return the linear start and the output error with one friction model."""
+def _refined(
+    data: JointData,
+    friction: str,
+    scanned: LinearStart,
+    ratio: float,
+    effort: RefineEffort,
+    simpler: JointFit | None = None,
+) -> JointFit:
+    """Return the linear start and the output error with one friction model, from a simpler fit where there is one."""
     law, model = data.law, FRICTION_MODELS[friction]
     linear = start_at(data.rows, law, model, scanned)
     free = free_parameters(law, model, linear, law.gain_is_free and ratio != 1.0, data.has_off)
-    starts = starts_from(refinable(linear, law, data.has_off), model)
+    start = refinable(linear, law, data.has_off)
+    if simpler is not None:  # under loads that are known better than those of the linear start
+        places = [PLACE[name] for name in simpler.free]
+        start[places] = simpler.parameters[places]
+    starts = starts_from(start, model)
     found = output_error(ServoProblem(data.train, free, model), starts, effort=effort).parameters
     if found[PLACE["slew_limit"]] > NO_LIMIT * data.fastest:
         found[PLACE["slew_limit"]], free = np.inf, tuple(name for name in free if name != "slew_limit")

@@ -214,12 +214,17 @@ def _distinct(found: Sequence[tuple[float, Array]], problem: ServoProblem) -> li
 
 def log_weights(problem: ServoProblem, parameters: Array) -> Array:
     """Return the weight of each log by its root mean square error, shape (logs,), of mean 1."""
+    weights = 1.0 / log_errors(problem, parameters)
+    return weights / weights.mean()
+
+
+def log_errors(problem: ServoProblem, parameters: Array) -> Array:
+    """Return the root mean square error of each log in rad, at least a share of their median, shape (logs,)."""
     sizes = []
     for record in problem.records:
         error = (rolled_out(record, parameters, longest=problem.longest).q - record.q)[record.used]
         sizes.append(float(np.sqrt(np.mean(np.minimum(np.nan_to_num(error**2, nan=10.0), 10.0)))))
-    weights = 1.0 / np.maximum(sizes, max(_LEAST_SHARE * float(np.median(sizes)), 1e-9))
-    return weights / weights.mean()
+    return np.maximum(sizes, max(_LEAST_SHARE * float(np.median(sizes)), 1e-9))
 
 
 def _intervals(records: Sequence[JointRecord]) -> tuple[JointRecord, ...]:

@@ -120,7 +120,7 @@ def spread_of(problem: ServoProblem, parameters: Array) -> Spread:
         core, count = bread[np.ix_(free, free)], len(scores)
         sizes, vectors = np.linalg.eigh(core)
         good = sizes > RANK * sizes[-1]
-        loose = np.sqrt(squares / count / np.maximum(sizes, 1e-6 * RANK * sizes[-1]))
+        loose = np.sqrt(squares / count / np.maximum(sizes, max(1e-6 * RANK * sizes[-1], 1e-300)))
         inverse = (vectors[:, good] / sizes[good]) @ vectors[:, good].T
         seen[free] = np.linalg.norm(vectors[:, ~good] * loose[~good], axis=1) <= 2.0 * WEAK
         meat = _squares(scores, free) * count / max(count - 1, 1)
