@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,7 +104,9 @@ def draw(symptom: Symptom, folder: Path) -> str:
     train, test = (
         {name: values[part] for name, values in arrays.items()} for part in (slice(border), slice(border, None))
     )
-    estimate = di.identify(di.DynamicModel(robot, symptom.friction), train, symptom.estimator)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "not accepted")  # the faults are meant
+        estimate = di.identify(di.DynamicModel(robot, symptom.friction), train, symptom.estimator)
     validation = di.validate(estimate, test)
     if symptom.name == "right":
         figure = estimate.plot_torques(validation, joints=NAMES[1:4])
