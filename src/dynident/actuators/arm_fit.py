@@ -29,7 +29,7 @@ from dynident.actuators.joint_load import (
 )
 from dynident.actuators.output_error import log_errors, log_weights
 from dynident.actuators.parameters import PARAMETERS, PLACE
-from dynident.actuators.rollout import SEARCH_STEP, JointRecord, record_of, rolled_out
+from dynident.actuators.rollout import JointRecord, record_of, rolled_out
 from dynident.actuators.servo_log import ServoLog
 from dynident.actuators.verdict import Spread, spread_of
 from dynident.arrays import Array
@@ -111,7 +111,7 @@ def settled(arm: Arm, progress: Callable[[str], None], least: int = LEAST_TURNS,
         spreads = [spread_of(fit.problem(data), fit.parameters) for data, fit in zip(arm.datas, arm.fits, strict=True)]
         effects = _effects(arm, spreads)
         fits, agreed, wider = _agreed(arm, effects, spreads, _step(arm, effects))
-        if turn >= least and _is_settled(fits, wider, agreed - arm.zeros):
+        if turn >= least and _is_settled(arm, wider, agreed - arm.zeros):
             break
         progress(f"motion of the whole arm, turn {turn + 1}")
         arm = turned(arm, fits, agreed)
@@ -125,10 +125,11 @@ def settled(arm: Arm, progress: Callable[[str], None], least: int = LEAST_TURNS,
 
 def turned(arm: Arm, fits: Sequence[JointFit], zeros: Array) -> Arm:
     """Return an arm with the motion, the loads and the fits that follow from fits and zeros of the encoders (n,)."""
-    shifted = [replace(motion, q=motion.q + zeros - arm.zeros) for motion in arm.motions]
-    arm = replace(arm, motions=shifted)
-    parameters = [fit.parameters for fit in fits]
-    motions = [rolled_out_motion(arm, parameters, k) for k in range(len(shifted))]
+    parameters, motions = [fit.parameters for fit in fits], []
+    for k, (robot, motion) in enumerate(zip(arm.robots, arm.motions, strict=True)):
+        shifted = replace(motion, q=motion.q + zeros - arm.zeros)
+        records = [data.records[k] for data in arm.datas]
+        motions.append(relaxed(robot, records, parameters, arm.measured[k], shifted, arm.ends[k]))
     loads = [joint_loads(robot, motion) for robot, motion in zip(arm.robots, motions, strict=True)]
     datas = [data.under([load[joint] for load in loads]) for joint, data in enumerate(arm.datas)]
     fits = [fit_again(data, fit, _EVALUATIONS) for data, fit in zip(datas, fits, strict=True)]
@@ -148,14 +149,10 @@ def finished(arm: Arm, progress: Callable[[str], None]) -> tuple[Arm, list[Sprea
     return replace(arm, fits=fits), wider
 
 
-def _is_settled(fits: Sequence[JointFit], spreads: Sequence[Spread], moves: Array) -> bool:
-    """Return whether no encoder's zero has moved by more than the noise of the logs."""
-    for fit, spread, move in zip(fits, spreads, moves.tolist(), strict=True):
-        if "angle_offset" in fit.free:
-            place = fit.free.index("angle_offset")
-            if abs(move) > SETTLED * np.sqrt(spread.covariance[place, place]):
-                return False
-    return True
+def _is_settled(arm: Arm, spreads: Sequence[Spread], moves: Array) -> bool:
+    """Return whether no encoder's zero that is sought has moved by more than the noise of the logs."""
+    sought = zip(_places(arm), spreads, moves.tolist(), strict=True)
+    return all(abs(move) <= SETTLED * np.sqrt(own.covariance[k, k]) for k, own, move in sought if k >= 0)
 
 
 def _effects(arm: Arm, spreads: Sequence[Spread]) -> list[Array]:
@@ -186,7 +183,7 @@ def _effects(arm: Arm, spreads: Sequence[Spread]) -> list[Array]:
             loads.append(joint_loads(robot, replace(motion, q=q)))
         for joint in set(range(n)) - {turned}:
             data, fit = arm.datas[joint].under([load[joint] for load in loads]), arm.fits[joint]
-            moved = [(rolled_out(r, fit.parameters, longest=SEARCH_STEP).q - r.q)[r.used] for r in data.train]
+            moved = fit.problem(data).residuals(fit.parameters)
             found[joint][:, turned] = -steps[joint] @ (np.concatenate(moved) - errors[joint]) / _TURN
     return found
 
@@ -243,12 +240,6 @@ def _agreed(
     return fits, moved, wider
 
 
-def rolled_out_motion(arm: Arm, parameters: Sequence[Array], log: int) -> ArmMotion:
-    """Return the motion of an arm in one log by the roll-outs of its joints, and what these leave, filtered."""
-    records = [data.records[log] for data in arm.datas]
-    return relaxed(arm.robots[log], records, parameters, arm.measured[log], arm.motions[log], arm.ends[log])
-
-
 def relaxed(
     robot: Robot,
     records: Sequence[JointRecord],
@@ -292,11 +283,12 @@ def relaxed(
 
 def arm_loads(robot: Robot, log: ServoLog, laws: Sequence[DriveLaw], parameters: Sequence[Array]) -> list[JointLoad]:
     """Return the load of every joint in a log whose drives are known; the measured one of a single joint."""
-    loads = measured_loads(robot, log)
+    measured = measured_motion(log)
+    loads = measured_loads(robot, log, measured)
     if robot.dof == 1:
         return loads
     records = [record_of(log, joint, loads[joint], law) for joint, law in enumerate(laws)]
-    measured, ends = measured_motion(log), load_times(log, robot.dof)
+    ends = load_times(log, robot.dof)
     motion = motion_at(measured, ends)
     for joint, own in enumerate(parameters):
         motion.q[:, joint] += own[PLACE["angle_offset"]]

@@ -123,6 +123,11 @@ class JointLoad:
     inertia: Array
     bias: Array
 
+    @property
+    def rows(self) -> Array:
+        """Inertia and bias torque as the compiled roll-out takes them, shape (K, LOADS)."""
+        return np.column_stack([self.inertia, self.bias])
+
     def torque(self, time: Array, q: Array) -> Array:
         """Return the bias torque at positions of the joint at some times, each (N,), in N m or N."""
         c0, c1, c2 = (np.interp(time, self.time, column) for column in self.bias.T)
@@ -198,9 +203,10 @@ def bias_of(robot: Robot, motion: ArmMotion, joint: int) -> Array:
     return np.column_stack([parts[0], 2.0 * parts[1], 2.0 * parts[2]])
 
 
-def measured_loads(robot: Robot, log: ServoLog) -> list[JointLoad]:
-    """Return the load of every joint along the measured motion of a log."""
-    return joint_loads(carrying(robot, log), motion_at(measured_motion(log), load_times(log, robot.dof)))
+def measured_loads(robot: Robot, log: ServoLog, motion: MeasuredMotion | None = None) -> list[JointLoad]:
+    """Return the load of every joint along the measured motion of a log, which is found where it is not given."""
+    motion = measured_motion(log) if motion is None else motion
+    return joint_loads(carrying(robot, log), motion_at(motion, load_times(log, robot.dof)))
 
 
 def loop_samples(log: ServoLog, joint: int) -> Array:

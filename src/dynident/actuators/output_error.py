@@ -107,6 +107,11 @@ class ServoProblem:
         """Return the sizes of typical changes, shape (f,)."""
         return np.array([PARAMETERS[place].scale for place in self.places])
 
+    def residuals(self, parameters: Array) -> list[Array]:
+        """Return the errors in rad, log by log."""
+        runs = [(record, rolled_out(record, parameters, longest=self.longest).q) for record in self.records]
+        return [(q - record.q)[record.used] for record, q in runs]
+
     def errors(self, parameters: Array) -> tuple[list[Array], list[Array]]:
         """Return the errors in rad and their derivatives by the free parameters, log by log."""
         errors, slopes, columns = [], [], self.columns()
@@ -196,8 +201,7 @@ def refined(problem: ServoProblem, start: Array, most: int) -> Array:
 
 def _loss_scale(problem: ServoProblem, parameters: Array) -> float:
     """Return the median absolute error in rad, from which the loss counts errors by their size."""
-    runs = [(one, rolled_out(one, parameters, longest=problem.longest).q) for one in problem.records]
-    sizes = np.concatenate([np.abs(q - one.q)[one.used] for one, q in runs])
+    sizes = np.abs(np.concatenate(problem.residuals(parameters)))
     return max(float(np.median(sizes[np.isfinite(sizes)])) if np.isfinite(sizes).any() else 0.1, 1e-4)
 
 
@@ -221,8 +225,7 @@ def log_weights(problem: ServoProblem, parameters: Array) -> Array:
 def log_errors(problem: ServoProblem, parameters: Array) -> Array:
     """Return the root mean square error of each log in rad, at least a share of their median, shape (logs,)."""
     sizes = []
-    for record in problem.records:
-        error = (rolled_out(record, parameters, longest=problem.longest).q - record.q)[record.used]
+    for error in problem.residuals(parameters):
         sizes.append(float(np.sqrt(np.mean(np.minimum(np.nan_to_num(error**2, nan=10.0), 10.0)))))
     return np.maximum(sizes, max(_LEAST_SHARE * float(np.median(sizes)), 1e-9))
 

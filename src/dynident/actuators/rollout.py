@@ -64,7 +64,7 @@ class JointRecord:
 
     def under(self, load: JointLoad) -> JointRecord:
         """Return the record with another load."""
-        return replace(self, loads=np.column_stack([load.inertia, load.bias]))
+        return replace(self, loads=load.rows)
 
     def with_bias(self, bias: Array) -> JointRecord:
         """Return the record with another bias torque, shape ((N - 1) S, 3)."""
@@ -94,7 +94,7 @@ def record_of(log: ServoLog, joint: int, load: JointLoad, law: DriveLaw) -> Join
     return JointRecord(
         name=log.name,
         samples=loop_samples(log, joint),
-        loads=np.column_stack([load.inertia, load.bias]),
+        loads=load.rows,
         law=law.numbers(log.kp),
         kp=log.kp,
         q=log.q[:, joint],

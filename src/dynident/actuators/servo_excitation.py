@@ -283,9 +283,10 @@ def _simulated_set(
     for payload in payloads:
         for motion in motions:
             for log in joint.logs(motion, gains, parameters, resolution, payload):
-                (load,) = measured_loads(joint.robots[payload], log)
+                smooth = measured_motion(log)
+                (load,) = measured_loads(joint.robots[payload], log, smooth)
                 records.append(record_of(log, 0, load, joint.law))
-                rows.append(start_rows(log, 0, load, measured_motion(log), joint.law))
+                rows.append(start_rows(log, 0, load, smooth, joint.law))
     return JointData(joint.name, joint.law, tuple(records), (), tuple(rows))
 
 

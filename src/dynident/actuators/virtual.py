@@ -86,8 +86,8 @@ def virtual_log(
     (load,) = measured_loads(bench.robot, log)
     out = np.empty((count, 3))
     start = np.array([command[0], 0.0])
-    samples, loads = loop_samples(log, 0), np.column_stack([load.inertia, load.bias])
-    roll_out(parameters, samples, loads, bench.law.numbers(kp), start, STEP, NONE, out)
+    samples = loop_samples(log, 0)
+    roll_out(parameters, samples, load.rows, bench.law.numbers(kp), start, STEP, NONE, out)
     seen = out[:, 0] + bench.noise * random.standard_normal(count)
     if bench.resolution > 0:
         seen = np.round(seen / bench.resolution) * bench.resolution
