@@ -25,13 +25,14 @@ def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) 
 
     api: Any = mujoco
     with without_log():
-        model = api.MjModel.from_xml_path(str(path))
+        model = _with_turned_bodies(api, path)
     model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_CONSTRAINT) | int(api.mjtDisableBit.mjDSBL_SPRING)
     model.opt.density = model.opt.viscosity = 0.0
     for name in FORCES:
         if hasattr(model, name):  # of MuJoCo 4, some of them
             getattr(model, name)[:] = 0.0
-    names = [model.joint(i).name or f"joint{i + 1}" for i in range(model.njnt)]
+    moving = [i for i in range(model.njnt) if model.jnt_type[i] >= int(api.mjtJoint.mjJNT_SLIDE)]  # none floats
+    names = [model.joint(i).name or f"joint{i + 1}" for i in moving]
     bodies = [model.body(i).name or f"body{i}" for i in range(model.nbody)]
     column = {name: i for i, name in enumerate(robot.joint_names)}
     turn, shift = np.zeros((len(names), robot.dof)), np.zeros(len(names))
@@ -43,7 +44,6 @@ def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) 
     data = api.MjData(model)
     states = q @ turn.T + shift, dq @ turn.T, ddq @ turn.T
     model.body_mass[:], model.body_inertia[:] = 0.0, 0.0
-    model.body_simple[:], model.dof_simplenum[:] = 0, 0  # no inertia is that of the loaded model
     bare = _torques(api, model, data, states) @ turn  # of what is no body, such as rotors of actuators
     found = np.full((len(q), robot.dof, 10 * len(robot.links)), np.nan)
     designs = [Inertia.from_log_cholesky(np.random.default_rng(k).normal(scale=0.6, size=10)) for k in range(10)]
@@ -64,8 +64,6 @@ def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) 
             api.mju_mat2Quat(quaternion, axes.ravel())
             model.body_mass[row], model.body_ipos[row] = body.mass, body.centre_of_mass
             model.body_iquat[row], model.body_inertia[row] = quaternion, moments
-            model.body_sameframe[:] = 0
-            model.body_simple[:], model.dof_simplenum[:] = 0, 0
             with without_log():  # of joints without inertia
                 api.mj_setConst(model, data)
             torques[:, :, k] = _torques(api, model, data, states) @ turn - bare
@@ -73,10 +71,24 @@ def mujoco_regressor(path: Path, robot: Robot, q: Array, dq: Array, ddq: Array) 
     return found
 
 
+def _with_turned_bodies(api: Any, path: Path) -> Any:
+    """Return the model of a file with bodies for which MuJoCo takes no short cut, such as for those at their origin."""
+    spec = api.MjSpec.from_file(str(path))
+    spec.compiler.inertiafromgeom = int(api.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE)
+    spec.compiler.settotalmass = -1.0
+    for body in spec.bodies[1:]:
+        body.mass, body.ipos, body.inertia = 1.0, [0.1, 0.2, 0.3], [2.0, 3.0, 4.0]
+        body.iquat, body.explicitinertial = [0.5, 0.5, 0.5, -0.5], True
+        body.fullinertia, body.ialt.type = np.full(6, np.nan), api.mjtOrientation.mjORIENTATION_QUAT
+    return spec.compile()
+
+
 def _torques(api: Any, model: Any, data: Any, states: tuple[Array, Array, Array]) -> Array:
+    moving = model.jnt_type >= int(api.mjtJoint.mjJNT_SLIDE)
+    places, dofs = model.jnt_qposadr[moving], model.jnt_dofadr[moving]
     found = np.empty_like(states[0])
     for i, (position, velocity, acceleration) in enumerate(zip(*states, strict=True)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = position, velocity, acceleration
+        data.qpos[places], data.qvel[dofs], data.qacc[dofs] = position, velocity, acceleration
         api.mj_inverse(model, data)
-        found[i] = data.qfrc_inverse
+        found[i] = data.qfrc_inverse[dofs]
     return found

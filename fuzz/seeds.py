@@ -128,6 +128,15 @@ MJCF_OF_COPIES = """<mujoco><option density="1"><flag damper="disable" equality=
 <actuator><motor joint="a" gear="3" damping=".1" armature=".1"/><motor joint="c-1"/></actuator></mujoco>
 """
 
+#: An object and a handle beside an arm, and joints coupled by tendons.
+MJCF_OF_A_SCENE = """<mujoco><worldbody><body name="hand" mocap="true"/>
+<body name="can" pos="1 0 0"><freejoint/><geom size=".1"/></body>
+<body name="b"><joint name="a" ref="20"/><geom size=".1" pos=".1 0 0"/>
+<body name="k"><joint name="c"/><geom size=".1" pos=".1 0 0"/></body></body></worldbody>
+<tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="c" coef="-.5"/></fixed></tendon>
+<equality><tendon tendon1="t" polycoef=".1"/><weld body1="hand" body2="k"/></equality></mujoco>
+"""
+
 XACRO = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
 <xacro:arg name="mass" default="2"/><xacro:property name="half" value="${0.4 / 2}"/>
 <xacro:include filename="ball.xacro"/><link name="base"/>
@@ -222,7 +231,7 @@ def urdf(folder: Path) -> list[Path]:
 
 def mjcf(folder: Path) -> list[Path]:
     """Write MJCFs."""
-    return _texts(folder, MJCF, MJCF_OF_COPIES)
+    return _texts(folder, MJCF, MJCF_OF_COPIES, MJCF_OF_A_SCENE)
 
 
 def xacro(folder: Path) -> list[Path]:

@@ -36,6 +36,9 @@ _MJCF = (
     "class='main'",
     "<geom size='.1'/>",
     "0 0 0 0",
+    "<freejoint/>",
+    "mocap='true'",
+    "<tendon tendon1='t'/>",
 )
 _SDF = (
     "relative_to='upper'",
@@ -49,6 +52,9 @@ _SDF = (
     "canonical_link='upper'",
     "placement_frame='upper'",
     "merge='true'",
+    "<drake:mimic joint='a' multiplier='2' offset='0'/>",
+    "<mimic joint='a'><multiplier>2</multiplier></mimic>",
+    "hand::__model__",
 )
 _USD = (
     "nan",

@@ -322,11 +322,6 @@ FAULTS = {
         "redundant equalities",
         "remove one of them",
     ),
-    "tied tendons": (
-        arm(HINGE + BODY, tail='<equality><tendon tendon1="one" polycoef="0 1 0 0 0"/></equality>'),
-        "an equality of tendons",
-        "an equality of joints",
-    ),
     "a loop of bodies": (
         arm(HINGE + BODY, tail='<equality><weld body1="first" body2="last"/></equality>'),
         "<weld> closes a loop",

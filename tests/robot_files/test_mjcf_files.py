@@ -77,6 +77,12 @@ def test_a_mesh_that_is_not_there_has_a_remedy_that_helps(folder: str, tmp_path:
     assert f"no such mesh file beneath {home}; {remedy}" in str(caught.value)
 
 
+def test_a_mesh_that_is_there_and_none_has_a_remedy_that_helps(tmp_path: Path) -> None:
+    path = written(tmp_path, {"main.xml": MESH.format("."), "m.obj": "no mesh"})
+    with pytest.raises(DescriptionError, match=r"m.obj: .*; export it as STL, or write the <inertial> of the body"):
+        read_robot(path)
+
+
 def test_a_mesh_of_a_urdf_in_the_folder_beside_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     urdf = (
         '<robot name="u"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" '

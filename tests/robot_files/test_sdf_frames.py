@@ -301,6 +301,7 @@ def test_torques_of_random_models_are_those_of_drake(seed: int, tmp_path: Path) 
 
 FAULTS = {
     "no such file": ("<uri>gone.sdf</uri>", "'gone.sdf' is missing beside", "put it there"),
+    "a name too long": (f"<uri>{'hand' * 100}.sdf</uri>", "is missing beside", "put it there"),
     "no such model": ("<uri>model://gone</uri>", "'model://gone' is missing in GZ_SIM_RESOURCE_PATH", "put it there"),
     "another machine": ("<uri>https://fuel.gazebosim.org/1.0/x</uri>", "is not on this machine", "download it"),
     "an absolute path": ("<uri>/etc/passwd</uri>", "is missing", "correct the <uri>"),
@@ -331,6 +332,11 @@ def test_includes_that_cannot_be_read_are_refused(name: str, tmp_path: Path) -> 
             r"<model name='n'>: its canonical_link 'r' is no link",
         ),
         (ARM + "<model name='n'/>" + joint("b", "up", "n"), r"<model name='n'>: a model without links; write a <link>"),
+        (ARM + joint("b", "up", "n::__model__"), r"<joint name='b'>: its child 'n::__model__' is no link and no frame"),
+        (
+            ARM + joint("b", "a::__model__", "up"),
+            r"<joint name='b'>: its parent 'a::__model__' is no link and no frame",
+        ),
         (ARM + joint("b", "up", "nn"), r"<joint name='b'>: its child 'nn' is no link and no frame"),
         (
             ARM + frame(' attached_to="F"') + joint("b", "up", "F"),

@@ -16,7 +16,9 @@ from dynident.robot_files.rotations import rotation_from_quaternion
 from dynident.robot_files.tree import Connection, assemble, carried_by_leaders, numbered, with_held
 
 #: Types of joints and of equality constraints of MuJoCo (mjtJoint, mjtEq).
-_SLIDE, _HINGE, _EQUALITY_OF_JOINTS = 2, 3, 2
+_FREE, _SLIDE, _HINGE = 0, 2, 3
+_LOOPS, _EQUALITY_OF_JOINTS, _EQUALITY_OF_TENDONS = (0, 1), 2, 3
+_BODY, _WRAP_JOINT = 1, 1
 _ON_JOINT = 1  # and below: transmissions that turn or slide a joint
 
 #: Muscles of MuJoCo: their activation (mjtDyn) and their gain (mjtGain).
@@ -46,8 +48,8 @@ def robot_of_mujoco(model: Any) -> Robot:
     """Return the robot of a ``mujoco.MjModel``.
 
     Raises:
-        BadArgument: Joints of several degrees of freedom, loops, equalities that are not linear or redundant, muscles,
-            flexible bodies, or no joint that moves.
+        BadArgument: Joints of several degrees of freedom, other than of objects beside the robot, loops, equalities
+            that are not linear or redundant, muscles, flexible bodies, or no joint that moves.
     """
     import mujoco  # pyright: ignore[reportMissingImports]
 
@@ -132,10 +134,11 @@ def _add_body(model: Any, number: int, bodies: _MujocoParts) -> None:
     inertia = Inertia.from_centre_of_mass(model.body_mass[number], model.body_ipos[number], tensor)
     parent, at = bodies.names[carrier], np.zeros(3)
     first, count = int(model.body_jntadr[number]), int(model.body_jntnum[number])
-    if not count:
+    if not count or _is_object(model, number):
         fixed = np.array([0.0, 0.0, 1.0])
         joint = Connection(f"{name} (fixed)", "fixed", parent, name, rotation, translation, fixed, JointLimits())
         bodies.joints[f"{name} (fixed body)"] = joint
+        count = 0
     for moved in range(first, first + count):  # at: origin of the link so far in the frame of the body
         anchor = np.array(model.jnt_pos[moved])
         is_last = moved == first + count - 1
@@ -147,6 +150,15 @@ def _add_body(model: Any, number: int, bodies: _MujocoParts) -> None:
         parent, rotation, translation, at = child, np.eye(3), np.zeros(3), anchor
     bodies.inertias[name] = inertia.moved(np.eye(3), -at)
     bodies.origins.append(-at)
+
+
+def _is_object(model: Any, number: int) -> bool:
+    """Return whether a body floats freely with all that it carries, beside a robot: it is held where it is."""
+    first, count = int(model.body_jntadr[number]), int(model.body_jntnum[number])
+    if not count or model.jnt_type[first] != _FREE:
+        return False
+    others = np.flatnonzero(model.body_rootid == number)
+    return int(model.body_jntnum[others].sum()) == 1 and bool(np.any(model.jnt_type >= _SLIDE))
 
 
 def _joint(model: Any, number: int, names: tuple[str, str, str], place: tuple[Array, Array]) -> Connection:
@@ -213,27 +225,59 @@ def _tie(model: Any, bodies: _MujocoParts) -> None:
         BadArgument: Another equality constraint, which closes a loop, or one that ties a joint again.
     """
     joints, tied, still = bodies.joints, set[int](), dict[str, float]()
-    for number in np.flatnonzero(model.eq_active0):
-        one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
-        name = model.equality(int(number)).name or f"number {number}"
-        constant, slope, *rest = (float(value) for value in model.eq_data[number][:5])
-        is_follower = other >= 0
-        if model.eq_type[number] != _EQUALITY_OF_JOINTS or (is_follower and (any(rest) or slope == 0.0)):
+    for number in map(int, np.flatnonzero(model.eq_active0)):
+        name = model.equality(number).name or f"number {number}"
+        if _is_handle(model, number):
+            continue
+        tie = _tie_of(model, number, tied)
+        if tie is None:
             evidence = f"the equality constraint {name} is no linear one of joints"
             raise BadArgument("robot", evidence, "remove it from the model: loops of bodies are not read")
+        one, other, constant, slope = tie
         if one in tied:
             evidence = f"joint '{bodies.moving[one]}' is tied twice, by the equality constraint {name} too"
             raise BadArgument("robot", evidence, "keep one of the two")
         tied.add(one)
         joint = joints[bodies.moving[one]]
         zero = float(model.qpos0[model.jnt_qposadr[one]])
-        if is_follower:
+        if other >= 0:
             leader = float(model.qpos0[model.jnt_qposadr[other]])
             follow = Mimic(bodies.moving[other], slope, zero + constant - slope * leader)
             joints[joint.name] = replace(joint, mimic=follow)
         else:
             still[joint.name] = zero + constant
     joints.update(with_held(joints, still))
+
+
+def _is_handle(model: Any, number: int) -> bool:
+    """Return whether an equality ties a body to a mocap one, which moves as a simulation says."""
+    ends = (int(model.eq_obj1id[number]), int(model.eq_obj2id[number]))
+    of_bodies = model.eq_type[number] in _LOOPS and model.eq_objtype[number] == _BODY
+    return of_bodies and any(model.body_mocapid[end] >= 0 for end in ends)
+
+
+def _tie_of(model: Any, number: int, tied: Set[int]) -> tuple[int, int, float, float] | None:
+    """Return joint, leader (-1: held still), constant and slope of an equality; None of one that is not linear.
+
+    Of a fixed tendon of one or two joints the second follows the first, unless it is among those ``tied``.
+    """
+    one, other = int(model.eq_obj1id[number]), int(model.eq_obj2id[number])
+    constant, slope, *rest = (float(value) for value in model.eq_data[number][:5])
+    if model.eq_type[number] == _EQUALITY_OF_JOINTS:
+        return None if other >= 0 and (any(rest) or slope == 0.0) else (one, other, constant, slope)
+    count = int(model.tendon_num[one]) if model.eq_type[number] == _EQUALITY_OF_TENDONS else 0
+    part = slice(int(model.tendon_adr[one]), int(model.tendon_adr[one]) + count) if count else slice(0)
+    parts = {
+        int(joint): float(share) for joint, share in zip(model.wrap_objid[part], model.wrap_prm[part], strict=True)
+    }
+    is_fixed = bool(np.all(model.wrap_type[part] == _WRAP_JOINT))
+    if other >= 0 or not (is_fixed and 1 <= count == len(parts) <= 2 and all(parts.values())):
+        return None
+    (last, ratio), *first = reversed(parts.items())
+    if first and last in tied:
+        (last, ratio), first = first[0], [(last, ratio)]
+    leader, share = first[0] if first else (-1, 0.0)
+    return last, leader, constant / ratio, -share / ratio
 
 
 def _note(model: Any, off: Set[str]) -> str:
@@ -246,6 +290,8 @@ def _note(model: Any, off: Set[str]) -> str:
         "damping of second and third order": any(curved) and "damper" not in off,
         "gravity compensation of bodies": np.any(model.body_gravcomp) and is_passive,
         "tendons": model.ntendon > 0,
+        "bodies that float freely": np.any(model.jnt_type == _FREE),
+        "what ties it to mocap bodies": any(_is_handle(model, int(one)) for one in np.flatnonzero(model.eq_active0)),
         "a fluid": (model.opt.density > 0 or model.opt.viscosity > 0) and is_passive,
     }
     left = [what for what, is_there in without.items() if is_there]

@@ -68,9 +68,8 @@ def _around(name: str, near: str | Path | None) -> Iterator[Path]:
 def _installed(name: str) -> Iterator[Path]:
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         folder = Path(prefix) / "share" / name
-        if (folder / MANIFEST).is_file() or (
-            folder.is_dir() and (Path(prefix) / "share/ament_index/resource_index/packages" / name).is_file()
-        ):
+        resource = Path(prefix) / "share/ament_index/resource_index/packages" / name
+        if os.path.isfile(folder / MANIFEST) or (os.path.isdir(folder) and os.path.isfile(resource)):
             yield folder
 
 

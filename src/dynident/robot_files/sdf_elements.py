@@ -11,7 +11,7 @@ from dynident.arrays import Array
 from dynident.errors import nearest
 from dynident.model.documents.numbers import check_name, check_order, shown
 from dynident.model.inertia import Inertia
-from dynident.model.robot import Drive, JointLimits
+from dynident.model.robot import Drive, JointLimits, Mimic
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from dynident.robot_files.rotations import rotation_from_quaternion, rotation_from_rpy
 from dynident.robot_files.xml_elements import Element
@@ -164,6 +164,32 @@ def drive_of_joint(joint: Element) -> Drive:
     if rotor < 0.0 or gear == 0.0:
         raise joint.place.error("a negative rotor inertia, or a gear ratio of 0", "correct drake:rotor_inertia")
     return Drive(gear, rotor)
+
+
+def mimic_of(joint: Element, holder: Element, scope: str) -> Mimic | None:
+    """Return which joint a joint with its ``<axis>`` follows: as SDFormat writes it, or Drake in an element of its own.
+
+    SDFormat: q = multiplier * (q of the leader - reference) + offset; Drake: q = multiplier * q of the leader + offset.
+    """
+    found: list[tuple[Element, Mimic]] = []
+    for element in holder.all("mimic"):
+        values = Values(element.place, element.attributes)
+        if values.choice("axis", ("axis", "axis2"), "axis") == "axis2":
+            raise element.place.error("it follows a second axis", "write the joint of one axis that it follows")
+        only_child(element, "multiplier", "write one <multiplier>")
+        multiplier, offset, reference = (number_in(element, tag, 0.0) for tag in ("multiplier", "offset", "reference"))
+        found.append((element, Mimic(scope + values.name("joint"), multiplier, offset - multiplier * reference)))
+    for element in joint.all("drake:mimic"):
+        values = Values(element.place, element.attributes).known(("joint", "multiplier", "offset"))
+        mimic = Mimic(scope + values.name("joint"), values.number("multiplier"), values.number("offset"))
+        found.append((element, mimic))
+    for element, mimic in found:
+        if mimic.multiplier == 0.0:
+            step = "make the joint fixed, or correct the multiplier"
+            raise element.place.error("multiplier 0 holds it still", step)
+        if mimic != found[0][1]:
+            raise element.place.error("the joint follows otherwise by another element too", "keep one of the two")
+    return found[0][1] if found else None
 
 
 def shape_of(collision: Element) -> Shape | None:

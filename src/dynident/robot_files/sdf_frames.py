@@ -107,11 +107,12 @@ class SdfFrames:
         if name == WORLD:
             return inverse(self.in_world())
         full = scope + name
-        if full == _OWN or full.endswith(f"::{_OWN}"):
+        is_model = full == _OWN or full.endswith(f"::{_OWN}")
+        if is_model:
             full = full.removesuffix(_OWN).removesuffix("::")
             if not full:
                 return np.eye(3), np.zeros(3)
-        if full not in self.elements:
+        if full not in self.elements or (is_model and self.elements[full][0].tag != "model"):
             step = f"correct the name{nearest(name, self.elements)}"
             raise element.place.error(f"there is no frame {shown(full)}", step)
         return self.pose(full)
@@ -146,7 +147,9 @@ class SdfFrames:
         for _ in range(_DEPTH):
             if name == _OWN or name.endswith(f"::{_OWN}"):
                 scope = name.removesuffix(_OWN)
-                model = self.elements[scope.removesuffix("::")][0] if scope else self._model
+                model, _ = self.elements.get(scope.removesuffix("::"), (None, "")) if scope else (self._model, "")
+                if model is None or model.tag != "model":
+                    return name
                 name = self._canonical(model, scope)
                 continue
             if name == WORLD or name not in self.elements:

@@ -114,9 +114,9 @@ def _with_stated(model: Element, include: Element) -> Element:
 def _file_of(element: Element, uri: str) -> Path:
     """Return the file of the model that a ``<uri>`` names."""
     for place in _places(element, uri):
-        if place.is_file():
+        if os.path.isfile(place):  # a name too long for the system is none, where Path.is_file raises
             return place
-        if (place / "model.config").is_file():
+        if os.path.isfile(place / "model.config"):
             return _named_by_config(element, place)
     if "://" in uri and not uri.startswith(_SCHEMES):
         raise element.place.error(f"the uri {shown(uri)} is not on this machine", "download it, and write its path")
@@ -153,6 +153,6 @@ def _named_by_config(element: Element, folder: Path) -> Path:
     root = parse_xml(config, read_at_most(config, _MAX_BYTES, "give the model of one robot"), _CONFIG)
     named = {version_of(one): one.text for one in root.all("sdf") if one.text}
     name = named[max(named)] if named else ""
-    if Path(name).name != name or "\0" in name or not (folder / name).is_file():
+    if Path(name).name != name or "\0" in name or not os.path.isfile(folder / name):
         raise element.place.error(f"{config} names no SDF beside it", "write <sdf version=...>model.sdf</sdf> in it")
     return folder / name

@@ -10,7 +10,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.model.documents.numbers import Place, shown
 from dynident.model.inertia import Inertia
-from dynident.model.robot import STANDARD_GRAVITY, Drive, Frame, JointLimits, Mimic, Robot
+from dynident.model.robot import STANDARD_GRAVITY, Drive, Frame, JointLimits, Robot
 from dynident.model.shapes import Shape
 from dynident.robot_files.sdf_elements import (
     Pose,
@@ -18,6 +18,7 @@ from dynident.robot_files.sdf_elements import (
     inertia_of_link,
     kind_of_joint,
     limits_of_joint,
+    mimic_of,
     name_of,
     number_in,
     numbers_in,
@@ -27,9 +28,9 @@ from dynident.robot_files.sdf_elements import (
 )
 from dynident.robot_files.sdf_frames import WORLD, SdfFrames
 from dynident.robot_files.sdf_includes import SdfFiles, read_sdf_files
+from dynident.robot_files.sdf_words import SPRINGS_OF_DRAKE
 from dynident.robot_files.tree import Connection, assemble, with_unknown
 from dynident.robot_files.xml_elements import MAX_LINKS, Element
-from dynident.robot_files.xml_values import Values
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,8 @@ class _SdfReader:
         carried: dict[str, tuple[str, Element]] = {}
         for name, (element, scope) in joints.items():
             carried.setdefault(frames.end(element, scope, "child"), (name, element))
-        for model in (self._model, *frames.all("model").values()):
+        models = (self._model, *frames.all("model").values())
+        for model in models:
             if _states(model, "static", ("true", "1")):
                 raise model.place.error("a static model, whose joints do not move", "remove <static> from it")
         for name, element in links.items():
@@ -156,6 +158,7 @@ class _SdfReader:
         gravity = self._gravity_at_base()
         for name in frames.all("frame"):
             self._named(name)
+        self.found.notes.extend(tag for tag in SPRINGS_OF_DRAKE if any(model.all(tag) for model in models))
         floating = [name for name, element in links.items() if _states(element, "gravity", ("false", "0"))]
         if len(floating) == len(links):
             gravity = np.zeros(3)
@@ -199,7 +202,7 @@ class _SdfReader:
         if kind != "fixed":
             holder = only_child(element, "axis", "write <axis><xyz>0 0 1</xyz></axis>")
             axis = inner[0].T @ self._axis(name, element, holder, scope)
-            limits, mimic = limits_of_joint(element, holder), self._mimic(holder, scope)
+            limits, mimic = limits_of_joint(element, holder), mimic_of(element, holder, scope)
             damping, friction = self._dynamics(name, holder)
             drive = drive_of_joint(element)
         self.found.joints[name] = element
@@ -221,16 +224,6 @@ class _SdfReader:
         if version < (1, 5) or (version < (1, 7) and in_model):
             return self._frames.frame("__model__", scope, joint)[0] @ axis
         return self._frames.pose(name)[0] @ axis
-
-    def _mimic(self, holder: Element, scope: str) -> Mimic | None:
-        found = holder.all("mimic")
-        if not found:
-            return None
-        values = Values(found[0].place, found[0].attributes)
-        multiplier, offset, reference = (number_in(found[0], tag, 0.0) for tag in ("multiplier", "offset", "reference"))
-        if multiplier == 0.0:
-            raise values.place.error("multiplier 0 holds it still", "make the joint fixed, or correct the multiplier")
-        return Mimic(scope + values.name("joint"), multiplier, offset - multiplier * reference)
 
     def _dynamics(self, name: str, holder: Element) -> tuple[float | None, float | None]:
         found = holder.all("dynamics")

@@ -72,8 +72,15 @@ _PASSED_OVER: Final[Mapping[str, str]] = {
     "mesh": "submesh convex_decomposition",
 }
 #: Elements of Drake that are read, in a joint, and how like one of them a mistyped one is.
-_OF_DRAKE: Final = ("drake:rotor_inertia", "drake:gear_ratio")
+_OF_DRAKE: Final = ("drake:rotor_inertia", "drake:gear_ratio", "drake:mimic")
 _ALIKE: Final = 0.85
+#: Those in a model that are not read, with why not and what to do.
+_REFUSED: Final[Mapping[str, tuple[str, str]]] = {
+    "drake:joint": ("a planar joint is not read", "replace it by revolute and prismatic joints, or by a fixed one"),
+    "drake:ball_constraint": ("it closes a loop of links", "remove it: only trees are read"),
+}
+#: Those in a model that add a force, which the note of the robot names.
+SPRINGS_OF_DRAKE: Final = ("drake:linear_spring_damper", "drake:linear_bushing_rpy", "drake:tendon_constraint")
 _EVERYWHERE: Final = ("plugin", "sensor")
 
 
@@ -102,7 +109,9 @@ def check_words(element: Element) -> None:
 
 
 def _check_prefixed(element: Element, parent: str) -> None:
-    """Refuse an element of Drake that is read elsewhere or by nearly the same name; others are the user's own."""
+    """Refuse an element of Drake that moves otherwise, or stands elsewhere; others are the user's own."""
+    if element.tag in _REFUSED and parent == "model":
+        raise element.place.error(*_REFUSED[element.tag])
     if element.tag in _OF_DRAKE and parent != "joint":
         raise element.place.error(f"<{element.tag}> in <{parent}>", "write it in the <joint>")
     if element.tag not in _OF_DRAKE and (near := nearest(element.tag, _OF_DRAKE, _ALIKE)):

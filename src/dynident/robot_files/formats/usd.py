@@ -46,7 +46,7 @@ class UsdModel(Description):
         suffix = next((ending for head, ending in _HEADS.items() if data.startswith(head)), "")
         if not suffix:
             raise DescriptionError(path, "", "no USD by its first bytes", "export the stage again")
-        if Path(str(path)).is_file():
+        if os.path.isfile(str(path)):
             return robot_of_stage(path, read_stage(str(path)))
         with tempfile.TemporaryDirectory(prefix="dynident-") as folder:
             file = Path(folder) / f"{Path(str(path)).stem}{suffix}"

@@ -9,7 +9,7 @@ from typing import Final, Literal
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.errors import nearest
+from dynident.errors import DescriptionError, nearest
 from dynident.model.documents.numbers import shown
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, JointLimits, rotation_about
@@ -133,11 +133,16 @@ class _TreeReader:
     def __init__(self, document: MjcfDocument) -> None:
         self.tree = MjcfTree()
         self._moving = 0
-        self._given = {name for world in document.sections["worldbody"] for name in _names(world)}
+        self._loose: list[DescriptionError] = []
+        self._given = {
+            one.attributes.get("name", "") for world in document.sections["worldbody"] for one in _below(world)
+        }
         scope = MjcfScope.of(document)
         carrier = _Carrier(WORLD, np.zeros(3))
         for world in document.sections["worldbody"]:
             self._inside(list(self._flat(world, IDENTITY, scope)), carrier)
+        if self._loose and not self.tree.joints:
+            raise self._loose[0]
 
     def _flat(self, element: Element, frame: Pose, scope: MjcfScope) -> Iterator[_Placed]:
         """Yield the children of an element, those of frames, replicas and attached models in place of these."""
@@ -229,9 +234,9 @@ class _TreeReader:
         if values.number("gravcomp", 0.0):
             self.tree.note("gravity compensation of bodies", name)
         children = list(self._flat(element, IDENTITY, scope))
-        self._check_free(children, name)
+        self._check_free(element, children, name, carrier)
         rotation, translation = placed(frame, pose_of(values, scope.document.compiler))
-        joints = [one for one in children if one[0].tag == "joint"]
+        joints = [one for one in children if one[0].tag == "joint" and _kind(one) != "free"]
         origin = self._connect(name, joints, (rotation, translation + carrier.origin), carrier)
         inertia = self._inertia(element, children, scope)
         self.tree.bodies[name] = None if inertia is None else inertia.moved(np.eye(3), origin)
@@ -246,17 +251,21 @@ class _TreeReader:
         taken = {*self._given, *self.tree.bodies, *self.tree.joints}
         return numbered(word, before + 1, taken)
 
-    def _check_free(self, children: list[_Placed], name: str) -> None:
-        for child, _, scope in children:
-            kind = "free" if child.tag == "freejoint" else ""
-            if child.tag == "joint":
-                kind = scope.defaults.values(child, scope.childclass).text("type", "hinge")
+    def _check_free(self, body: Element, children: list[_Placed], name: str, carrier: _Carrier) -> None:
+        """Refuse a ball joint and a robot that floats; an object that does, beside a robot, is held where it is."""
+        for child in children:
+            kind, place = _kind(child), child[0].place
             if kind == "free":
                 step = "remove the joint to fix the base, or remove the body if it is no part of the robot"
-                raise child.place.error(f"body {shown(name)} floats freely: arms on a fixed base are read", step)
+                error = place.error(f"body {shown(name)} floats freely: arms on a fixed base are read", step)
+                inside = (one.tag for one in _below(body) if one is not child[0])
+                if carrier.name != WORLD or {"joint", "freejoint", "attach"} & set(inside):
+                    raise error
+                self._loose.append(error)
+                self._moving += 1
+                self.tree.note("bodies that float freely", name)
             if kind == "ball":
-                step = "replace it by three hinges"
-                raise child.place.error("a ball joint has three degrees of freedom", step)
+                raise place.error("a ball joint has three degrees of freedom", "replace it by three hinges")
 
     def _inertia(self, body: Element, children: list[_Placed], scope: MjcfScope) -> Inertia | None:
         compiler = scope.document.compiler
@@ -346,11 +355,19 @@ class _TreeReader:
         return float(damping[0])
 
 
-def _names(element: Element) -> Iterator[str]:
-    """Yield the names that elements below one have."""
+def _kind(child: _Placed) -> str:
+    """Return what kind of joint an element is, empty for another."""
+    element, _, scope = child
+    if element.tag == "joint":
+        return scope.defaults.values(element, scope.childclass).text("type", "hinge")
+    return "free" if element.tag == "freejoint" else ""
+
+
+def _below(element: Element) -> Iterator[Element]:
+    """Yield the elements below one."""
     for child in element.children:
-        yield child.attributes.get("name", "")
-        yield from _names(child)
+        yield child
+        yield from _below(child)
 
 
 def _limits(values: Values, scope: MjcfScope, unit: float) -> JointLimits:

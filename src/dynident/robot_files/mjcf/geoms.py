@@ -107,7 +107,9 @@ class Meshes:
                 reason, step = str(problem), f"correct the file, or {_WRITE}"
                 if isinstance(problem, FileError):
                     reason = f"{problem.path}: {problem.evidence}"
-                    step = f"put it there, with a name relative to that folder, or {_WRITE}"
+                    is_missing = problem.evidence.startswith("no such")
+                    step = "put it there, with a name relative to that folder" if is_missing else problem.step
+                    step = f"{step}, or {_WRITE}"
                 raise asset.values.place.error(f"the mesh {shown(name)} gives no inertia: {reason}", step) from problem
         return self.bodies[name, kind]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -21,6 +21,7 @@ from dynident.robot_files.xml_values import Values
 _RIGID: Final = "arms of rigid links moved by joints are read"
 _LEAST_GEAR: Final = 1e-12
 _ENDS: Final = ("joint1", "joint2")
+_BODIES: Final = ("body1", "body2")
 _PARAMETERS: Final = ("dyntype", "gaintype", "biastype")
 
 
@@ -52,9 +53,12 @@ def _followed(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> lis
     for element, suffix in _equalities(document, defaults, tree):
         values = defaults.values(element, "", "equality")
         if element.tag == "tendon":
-            step = 'write the coupling as an equality of joints (<joint joint1= joint2= polycoef=>), or active="false"'
-            raise values.place.error("an equality of tendons is not read", step)
-        if element.tag != "joint":
+            values = _of_joints(values, document, tree, ties)
+        elif element.tag != "joint":
+            mocap = [name for key in _BODIES if (name := values.text(key, "")) and _is_mocap(name, tree)]
+            if mocap:  # a handle of the simulator
+                tree.note("what ties it to mocap bodies", mocap[0])
+                continue
             step = 'remove it, or write active="false": loops of bodies are not read'
             raise values.place.error(f"the equality constraint <{element.tag}> closes a loop of bodies", step)
         names = {key: values.text(key) + suffix for key in _ENDS if key in values}
@@ -71,6 +75,35 @@ def _followed(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> lis
             still[one] = tie
     _check_rings(ties, joints)
     return list(with_held(joints, still).values())
+
+
+def _is_mocap(name: str, tree: MjcfTree) -> bool:
+    return name in tree.sources and tree.sources[name].element.attributes.get("mocap") == "true"
+
+
+def _of_joints(values: Values, document: MjcfDocument, tree: MjcfTree, tied: Collection[str]) -> Values:
+    """Return the equality of a tendon over one or two joints as that of the joints.
+
+    The length of ``<fixed>`` is the sum of coef * (q - ref); the second joint follows the first, unless it follows one.
+    """
+    tendons = {one.attributes.get("name", ""): one for one in document.each("tendon")}
+    name = values.text("tendon1")
+    if name not in tendons:
+        raise values.place.error(f"there is no tendon {shown(name)}", f"correct the name{nearest(name, tendons)}")
+    rows = [Values(one.place, one.attributes) for one in tendons[name].children]
+    parts = {row.text("joint"): row.number("coef") for row in rows if "joint" in row}
+    plain = tendons[name].tag == "fixed" and len(parts) == len(rows) <= 2 and all(parts.values())
+    if "tendon2" in values or not plain or tree.copies.keys() & parts:
+        step = 'write active="false", or couple two joints by an equality of joints (<joint joint1= joint2= polycoef=>)'
+        raise values.place.error("an equality of tendons, other than a <fixed> one of two joints", step)
+    (one, ratio), *other = reversed(parts.items())
+    if other and one in tied:
+        (one, ratio), other = other[0], [(one, ratio)]
+    constant = values.numbers("polycoef", 1, 5)[0] / ratio if "polycoef" in values else 0.0
+    given = {"joint1": one, "polycoef": f"{float(constant)!r}"}
+    for leader, share in other:
+        given |= {"joint2": leader, "polycoef": f"{float(constant)!r} {-share / ratio!r}"}
+    return Values(values.place, given)
 
 
 def _equalities(document: MjcfDocument, defaults: Defaults, tree: MjcfTree) -> Iterator[tuple[Element, str]]:

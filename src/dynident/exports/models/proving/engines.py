@@ -115,21 +115,24 @@ def _torque_of(api: Any, model: Any, states: StateSet, is_urdf: bool, bodies_onl
     if is_urdf:
         model.opt.gravity = states.gravity
     model.opt.disableflags |= int(api.mjtDisableBit.mjDSBL_CONSTRAINT)
-    joints = [model.joint(i).name or f"joint{i + 1}" for i in range(model.njnt)]
+    moving = [i for i in range(model.njnt) if model.jnt_type[i] >= int(api.mjtJoint.mjJNT_SLIDE)]  # none floats
+    joints = [model.joint(i).name or f"joint{i + 1}" for i in moving]
+    places, dofs = model.jnt_qposadr[moving], model.jnt_dofadr[moving]
     q, dq, ddq = states.of(joints)
     state, found = api.MjData(model), np.empty_like(q)
     if bodies_only:
         model.opt.gravity = states.gravity
         _without_forces(api, model, state)
     for k in range(len(q)):
-        state.qpos, state.qvel, state.qacc = q[k], dq[k], ddq[k]
+        state.qpos[places], state.qvel[dofs], state.qacc[dofs] = q[k], dq[k], ddq[k]
         api.mj_inverse(model, state)
-        found[k] = state.qfrc_inverse
-    found += np.sign(dq) * model.dof_frictionloss
+        found[k] = state.qfrc_inverse[dofs]
+    found += np.sign(dq) * model.dof_frictionloss[dofs]
     for tendon in range(model.ntendon):
         part = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
-        row = np.zeros(len(joints))
+        row = np.zeros(model.njnt)
         row[model.wrap_objid[part]] = model.wrap_prm[part]
+        row = row[moving]
         found += np.sign(dq @ row)[:, None] * row * model.tendon_frictionloss[tendon]
     return states.gather(joints, found)
 
