@@ -12,6 +12,8 @@ from benchmarks.faults.trials import Trial
 from benchmarks.strangers.plant import Body, cylinder, urdf, waves
 
 from dynident.case.case import read_case
+from dynident.diagnosis.causes.couplings import CoupledRows
+from dynident.diagnosis.causes.quick_fit import quick_fit
 from dynident.diagnosis.finding import Finding
 
 pinocchio = pytest.importorskip("pinocchio")
@@ -107,6 +109,17 @@ def test_swapped_torques_are_named(tmp_path: Path) -> None:
 def test_another_robot_is_named(tmp_path: Path) -> None:
     (found,) = told(put.other_arm(recorded(tmp_path, 0, (2.0, 3.0, 12.0, 13.0)), 0), tmp_path)
     assert (found.severity, found.name) == ("error", "another robot")
+
+
+def test_a_motor_has_the_friction_of_its_own_kind(tmp_path: Path) -> None:
+    trial = recorded(tmp_path, 0)
+    fit = quick_fit(trial.case, trial.case.read(str(trial.written(tmp_path))))
+    assert fit is not None
+    rows, parts = CoupledRows(fit), fit.model.friction
+    for drive, row in enumerate(rows.stated):
+        acts = [drive in fit.model.drives_of(part) for part in parts for _ in part.coefficients]
+        assert 3 <= sum(acts) < len(acts)
+        assert np.any(rows.friction(drive, row), axis=0).tolist() == acts
 
 
 def test_the_scale_of_a_slow_slide_is_open(tmp_path: Path) -> None:

@@ -62,16 +62,16 @@ def test_without_noise_of_the_positions_the_covariance_is_that_of_the_residual()
 
 
 def test_intervals_hold_the_truth_under_noise_of_the_positions() -> None:
-    pairs = [found(2e-4, 25.0, seed) for seed in range(3)]
+    pairs = [found(2e-4, 25.0, seed) for seed in range(6)]
     errors = np.array([error for *_, error in pairs])
     bare = np.mean([np.abs(error) < one.half_widths() for _, one, error in pairs])
     whole = np.mean([np.abs(error) < one.half_widths() for one, _, error in pairs])
     assert bare < 0.7
-    assert whole > 0.85  # rows of the slide from 2 mm/s on count: noise turns their sign of friction over
+    assert whole > 0.9
     told = [one.choices.position_noise for one, *_ in pairs]
     assert all(one is not None for one in told)
-    bias, stated = errors.mean(axis=0), np.mean([one.parameters for one in told if one], axis=0)
-    large = np.abs(bias) > 3 * errors.std(axis=0)
+    bias, stated = errors[:3].mean(axis=0), np.mean([one.parameters for one in told[:3] if one], axis=0)
+    large = np.abs(bias) > 3 * errors[:3].std(axis=0)
     assert large.sum() >= 3
     ratio = stated[large] / bias[large]
     assert np.all((ratio > 0.4) & (ratio < 2.5)), ratio

@@ -19,12 +19,12 @@ from dynident.errors import LogMismatch, PoorExcitation
 from dynident.identification.build_problem import build_problem
 from dynident.identification.problem import regressor_stream as observing
 from dynident.identification.problem import thinned_rows
-from dynident.identification.problem.problem import Problem, counting_rows, make_problem
+from dynident.identification.problem.problem import Problem, counting_rows, make_problem, rest_speeds
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of, target_torque
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Motion
-from dynident.model.robot import Drive, Robot
+from dynident.model.robot import Drive, JointLimits, Robot
 
 ARMS = ("pendulum", "planar_2r", "spatial_3r", "sliding_arm", "scara", "mimic_arm", "coupled_arm")
 GIVEN = Preprocessing(AsGiven(), rest="keep")
@@ -196,6 +196,19 @@ def test_rows_at_rest_are_left_out_of_the_joint_that_rests(planar_2r: Robot, exa
     np.testing.assert_allclose(problem.residual_squares(beta), squares)
     kept = build_problem(model, [log], replace(how, rest="keep"))
     np.testing.assert_array_equal(kept.counts, [600, 600])
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "speed"),
+    [(0.0, 0.35, 0.007), (0.002, 0.042, 0.0008), (-1.0, 4.0, 0.02), (0.0, np.inf, 0.005), (0.1, 0.1, 0.005)],
+)
+def test_a_slide_rests_below_a_share_of_its_travel(scara: Robot, lower: float, upper: float, speed: float) -> None:
+    limits = {"joint3": JointLimits(lower=lower, upper=upper)}
+    joints = tuple(replace(j, limits=limits.get(j.name, j.limits)) for j in scara.joints)
+    robot = replace(scara, joints=joints)
+    slides = [joint.kind == "prismatic" for joint in robot.active]
+    assert sum(slides) == 1
+    assert rest_speeds(robot, 0.02) == pytest.approx(np.where(slides, speed, 0.02))
 
 
 def test_a_resting_motor_rests_all_joints_that_it_moves(coupled_arm: Robot, exact_log: MakeLog) -> None:

@@ -36,7 +36,7 @@ _WIDTH = 0.01
 #: Speed in rad/s over which friction at rest fades, where held-out samples find some and no other speed of it.
 _FADES = 0.1
 
-#: A joint slower than this, in rad/s, is at rest; a slide below a tenth of it in m/s.
+#: A joint slower than this, in rad/s, is at rest; a slide below its travel times this, a second.
 _STANDSTILL = 0.02
 
 
@@ -224,8 +224,10 @@ def _preprocessing(found: Recognised) -> list[str]:
 
 
 def _of_slides(found: Recognised) -> str:
-    """Return what the speed of rest is for slides; nothing where the robot has none."""
-    return ", of slides a tenth in m/s" if any(joint.kind == "prismatic" for joint in found.robot.active) else ""
+    """Return what the speed of rest is of slides; nothing where the robot has none."""
+    robot = found.robot if found.moving is None else found.moving
+    speeds = zip(robot.active, rest_speeds(robot, _STANDSTILL).tolist(), strict=True)
+    return "".join(f", {plain(joint.name)} {speed:.2g} m/s" for joint, speed in speeds if joint.kind == "prismatic")
 
 
 def _bridged(found: Recognised) -> list[str]:

@@ -55,7 +55,7 @@ class Preprocessing:
         filter: The filter part.
         rate_hz: Samples a second that are kept; None: as ``rows_per_period`` says.
         trim_s: Seconds left out at both ends, where filters have no past or future.
-        standstill: Speed in rad/s below which a joint is at rest when it stays there, of slides a tenth of it in m/s;
+        standstill: Speed in rad/s below which a joint is at rest when it stays there, of slides times their travel;
             its static friction is then unknown.
         rest: ``mask`` leaves samples at rest out of the fit, ``keep`` takes them in.
         delay_s: By how much the torque of the log lags behind its positions, in s; the motion is shifted by it. None:

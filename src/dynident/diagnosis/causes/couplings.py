@@ -37,8 +37,8 @@ REFINED = 2
 #: Share of an entry to which its best value is found.
 PRECISION = 1e-4
 
-#: Gain of the score for which an entry is kept, and entries found at most.
-KEPT, MOST = 1.5, 3
+#: Gain of the score and standard deviations from zero for which an entry is kept, and entries found at most.
+KEPT, SURE, MOST = 1.5, 2.0, 3
 
 
 #: Gain, rank among equal ones, C, and the motors and joints of the entries that are new.
@@ -72,7 +72,7 @@ def best_coupling(fit: QuickFit) -> Coupled | None:
     """Return the coupling of neighbouring joints that a log asks for; None where it asks for none."""
     if not np.any(fit.relative > UNEXPLAINED):
         return None
-    rows = _CoupledRows(fit)
+    rows = CoupledRows(fit)
     found = [each for at_motors in (False, True) if (each := _found(_Scan(rows, at_motors))) is not None]
     return max(found, key=lambda each: each.gain, default=None)
 
@@ -86,7 +86,10 @@ def _found(scan: _Scan) -> Coupled | None:
         if gain - best < KEPT:
             break
         single = len(places) == 1
-        entries += [(*place, float(tried[place]), scan.deviation(tried, place) if single else 0.0) for place in places]
+        new = [(*place, float(tried[place]), scan.deviation(tried, place) if single else 0.0) for place in places]
+        if any(abs(value) < SURE * spread for *_, value, spread in new):
+            break
+        entries += new
         matrix, best = tried, gain
     if not entries:
         return None
@@ -98,7 +101,7 @@ def _found(scan: _Scan) -> Coupled | None:
 class _Scan:
     """Couplings, and how well the log agrees under each, its torques taken for those of motors or of joints."""
 
-    def __init__(self, rows: _CoupledRows, at_motors: bool) -> None:
+    def __init__(self, rows: CoupledRows, at_motors: bool) -> None:
         self.rows, self.at_motors, self.stated = rows, at_motors, rows.stated
         self._score = self._solved(self.stated).score
 
@@ -111,7 +114,7 @@ class _Scan:
             for place in open_places
         }
         for place in open_places:
-            self.rows.make_friction([_with(matrix, place, value)[place[0]] for value in tried[place]])
+            self.rows.make_friction(place[0], [_with(matrix, place, value)[place[0]] for value in tried[place]])
         gains = {place: [self.gain(_with(matrix, place, value)) for value in tried[place]] for place in open_places}
         for place in sorted(open_places, key=lambda place: -max(gains[place]))[:REFINED]:
             k = int(np.clip(np.argmax(gains[place]), 1, len(tried[place]) - 2))
@@ -172,7 +175,7 @@ class _Scan:
         return weighted_products(grams, sides, squares, counts, np.maximum(EXACT**2 * squares / counts, 1e-300))
 
 
-class _CoupledRows:
+class CoupledRows:
     """The rows of a quick fit with friction columns that can be made for any coupling."""
 
     def __init__(self, fit: QuickFit) -> None:
@@ -190,7 +193,7 @@ class _CoupledRows:
         self._bodies = [block[mask] for block, mask in zip(self._inertial, fit.rows.masks.T, strict=True)]
         pairs = list(zip(self._bodies, self._targets, strict=True))
         self._still = [(block.T @ block, block.T @ target, target.T @ target) for block, target in pairs]
-        self._friction: dict[bytes, Array] = {}
+        self._friction: dict[tuple[int, bytes], Array] = {}
         self._made: dict[tuple[int, bytes], tuple[Array, Array, Array]] = {}
         self.pairs = tuple(self._neighbours())
 
@@ -231,7 +234,7 @@ class _CoupledRows:
             taken = np.vstack([np.eye(len(matrix))[i], np.linalg.solve(self.stated, matrix)[:, i]]).T
             taken = np.vstack([taken, -np.ones(2)])  # the known torque is taken off
             mask, count, own = self.fit.rows.masks[:, i], self.fit.model.coefficients_per_joint, len(gram)
-            columns = [matrix[drive, i] * self.friction(matrix[drive])[mask] for drive in drives.tolist()]
+            columns = [matrix[drive, i] * self.friction(drive, matrix[drive])[mask] for drive in drives.tolist()]
             friction = np.hstack(columns) if columns else np.zeros((int(mask.sum()), 0))
             places = np.concatenate([np.arange(own), *(own + count * drive + np.arange(count) for drive in drives)])
             cross = self._bodies[i].T @ friction
@@ -252,26 +255,29 @@ class _CoupledRows:
         """Return the observation matrix of a joint under a coupling, shape (N, k)."""
         columns = np.zeros((len(self._inertial[i]), len(matrix), self.fit.model.coefficients_per_joint))
         for drive in np.flatnonzero(matrix[:, i]).tolist():
-            columns[:, drive] = self.friction(matrix[drive]) * matrix[drive, i]
+            columns[:, drive] = self.friction(drive, matrix[drive]) * matrix[drive, i]
         return np.column_stack([self._inertial[i], columns.reshape(len(columns), -1)])
 
-    def friction(self, row: Array) -> Array:
+    def friction(self, drive: int, row: Array) -> Array:
         """Return the friction columns of a motor with its row (n,) of C, at its own speed, filtered, shape (N, k)."""
-        if row.tobytes() not in self._friction:
-            self.make_friction([row])
-        return self._friction[row.tobytes()]
+        if (drive, row.tobytes()) not in self._friction:
+            self.make_friction(drive, [row])
+        return self._friction[drive, row.tobytes()]
 
-    def make_friction(self, wanted: Sequence[Array]) -> None:
-        """Make the friction columns of motors with rows (n,) of C side by side, but for those that are there."""
-        new = [row for row in wanted if row.tobytes() not in self._friction]
+    def make_friction(self, drive: int, wanted: Sequence[Array]) -> None:
+        """Make the friction columns of a motor for rows (n,) of C side by side, but for those that are there."""
+        new = [row for row in wanted if (drive, row.tobytes()) not in self._friction]
         if not new:
             return
         motion, prepared, rows = self._motion, self.fit.rows.prepared, np.array(new)
         motors = Motion(*(signal @ rows.T for signal in (motion.q, motion.dq, motion.ddq)))
-        values = np.concatenate([part.columns(motors) for part in self.fit.model.friction], axis=2)
+        acts = self.fit.model.drives_of
+        parts = [part.columns(motors) * (drive in acts(part)) for part in self.fit.model.friction]
+        values = np.concatenate(parts, axis=2)
         flat = np.ascontiguousarray(values.reshape(len(values), -1).T)
         smooth = prepared.smooth(flat)[:, prepared.keep].reshape(len(rows), -1, len(prepared.keep))
-        self._friction |= {row.tobytes(): np.ascontiguousarray(own.T) for row, own in zip(rows, smooth, strict=True)}
+        for row, own in zip(rows, smooth, strict=True):
+            self._friction[drive, row.tobytes()] = np.ascontiguousarray(own.T)
 
     def _neighbours(self) -> Iterator[tuple[int, int]]:
         """Yield motors and joints: one or two joints before that of the motor, or the next one behind it."""

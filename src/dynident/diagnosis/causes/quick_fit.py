@@ -20,7 +20,7 @@ from dynident.data.preprocessing import FILTERS, Prepared, Preprocessing, prepro
 from dynident.data.preprocessing._zero_phase import low_passed
 from dynident.diagnosis.causes.weighted_fit import EXACT, Products, Solved, Triangles, weighted_products
 from dynident.errors import DynidentError
-from dynident.identification.problem.problem import LEVER, counting_rows
+from dynident.identification.problem.problem import counting_rows, speed_scales
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of, target_torque
 from dynident.identification.residuals.covariance import correlation_factors
 from dynident.model.base_parameters import BaseParameters, base_parameters
@@ -244,14 +244,17 @@ def quick_fit(case: Case, log: Log) -> QuickFit | None:
 
 
 def _by_kind(part: Friction, robot: Robot) -> list[Friction]:
-    """Return a part whose speeds are for hinges, and one for slides, which are slower; the part alone where none is."""
-    slides = tuple(joint.name for joint in robot.active if joint.kind == "prismatic")
-    speeds = {name: LEVER * getattr(part, name) for name, one in part.ranges.items() if one.is_speed}
+    """Return a part whose speeds are for hinges, and one for each slide, which is slower; the part where none is."""
+    speeds = {name: getattr(part, name) for name, one in part.ranges.items() if one.is_speed}
+    scales = dict(zip(robot.joint_names, speed_scales(robot).tolist(), strict=True))
+    slides = [joint.name for joint in robot.active if joint.kind == "prismatic"]
     if not slides or not speeds:
         return [part]
     hinges = tuple(name for name in robot.joint_names if name not in slides)
-    slow = replace(part, joints=slides, **speeds)  # type: ignore[arg-type]
-    return [replace(part, joints=hinges), slow] if hinges else [slow]
+    slow = [
+        replace(part, joints=(name,), **{key: scales[name] * speed for key, speed in speeds.items()}) for name in slides
+    ]
+    return [replace(part, joints=hinges), *slow] if hinges else slow
 
 
 def asks_inertia(case: Case) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from dynident.case.evidence.positions import LARGEST_TURN, STILL, is_plausible, is_within, travel
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, listed
+from dynident.identification.problem.problem import rest_speeds
 
 #: Degrees of travel below which a log is of an arm at rest, in whatever unit.
 MOVES = 0.2
@@ -102,7 +103,7 @@ def _still(subject: CheckedLog) -> list[Finding]:
         return [Finding("error", "joint never moved", listed(still), evidence, remedy, numbers, ("standstill",))]
     window = max(1, min(round(0.05 * log.rate), len(log.q) - 1))  # logs of a few rows too
     speed = np.abs(log.q[window:] - log.q[:-window]) / (log.time[window:] - log.time[:-window])[:, None]
-    rest = float(np.mean(np.all(speed < subject.case.preprocessing.standstill, axis=1)))
+    rest = float(np.mean(np.all(speed < rest_speeds(robot, subject.case.preprocessing.standstill), axis=1)))
     if rest <= MOSTLY_AT_REST:
         return []
     evidence = f"all joints are at rest in {100 * rest:.0f} % of the samples"

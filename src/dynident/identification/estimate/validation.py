@@ -85,7 +85,7 @@ class Validation(ShortText):
         moving: The same over rows where no drive of the joint rests.
         total_relative_error: |residual| / |torque| over all joints and rows, not centred.
         samples: Time samples.
-        standstill: Speed in rad/s below which a joint rests when it stays there, of slides a tenth of it in m/s.
+        standstill: Speed in rad/s below which a joint rests when it stays there, of slides times their travel.
         filter: What was done to the signals; stands beside every figure.
         logs: Names of the logs.
         time: Concatenated time of the logs, shape (N,), in s; starts anew with each log.

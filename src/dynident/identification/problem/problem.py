@@ -20,10 +20,10 @@ from dynident.model.base_parameters import BaseParameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.reduction import Reduced, Triangle, reduce
-from dynident.model.robot import Robot
+from dynident.model.robot import Joint, Robot
 
-#: Lever in m at which a hinge moves as a slide does: a slide rests below this times the speed of rest of a hinge.
-LEVER = 0.1
+#: Travel in m of a slide whose limits are not known, and the longest that counts.
+TRAVEL, LONGEST_TRAVEL = 0.25, 1.0
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,20 @@ def counting_rows(model: DynamicModel, prepared: Prepared) -> BoolArray:
 
 def rest_speeds(robot: Robot, standstill: float) -> Array:
     """Return the speed below which each joint rests, shape (n,): ``standstill`` in rad/s, of slides less, in m/s."""
-    return standstill * np.where([joint.kind == "prismatic" for joint in robot.active], LEVER, 1.0)
+    return standstill * speed_scales(robot)
+
+
+def speed_scales(robot: Robot) -> Array:
+    """Return the speed of each joint that counts as 1 rad/s, shape (n,): 1 of a hinge, of a slide its travel a second.
+
+    A slide is built to cross its travel as a hinge turns a radian or so: a lift of 0.35 m, a finger of 0.03 m.
+    """
+    return np.array([_travel(joint) if joint.kind == "prismatic" else 1.0 for joint in robot.active])
+
+
+def _travel(joint: Joint) -> float:
+    span = joint.limits.upper - joint.limits.lower
+    return min(span, LONGEST_TRAVEL) if 0.0 < span < np.inf else TRAVEL
 
 
 def check_rank(reduced: Reduced, base: BaseParameters, tolerance: float = 1e-9) -> None:

@@ -7,11 +7,11 @@ only where its error is smaller than that of the stated one by more than chance 
 (Student's t of the differences, block by block). Then it is found to a finer step, in a fit of all rows near it.
 
 Parts that ``choose`` names as a whole are added one by one, on all their drives at once, as long as that lowers the
-held-out error, and the shortest list within one standard error of the best is kept (Breiman, Friedman, Olshen and Stone
-1984, section 3.4.3). The fastest rows are one more block for them: a part has to go on beyond the speeds of the fit. A
-part with fields of its own beside the width is held against its absence with their best values. Where a part is taken,
-all fields are chosen once more beside it. Signs of dry friction that are left to the logs turn over one width on the
-same joints. Errors of blocks are compared by their ratios: a block of large torques has no more say than others.
+held-out error, and the shortest list is kept that the best one does not improve on by more than chance. The fastest
+rows are one more block for them: a part has to go on beyond the speeds of the fit. A part with fields of its own
+beside the width is held against its absence with their best values. Where a part is taken, all fields are chosen once
+more beside it. Signs of dry friction that are left to the logs turn over one width on the same joints. Errors of
+blocks are compared by their ratios: a block of large torques has no more say than others.
 
 Where the delay of the torque is to be found as well, it is free in every fit: friction shows at reversals, a delay in
 all that the torque does, so that neither is compared by what the other one does.
@@ -43,8 +43,8 @@ from dynident.identification.selection.friction.variable_projection import faste
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE, Friction
 
-#: Blocks of rows at least; fewer than three tell nothing about chance.
-BLOCKS, FEWEST = 8, 3
+#: Blocks of rows at least, of logs too short for these, and the fewest that tell something about chance.
+BLOCKS, OF_SHORT_LOGS, FEWEST = 16, 8, 3
 
 #: Rows in a period of the filter's cut-off that are compared.
 ROWS = 8.0
@@ -99,8 +99,12 @@ def choose_fields(
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
     logs = [log.sparser(ROWS) for log in logs]
     load = default_load(without_optional(model), logs) if "torque" in model.needs else None
-    pooled = PooledLogs(model, logs, max(BLOCKS, len(logs)), load, delay_is_free)
-    search = _FieldSearch(model, pooled, fastest_of(model, logs), progress)
+    fastest = fastest_of(model, logs)
+    for blocks in (BLOCKS, OF_SHORT_LOGS):
+        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free)
+        search = _FieldSearch(model, pooled, fastest, progress)
+        if search.tells:
+            break
     found = search.fields()
     decided = search.with_linear_parts()
     if any(held.value == _THERE for held in decided.values()):
@@ -151,6 +155,11 @@ class _FieldSearch:
             for p, part in enumerate(model.friction)
             for name, span in spans_of(part, "choose", fastest).items()
         }
+
+    @property
+    def tells(self) -> bool:
+        """Whether the blocks have rows enough to hold some out."""
+        return self._tried((), "", np.empty(0)).tells
 
     def fields(self) -> dict[tuple[int, str], FieldChoice]:
         """Choose the fields of all parts that are there, one after another."""
@@ -203,7 +212,7 @@ class _FieldSearch:
             scores.append(errors[k])
         lowest = scores[int(np.argmin([np.mean(each) for each in scores]))]
         gaps = [each - lowest for each in scores]
-        chosen = next(own for own, gap in zip(path, gaps, strict=True) if np.mean(gap) <= max(_share(gap)[1], NOTHING))
+        chosen = next(own for own, gap in zip(path, gaps, strict=True) if not _is_better(gap))
         others = [tuple(q for q in linear if (q in chosen) != (q == p)) for p in linear]
         first, *errors = errors_of([chosen, *others])
         self.absent = tuple(p for p in self.absent if p not in chosen)
