@@ -150,24 +150,38 @@ class CauseRows:
 class CauseSearch:
     """Products of rows and columns of causes, made once; a fit with some of the causes is a choice of their entries."""
 
-    def __init__(self, rows: CauseRows, causes: Sequence[Cause]) -> None:
+    def __init__(self, rows: CauseRows, causes: Sequence[Cause], kept: BoolArray | None = None) -> None:
+        """Make the products.
+
+        Args:
+            rows: The rows.
+            causes: The causes.
+            kept: Columns of beta, shape (size,), that a fit has; the others, which one joint alone has, are taken out
+                of all rows, so that residuals are the same. None for all columns.
+        """
         self.rows, self.causes = rows, tuple(causes)
+        kept = np.ones(rows.size, bool) if kept is None else kept
+        self.size, places = int(kept.sum()), np.cumsum(kept) - 1
         lengths = [len(cause.columns) for cause in causes]
-        ends = rows.size + np.cumsum(lengths, dtype=np.int64)
+        ends = self.size + np.cumsum(lengths, dtype=np.int64)
         self._places = [np.arange(end - length, end) for end, length in zip(ends, lengths, strict=True)]
-        total = rows.size + int(sum(lengths))
+        total = self.size + int(sum(lengths))
         extra = np.concatenate([cause.columns for cause in causes]) if causes else np.zeros((0, *rows.target.shape))
         joints = rows.target.shape[1]
         self._grams, self._sides = np.zeros((joints, total, total)), np.zeros((joints, total))
-        self.squares = np.zeros(joints)
+        self.squares, self.whole = np.zeros((2, joints))  # less what the columns that are taken out explain, and all
         for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
-            every = np.concatenate([own, np.arange(rows.size, total)])
-            full = triangle_of(np.column_stack([block, extra[:, :, i].T, rows.target[:, i]])[rows.masks[:, i]])
+            mine, target = kept[own], rows.target[:, i]
+            every = np.concatenate([places[own[mine]], np.arange(self.size, total)])
+            order = np.concatenate([np.flatnonzero(~mine), np.flatnonzero(mine)])
+            full = triangle_of(np.column_stack([block[:, order], extra[:, :, i].T, target])[rows.masks[:, i]])
+            self.whole[i] = full[:, -1] @ full[:, -1]
+            full = full[np.sum(~mine) :, np.sum(~mine) :]
             product = full.T @ full
             self._grams[i][np.ix_(every, every)] = product[:-1, :-1]
             self._sides[i][every] = product[:-1, -1]
             self.squares[i] = product[-1, -1]
-        self.floors = np.maximum(EXACT**2 * self.squares / rows.counts, 1e-300)
+        self.floors = np.maximum(EXACT**2 * self.whole / rows.counts, 1e-300)
 
     def fit(self, chosen: Sequence[int]) -> Solved:
         """Return the fit with some of the causes, by their numbers."""
@@ -175,7 +189,7 @@ class CauseSearch:
 
     def products(self, chosen: Sequence[int]) -> tuple[Array, Array]:
         """Return W_i' W_i (n, k, k) and W_i' tau_i (n, k) of each joint with the columns of some of the causes."""
-        use = np.concatenate([np.arange(self.rows.size), *(self._places[k] for k in chosen)])
+        use = np.concatenate([np.arange(self.size), *(self._places[k] for k in chosen)])
         return self._grams[:, use][:, :, use], self._sides[:, use]
 
     def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
@@ -225,7 +239,7 @@ class CauseSearch:
 
     def _quick(self, before: Solved, chosen: Sequence[int], k: int) -> float:
         """Return about how likely one cause is, with the weights as they are: one step of elimination."""
-        use = np.concatenate([np.arange(self.rows.size), *(self._places[c] for c in chosen)])
+        use = np.concatenate([np.arange(self.size), *(self._places[c] for c in chosen)])
         new, weights = self._places[k], 1.0 / before.variances
         cross = np.tensordot(weights, self._grams[:, use][:, :, new], 1)
         own = np.tensordot(weights, self._grams[:, new][:, :, new], 1)

@@ -15,7 +15,7 @@ import numpy as np
 from dynident.arrays import Array, BoolArray
 from dynident.diagnosis.causes.held_out import ReadRows
 from dynident.diagnosis.causes.quick_fit import FitRows, QuickFit
-from dynident.diagnosis.causes.weighted_fit import Solved, Triangles
+from dynident.diagnosis.causes.weighted_fit import Triangles
 from dynident.diagnosis.finding import listed
 
 #: Gain of the score from which another reading is the true one, e^(gain / 2) in the ratio of residual deviations. An
@@ -67,12 +67,12 @@ def feeding(share: Array, z: Array) -> BoolArray:
 def torque_orders(fit: QuickFit) -> Iterator[Interpretation]:
     """Yield the orders of the torques under which a log agrees far better, that of the positions kept."""
     names, stated = fit.model.robot.joint_names, fit.solve(fit.shared).score
-    for order in _orders(len(names)):
+    orders = list(_orders(len(names)))
+    mixings = np.eye(len(names))[np.array(orders, dtype=int).reshape(-1, len(names))]
+    for order, mixing, variances in zip(orders, mixings, fit.variances(fit.shared, mixings), strict=True):
         moved = [i for i, k in enumerate(order) if i != k]
-        mixing = np.eye(len(names))[list(order)]
-        solved = fit.solve(fit.shared, mixing)
-        gain = stated - solved.score
-        if gain > GAIN and _explained(fit, solved, mixing, moved):
+        gain = stated - float(np.log(variances).sum())
+        if gain > GAIN and _explained(fit, variances, mixing, moved):
             how = _in_words(names, order)
             joints = tuple(names[i] for i in moved)
             evidence = f"with their torques {how},"
@@ -110,10 +110,10 @@ def _turned(order: tuple[int, ...], cycle: tuple[int, ...]) -> tuple[int, ...]:
     return tuple(turned)
 
 
-def _explained(fit: QuickFit, solved: Solved, mixing: Array, joints: Sequence[int]) -> bool:
+def _explained(fit: QuickFit, variances: Array, mixing: Array, joints: Sequence[int]) -> bool:
     masks = fit.rows.masks
     size = [float(np.std((fit.rows.torque @ mixing[i])[masks[:, i]])) for i in joints]
-    return bool((np.sqrt(solved.variances[list(joints)]) < GOOD * np.array(size)).all())
+    return bool((np.sqrt(variances[list(joints)]) < GOOD * np.array(size)).all())
 
 
 def position_readings(fit: QuickFit, wrong: BoolArray) -> Iterator[Interpretation]:

@@ -14,11 +14,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from dynident.arrays import Array
+from dynident.arrays import Array, IntArray
 from dynident.diagnosis.causes.held_out import ReadRows
-from dynident.diagnosis.causes.line_search import lowest_near
+from dynident.diagnosis.causes.line_search import lowest_near, run
 from dynident.diagnosis.causes.quick_fit import QuickFit
-from dynident.diagnosis.causes.weighted_fit import EXACT, Solved, weighted_products
+from dynident.diagnosis.causes.weighted_fit import EXACT, weighted_variances
 from dynident.identification.problem.regressor_stream import motion_of
 from dynident.model.friction import Motion
 
@@ -103,7 +103,7 @@ class _Scan:
 
     def __init__(self, rows: CoupledRows, at_motors: bool) -> None:
         self.rows, self.at_motors, self.stated = rows, at_motors, rows.stated
-        self._score = self._solved(self.stated).score
+        self._score = self._scores([self.stated])[0]
 
     def single(self, matrix: Array) -> Iterator[Trial]:
         """Yield the best entry of C at the places where one promises most."""
@@ -115,7 +115,7 @@ class _Scan:
         }
         for place in open_places:
             self.rows.make_friction(place[0], [_with(matrix, place, value)[place[0]] for value in tried[place]])
-        gains = {place: [self.gain(_with(matrix, place, value)) for value in tried[place]] for place in open_places}
+        gains = {place: self.gains([_with(matrix, place, value) for value in tried[place]]) for place in open_places}
         for place in sorted(open_places, key=lambda place: -max(gains[place]))[:REFINED]:
             k = int(np.clip(np.argmax(gains[place]), 1, len(tried[place]) - 2))
             gain, value = self._refined(matrix, place, tried[place][k - 1 : k + 2])
@@ -126,35 +126,38 @@ class _Scan:
         for motor, joint in self.rows.pairs:
             both = np.ix_((joint, motor), (joint, motor))
             if motor - joint == 1 and np.array_equal(matrix[both], np.eye(2)):
-                for block in DIFFERENTIALS:
-                    tried = matrix.copy()
-                    tried[both] = block
-                    yield self.gain(tried), 0, tried, ((joint, motor), (motor, joint), (motor, motor))
+                tried = np.repeat(matrix[None], len(DIFFERENTIALS), axis=0)
+                for own, block in zip(tried, DIFFERENTIALS, strict=True):
+                    own[both] = block
+                for own, gain in zip(tried, self.gains(list(tried)), strict=True):
+                    yield gain, 0, own, ((joint, motor), (motor, joint), (motor, motor))
 
     def transposed(self, matrix: Array) -> Iterator[Trial]:
         """Yield the stated coupling transposed, as it comes out where motors and joints are taken for each other."""
         if np.array_equal(matrix, self.stated) and not np.array_equal(matrix, matrix.T):
             new = (matrix.T != 0) & (matrix == 0)
-            yield self.gain(matrix.T), 2, matrix.T.copy(), tuple((int(i), int(j)) for i, j in np.argwhere(new))
+            yield self.gains([matrix.T])[0], 2, matrix.T.copy(), tuple((int(i), int(j)) for i, j in np.argwhere(new))
 
-    def gain(self, matrix: Array) -> float:
-        """Return by how much a coupling betters the score, residuals counted in the torques of the log."""
-        scale = abs(float(np.linalg.det(matrix) / np.linalg.det(self.stated)))
-        if scale < 1e-3:  # two motors that turn with both joints alike are one
-            return -np.inf
-        return self._score - self._solved(matrix).score + self.at_motors * 2 * float(np.log(scale))
+    def gains(self, matrices: Sequence[Array]) -> list[float]:
+        """Return by how much couplings better the score, residuals counted in the torques of the log."""
+        scales = np.abs(np.linalg.det(np.array(matrices)) / np.linalg.det(self.stated))
+        sound = scales >= 1e-3  # two motors that turn with both joints alike are one
+        gains = np.full(len(matrices), -np.inf)
+        scores = self._scores([matrix for matrix, one in zip(matrices, sound, strict=True) if one])
+        gains[sound] = self._score - np.array(scores) + self.at_motors * 2 * np.log(scales[sound])
+        return gains.tolist()
 
     def relative(self, matrix: Array) -> Array:
         """Return the root mean square of the residual over that of the torque less its mean, shape (n,)."""
         torque, masks = self.rows.torques(matrix)[int(self.at_motors)], self.rows.fit.rows.masks
         size = [float(np.std(column[mask])) for column, mask in zip(torque.T, masks.T, strict=True)]
-        return np.sqrt(self._solved(matrix).variances) / np.maximum(size, 1e-300)
+        return np.sqrt(self._variances([matrix])[0]) / np.maximum(size, 1e-300)
 
     def deviation(self, matrix: Array, place: tuple[int, int]) -> float:
         """Return the standard deviation of an entry of C, by the curvature of the likelihood of independent rows."""
         value = float(matrix[place])
         step = 1e-2 * abs(value)
-        low, middle, high = (self.gain(_with(matrix, place, value + shift)) for shift in (-step, 0.0, step))
+        low, middle, high = self.gains([_with(matrix, place, value + shift) for shift in (-step, 0.0, step)])
         curvature = (2 * middle - low - high) / step**2
         rows = float(np.median(self.rows.fit.independent_rows))
         return float(np.sqrt(2.0 / (rows * curvature))) if curvature > 0 else float("inf")
@@ -163,16 +166,38 @@ class _Scan:
         """Return gain and value of the best entry between the first and the last of three values."""
         low, value, high = values.tolist()
         step = 0.5 * min(value - low, high - value)
-        best = lowest_near(lambda each: -self.gain(_with(matrix, place, each)), value, step, PRECISION * abs(value))
-        return self.gain(_with(matrix, place, best)), best
+        search = lowest_near(value, step, PRECISION * abs(value))
+        best = run(search, lambda values: [-gain for gain in self.gains([_with(matrix, place, x) for x in values])])
+        return self.gains([_with(matrix, place, best)])[0], best
 
-    def _solved(self, matrix: Array) -> Solved:
-        joints = [self.rows.products(matrix, i) for i in range(len(matrix))]
-        grams = np.array([gram for gram, _, _ in joints])
-        sides = np.array([each[:, int(self.at_motors)] for _, each, _ in joints])
-        squares = np.array([each[int(self.at_motors)] for *_, each in joints])
-        counts = self.rows.fit.counts
-        return weighted_products(grams, sides, squares, counts, np.maximum(EXACT**2 * squares / counts, 1e-300))
+    def _scores(self, matrices: Sequence[Array]) -> list[float]:
+        return np.log(self._variances(matrices)).sum(axis=1).tolist() if matrices else []
+
+    def _variances(self, matrices: Sequence[Array]) -> Array:
+        """Return the residual variances under couplings, shape (m, n)."""
+        if len({(matrix != 0).tobytes() for matrix in matrices}) > 1:  # an entry may be tried at 0
+            return np.concatenate([self._variances([matrix]) for matrix in matrices])
+        which, counts = int(self.at_motors), self.rows.fit.counts
+        made = [[self.rows.products(matrix, i) for i in range(len(matrix))] for matrix in matrices]
+        squares = np.array([[whole[which] for *_, whole in joints] for joints in made])
+        left = np.array([[rest[which] for _, _, rest, _ in joints] for joints in made])
+        grams = np.array([[gram for gram, *_ in joints] for joints in made])
+        sides = np.array([[side[:, which] for _, side, *_ in joints] for joints in made])
+        return weighted_variances(grams, sides, left, counts, np.maximum(EXACT**2 * squares / counts, 1e-300))
+
+
+class _Left:
+    """Rows of a joint less what columns of its own explain, and their products; ``whole`` are those of all torques."""
+
+    def __init__(self, basis: Array, bodies: Array, targets: Array) -> None:
+        self._basis, self.whole = basis, targets.T @ targets
+        self.bodies, self.targets = self.out_of(bodies), self.out_of(targets)
+        self.gram, self.sides = self.bodies.T @ self.bodies, self.bodies.T @ self.targets
+        self.squares = self.targets.T @ self.targets
+
+    def out_of(self, columns: Array) -> Array:
+        """Return columns (N, k) less what the basis (N, m) explains."""
+        return columns - self._basis @ (self._basis.T @ columns)
 
 
 class CoupledRows:
@@ -191,10 +216,10 @@ class CoupledRows:
         targets = [np.column_stack([fit.rows.torque, known]) for known in fit.rows.known.T]
         self._targets = [target[mask] for target, mask in zip(targets, fit.rows.masks.T, strict=True)]
         self._bodies = [block[mask] for block, mask in zip(self._inertial, fit.rows.masks.T, strict=True)]
-        pairs = list(zip(self._bodies, self._targets, strict=True))
-        self._still = [(block.T @ block, block.T @ target, target.T @ target) for block, target in pairs]
+        self._of_two = np.sum([block.any(axis=0) for block in self._bodies], axis=0) > 1
         self._friction: dict[tuple[int, bytes], Array] = {}
-        self._made: dict[tuple[int, bytes], tuple[Array, Array, Array]] = {}
+        self._left: dict[tuple[int, bytes, bytes], _Left] = {}
+        self._made: dict[tuple[int, bytes, bytes], tuple[Array, Array, Array, Array]] = {}
         self.pairs = tuple(self._neighbours())
 
     def torques(self, matrix: Array) -> tuple[Array, Array]:
@@ -222,27 +247,41 @@ class CoupledRows:
         value = -last if at_motors else last / before if before else 0.0
         return (float(value),) if 0 < abs(value) < 2 * SIZES[-1] else ()
 
-    def products(self, matrix: Array, i: int) -> tuple[Array, Array, Array]:
-        """Return W_i' W_i of a joint, and W_i' tau_i and tau_i' tau_i of both torques; its motors settle them.
+    def products(self, matrix: Array, i: int) -> tuple[Array, Array, Array, Array]:
+        """Return products of the columns of a joint, those with both torques, the squares of these, and their own.
 
-        Products of the columns of bodies, and of these with all torques, are those of every coupling.
+        Columns that one joint alone has are taken out of all but the last: the residual of a fit is the same.
         """
-        drives = np.flatnonzero(matrix[:, i])
-        key = (i, matrix[drives].tobytes())
+        drives, turned = np.flatnonzero(matrix[:, i]), np.count_nonzero(matrix, axis=1) > 1
+        key = (i, turned.tobytes(), matrix[drives].tobytes())
         if key not in self._made:
-            gram, sides, squares = self._still[i]
+            left = self._left_at(matrix, drives[~turned[drives]], i)
             taken = np.vstack([np.eye(len(matrix))[i], np.linalg.solve(self.stated, matrix)[:, i]]).T
             taken = np.vstack([taken, -np.ones(2)])  # the known torque is taken off
-            mask, count, own = self.fit.rows.masks[:, i], self.fit.model.coefficients_per_joint, len(gram)
-            columns = [matrix[drive, i] * self.friction(drive, matrix[drive])[mask] for drive in drives.tolist()]
-            friction = np.hstack(columns) if columns else np.zeros((int(mask.sum()), 0))
-            places = np.concatenate([np.arange(own), *(own + count * drive + np.arange(count) for drive in drives)])
-            cross = self._bodies[i].T @ friction
-            whole, side = np.zeros((own + count * len(matrix),) * 2), np.zeros((own + count * len(matrix), 2))
-            whole[np.ix_(places, places)] = np.block([[gram, cross], [cross.T, friction.T @ friction]])
-            side[places] = np.vstack([sides, friction.T @ self._targets[i]]) @ taken
-            self._made[key] = whole, side, np.einsum("kj,kl,lj->j", taken, squares, taken)
+            mask, count, own = self.fit.rows.masks[:, i], self.fit.model.coefficients_per_joint, len(left.gram)
+            friction = np.zeros((int(mask.sum()), int(turned.sum()), count))
+            for k, drive in enumerate(np.flatnonzero(turned).tolist()):
+                if matrix[drive, i]:
+                    friction[:, k] = matrix[drive, i] * self.friction(drive, matrix[drive])[mask]
+            columns = left.out_of(friction.reshape(len(friction), -1))
+            gram, side = np.zeros((own + columns.shape[1],) * 2), np.zeros((own + columns.shape[1], 2))
+            gram[:own, :own], gram[:own, own:] = left.gram, left.bodies.T @ columns
+            gram[own:, :own], gram[own:, own:] = gram[:own, own:].T, columns.T @ columns
+            side[:own], side[own:] = left.sides @ taken, columns.T @ left.targets @ taken
+            squares = (np.einsum("kj,kl,lj->j", taken, each, taken) for each in (left.squares, left.whole))
+            self._made[key] = gram, side, *squares
         return self._made[key]
+
+    def _left_at(self, matrix: Array, alone: IntArray, i: int) -> _Left:
+        """Return what is left at a joint without the friction of motors ``alone`` (k,), which no other joint has."""
+        key = (i, alone.tobytes(), matrix[alone].tobytes())
+        if key not in self._left:
+            mask, bodies, targets = self.fit.rows.masks[:, i], self._bodies[i], self._targets[i]
+            friction = (self.friction(drive, matrix[drive])[mask] for drive in alone.tolist())
+            columns = np.hstack([bodies[:, ~self._of_two], *friction])
+            basis = np.linalg.qr(columns[:, columns.any(axis=0)])[0]
+            self._left[key] = _Left(basis, bodies[:, self._of_two], targets)
+        return self._left[key]
 
     def reading(self, matrix: Array, at_motors: bool) -> ReadRows:
         """Return the rows under a coupling."""

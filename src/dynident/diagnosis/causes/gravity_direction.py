@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from dynident.arrays import Array
 from dynident.diagnosis.causes.column_readings import GAIN
 from dynident.diagnosis.causes.held_out import ReadRows
+from dynident.diagnosis.causes.line_search import Search, run, side_by_side
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.weighted_fit import Products
 from dynident.identification.problem.regressor_stream import RegressorStream
@@ -68,17 +70,19 @@ class GravityDirection:
             self._sides[i], self._squares[i] = parts.swapaxes(1, 2) @ torques, torques.T @ torques
         self._grams = self._grams[:, :, ~eliminated][..., ~eliminated]
         self._sides = self._sides[:, :, ~eliminated]
-        self._stated = self._score(np.asarray(fit.model.robot.gravity))
+        (self._stated,) = self._scores([np.asarray(fit.model.robot.gravity)])
 
-    def gain(self, gravity: Array) -> float:
-        """Return by how much the fit is better with this gravity (3,) in m/s^2, in log variance."""
-        return self._stated - self._score(gravity)
+    def gains(self, fields: Sequence[Array]) -> list[float]:
+        """Return by how much the fit is better with each gravity (3,) in m/s^2, in log variance."""
+        return [self._stated - score for score in self._scores(fields)]
 
-    def _score(self, gravity: Array) -> float:
-        pull = np.concatenate([[1.0], gravity])
-        grams = np.tensordot(np.array([pull[a] * pull[b] for a, b in PAIRS]), self._grams, (0, 1))
-        sides = np.tensordot(pull, self._sides, (0, 1))
-        return self._fit.solve(Products(grams, sides, self._squares, self._whole)).score
+    def _scores(self, fields: Sequence[Array]) -> list[float]:
+        pulls = np.insert(np.array(fields), 0, 1.0, axis=1)
+        pairs = np.stack([pulls[:, a] * pulls[:, b] for a, b in PAIRS], axis=1)
+        grams = np.tensordot(pairs, self._grams, (1, 1))
+        sides = np.tensordot(pulls, self._sides, (1, 1))
+        found = self._fit.variances(Products(grams, sides, self._squares, self._whole))
+        return np.log(found).sum(axis=1).tolist()
 
     def reading(self, gravity: Array) -> ReadRows:
         """Return the rows of the log with this gravity (3,) in m/s^2."""
@@ -101,9 +105,10 @@ class GravityDirection:
         size = float(np.linalg.norm(gravity))
         axes = [sign * size * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
         start, gain = self.other_mounting()
-        found = [self._refined(gravity, 0.0, size), self._refined(start, gain, size)]
+        found = run(side_by_side([_refined(gravity, 0.0, size), _refined(start, gain, size)]), self.gains)
         best, gain = max(found, key=lambda each: each[1])
-        plain = [(each, self.gain(each)) for each in (gravity, *axes) if each @ best > NEAR * size**2]
+        near = [each for each in (gravity, *axes) if each @ best > NEAR * size**2]
+        plain = zip(near, self.gains(near), strict=True) if near else ()
         return max((each for each in plain if each[1] > gain - MORE), key=lambda each: each[1], default=(best, gain))
 
     def other_mounting(self) -> tuple[Array, float]:
@@ -112,20 +117,21 @@ class GravityDirection:
         size = float(np.linalg.norm(gravity))
         axes = [sign * size * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
         others = [axis for axis in axes if axis @ gravity <= APART * size**2]
-        return max(((axis, self.gain(axis)) for axis in others), key=lambda each: each[1])
+        return max(zip(others, self.gains(others), strict=True), key=lambda each: each[1])
 
-    def _refined(self, axis: Array, gain: float, size: float) -> tuple[Array, float]:
-        best, found, step = axis, gain, STEP
-        while step > ANGLE:
-            sides = np.linalg.svd(best[None, :])[2][1:]
-            tried = [best + sign * size * np.tan(step) * side for side in sides for sign in (1.0, -1.0)]
-            tried = [size * each / np.linalg.norm(each) for each in tried]
-            gains = [self.gain(each) for each in tried]
-            if max(gains) > found:
-                best, found = tried[int(np.argmax(gains))], max(gains)
-            else:
-                step /= 2
-        return best, found
+
+def _refined(axis: Array, gain: float, size: float) -> Search[Array, float, tuple[Array, float]]:
+    best, found, step = axis, gain, STEP
+    while step > ANGLE:
+        sides = np.linalg.svd(best[None, :])[2][1:]
+        tried = [best + sign * size * np.tan(step) * side for side in sides for sign in (1.0, -1.0)]
+        tried = [size * each / np.linalg.norm(each) for each in tried]
+        gains = yield tried
+        if max(gains) > found:
+            best, found = tried[int(np.argmax(gains))], max(gains)
+        else:
+            step /= 2
+    return best, found
 
 
 def degrees_off(gravity: Array, stated: Array) -> float:

@@ -11,7 +11,7 @@ is told with an interval that includes them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -81,7 +81,7 @@ class KnownBodies:
         """Return standard deviations that explain a fit better; those of an estimate are stated."""
         return shares
 
-    def surprise(self, information: Array, off: Array, fitted: Array) -> float:
+    def surprise(self, information: Array, off: Array, fitted: float) -> float:
         """Return twice the fall of the log-likelihood by ``off`` (s,), the bodies less what is known of them."""
         return float(off @ information @ off)
 
@@ -125,10 +125,9 @@ class NominalBodies(KnownBodies):
         counts = np.array([np.sum((told @ self.whole) * self.whole), np.sum(told * self.single)])
         return np.maximum(shares * np.sqrt(squares / np.maximum(counts, 1e-300)), LEAST)
 
-    def surprise(self, information: Array, off: Array, fitted: Array) -> float:
-        """Return the same for the marginal likelihood; ``fitted`` is the information of all that was fitted."""
-        logs = np.linalg.slogdet(fitted)[1] - np.linalg.slogdet(information)[1]
-        return float(off @ information @ off + logs)
+    def surprise(self, information: Array, off: Array, fitted: float) -> float:
+        """Return the same for the marginal likelihood; ``fitted`` is the log determinant of all that was fitted."""
+        return float(off @ information @ off + fitted - np.linalg.slogdet(information)[1])
 
     def freedom(self, information: Array, left: Array) -> float:
         """Return the effective number of parameters (MacKay 1992); ``left`` is their covariance after the fit."""
@@ -229,8 +228,11 @@ class Anchored(CauseSearch):
     """A search in which some columns have a prior; rows count as often as they are independent in the plain fit."""
 
     def __init__(self, rows: CauseRows, causes: Sequence[Cause], known: KnownBodies, factors: Array) -> None:
-        super().__init__(rows, causes)
-        self._known, self._factors = known, factors
+        kept = np.bincount(np.concatenate(rows.columns), minlength=rows.size) > 1
+        kept[known.places] = True
+        super().__init__(rows, causes, kept)
+        self._taken = np.array([len(own) - kept[own].sum() for own in rows.columns])
+        self._known, self._factors = replace(known, places=np.cumsum(kept)[known.places] - 1), factors
         self._found = dict[tuple[int, ...], tuple[Array, Array, Array]]()  # where the fit with one cause more begins
 
     def fit(self, chosen: Sequence[int]) -> Solved:
@@ -258,10 +260,10 @@ class Anchored(CauseSearch):
         products, slot = self.products(chosen), self._load(chosen)
         known, held = self._known, np.ix_(self._known.places, self._known.places)
         counts, squares, floors = self.rows.counts, self.squares, self.floors
-        start = (squares / counts + floors, np.full(2, FIRST), load)
+        start = (self.whole / counts + floors, np.full(2, FIRST), load)
         is_load = bool(chosen) and self.causes[chosen[-1]].hidden > 0  # which the bodies have taken in before: afresh
         variances, shares, load = start if is_load else self._found.get(tuple(chosen[:-1]), start)
-        beta = off = np.zeros(0)
+        beta = off = weights = np.zeros(0)
         information = prior = inverse = turn = np.zeros((0, 0))
         own = 1.0
         for _ in range(SEARCHED if slot is not None or isinstance(known, NominalBodies) else PASSES):
@@ -275,7 +277,7 @@ class Anchored(CauseSearch):
             side[known.places] += prior @ known.values
             if slot is not None:
                 gram[slot[TOLD:], slot[TOLD:]] += 1.0 / own
-            sizes = np.sqrt(np.diag(gram))
+            sizes = np.sqrt(np.maximum(np.diag(gram), 0.0))
             sizes = np.where(sizes > 0, sizes, 1.0)
             information = gram + RIDGE * np.diag(sizes**2)
             inverse = np.linalg.inv(information / np.outer(sizes, sizes)) / np.outer(sizes, sizes)
@@ -290,7 +292,8 @@ class Anchored(CauseSearch):
             ):
                 break
             load = load if slot is None else load + (HALF if load.any() else 1.0) * moved
-        surprise = known.surprise(prior, off, information[: self.rows.size, : self.rows.size])
+        fitted = np.linalg.slogdet(information[: self.size, : self.size])[1] + self._taken @ np.log(weights)
+        surprise = known.surprise(prior, off, float(fitted))
         if slot is not None:
             surprise += float(beta[slot[TOLD:]] @ beta[slot[TOLD:]]) / own
             beta[slot] = turn @ beta[slot]
@@ -302,7 +305,7 @@ class Anchored(CauseSearch):
     def _slot(self, chosen: Sequence[int], which: int) -> IntArray:
         """Return where the coefficients of one of the chosen causes stand in the fit."""
         lengths = [len(self._places[k]) for k in chosen]
-        end = self.rows.size + sum(lengths[: which % len(chosen) + 1]) if chosen else 0
+        end = self.size + sum(lengths[: which % len(chosen) + 1]) if chosen else 0
         return np.arange(end - lengths[which], end) if chosen else np.zeros(0, np.int64)
 
     def _told(self, chosen: Sequence[int]) -> int:

@@ -18,7 +18,14 @@ from dynident.case.case import Case
 from dynident.data.log import Log
 from dynident.data.preprocessing import FILTERS, Prepared, Preprocessing, preprocess, resample
 from dynident.data.preprocessing._zero_phase import low_passed
-from dynident.diagnosis.causes.weighted_fit import EXACT, Products, Solved, Triangles, weighted_products
+from dynident.diagnosis.causes.weighted_fit import (
+    EXACT,
+    Products,
+    Solved,
+    Triangles,
+    weighted_products,
+    weighted_variances,
+)
 from dynident.errors import DynidentError
 from dynident.identification.problem.problem import counting_rows, speed_scales
 from dynident.identification.problem.regressor_stream import RegressorStream, motion_of, target_torque
@@ -146,15 +153,29 @@ class QuickFit:
 
     def solve(self, products: Products, mixing: Array | None = None) -> Solved:
         """Return the fit with torques mixing @ (measured ones), mixing of shape (n, n); None for the measured ones."""
-        joints = self.model.robot.dof
-        mixing = np.eye(joints) if mixing is None else mixing
-        taken = np.column_stack([mixing, -np.ones(joints)])  # the known torque is taken off
-        whole = products.squares if products.whole is None else products.whole
-        measured = np.einsum("ik,ikl,il->i", mixing, whole[:, :-1, :-1], mixing)
-        floors = np.maximum(EXACT**2 * measured / self.counts, 1e-300)
-        sides = (products.sides @ taken[:, :, None])[:, :, 0]
-        squares = np.einsum("ik,ikl,il->i", taken, products.squares, taken)
+        (sides,), (squares,), (floors,) = self._mixed(products, None if mixing is None else mixing[None])
         return weighted_products(products.grams, sides, squares, self.counts, floors)
+
+    def variances(self, products: Products, mixings: Array | None = None) -> Array:
+        """Return the residual variances of m fits side by side, shape (m, n).
+
+        Args:
+            products: Those of all fits, or columns with products (m, n, size, ...) of each.
+            mixings: The torques of each, shape (m, n, n); None for the measured ones.
+        """
+        sides, squares, floors = self._mixed(products, mixings)
+        return weighted_variances(products.grams, sides, squares, self.counts, floors)
+
+    def _mixed(self, products: Products, mixings: Array | None) -> tuple[Array, Array, Array]:
+        """Return the products with mixed torques, their squares and the floors of their variances, a fit a row."""
+        joints = self.model.robot.dof
+        mixings = np.eye(joints)[None] if mixings is None else mixings
+        taken = np.concatenate([mixings, np.full((len(mixings), joints, 1), -1.0)], axis=2)  # the known is taken off
+        whole = products.squares if products.whole is None else products.whole
+        measured = np.einsum("mik,ikl,mil->mi", mixings, whole[:, :-1, :-1], mixings)
+        squares = np.einsum("mik,ikl,mil->mi", taken, products.squares, taken)
+        sides = (products.sides @ taken[..., None])[..., 0]
+        return sides, squares, np.maximum(EXACT**2 * measured / self.counts, 1e-300)
 
     @cached_property
     def counts(self) -> Array:

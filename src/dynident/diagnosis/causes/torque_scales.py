@@ -8,14 +8,14 @@ figure is told.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dynident.arrays import Array
 from dynident.diagnosis.causes.held_out import ReadRows, predicts_unseen
-from dynident.diagnosis.causes.line_search import lowest_near
+from dynident.diagnosis.causes.line_search import Found, Search, lowest_near, run, side_by_side
 from dynident.diagnosis.causes.quick_fit import QuickFit
 from dynident.diagnosis.causes.weighted_fit import RIDGE
 from dynident.identification.residuals.covariance import correlation_factors
@@ -80,7 +80,7 @@ class JointScale:
 
 def joint_scales(fit: QuickFit) -> tuple[JointScale, ...]:
     """Return the scale of each joint's torque where only that one has another."""
-    return tuple(_scale(fit, k, name) for k, name in enumerate(fit.model.robot.joint_names))
+    return _scales(fit, range(fit.model.robot.dof))
 
 
 def other_scales(scales: Sequence[JointScale]) -> tuple[JointScale, ...]:
@@ -105,32 +105,53 @@ def is_sure(fit: QuickFit, scale: JointScale) -> bool:
     joint = fit.model.robot.joint_names.index(scale.joint)
 
     def found_on(learned: QuickFit) -> ReadRows:
-        return reading_of(learned, _scale(learned, joint, scale.joint))
+        return reading_of(learned, _scales(learned, [joint])[0])
 
     return scale.gain > SURE_GAIN and bool(np.isfinite(scale.spread)) and predicts_unseen(fit, found_on)
 
 
-def _scale(fit: QuickFit, joint: int, name: str) -> JointScale:
+def _scales(fit: QuickFit, joints: Iterable[int]) -> tuple[JointScale, ...]:
+    """Return the scales of some joints, each alone, looked for side by side."""
+
+    def logs(wanted: Sequence[tuple[int, float]]) -> list[Array]:
+        """Return the log variances (n,) of the joints in their own scales, one joint's at the factor e^x."""
+        found = np.log(fit.variances(fit.shared, np.array([_mixing(fit, *each) for each in wanted])))
+        for own, (joint, x) in zip(found, wanted, strict=True):
+            own[joint] -= 2 * x
+        return list(found)
+
+    return tuple(run(side_by_side([_scale(fit, joint) for joint in joints]), logs))
+
+
+def _scale(fit: QuickFit, joint: int) -> Search[tuple[int, float], Array, JointScale]:
+    """Return the scale of a joint by log variances (n,) of the joints at logarithms of its factor."""
+    name = fit.model.robot.joint_names[joint]
     if not fit.moves[joint]:
         return JointScale(name, 1.0, 0.0, np.inf, 0.0)
-
-    def logs(x: float) -> Array:
-        """Return the log variances of the joints in their own scales at the factor e^x, shape (n,)."""
-        found = np.log(fit.solve(fit.shared, _mixing(fit, joint, x)).variances)
-        found[joint] -= 2 * x
-        return found
-
-    def score(x: float) -> float:
-        return float(logs(x).sum())
-
     grid = [(x, STEP / 2) for x in np.arange(-WIDEST, WIDEST + STEP, STEP).tolist()]
-    start, near = min(grid + [(x, NEAR) for x in _linear(fit, joint)], key=lambda each: score(each[0]))
-    best = lowest_near(score, start, near, PRECISION / 2)
-    at_best = logs(best)
+    grid += [(x, NEAR) for x in _linear(fit, joint)]
+    values = yield [(joint, x) for x, _ in (*grid, (0.0, 0.0))]
+    start, near = grid[int(np.argmin([float(each.sum()) for each in values[:-1]]))]
+    best = yield from _measured(lowest_near(start, near, PRECISION / 2), joint, lambda each: float(each.sum()))
+    (at_best,) = yield [(joint, best)]
     worth = fit.counts / _together(fit, joint, best)
-    low, high = (_end(lambda x: float(worth @ (logs(x) - at_best)), best, side) for side in (-1.0, 1.0))
-    gain = score(0.0) - float(at_best.sum())
+    ends = side_by_side([_end(best, side) for side in (-1.0, 1.0)])
+    low, high = yield from _measured(ends, joint, lambda each: float(worth @ (each - at_best)))
+    gain = float(values[-1].sum()) - float(at_best.sum())
     return JointScale(name, float(np.exp(best)), float(np.exp(low)), float(np.exp(high)), gain)
+
+
+def _measured(
+    search: Search[float, float, Found], joint: int, measure: Callable[[Array], float]
+) -> Search[tuple[int, float], Array, Found]:
+    """Return what a search finds by a measure of the log variances at logarithms of a joint's factor."""
+    try:
+        wanted = next(search)
+        while True:
+            found = yield [(joint, x) for x in wanted]
+            wanted = search.send([measure(each) for each in found])
+    except StopIteration as end:
+        return end.value
 
 
 def _linear(fit: QuickFit, joint: int) -> list[float]:
@@ -172,19 +193,19 @@ def _together(fit: QuickFit, joint: int, x: float) -> Array:
     return correlation_factors([residual], [fit.rows.masks])
 
 
-def _end(rise: Callable[[float], float], best: float, side: float) -> float:
+def _end(best: float, side: float) -> Search[float, float, float]:
     """Return where the deviance has risen enough on one side; infinite where it does not."""
-    low, high, (below, above) = 0.0, PRECISION, (0.0, rise(best + side * PRECISION))
+    low, high, below, (above,) = 0.0, PRECISION, 0.0, (yield [best + side * PRECISION])
     while above < RISE:
         low, high, below = high, 4 * high, above
         if high > WIDEST:
             return side * np.inf
-        above = rise(best + side * high)
+        (above,) = yield [best + side * high]
     while high - low > ENDS * high:  # the deviance is about a parabola: its root is about straight
         roots = np.sqrt(np.maximum([below, RISE, above], 0.0))
         share = float(np.clip((roots[1] - roots[0]) / max(roots[2] - roots[0], 1e-300), ENDS, 1.0 - ENDS))
         middle = low + share * (high - low)
-        found = rise(best + side * middle)
+        (found,) = yield [best + side * middle]
         if abs(np.sqrt(max(found, 0.0)) - roots[1]) < ENDS * roots[1] / 2:
             return best + side * middle
         low, high, below, above = (middle, high, found, above) if found < RISE else (low, middle, below, found)

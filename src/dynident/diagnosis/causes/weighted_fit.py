@@ -129,18 +129,46 @@ def weighted_products(grams: Array, sides: Array, squares: Array, counts: Array,
         counts: Rows of each joint, shape (n,).
         floors: Residual variance of each joint at least, shape (n,).
     """
-    norms = np.sqrt(np.einsum("ikk->ik", grams).sum(axis=0))
+    (beta,), (variances,), (gram,) = _weighted(grams, sides[None], squares[None], counts, floors[None])
+    return Solved(beta, variances, float(np.sum(np.log(variances))), gram)
+
+
+def weighted_variances(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> Array:
+    """Return the residual variances of m such fits, made side by side, shape (m, n).
+
+    Args:
+        grams: Products of the columns, shape (m, n, k, k), or those of all fits, shape (n, k, k).
+        sides: Shape (m, n, k).
+        squares: Shape (m, n).
+        counts: Rows of each joint, shape (n,).
+        floors: Shape (m, n).
+    """
+    return _weighted(grams, sides, squares, counts, floors)[1]
+
+
+def _weighted(grams: Array, sides: Array, squares: Array, counts: Array, floors: Array) -> tuple[Array, Array, Array]:
+    """Return beta (m, k), residual variances (m, n) and weighted products (m, k, k) of fits side by side."""
+    many, _, size = sides.shape
+    norms = np.sqrt(np.einsum("...ikk->...k", grams))
     scale = np.where(norms > 0, norms, 1.0)
-    grams, sides = grams / np.outer(scale, scale), sides / scale
+    square = scale[..., :, None] * scale[..., None, :]
+    grams, sides = grams / square[..., None, :, :], sides / scale[..., None, :]
+    flat = grams.reshape(*grams.shape[:-2], -1)
     variances = squares / counts + floors
-    beta, gram, flat = np.zeros(len(norms)), np.eye(len(norms)), grams.reshape(len(grams), -1)
+    beta, gram = np.zeros((many, size)), np.zeros((many, size, size))
     for _ in range(PASSES):
-        gram = ((1.0 / variances) @ flat).reshape(grams.shape[1:])
-        diagonal = gram.flat[:: len(norms) + 1]
-        gram.flat[:: len(norms) + 1] = diagonal + RIDGE * np.maximum(diagonal, 1e-300 + diagonal.max(initial=0.0))
-        side = (1.0 / variances) @ sides
-        found = solve_positive(gram, side)
-        beta = np.linalg.solve(gram, side) if found is None else found
-        left = squares - 2 * sides @ beta + (grams @ beta) @ beta
+        weights = 1.0 / variances
+        gram = (weights @ flat if flat.ndim == 2 else (weights[:, None] @ flat)[:, 0]).reshape(many, size, size)
+        diagonal = np.einsum("mkk->mk", gram)  # a view
+        diagonal += RIDGE * np.maximum(diagonal, 1e-300 + diagonal.max(axis=1, initial=0.0, keepdims=True))
+        beta = _solved(gram, (weights[:, None] @ sides)[:, 0])
+        turned = grams @ beta.T if flat.ndim == 2 else (grams @ beta[:, None, :, None])[..., 0].transpose(1, 2, 0)
+        left = squares - 2 * (sides @ beta[:, :, None])[..., 0] + np.einsum("ikm,mk->mi", turned, beta)
         variances = np.maximum(left, 0.0) / counts + floors
-    return Solved(beta / scale, variances, float(np.sum(np.log(variances))), gram * np.outer(scale, scale))
+    return beta / scale, variances, gram * square
+
+
+def _solved(grams: Array, sides: Array) -> Array:
+    """Return the solutions (m, k) of positive systems (m, k, k); one alone by Cholesky, in half the arithmetic."""
+    found = solve_positive(grams[0], sides[0]) if len(grams) == 1 else None
+    return np.linalg.solve(grams, sides[:, :, None])[:, :, 0] if found is None else found[None]

@@ -217,7 +217,7 @@ def _mountings(fit: QuickFit) -> Iterator[Interpretation]:
     if not size:
         return
     free = GravityDirection(fit)
-    without = free.gain(np.zeros(3))
+    (without,) = free.gains([np.zeros(3)])
     best, gain = free.best()
     if without > GAIN:
         evidence = "the torques contain no gravity: without it,"
