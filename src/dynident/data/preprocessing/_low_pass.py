@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -47,6 +47,7 @@ class LowPass:
         return np.column_stack([b[:, 1] - a[:, 1] + second, second])
 
 
+@lru_cache(maxsize=32)
 def butterworth(order: int, cutoff: float, rate: float) -> LowPass:
     """Return the Butterworth low-pass of a cut-off in Hz at ``rate`` samples a second, by the bilinear transform.
 
