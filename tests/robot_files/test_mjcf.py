@@ -165,7 +165,8 @@ def assert_as_mujoco(found: Robot, path: Path, tolerance: float = 1e-9) -> None:
     for own, other in zip(found.joints, known.joints, strict=True):
         stated = (own.damping, own.friction, own.limits.lower, own.limits.upper)
         np.testing.assert_allclose(
-            np.array(stated, float), (other.damping, other.friction, other.limits.lower, other.limits.upper)
+            np.array(stated, float),
+            np.array((other.damping, other.friction, other.limits.lower, other.limits.upper), float),
         )
     np.testing.assert_allclose(found.gravity, known.gravity)
     columns = DynamicModel(found, ()).regressor(Motion(q, dq, ddq))

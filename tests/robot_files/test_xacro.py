@@ -300,7 +300,8 @@ def test_a_case_file_and_the_urdf_of_the_result(workspace: Path, capsys: Capture
     theta[-2:] = 0.3, 0.2
     t = np.arange(0, 4, 0.01)
     phase = t[:, None] * [1.7, 2.9]
-    states = np.sin(phase), [1.7, 2.9] * np.cos(phase), -(np.array([1.7, 2.9]) ** 2) * np.sin(phase)
+    rates = np.array([1.7, 2.9])
+    states = np.sin(phase), rates * np.cos(phase), -(rates**2) * np.sin(phase)
     log = di.Log(case.robot.joint_names, t, *states, torque=case.model.torque(*states, theta))
     di.write_log(log, "run.csv")
     estimate = di.identify("case.yaml", "run.csv", "wls", trust=di.TrustOptions())

@@ -18,7 +18,7 @@ from dynident.files import sha256_of
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.files.estimate_file import read_estimate, write_estimate
 from dynident.robot_files import read_robot
-from dynident.robot_files.robot_origin import robot_facts
+from dynident.robot_files.robot_origin import is_unchanged, robot_facts
 
 MJCF = """<mujoco><worldbody><body name="arm"><joint name="a" axis="0 1 0"/><geom size=".1" pos=".2 .1 0"/>
 <body name="fore" pos=".3 0 0"><joint name="b" axis="1 1 0"/><geom type="box" size=".1 .2 .05"/></body></body>
@@ -134,6 +134,20 @@ def test_a_changed_include_is_a_changed_robot_model(
     assert source is not None and len(files_of(source)) == (1 if name.endswith("xacro") else 3)
     Path(changed).write_text(Path(changed).read_text() + "\n")
     assert find_source(estimate, None) is None
+
+
+def test_a_changed_layer_is_a_changed_stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Layers below a stage, and below these, are part of what it was read from."""
+    pytest.importorskip("pxr", reason="pip install 'dynident[usd]'")
+    monkeypatch.chdir(tmp_path)
+    Path("arm.usda").write_text("#usda 1.0\n( subLayers = [@./parts/fore.usda@] )\n")
+    Path("parts").mkdir()
+    Path("parts/fore.usda").write_text("#usda 1.0\n( subLayers = [@./more.usda@] )\n")
+    Path("parts/more.usda").write_text('#usda 1.0\ndef Xform "arm" {}\n')
+    facts = robot_facts("arm.usda")
+    assert list(facts["includes"]) == ["parts/fore.usda", "parts/more.usda"] and is_unchanged(facts, "arm.usda")
+    Path("parts/more.usda").write_text('#usda 1.0\ndef Xform "leg" {}\n')
+    assert not is_unchanged(facts, "arm.usda")
 
 
 def test_models_that_may_be_attached_are_files_of_an_mjcf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
