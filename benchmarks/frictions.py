@@ -2,7 +2,8 @@
 
 Each robot is simulated with one law of friction, and a torque that is logged late or at once; what ``init`` drafts is
 identified as it stands, with ``--friction auto``, and with the parts that are there. Beside the errors on an unseen
-motion stands what each took for a delay, for the width of dry friction, and whether it took a Stribeck effect.
+motion stands what each took for a delay, for the width of dry friction and the length of presliding, and whether it
+took a Stribeck effect.
 
 Run: python -m benchmarks.frictions [ROBOT ...]
 """
@@ -215,6 +216,32 @@ ROBOTS: Mapping[str, Virtual] = {
         0.6,
         cell=Cell(warming=Warming((25.0,), (35.0,), 60.0, -0.02)),
     ),
+    "presliding-6": Virtual(
+        arms.ur5e(),
+        (
+            dry(0.01, tuple(0.4 * x for x in SIX)),
+            ("viscous", {}, (8, 8, 6, 1.5, 1.4, 1.2)),
+            ("rotor_inertia", {}, (1.1, 1.1, 0.9, 0.12, 0.12, 0.12)),
+            ("presliding", {"length": 5e-3}, tuple(0.6 * x for x in SIX)),
+        ),
+        250,
+        0,
+        0.06,
+        0.6,
+    ),
+    "presliding-7-late": Virtual(
+        arms.iiwa(),
+        (
+            dry(0.005, tuple(0.3 * x for x in SEVEN)),
+            ("viscous", {}, (9, 9, 5, 5, 3, 1, 1)),
+            ("rotor_inertia", {}, (0.6, 0.8, 0.5, 0.5, 0.3, 0.15, 0.1)),
+            ("presliding", {"length": 2e-3}, tuple(0.7 * x for x in SEVEN)),
+        ),
+        250,
+        2,
+        0.08,
+        0.6,
+    ),
     "bristles-6-late": Virtual(
         arms.ur5e(),
         (
@@ -306,6 +333,7 @@ class Row:
     delays: Mapping[str, tuple[float, ...]]
     widths: Mapping[str, float]
     bent: Mapping[str, bool]
+    slips: Mapping[str, float]
 
 
 def fades(estimate: Estimate) -> bool:
@@ -331,7 +359,7 @@ def outcome(name: str, virtual: Virtual, folder: Path, ways: Sequence[str]) -> R
     true = replace(case.model, friction=friction_of(virtual.truth or virtual.friction))
     right = replace(case.preprocessing, delay_s=virtual.late / virtual.rate)
     asked = {"draft": (case.model, case.preprocessing), "auto": (case.model, case.preprocessing), "true": (true, right)}
-    errors, seconds, delays, widths, bent = {}, {}, {}, {}, {}
+    errors, seconds, delays, widths, bent, slips = {}, {}, {}, {}, {}, {}
     for way in ways:
         model, how = asked[way]
         begin = time.process_time()
@@ -341,7 +369,8 @@ def outcome(name: str, virtual: Virtual, folder: Path, ways: Sequence[str]) -> R
         delays[way] = tuple(one.applied * virtual.rate for one in found.choices.delays or ())
         widths[way] = next((p.options["width"] for p in found.model.friction if "width" in p.options), np.nan)
         bent[way] = fades(found)
-    return Row(name, errors, seconds, delays, widths, bent)
+        slips[way] = max((p.options["length"] for p in found.model.friction if "length" in p.options), default=0.0)
+    return Row(name, errors, seconds, delays, widths, bent, slips)
 
 
 def main() -> None:
@@ -349,15 +378,17 @@ def main() -> None:
     parser.add_argument("robots", nargs="*", choices=[*ROBOTS, []], default=[])
     parser.add_argument("--ways", nargs="+", default=["draft", "auto", "true"])
     options = parser.parse_args()
-    print("| robot | samples late | way | held-out error | late | width | Stribeck | processor |")
-    print("|---|---|---|---|---|---|---|---|")
+    print("| robot | samples late | way | held-out error | late | width | Stribeck | presliding | processor |")
+    print("|---|---|---|---|---|---|---|---|---|")
     for name in options.robots or ROBOTS:
         with tempfile.TemporaryDirectory() as folder:
             row = outcome(name, ROBOTS[name], Path(folder), options.ways)
         for way in options.ways:
             late = ", ".join(f"{one:.2f}" for one in row.delays[way]) or "as stated"
             fading = "yes" if row.bent[way] else "no"
-            figures = f"{row.errors[way]:.3%} | {late} | {row.widths[way]:.4f} | {fading} | {row.seconds[way]:.1f} s"
+            slip = f"{1e3 * row.slips[way]:.2g} mrad" if row.slips[way] else "no"
+            taken = f"{row.widths[way]:.4f} | {fading} | {slip} | {row.seconds[way]:.1f} s"
+            figures = f"{row.errors[way]:.3%} | {late} | {taken}"
             print(f"| {name} | {ROBOTS[name].late:g} | {way} | {figures} |", flush=True)
 
 

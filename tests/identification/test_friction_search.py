@@ -98,6 +98,7 @@ def test_the_friction_of_each_joint_is_chosen(
         "degressive",
         "load",
         "stribeck",
+        "presliding",
     }
 
 

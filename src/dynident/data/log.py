@@ -102,6 +102,11 @@ class Log(ShortText):
         """Samples per second by the median step, in Hz."""
         return 1.0 / float(np.median(np.diff(self.time)))
 
+    @cached_property
+    def resolution(self) -> Array:
+        """Smallest step of each position, shape (n,), in rad or m; 0 where none shows."""
+        return np.array([smallest_step(column) for column in self.q.T])
+
     def signals(self) -> dict[str, Array]:
         """Return the signals that are there, by field name."""
         return {name: getattr(self, name) for name in _SIGNALS if getattr(self, name) is not None}
@@ -145,6 +150,17 @@ class Log(ShortText):
             replace(train, source=replace(train.source, split=f"first:{first:g}")),
             self.rows(~head, f"all after the first {first:g} of the duration"),
         )
+
+
+def smallest_step(column: Array) -> float:
+    """Return the smallest difference of two values that a signal (N,) takes; 0 where it has no levels.
+
+    Rounding of the text counts as none, so a value must occur many times over before it is a level.
+    """
+    levels = np.unique(column)
+    if not 2 <= len(levels) <= len(column) / 4:  # else most values occur once or twice: no levels
+        return 0.0
+    return float(np.quantile(np.diff(levels), 0.1))
 
 
 def torque_from_current(log: Log, gains: Mapping[str, float], coupling: Array | None = None) -> Log:

@@ -6,6 +6,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
+from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, default_preprocessing, preprocess
 from dynident.errors import LogMismatch
@@ -13,13 +16,21 @@ from dynident.identification.problem.choices import Choices, DelayRecord, Fricti
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
-from dynident.identification.selection.friction.held_out_fields import choose_fields, has_choices, without_optional
+from dynident.identification.selection.friction.held_out_fields import (
+    choose_fields,
+    has_choices,
+    predicts_better,
+    without_optional,
+)
 from dynident.identification.selection.friction.load import problem_of, without_load
-from dynident.identification.selection.friction.variable_projection import has_varying, vary_fields
+from dynident.identification.selection.friction.variable_projection import finest_of, has_varying, vary_fields
 from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, default_friction
+
+#: How often friction that remembers and the delay beside it are found in turn, and the change in samples that ends it.
+ROUNDS, SETTLED = 3, 0.1
 
 
 @dataclass(frozen=True)
@@ -64,6 +75,8 @@ def build_problem(
         raise LogMismatch("identify", "no log", "give at least one log")
     preprocessing, knowledge = preprocessing or default_preprocessing(), knowledge or PriorKnowledge()
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
+    finest = _resolution(model, ordered)
+    model = _above_resolution(model, ordered[0].name, finest)
     simple = without_optional(model)
     if choose_friction:
         simple = replace(model, friction=tuple(FRICTION.make(name) for name in default_friction()))
@@ -75,12 +88,14 @@ def build_problem(
     prepared, delays = _prepared(without_optional(model), ordered, preprocessing, progress)
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
-        model, prepared, choices = _with_chosen_fields(model, ordered, preprocessing, (prepared, choices), progress)
+        model, prepared, choices = _with_chosen_fields(
+            model, ordered, preprocessing, (prepared, choices), progress, finest
+        )
     if choose_friction:
         model, friction = _with_chosen_friction(model, prepared, preprocessing.delay_s is None, progress)
         choices = replace(choices, friction_choice=friction)
     if has_varying(model):
-        model, varied = vary_fields(model, prepared, progress)
+        model, varied = vary_fields(model, prepared, progress, finest)
         choices = replace(choices, non_linear=tuple(varied))
     progress("base parameters")
     base = base_parameters(model)
@@ -95,30 +110,76 @@ def build_problem(
     )
 
 
+def _resolution(model: DynamicModel, logs: Sequence[Log]) -> Array | None:
+    """Return the coarsest step of the positions of each drive, shape (n,); None where no friction part asks."""
+    if not any(span.is_distance for part in model.friction for span in part.ranges.values()):
+        return None
+    joints = np.max([log.resolution for log in logs], axis=0)
+    return np.max(np.abs(np.asarray(model.robot.coupling)) * joints, axis=1)
+
+
+def _above_resolution(model: DynamicModel, log: str, finest: Array | None) -> DynamicModel:
+    """Return the model whose distances of friction are at least the resolution of the positions.
+
+    Those that are left to the logs begin there.
+
+    Raises:
+        LogMismatch: One that is stated is below it.
+    """
+    parts = list(model.friction)
+    for p, part in enumerate(parts):
+        least = finest_of(model, part, finest)
+        below = [name for name, span in part.ranges.items() if span.is_distance and getattr(part, name) < least]
+        left_open = (*(part.choose or ()), *(part.vary or ()))
+        for name in below:
+            if name not in left_open:
+                stated = f"{FRICTION.name_of(part)}: {name} {getattr(part, name):g}"
+                evidence = f"{stated} is below the resolution of the positions, {least:.3g} rad (or m)"
+                raise LogMismatch(log, evidence, f"state at least {least:.2g}, or log finer positions")
+            parts[p] = replace(parts[p], **{name: least})
+    return replace(model, friction=tuple(parts)) if tuple(parts) != model.friction else model
+
+
 def _with_chosen_fields(
     model: DynamicModel,
     logs: Sequence[Log],
     preprocessing: Preprocessing,
     before: tuple[Sequence[Prepared], Choices],
     progress: Callable[[str], None],
+    finest: Array | None,
 ) -> tuple[DynamicModel, Sequence[Prepared], Choices]:
     """Return the model with the fields that held-out data ask for, the logs with their delay, and the choice of both.
 
     A delay that is to be found is free at first, so that neither it nor friction passes for the other. A free delay
-    also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found.
+    also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found. A part
+    that remembers and its delay have to predict better than the best list without it and the delay of that.
     """
     prepared, choices = before
     delay_is_free = preprocessing.delay_s is None
-    chosen, held = choose_fields(model, prepared, progress, delay_is_free)
+    chosen, held = choose_fields(model, prepared, progress, delay_is_free, finest)
     if delay_is_free:
-        if any(choice.value != choice.stated for choice in held):
-            prepared, delays = _prepared(chosen, logs, preprocessing, progress)
+        without = choices.delays or ()
+        for _ in range(ROUNDS if any(choice.value != choice.stated for choice in held) else 0):
+            earlier = prepared
+            prepared, delays = _prepared(chosen, logs, preprocessing, progress, without)
             choices = replace(choices, **delays)
-        first, (chosen, held) = chosen, choose_fields(model, prepared, progress)
+            moved = max(abs(a.delay_s - b.delay_s) * a.log.rate for a, b in zip(prepared, earlier, strict=True))
+            if "state" not in chosen.needs or moved < SETTLED:
+                break
+            chosen, held = choose_fields(model, prepared, progress, delay_is_free, finest)
+        first, (chosen, held) = chosen, choose_fields(model, prepared, progress, finest=finest)
         if chosen != first:
-            prepared, delays = _prepared(chosen, logs, preprocessing, progress)
+            prepared, delays = _prepared(chosen, logs, preprocessing, progress, without)
             choices = replace(choices, **delays)
-    return chosen, prepared, replace(choices, chosen_fields=tuple(held))
+    choices = replace(choices, chosen_fields=tuple(held))
+    if delay_is_free and any(part.states and part.is_optional for part in model.friction) and "state" in chosen.needs:
+        plain = replace(
+            model, friction=tuple(part for part in model.friction if not (part.states and part.is_optional))
+        )
+        other, others, without_it = _with_chosen_fields(plain, logs, preprocessing, before, progress, finest)
+        if not predicts_better(chosen, prepared, other, others):
+            return other, others, without_it
+    return chosen, prepared, choices
 
 
 def _with_chosen_friction(
@@ -135,9 +196,16 @@ def _with_chosen_friction(
 
 
 def _prepared(
-    model: DynamicModel, logs: Sequence[Log], preprocessing: Preprocessing, progress: Callable[[str], None]
+    model: DynamicModel,
+    logs: Sequence[Log],
+    preprocessing: Preprocessing,
+    progress: Callable[[str], None],
+    without: Sequence[DelayRecord] = (),
 ) -> tuple[Sequence[Prepared], dict[str, Any]]:
-    """Return the preprocessed logs, and the delay of each where that is asked for."""
+    """Return the preprocessed logs, and the delay of each where that is asked for.
+
+    ``without`` are the delays as they are told without friction that remembers, where that is known.
+    """
     progress("preprocessing")
     if preprocessing.delay_s is not None:
         return [preprocess(log, preprocessing) for log in logs], {}
@@ -145,7 +213,13 @@ def _prepared(
 
     progress("time delay between torque and position")
     simple = without_load(model)
-    delays, prepared = find_delays(simple, base_parameters(simple), logs, preprocessing)
+    within = [delay.applied for delay in without]
+    if "state" in simple.needs and not within:
+        forgetful = replace(simple, friction=tuple(part for part in simple.friction if not part.states))
+        delays, _ = find_delays(forgetful, base_parameters(forgetful), logs, preprocessing)
+        within = [delay.applied for delay in delays]
+    within = within if "state" in simple.needs else []
+    delays, prepared = find_delays(simple, base_parameters(simple), logs, preprocessing, within)
     table = tuple(
         DelayRecord(log.name, delay.seconds, delay.deviation, delay.applied)
         for log, delay in zip(logs, delays, strict=True)

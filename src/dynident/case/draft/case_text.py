@@ -36,6 +36,9 @@ _WIDTH = 0.01
 #: Speed in rad/s over which friction at rest fades, where held-out samples find some and no other speed of it.
 _FADES = 0.1
 
+#: Distance in rad or m over which friction builds up after a reversal, likewise.
+_SLIPS = 3e-3
+
 #: A joint slower than this, in rad/s, is at rest; a slide below its travel times this, a second.
 _STANDSTILL = 0.02
 
@@ -191,6 +194,7 @@ def _friction(found: Recognised) -> list[str]:
         f"  - load: {{{width}, choose: [part, width]}}   # load-dependent friction",
         f"  - stribeck: {{velocity: {_FADES:g}, {width}, choose: [part, width, velocity, exponent]}}"
         "   # Stribeck effect",
+        f"  - presliding: {{length: {_SLIPS:g}, choose: [part, length]}}   # friction that builds up after a reversal",
     ]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.case.evidence.positions import STILL, travel
+from dynident.data.log import smallest_step
 from dynident.diagnosis.checks.base import Check, CheckedLog
 from dynident.diagnosis.finding import Finding, Severity, listed
 
@@ -58,13 +59,10 @@ class Resolution(Check):
 def steps_of(column: Array) -> float:
     """Return how many of its smallest steps a signal (N,) spans between its 1st and 99th percentile; 0 for none.
 
-    The smallest step is the smallest difference of two values that occur; rounding of the text counts as none, so a
-    value must occur many times over before it is a level.
+    Infinite where it has no levels (:func:`smallest_step`).
     """
     low, high = np.quantile(column, [0.01, 0.99])
     if high <= low:
         return 0.0
-    levels = np.unique(column)
-    if len(levels) > len(column) / 4:  # most values occur once or twice: no levels
-        return np.inf
-    return float((high - low) / np.quantile(np.diff(levels), 0.1))
+    step = smallest_step(column)
+    return float((high - low) / step) if step else np.inf

@@ -15,7 +15,7 @@ which is nothing that such drives feign, the data decide: both are tried on part
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,15 +60,19 @@ class Delay:
 
 
 def find_delays(
-    model: DynamicModel, base: BaseParameters, logs: Sequence[Log], how: Preprocessing
+    model: DynamicModel, base: BaseParameters, logs: Sequence[Log], how: Preprocessing, within: Sequence[float] = ()
 ) -> tuple[tuple[Delay, ...], tuple[Prepared, ...]]:
     """Return the delay of each log, and the logs with their motion shifted by it.
+
+    Friction that builds up over a distance lags, as a late torque does: beside it a delay lies between none and that
+    which is found without it. What it asks for beyond these is the shape of the friction, not a delay.
 
     Args:
         model: A model whose friction does not depend on the load.
         base: Its base parameters.
         logs: Raw logs, joints in the order of the robot.
         how: How they become rows.
+        within: The delays in s without friction that remembers, where the model has some; else none.
 
     Raises:
         LogMismatch: A log is too short.
@@ -81,6 +85,12 @@ def find_delays(
     apart = np.abs(applied[1] - applied[0]) * [log.log.rate for log in plain]
     if np.any(apart >= SETTLED) and search.unseen(applied[1]) < search.unseen(applied[0]):
         careful = asked
+    if within:
+        ends = [sorted((0.0, seconds)) for seconds in within]
+        careful = tuple(
+            replace(delay, applied=min(max(delay.applied, low), high))
+            for delay, (low, high) in zip(careful, ends, strict=True)
+        )
     parts = zip(logs, plain, careful, strict=True)
     moved = (thinned(raw, log.log, how, delay.applied) if delay.applied else log for raw, log, delay in parts)
     return careful, tuple(moved)

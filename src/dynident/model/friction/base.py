@@ -122,11 +122,13 @@ class Range:
         low: Least value, above 0.
         high: Greatest value.
         is_speed: Whether it is a speed: then nothing beyond the fastest motion is tried.
+        is_distance: Whether it is a distance: then nothing below the resolution of the positions is tried.
     """
 
     low: float
     high: float
     is_speed: bool = False
+    is_distance: bool = False
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from dynident.model.friction.base import (
     Motion,
     Number,
     Range,
+    SharedUse,
     State,
     check_positive,
     larger,
@@ -38,7 +39,8 @@ class Presliding(Friction):
     length: float = 3e-3
 
     coefficients: ClassVar = Slipped.coefficients
-    ranges: ClassVar = {"length": Range(3e-4, 0.1)}
+    ranges: ClassVar = {"length": Range(3e-4, 0.1, is_distance=True)}
+    shared: ClassVar = SharedUse(7, "optional", {"length": 3e-3, "choose": ("part", "length")})
 
     def __post_init__(self) -> None:
         check_positive(self.length, "length", "a distance in rad, at least the resolution of the encoder,")

@@ -16,11 +16,12 @@ import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
 from dynident.data.preprocessing import Prepared
+from dynident.data.preprocessing._local_polynomials import fractional_shift
 from dynident.identification.problem.problem import counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream, RowSegment
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction.base import Coefficient, Friction, Inputs, Number, State
+from dynident.model.friction.base import Coefficient, Friction, Inputs, Motion, Number, State
 from dynident.model.lapack import solve_positive
 
 #: Ridge in units of a column's square: far above rounding of the products, far below what data say.
@@ -56,6 +57,10 @@ class PartCandidate(Friction):
         """Return that of the part."""
         return self.part.update(at)
 
+    def states_along(self, motion: Motion, step: float) -> Array:
+        """Return those of the part, by its own loop."""
+        return self.part.states_along(motion, step)
+
 
 @dataclass(frozen=True)
 class ColumnPool:
@@ -70,6 +75,8 @@ class ColumnPool:
         nonnegative: Which columns have coefficients that physics wants >= 0, shape (c,).
         fast: Products of the rows in which a joint is among the fastest of its own, shape (n, c + 1, c + 1).
         fast_rows: Number of them, shape (n,).
+        views: Of each delay that is compared, which rows of the products are those of the columns and the torque,
+            shape (c + 1,). The first is that of the logs as they are; the others have products of their own behind it.
     """
 
     parts: tuple[Friction, ...]
@@ -80,10 +87,17 @@ class ColumnPool:
     nonnegative: BoolArray
     fast: Array
     fast_rows: IntArray
+    views: tuple[IntArray, ...]
 
-    def weighted(self, weights: Array) -> Array:
+    def weighted(self, weights: Array, view: int = 0) -> Array:
         """Return the products of each block over all joints, their rows times the weights (n,): (B, c + 1, c + 1)."""
-        return np.einsum("i,bikl->bkl", weights**2, self.products)
+        own = self.views[view]
+        return np.einsum("i,bikl->bkl", weights**2, self.products)[:, own[:, None], own]
+
+    def fastest(self, weights: Array, view: int = 0) -> Array:
+        """Return those of the fastest rows, (c + 1, c + 1)."""
+        own = self.views[view]
+        return np.einsum("i,ikl->kl", weights**2, self.fast)[own[:, None], own]
 
     def chosen(self, sets: Sequence[Sequence[int]]) -> IntArray:
         """Return the columns of a model whose drive j has the parts ``sets[j]``."""
@@ -101,7 +115,8 @@ class ColumnPool:
 
     def weights(self, sets: Sequence[Sequence[int]], passes: int = 4) -> Array:
         """Return the weight of each joint's rows by its own residual in a fit of all blocks, shape (n,)."""
-        total, rows = self.products.sum(axis=0), np.maximum(self.rows.sum(axis=0), 1)
+        size = len(self.views[0])
+        total, rows = self.products.sum(axis=0)[:, :size, :size], np.maximum(self.rows.sum(axis=0), 1)
         keep = self.chosen(sets)
         weights = np.ones(self.products.shape[1])
         for _ in range(passes):
@@ -130,7 +145,8 @@ class PooledLogs:
     """Logs whose rows of the bodies are made once, for many pools of friction columns.
 
     A list of parts is not to earn by what a late torque does, nor another one lose by it: with ``delay_is_free`` every
-    fit has a column more, the derivative of the torque by a delay of all logs.
+    fit has a column more, the derivative of the torque by a delay of all logs. That is a straight line; where a delay
+    of many samples may be none at all, the torque stands there under several ``shares`` of it.
 
     Args:
         model: The robot; its friction is left aside.
@@ -139,6 +155,7 @@ class PooledLogs:
             cut belong to none.
         load: Standard inertial parameters (10 l,) whose torque loads the drives; None where no part asks.
         delay_is_free: Whether the delay of the torque is free.
+        shares: Shares of the delay of each log that are compared where it is free, that of the logs as they are first.
     """
 
     def __init__(
@@ -148,8 +165,9 @@ class PooledLogs:
         blocks: int = 1,
         load: Array | None = None,
         delay_is_free: bool = False,
+        shares: Sequence[float] = (1.0,),
     ) -> None:
-        self._robot, self._delay_is_free = model.robot, delay_is_free
+        self._robot, self._delay_is_free, self._shares = model.robot, delay_is_free, shares if delay_is_free else (1.0,)
         bare = DynamicModel(model.robot)
         self._rigid = base_parameters(bare)
         self._start = None if load is None else self._rigid.from_standard(load)
@@ -173,9 +191,15 @@ class PooledLogs:
         """Return the rows of the columns that every fit has, and of the torque."""
         if not self._delay_is_free:
             return list(self._bodies.segments(log))
-        slopes = _slopes(log)
+        slopes, torque = _slopes(log)[log.keep], np.asarray(log.log.torque)[log.keep]
+        later = [_later(log, (1.0 - share) * log.delay_s) for share in self._shares[1:]]
+
+        def rows_of(part: slice, i: int, rows: Array) -> Array:
+            others = ((slope[part, i], rows[-1] + (own - torque)[part, i]) for own, slope in later)
+            return np.vstack([rows[:-1], slopes[part, i], rows[-1], *itertools.chain(*others)])
+
         return [
-            (part, tuple(np.insert(rows, -1, slopes[part, i], axis=0) for i, rows in enumerate(segment)))
+            (part, tuple(rows_of(part, i, rows) for i, rows in enumerate(segment)))
             for part, segment in self._bodies.segments(log)
         ]
 
@@ -192,11 +216,17 @@ class PooledLogs:
         start = None if self._start is None else np.append(self._start, np.zeros(count - rigid.count))
         friction = RegressorStream(whole, base, start, only="friction")
         later = self._delay_is_free
-        shared, size = rigid.count + later, count + later + 1
+        shared, last = rigid.count + later, count + later
+        size = last + 1 + 2 * (len(self._shares) - 1)
+        behind = np.arange(last, size)
         places = [
-            (np.concatenate([own, [rigid.count] * later, [size - 1]]).astype(np.int64), extra + later)
+            (np.concatenate([own, [rigid.count] * later, behind]).astype(np.int64), extra + later)
             for own, extra in zip(self._bodies.columns, friction.columns, strict=True)
         ]
+        views = [np.arange(last + 1)]
+        for slope in behind[1::2]:
+            views.append(views[0].copy())
+            views[-1][[rigid.count, last]] = slope, slope + 1
         found = [log.products(friction.segments(log.log), places, size) for log in self._logs]
         products, rows, fast, fast_rows = (list(each) for each in zip(*found, strict=True))
         drive, column = whole.terms
@@ -218,6 +248,7 @@ class PooledLogs:
             signs,
             np.sum(fast, axis=0),
             np.sum(fast_rows, axis=0),
+            tuple(views),
         )
 
 
@@ -322,5 +353,11 @@ def _blocks_of(log: Prepared, mask: BoolArray, blocks: int) -> IntArray:
 
 
 def _slopes(log: Prepared) -> Array:
-    """Return the derivative of the filtered torque by a delay, in the kept rows, shape (N, n)."""
-    return -np.gradient(np.asarray(log.log.torque), 1.0 / log.log.rate, axis=0)[log.keep]
+    """Return the derivative of the filtered torque by a delay, in all rows, shape (N, n)."""
+    return -np.gradient(np.asarray(log.log.torque), 1.0 / log.log.rate, axis=0)
+
+
+def _later(log: Prepared, seconds: float) -> tuple[Array, Array]:
+    """Return the filtered torque of the kept rows as if it lagged less by ``seconds``, and its derivative, (N, n)."""
+    torque, samples = np.asarray(log.log.torque), seconds * log.log.rate
+    return tuple(fractional_shift(each, samples, log.keep) for each in (torque, _slopes(log)))  # type: ignore[return-value]

@@ -181,7 +181,8 @@ def _refined(
     others = [part for part in pool.parts if not part.refined]
     chosen = _gathered(pool.parts, search.sets, names)
     usual = tuple(pool.parts[p] for p in search.start)
-    fixed = [*usual, *(part for part in chosen if any(reads - {"dq"} for reads in part.expression.reads))]
+    stays = (part for part in chosen if not part.refined and any(reads - {"dq"} for reads in part.expression.reads))
+    fixed = [*usual, *stays]
     taken = [(name, pool.parts[p]) for name, own in zip(names, search.sets, strict=True) for p in own]
     varied = [replace(part, joints=(name,), vary=part.refined) for name, part in taken if part.refined]
     if not varied:

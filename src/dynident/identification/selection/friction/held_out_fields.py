@@ -20,31 +20,24 @@ all that the torque does, so that neither is compared by what the other one does
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from dynident.arrays import Array, IntArray
+from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.identification.problem.choices import FieldChoice
 from dynident.identification.residuals.quantiles import student_quantile
-from dynident.identification.selection.friction.column_pool import (
-    ColumnPool,
-    PooledLogs,
-    beyond,
-    fit,
-    held_out,
-    loss,
-    without,
-)
+from dynident.identification.selection.friction.column_pool import PooledLogs
+from dynident.identification.selection.friction.held_out_errors import HeldOut
 from dynident.identification.selection.friction.load import default_load
-from dynident.identification.selection.friction.variable_projection import fastest_of, minimum, spans_of
+from dynident.identification.selection.friction.variable_projection import fastest_of, finest_of, spans_of
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE, Friction
 
-#: Blocks of rows at least, of logs too short for these, and the fewest that tell something about chance.
-BLOCKS, OF_SHORT_LOGS, FEWEST = 16, 8, 3
+#: Blocks of rows at least, and of logs too short for these.
+BLOCKS, OF_SHORT_LOGS = 16, 8
 
 #: Rows in a period of the filter's cut-off that are compared.
 ROWS = 8.0
@@ -55,14 +48,14 @@ COARSE, FINE = 13, 7
 #: How often the values taken are made finer in turn where a part came to those that are there.
 POLISHED = 2
 
+#: Shares of a delay of many samples that are compared, at most, beside the whole.
+MOST = 12
+
 #: Chance of a difference as large where there is none.
 CHANCE = 0.05
 
 #: A value that takes less than this share off the held-out error is not worth another one than the stated.
 NOTHING = 5e-3
-
-#: Least mean squared residual that is told from none, in units of its joint's own.
-TINY = 1e-12
 
 #: Values of a part that is left out, and of one that is there.
 _ABSENT, _THERE = 0.0, 1.0
@@ -83,6 +76,7 @@ def choose_fields(
     logs: Sequence[Prepared],
     progress: Callable[[str], None] = lambda step: None,
     delay_is_free: bool = False,
+    finest: Array | None = None,
 ) -> tuple[DynamicModel, tuple[FieldChoice, ...]]:
     """Return the model with the stated or the best values of the fields that its parts leave to the logs, and why.
 
@@ -91,6 +85,7 @@ def choose_fields(
         logs: Preprocessed logs.
         progress: Called with each step in words.
         delay_is_free: Whether a delay of the torque is free in what is compared.
+        finest: Resolution of the positions of each drive, shape (n,), in rad or m; None where it is not known.
 
     Raises:
         BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
@@ -99,10 +94,16 @@ def choose_fields(
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
     logs = [log.sparser(ROWS) for log in logs]
     load = default_load(without_optional(model), logs) if "torque" in model.needs else None
-    fastest = fastest_of(model, logs)
+    spans = {
+        (p, name): span
+        for fastest in [fastest_of(model, logs)]
+        for p, part in enumerate(model.friction)
+        for name, span in spans_of(part, "choose", fastest, finest_of(model, part, finest)).items()
+    }
+    shares = _shares_of_delay(model, logs)
     for blocks in (BLOCKS, OF_SHORT_LOGS):
-        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free)
-        search = _FieldSearch(model, pooled, fastest, progress)
+        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares)
+        search = _FieldSearch(model, pooled, spans, progress)
         if search.tells:
             break
     found = search.fields()
@@ -114,9 +115,39 @@ def choose_fields(
             decided[p] = search.with_part(p)
             if decided[p].value == _THERE:
                 found |= search.polished(search.fields())
+    if dropped := search.without_stand_ins():
+        decided |= dropped
+        found = {key: held for key, held in found.items() if key[0] not in dropped}
+        found |= search.polished(search.fields())
     found |= {(p, WHOLE): held for p, held in decided.items()}
     kept = tuple(part for p, part in enumerate(search.model.friction) if p not in search.absent)
     return replace(model, friction=kept), tuple(found[key] for key in sorted(found, key=lambda key: key[0]))
+
+
+def predicts_better(
+    model: DynamicModel, logs: Sequence[Prepared], other: DynamicModel, others: Sequence[Prepared]
+) -> bool:
+    """Return whether a model predicts held-out stretches better than another one.
+
+    Each with the logs under its own delay; ``others`` are the same logs under that of the other one.
+    """
+    found: list[Array] = []
+    weights = None
+    for each, rows in ((other, others), (model, logs)):
+        own = [log.sparser(ROWS) for log in rows]
+        load = default_load(each, own) if "torque" in each.needs else None
+        pool = PooledLogs(each, own, max(OF_SHORT_LOGS, len(own)), load).pool(each.friction)
+        drives = range(each.robot.dof)
+        parts = [[p for p, part in enumerate(each.friction) if drive in each.drives_of(part)] for drive in drives]
+        weights = pool.weights(parts) if weights is None else weights
+        found += HeldOut.of(pool, parts, [parts], weights).errors(fastest=False)
+    return _share(found[0] - found[1])[0] > NOTHING
+
+
+def _shares_of_delay(model: DynamicModel, logs: Sequence[Prepared]) -> tuple[float, ...]:
+    """Return which shares of the delays that were found are compared: friction that remembers lags as they do."""
+    longest = max(abs(log.delay_s) * log.log.rate for log in logs) if "state" in model.needs else 0.0
+    return tuple(np.linspace(1.0, 0.0, min(int(np.ceil(longest)), MOST) + 1)) if longest else (1.0,)
 
 
 def _by_unit(model: DynamicModel, part: Friction) -> tuple[Friction, ...]:
@@ -145,16 +176,15 @@ class _FieldSearch:
     """
 
     def __init__(
-        self, model: DynamicModel, pooled: PooledLogs, fastest: float, progress: Callable[[str], None]
+        self,
+        model: DynamicModel,
+        pooled: PooledLogs,
+        spans: Mapping[tuple[int, str], tuple[float, float]],
+        progress: Callable[[str], None],
     ) -> None:
         self.model, self.stated = model, model
         self.absent = tuple(p for p, part in enumerate(model.friction) if part.is_optional)
-        self._pooled, self._progress = pooled, progress
-        self._spans = {
-            (p, name): span
-            for p, part in enumerate(model.friction)
-            for name, span in spans_of(part, "choose", fastest).items()
-        }
+        self._pooled, self._spans, self._progress = pooled, spans, progress
 
     @property
     def tells(self) -> bool:
@@ -194,14 +224,12 @@ class _FieldSearch:
         named = ", ".join(dict.fromkeys(FRICTION.name_of(self.model.friction[p]) for p in linear))
         self._progress(f"friction: {named} on held-out samples")
         pool, own = self._pooled.pool(self.model.friction), self._drives(present)
-        tried = _Tried.of(pool, pool.weights(own), [own])
+        tried = HeldOut.of(pool, own, [own])
         if not tried.tells:
             return {p: self._told(p, False, None) for p in linear}
-        whole = tried.held.sum(axis=0)
 
         def errors_of(added: Sequence[tuple[int, ...]]) -> list[Array]:
-            sets = (np.sort(pool.chosen(self._drives((*present, *extra)))) for extra in added)
-            return replace(tried, keeps=tuple(pool.possible(whole, keep, tried.keeps[0]) for keep in sets)).errors()
+            return tried.with_parts([self._drives((*present, *extra)) for extra in added]).errors()
 
         path, scores = list[tuple[int, ...]]([()]), errors_of([()])
         while left := [p for p in linear if p not in path[-1]]:
@@ -218,6 +246,29 @@ class _FieldSearch:
         self.absent = tuple(p for p in self.absent if p not in chosen)
         gaps = [(each - first) * (1.0 if p in chosen else -1.0) for p, each in zip(linear, errors, strict=True)]
         return {p: self._told(p, p in chosen, own) for p, own in zip(linear, gaps, strict=True)}
+
+    def without_stand_ins(self) -> dict[int, FieldChoice]:
+        """Leave out again what was taken before a part that remembers and says nothing beside it."""
+        present = [p for p in range(len(self.model.friction)) if p not in self.absent]
+        open_ones = [p for p in present if self.model.friction[p].is_optional and not self.model.friction[p].states]
+        dropped: dict[int, FieldChoice] = {}
+        if not open_ones or not any(self.model.friction[p].states for p in present):
+            return dropped
+        pool, full = self._pooled.pool(self.model.friction), self._drives(present)
+        tried = HeldOut.of(pool, full, [self._drives([p for p in present if p not in open_ones])])
+        while open_ones:
+            first, *others = tried.with_parts(
+                [self._drives([q for q in present if q != p]) for p in (None, *open_ones)]
+            ).errors()
+            gaps = [each - first for each in others]
+            k = int(np.argmin([np.mean(gap) for gap in gaps]))
+            if _is_better(gaps[k]):
+                break
+            p = open_ones.pop(k)
+            dropped[p] = self._told(p, False, gaps[k])
+            present.remove(p)
+        self.absent = tuple(sorted((*self.absent, *dropped)))
+        return dropped
 
     def _told(self, p: int, is_taken: bool, gaps: Array | None) -> FieldChoice:
         """Return what is said of a part, from the logarithms of the blocks' errors without less those with it (B,)."""
@@ -298,7 +349,7 @@ class _FieldSearch:
         self.model = _with_value(self.model, there, name, best)
         return FieldChoice(*about, best, best, gain, error)
 
-    def _tried(self, group: Sequence[int], name: str, grid: Array) -> _Tried:
+    def _tried(self, group: Sequence[int], name: str, grid: Array) -> HeldOut:
         """Return the model with values of a field of some parts; of one that is absent, it with each beside itself."""
         model = self.model
         present = [p for p in range(len(model.friction)) if p not in self.absent]
@@ -314,11 +365,9 @@ class _FieldSearch:
                 places |= {p: len(parts) + value * len(group) + k for k, p in enumerate(group)}
             return [[place for place in places.values() if drive in acts[place]] for drive in range(model.robot.dof)]
 
-        tried = _Tried.of(pool, pool.weights(columns(None)), [columns(value) for value in (None, *range(len(grid)))])
-        if any(p in self.absent for p in group):
-            whole, always = tried.held.sum(axis=0), tried.keeps[0]
-            return replace(tried, keeps=tuple(pool.possible(whole, keep, always) for keep in tried.keeps))
-        return tried
+        sets = [columns(value) for value in (None, *range(len(grid)))]
+        tried = HeldOut.of(pool, sets[0], sets)
+        return tried.with_parts(sets) if any(p in self.absent for p in group) else tried
 
 
 def _share(gaps: Array) -> tuple[float, float]:
@@ -330,50 +379,3 @@ def _is_better(gaps: Array) -> bool:
     """Return whether logarithms of ratios of errors (B,) are above nothing by more than chance."""
     gain, error = _share(gaps)
     return gain > max(NOTHING, error * float(student_quantile(1.0 - CHANCE, len(gaps) - 1)))
-
-
-@dataclass(frozen=True)
-class _Tried:
-    """A model with several values of a field, or several lists of parts, as products of the columns.
-
-    Attributes:
-        held: Products of each block, the joints weighted by their residuals in the model, shape (B, c + 1, c + 1).
-        rows: Rows of each block, shape (B,).
-        fast: Products of the fastest rows, shape (c + 1, c + 1), and their number.
-        shared: Number of columns that every fit has.
-        keeps: Columns of the model, and of each value or list in place of its own.
-    """
-
-    held: Array
-    rows: IntArray
-    fast: tuple[Array, int]
-    shared: int
-    keeps: tuple[IntArray, ...]
-
-    @classmethod
-    def of(cls, pool: ColumnPool, weights: Array, sets: Sequence[Sequence[Sequence[int]]]) -> _Tried:
-        """Return the models whose drives have the parts ``sets[k][drive]``."""
-        fast = np.einsum("i,ikl->kl", weights**2, pool.fast)
-        keeps = tuple(np.sort(pool.chosen(own)) for own in sets)
-        return cls(pool.weighted(weights), pool.rows.sum(axis=1), (fast, int(pool.fast_rows.sum())), pool.shared, keeps)
-
-    @property
-    def tells(self) -> bool:
-        """Whether there are rows enough to hold some out."""
-        return len(self.held) >= FEWEST and bool(np.min(self.rows) >= 2 * len(self.keeps[0]))
-
-    def errors(self, fastest: bool = True) -> list[Array]:
-        """Return the logarithms of the held-out errors of each: of the blocks, and of the fastest rows, (B + 1,)."""
-        whole = self.held.sum(axis=0)
-        rest, (fast, count) = without(whole, self.held), self.fast
-        found = [held_out(self.held, rest, self.rows, keep) for keep in self.keeps]
-        if fastest:
-            last = [beyond(whole, fast, keep, self.shared) / max(count, 1) for keep in self.keeps]
-            found = [np.append(each, own) for each, own in zip(found, last, strict=True)]
-        return [np.log(np.maximum(each, TINY)) for each in found]
-
-    def finest(self, grid: Array) -> float:
-        """Return the value between those of a grid that fits all rows best."""
-        whole = self.held.sum(axis=0)
-        losses = np.array([loss(whole, keep, fit(whole, keep)) for keep in self.keeps[1:]])
-        return minimum(np.log(grid), losses, float(np.sum(self.rows)))[0]

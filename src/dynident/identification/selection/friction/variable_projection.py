@@ -32,7 +32,10 @@ def has_varying(model: DynamicModel) -> bool:
 
 
 def vary_fields(
-    model: DynamicModel, logs: Sequence[Prepared], progress: Callable[[str], None] = lambda step: None
+    model: DynamicModel,
+    logs: Sequence[Prepared],
+    progress: Callable[[str], None] = lambda step: None,
+    finest: Array | None = None,
 ) -> tuple[DynamicModel, tuple[FieldEstimate, ...]]:
     """Return the model with the best values of the fields that its parts vary, and these values.
 
@@ -40,6 +43,7 @@ def vary_fields(
         model: With parts whose ``vary`` names non-linear fields.
         logs: Preprocessed logs.
         progress: Called with each step in words.
+        finest: Resolution of the positions of each drive, shape (n,), in rad or m; None where it is not known.
 
     Raises:
         BadOption: A name in ``vary`` that is no non-linear field of its part.
@@ -48,7 +52,7 @@ def vary_fields(
     spans = {
         (p, name): span
         for p, part in enumerate(model.friction)
-        for name, span in spans_of(part, "vary", fastest).items()
+        for name, span in spans_of(part, "vary", fastest, finest_of(model, part, finest)).items()
     }
     pooled = PooledLogs(model, logs, load=default_load(model, logs) if "torque" in model.needs else None)
     parts = list(model.friction)
@@ -74,7 +78,12 @@ def fastest_of(model: DynamicModel, logs: Sequence[Prepared]) -> float:
     return max(float(np.max(np.abs(np.asarray(log.log.dq) @ coupling.T))) for log in logs)
 
 
-def spans_of(part: Friction, asked: str, fastest: float) -> dict[str, tuple[float, float]]:
+def finest_of(model: DynamicModel, part: Friction, finest: Array | None) -> float:
+    """Return the coarsest resolution of the positions (n,) of the drives of a part, in rad or m."""
+    return 0.0 if finest is None else float(np.max(finest[list(model.drives_of(part))], initial=0.0))
+
+
+def spans_of(part: Friction, asked: str, fastest: float, finest: float = 0.0) -> dict[str, tuple[float, float]]:
     """Return where each field of a part that its option ``asked`` (vary or choose) names is looked for.
 
     ``part`` in choose is no field.
@@ -93,7 +102,7 @@ def spans_of(part: Friction, asked: str, fastest: float) -> dict[str, tuple[floa
             raise BadOption(asked, name, "name a field in vary or in choose, not in both")
         span = part.ranges[name]
         high = min(span.high, max(fastest, 2 * span.low)) if span.is_speed else span.high
-        spans[name] = (span.low, high)
+        spans[name] = (min(max(span.low, finest), high) if span.is_distance else span.low, high)
     return spans
 
 

@@ -1,0 +1,136 @@
+"""Presliding friction where the logs decide about it: taken where it is, left out where it is not, and the delay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynident.data.log import Log
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.errors import LogMismatch
+from dynident.identification.identify import identify
+from dynident.identification.selection.delay import find_delays
+from dynident.identification.selection.friction.column_pool import PartCandidate
+from dynident.model.base_parameters import base_parameters
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Friction, Motion
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.load import Load
+from dynident.model.friction.presliding import Presliding
+from dynident.model.friction.stribeck import Stribeck
+from dynident.model.friction.viscous import Viscous
+from dynident.model.robot import Robot
+
+RATE = 200.0
+HOW = Preprocessing(AsGiven(), rest="keep", delay_s=None)
+
+#: What a draft asks of the logs.
+DRAFT = (
+    Coulomb(0.01, choose=("width",)),
+    Viscous(),
+    Load(0.01, choose=("part", "width")),
+    Stribeck(0.1, width=0.01, choose=("part", "width", "velocity", "exponent")),
+    Presliding(3e-3, choose=("part", "length")),
+)
+
+MakeMotion = Callable[..., Motion]
+
+
+def logged(
+    robot: Robot, motion: MakeMotion, parts: tuple[Friction, ...], values: list[float], late: float, seed: int
+) -> Log:
+    """Return a log of a torque that is late by some samples, its noise 1 % of it."""
+    assert robot.nominal is not None
+    model, time = DynamicModel(robot, parts), np.arange(4000) / RATE
+    measured, behind = (motion(2, time - lag, 0.5, seed=seed) for lag in (0.0, late / RATE))
+    torque = model.torque(model.with_states(behind, 1.0 / RATE), np.append(robot.nominal, values))
+    noise = 0.01 * np.std(torque, axis=0) * np.random.default_rng(seed).normal(size=torque.shape)
+    return Log(robot.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque + noise)
+
+
+def check_taken(robot: Robot, motion: MakeMotion, length: float, late: float, seed: int) -> None:
+    """Check that level and length come out within 10 %, the delay within 0.3 of a sample."""
+    truth = (Coulomb(0.01), Viscous(), Presliding(length))
+    log = logged(robot, motion, truth, [1.0, 1.0, 3.0, 0.6, 0.5, 2.0], late, seed)
+    found = identify(DynamicModel(robot, DRAFT), [log], "wls", HOW)
+    (part,) = (own for own in found.model.friction if isinstance(own, Presliding))
+    assert part.length == pytest.approx(length, rel=0.1)
+    values = {p["name"]: p["value"] for p in found.parameters()}
+    assert values["Fp[joint1]"] == pytest.approx(3.0, rel=0.1) and values["Fp[joint2]"] == pytest.approx(2.0, rel=0.1)
+    assert found.choices.delays is not None
+    assert found.choices.delays[0].applied * RATE == pytest.approx(late, abs=0.3)
+
+
+def check_left_out(robot: Robot, motion: MakeMotion, late: float, seed: int) -> None:
+    """Check that neither presliding nor a Stribeck effect is taken where there is none, and the delay is right."""
+    log = logged(robot, motion, (Coulomb(0.01), Viscous()), [3.0, 1.0, 2.0, 0.5], late, seed)
+    found = identify(DynamicModel(robot, DRAFT), [log], "wls", HOW)
+    assert not [own for own in found.model.friction if isinstance(own, Presliding | Stribeck)]
+    assert found.choices.delays is not None
+    assert found.choices.delays[0].applied * RATE == pytest.approx(late, abs=0.3)
+
+
+@pytest.mark.parametrize("late", [0, 2])
+def test_presliding_and_delay_are_told_apart(planar_2r: Robot, exact_motion: MakeMotion, late: int) -> None:
+    check_taken(planar_2r, exact_motion, 0.01, late, 3)
+
+
+@pytest.mark.battery
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("length", [3e-3, 0.02])
+@pytest.mark.parametrize("late", [0, 2])
+def test_presliding_and_delay_are_told_apart_many_times(
+    planar_2r: Robot, exact_motion: MakeMotion, late: int, length: float, seed: int
+) -> None:
+    check_taken(planar_2r, exact_motion, length, late, seed)
+
+
+@pytest.mark.parametrize("late", [0, 2])
+def test_no_presliding_where_there_is_none(planar_2r: Robot, exact_motion: MakeMotion, late: int) -> None:
+    check_left_out(planar_2r, exact_motion, late, 5)
+
+
+@pytest.mark.battery
+def test_no_presliding_where_there_is_none_in_95_of_100(planar_2r: Robot, exact_motion: MakeMotion) -> None:
+    wrong = []
+    for seed in range(100):
+        try:
+            check_left_out(planar_2r, exact_motion, seed % 3, seed)
+        except AssertionError:
+            wrong.append(seed)
+    assert len(wrong) <= 5, wrong
+
+
+def test_a_delay_beside_presliding_lies_between_none_and_that_without_it(
+    planar_2r: Robot, exact_motion: MakeMotion
+) -> None:
+    log = logged(planar_2r, exact_motion, (Coulomb(0.01), Viscous()), [3.0, 1.0, 2.0, 0.5], 3, 5)
+    model = DynamicModel(planar_2r, (Coulomb(0.01), Viscous()))
+    for bound, applied in ((0.0, 0.0), (-0.01, 0.0), (0.005, 0.005), (0.1, 0.015)):
+        (delay,), (rows,) = find_delays(model, base_parameters(model), [log], HOW, [bound])
+        assert delay.seconds == pytest.approx(0.015, abs=1e-4)
+        assert delay.applied == rows.delay_s == pytest.approx(applied, abs=1e-4)
+
+
+def test_a_candidate_remembers_as_its_part_does(exact_motion: MakeMotion) -> None:
+    part, motion = Presliding(0.02), exact_motion(3, np.arange(100) / 50.0)
+    np.testing.assert_array_equal(PartCandidate(part, "7").states_along(motion, 0.02), part.states_along(motion, 0.02))
+
+
+def test_lengths_are_at_least_the_resolution(planar_2r: Robot, exact_motion: MakeMotion) -> None:
+    log = logged(planar_2r, exact_motion, (Coulomb(0.01), Viscous()), [3.0, 1.0, 2.0, 0.5], 0, 5)
+    coarse = replace(log, q=np.round(log.q / 5e-3) * 5e-3)
+    np.testing.assert_allclose(coarse.resolution, 5e-3)
+    np.testing.assert_array_equal(log.resolution, 0.0)
+    stated = DynamicModel(planar_2r, (Coulomb(0.01), Viscous(), Presliding(3e-3)))
+    with pytest.raises(
+        LogMismatch, match=r"presliding: length 0.003 is below the resolution of the positions, 0.005 .* at least 0.005"
+    ):
+        identify(stated, [coarse], "wls", replace(HOW, delay_s=0.0))
+    left_open = replace(stated, friction=(*stated.friction[:2], Presliding(3e-3, vary=("length",))))
+    found = identify(left_open, [coarse], "wls", replace(HOW, delay_s=0.0))
+    assert found.model.friction[2].options["length"] >= 5e-3 * (1 - 1e-9)
