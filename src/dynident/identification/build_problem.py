@@ -75,8 +75,6 @@ def build_problem(
         raise LogMismatch("identify", "no log", "give at least one log")
     preprocessing, knowledge = preprocessing or default_preprocessing(), knowledge or PriorKnowledge()
     ordered = [log.ordered(model.robot.joint_names) for log in logs]
-    finest = _resolution(model, ordered)
-    model = _above_resolution(model, ordered[0].name, finest)
     simple = without_optional(model)
     if choose_friction:
         simple = replace(model, friction=tuple(FRICTION.make(name) for name in default_friction()))
@@ -85,12 +83,13 @@ def build_problem(
         from dynident.identification.selection.friction.alike import starting_friction  # few need it
 
         model = replace(model, friction=starting_friction())
+    finest = _resolution(model, ordered)
+    model = _above_resolution(model, ordered[0].name, finest)
     prepared, delays = _prepared(without_optional(model), ordered, preprocessing, progress)
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
-        model, prepared, choices = _with_chosen_fields(
-            model, ordered, preprocessing, (prepared, choices), progress, finest
-        )
+        before = (prepared, choices)
+        model, prepared, choices = _with_chosen_fields(model, ordered, preprocessing, before, progress, finest)
     if choose_friction:
         model, friction = _with_chosen_friction(model, prepared, preprocessing.delay_s is None, progress)
         choices = replace(choices, friction_choice=friction)
