@@ -83,8 +83,7 @@ def build_problem(
         from dynident.identification.selection.friction.alike import starting_friction  # few need it
 
         model = replace(model, friction=starting_friction())
-    finest = _resolution(model, ordered)
-    model = _above_resolution(model, ordered[0].name, finest)
+    model, finest = _above_resolution(model, ordered)
     prepared, delays = _prepared(without_optional(model), ordered, preprocessing, progress)
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
@@ -117,15 +116,15 @@ def _resolution(model: DynamicModel, logs: Sequence[Log]) -> Array | None:
     return np.max(np.abs(np.asarray(model.robot.coupling)) * joints, axis=1)
 
 
-def _above_resolution(model: DynamicModel, log: str, finest: Array | None) -> DynamicModel:
-    """Return the model whose distances of friction are at least the resolution of the positions.
+def _above_resolution(model: DynamicModel, logs: Sequence[Log]) -> tuple[DynamicModel, Array | None]:
+    """Return the model whose distances of friction are at least the resolution of the positions, and that.
 
     Those that are left to the logs begin there.
 
     Raises:
         LogMismatch: One that is stated is below it.
     """
-    parts = list(model.friction)
+    parts, finest = list(model.friction), _resolution(model, logs)
     for p, part in enumerate(parts):
         least = finest_of(model, part, finest)
         below = [name for name, span in part.ranges.items() if span.is_distance and getattr(part, name) < least]
@@ -134,9 +133,9 @@ def _above_resolution(model: DynamicModel, log: str, finest: Array | None) -> Dy
             if name not in left_open:
                 stated = f"{FRICTION.name_of(part)}: {name} {getattr(part, name):g}"
                 evidence = f"{stated} is below the resolution of the positions, {least:.3g} rad (or m)"
-                raise LogMismatch(log, evidence, f"state at least {least:.2g}, or log finer positions")
+                raise LogMismatch(logs[0].name, evidence, f"state at least {least:.2g}, or log finer positions")
             parts[p] = replace(parts[p], **{name: least})
-    return replace(model, friction=tuple(parts)) if tuple(parts) != model.friction else model
+    return (replace(model, friction=tuple(parts)) if tuple(parts) != model.friction else model), finest
 
 
 def _with_chosen_fields(
