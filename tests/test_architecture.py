@@ -121,7 +121,6 @@ SMALL = {
     "identification/simulated/estimators/iv.py": "an estimator",
     "identification/streaming/merge_tree.py": "an algorithm of its own",
     "model/friction/_slipped.py": "a part of its own, that no list names",
-    "model/friction/_presliding_loop.py": "compiled code, apart from the part: loads slowly",
     "model/chain.py": "all that kernels know of a robot",
     "model/kernels/numpy_source.py": "one of the languages that a traced program is written in",
     "results/figures/convergence.py": "a figure",

@@ -73,11 +73,7 @@ def write_arm_and_log(tmp_path: Path, planar_2r: Robot, exact_log: Callable[...,
 
 
 def test_the_usual_commands_load_nothing_slow(tmp_path: Path, planar_2r: Robot, exact_log: Callable[..., Log]) -> None:
-    """From the robot model of an arm and its log to a report, in one process.
-
-    But for numba, which loads scipy.linalg: a draft tries presliding, whose element it compiles.
-    """
-    slow, later = ([name for name in each if name not in ("numba", "scipy.linalg")] for each in (SLOW, NOT_FOR_ALL))
+    """From the robot model of an arm and its log to a report, in one process."""
     write_arm_and_log(tmp_path, planar_2r, exact_log)
     code = "\n".join(
         [
@@ -86,7 +82,7 @@ def test_the_usual_commands_load_nothing_slow(tmp_path: Path, planar_2r: Robot, 
             "              'identify case.yaml -o estimate.json', 'validate estimate.json run.csv',",
             "              'report estimate.json -o report.html'):",
             "    assert main(words.split()) == 0, words",
-            f"import sys; print([name for name in {slow!r} if name in sys.modules])",
+            f"import sys; print([name for name in {SLOW!r} if name in sys.modules])",
         ]
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
@@ -95,7 +91,7 @@ def test_the_usual_commands_load_nothing_slow(tmp_path: Path, planar_2r: Robot, 
     alone = (
         "from dynident.cli.main import main; import sys; assert main(['identify', 'case.yaml', '--no-check']) == 0; "
     )
-    alone += f"print([name for name in {(*slow, *later)!r} if name in sys.modules])"
+    alone += f"print([name for name in {SLOW + NOT_FOR_ALL!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", alone], capture_output=True, text=True, check=False, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"

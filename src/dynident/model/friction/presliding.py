@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import ClassVar
 
 import numpy as np
@@ -67,7 +68,16 @@ class Presliding(Friction):
         return apart & ~apart[-1]  # a drive that never moves so far tells nothing apart: its rows stay
 
     def _along(self, motion: Motion, start: float) -> Array:
-        """Return the deflection along a motion from a start on, shape (N, n)."""
-        from dynident.model.friction._presliding_loop import stops  # loads numba
+        """Return the deflection along a motion from a start on, shape (N, n).
 
-        return stops(np.ascontiguousarray(motion.q), self.length, start)
+        Between two reversals it follows the position to the end of the spring: only these have to be gone through.
+        """
+        length, found = self.length, np.empty(motion.q.shape)
+        for drive, q in enumerate(motion.q.T):
+            turns = np.flatnonzero(np.diff(np.sign(np.diff(q)))) + 1
+            starts = np.concatenate([[0], turns])
+            ways = np.diff(q[starts]).tolist()
+            bent = list(accumulate(ways, lambda z, way: min(max(z + way, -length), length), initial=start))
+            samples = np.diff(starts, append=len(q))
+            found[:, drive] = np.clip(np.repeat(bent, samples) + (q - np.repeat(q[starts], samples)), -length, length)
+        return found
