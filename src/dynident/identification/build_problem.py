@@ -170,10 +170,9 @@ def _with_chosen_fields(
             prepared, delays = _prepared(chosen, logs, preprocessing, progress, without)
             choices = replace(choices, **delays)
     choices = replace(choices, chosen_fields=tuple(held))
-    if delay_is_free and any(part.states and part.is_optional for part in model.friction) and "state" in chosen.needs:
-        plain = replace(
-            model, friction=tuple(part for part in model.friction if not (part.states and part.is_optional))
-        )
+    stay = tuple(part for part in model.friction if not (part.states and part.is_optional))
+    if delay_is_free and "state" in chosen.needs and len(stay) < len(model.friction):
+        plain = replace(model, friction=stay)
         other, others, without_it = _with_chosen_fields(plain, logs, preprocessing, before, progress, finest)
         if not predicts_better(chosen, prepared, other, others):
             return other, others, without_it
@@ -207,16 +206,15 @@ def _prepared(
     progress("preprocessing")
     if preprocessing.delay_s is not None:
         return [preprocess(log, preprocessing) for log in logs], {}
-    from dynident.identification.selection.delay import common_delay, find_delays  # few need it
+    from dynident.identification.selection.delay import Delay, common_delay, find_delays  # few need it
 
     progress("time delay between torque and position")
     simple = without_load(model)
-    within = [delay.applied for delay in without]
-    if "state" in simple.needs and not within:
+    bounds: Sequence[DelayRecord | Delay] = without if "state" in simple.needs else ()
+    if "state" in simple.needs and not bounds:
         forgetful = replace(simple, friction=tuple(part for part in simple.friction if not part.states))
-        delays, _ = find_delays(forgetful, base_parameters(forgetful), logs, preprocessing)
-        within = [delay.applied for delay in delays]
-    within = within if "state" in simple.needs else []
+        bounds, _ = find_delays(forgetful, base_parameters(forgetful), logs, preprocessing)
+    within = [delay.applied for delay in bounds]
     delays, prepared = find_delays(simple, base_parameters(simple), logs, preprocessing, within)
     table = tuple(
         DelayRecord(log.name, delay.seconds, delay.deviation, delay.applied)

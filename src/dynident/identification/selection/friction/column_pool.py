@@ -89,15 +89,13 @@ class ColumnPool:
     fast_rows: IntArray
     views: tuple[IntArray, ...]
 
-    def weighted(self, weights: Array, view: int = 0) -> Array:
+    def weighted(self, weights: Array) -> Array:
         """Return the products of each block over all joints, their rows times the weights (n,): (B, c + 1, c + 1)."""
-        own = self.views[view]
-        return np.einsum("i,bikl->bkl", weights**2, self.products)[:, own[:, None], own]
+        return np.einsum("i,bikl->bkl", weights**2, self.products)
 
-    def fastest(self, weights: Array, view: int = 0) -> Array:
-        """Return those of the fastest rows, (c + 1, c + 1)."""
-        own = self.views[view]
-        return np.einsum("i,ikl->kl", weights**2, self.fast)[own[:, None], own]
+    def by_delay(self, products: Array) -> tuple[Array, ...]:
+        """Return products of all columns (..., e, e) once for each delay, shape (..., c + 1, c + 1)."""
+        return tuple(products[..., own[:, None], own] for own in self.views)
 
     def chosen(self, sets: Sequence[Sequence[int]]) -> IntArray:
         """Return the columns of a model whose drive j has the parts ``sets[j]``."""
@@ -115,8 +113,7 @@ class ColumnPool:
 
     def weights(self, sets: Sequence[Sequence[int]], passes: int = 4) -> Array:
         """Return the weight of each joint's rows by its own residual in a fit of all blocks, shape (n,)."""
-        size = len(self.views[0])
-        total, rows = self.products.sum(axis=0)[:, :size, :size], np.maximum(self.rows.sum(axis=0), 1)
+        total, rows = self.by_delay(self.products.sum(axis=0))[0], np.maximum(self.rows.sum(axis=0), 1)
         keep = self.chosen(sets)
         weights = np.ones(self.products.shape[1])
         for _ in range(passes):
@@ -191,12 +188,14 @@ class PooledLogs:
         """Return the rows of the columns that every fit has, and of the torque."""
         if not self._delay_is_free:
             return list(self._bodies.segments(log))
-        slopes, torque = _slopes(log)[log.keep], np.asarray(log.log.torque)[log.keep]
-        later = [_later(log, (1.0 - share) * log.delay_s) for share in self._shares[1:]]
+        torque = np.asarray(log.log.torque)
+        slopes = -np.gradient(torque, 1.0 / log.log.rate, axis=0)  # by a delay
+        lags = [(1.0 - share) * log.delay_s * log.log.rate for share in self._shares]
+        each = [[fractional_shift(signal, lag, log.keep) for signal in (slopes, torque)] for lag in lags]
 
         def rows_of(part: slice, i: int, rows: Array) -> Array:
-            others = ((slope[part, i], rows[-1] + (own - torque)[part, i]) for own, slope in later)
-            return np.vstack([rows[:-1], slopes[part, i], rows[-1], *itertools.chain(*others)])
+            known = rows[-1] - torque[log.keep][part, i]  # less what is known of the torque
+            return np.vstack([rows[:-1], *((slope[part, i], own[part, i] + known) for slope, own in each)])
 
         return [
             (part, tuple(rows_of(part, i, rows) for i, rows in enumerate(segment)))
@@ -350,14 +349,3 @@ def _blocks_of(log: Prepared, mask: BoolArray, blocks: int) -> IntArray:
     cuts = np.append(np.flatnonzero(np.diff(place)) + 1.0, np.inf)
     away = np.min(np.abs(np.arange(len(place))[:, None] - cuts), axis=1)
     return np.where(away < min(near, 0.1 * len(place) / blocks), -1, place)
-
-
-def _slopes(log: Prepared) -> Array:
-    """Return the derivative of the filtered torque by a delay, in all rows, shape (N, n)."""
-    return -np.gradient(np.asarray(log.log.torque), 1.0 / log.log.rate, axis=0)
-
-
-def _later(log: Prepared, seconds: float) -> tuple[Array, Array]:
-    """Return the filtered torque of the kept rows as if it lagged less by ``seconds``, and its derivative, (N, n)."""
-    torque, samples = np.asarray(log.log.torque), seconds * log.log.rate
-    return tuple(fractional_shift(each, samples, log.keep) for each in (torque, _slopes(log)))  # type: ignore[return-value]

@@ -53,13 +53,10 @@ class HeldOut:
 
         The rows of each joint are weighted by the fit of ``model``, or as stated, (n,).
         """
-        weights, views = pool.weights(model) if weights is None else weights, range(len(pool.views))
-        return cls(
-            pool,
-            tuple(pool.weighted(weights, view) for view in views),
-            tuple(pool.fastest(weights, view) for view in views),
-            tuple(np.sort(pool.chosen(own)) for own in sets),
-        )
+        weights = pool.weights(model) if weights is None else weights
+        fast = np.einsum("i,ikl->kl", weights**2, pool.fast)
+        keeps = tuple(np.sort(pool.chosen(own)) for own in sets)
+        return cls(pool, pool.by_delay(pool.weighted(weights)), pool.by_delay(fast), keeps)
 
     def with_parts(self, sets: Sequence[Sequence[Sequence[int]]]) -> HeldOut:
         """Return lists of parts in place of its own, without coefficients of a wrong sign that the model has not."""

@@ -32,7 +32,7 @@ from dynident.identification.residuals.quantiles import student_quantile
 from dynident.identification.selection.friction.column_pool import PooledLogs
 from dynident.identification.selection.friction.held_out_errors import HeldOut
 from dynident.identification.selection.friction.load import default_load
-from dynident.identification.selection.friction.variable_projection import fastest_of, finest_of, spans_of
+from dynident.identification.selection.friction.variable_projection import all_spans
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE, Friction
 
@@ -94,12 +94,7 @@ def choose_fields(
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
     logs = [log.sparser(ROWS) for log in logs]
     load = default_load(without_optional(model), logs) if "torque" in model.needs else None
-    spans = {
-        (p, name): span
-        for fastest in [fastest_of(model, logs)]
-        for p, part in enumerate(model.friction)
-        for name, span in spans_of(part, "choose", fastest, finest_of(model, part, finest)).items()
-    }
+    spans = all_spans(model, logs, "choose", finest)
     shares = _shares_of_delay(model, logs)
     for blocks in (BLOCKS, OF_SHORT_LOGS):
         pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares)

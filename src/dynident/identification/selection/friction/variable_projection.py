@@ -48,12 +48,7 @@ def vary_fields(
     Raises:
         BadOption: A name in ``vary`` that is no non-linear field of its part.
     """
-    fastest = fastest_of(model, logs)
-    spans = {
-        (p, name): span
-        for p, part in enumerate(model.friction)
-        for name, span in spans_of(part, "vary", fastest, finest_of(model, part, finest)).items()
-    }
+    spans = all_spans(model, logs, "vary", finest)
     pooled = PooledLogs(model, logs, load=default_load(model, logs) if "torque" in model.needs else None)
     parts = list(model.friction)
     found: dict[tuple[int, str], FieldEstimate] = {}
@@ -81,6 +76,22 @@ def fastest_of(model: DynamicModel, logs: Sequence[Prepared]) -> float:
 def finest_of(model: DynamicModel, part: Friction, finest: Array | None) -> float:
     """Return the coarsest resolution of the positions (n,) of the drives of a part, in rad or m."""
     return 0.0 if finest is None else float(np.max(finest[list(model.drives_of(part))], initial=0.0))
+
+
+def all_spans(
+    model: DynamicModel, logs: Sequence[Prepared], asked: str, finest: Array | None
+) -> dict[tuple[int, str], tuple[float, float]]:
+    """Return where the fields are looked for that the parts name in ``asked`` (vary or choose), by place and name.
+
+    Raises:
+        BadOption: See :func:`spans_of`.
+    """
+    fastest = fastest_of(model, logs)
+    return {
+        (p, name): span
+        for p, part in enumerate(model.friction)
+        for name, span in spans_of(part, asked, fastest, finest_of(model, part, finest)).items()
+    }
 
 
 def spans_of(part: Friction, asked: str, fastest: float, finest: float = 0.0) -> dict[str, tuple[float, float]]:
