@@ -41,11 +41,17 @@ MakeMotion = Callable[..., Motion]
 
 
 def logged(
-    robot: Robot, motion: MakeMotion, parts: tuple[Friction, ...], values: list[float], late: float, seed: int
+    robot: Robot,
+    motion: MakeMotion,
+    parts: tuple[Friction, ...],
+    values: list[float],
+    late: float,
+    seed: int,
+    samples: int = 4000,
 ) -> Log:
     """Return a log of a torque that is late by some samples, its noise 1 % of it."""
     assert robot.nominal is not None
-    model, time = DynamicModel(robot, parts), np.arange(4000) / RATE
+    model, time = DynamicModel(robot, parts), np.arange(samples) / RATE
     measured, behind = (motion(2, time - lag, 0.5, seed=seed) for lag in (0.0, late / RATE))
     torque = model.torque(model.with_states(behind, 1.0 / RATE), np.append(robot.nominal, values))
     noise = 0.01 * np.std(torque, axis=0) * np.random.default_rng(seed).normal(size=torque.shape)
@@ -70,6 +76,19 @@ def check_left_out(robot: Robot, motion: MakeMotion, late: float, seed: int) -> 
     log = logged(robot, motion, (Coulomb(0.01), Viscous()), [3.0, 1.0, 2.0, 0.5], late, seed)
     found = identify(DynamicModel(robot, DRAFT), [log], "wls", HOW)
     assert not [own for own in found.model.friction if isinstance(own, Presliding | Stribeck)]
+    assert found.choices.delays is not None
+    assert found.choices.delays[0].applied * RATE == pytest.approx(late, abs=0.3)
+
+
+@pytest.mark.parametrize("late", [0, 2])
+def test_level_and_delay_are_told_apart_where_the_length_is_known(
+    planar_2r: Robot, exact_motion: MakeMotion, late: int
+) -> None:
+    truth = (Coulomb(0.01), Viscous(), Presliding(0.01))
+    log = logged(planar_2r, exact_motion, truth, [1.0, 1.0, 3.0, 0.6, 0.5, 2.0], late, 3, 6000)
+    found = identify(DynamicModel(planar_2r, truth), [log], "wls", HOW)
+    values = {p["name"]: p["value"] for p in found.parameters()}
+    assert values["Fp[joint1]"] == pytest.approx(3.0, rel=0.1) and values["Fp[joint2]"] == pytest.approx(2.0, rel=0.1)
     assert found.choices.delays is not None
     assert found.choices.delays[0].applied * RATE == pytest.approx(late, abs=0.3)
 

@@ -12,17 +12,14 @@ from dynident.data.log import Log
 from dynident.data.preprocessing import Preprocessing, preprocess
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import BadOption
-from dynident.identification.identify import identify
 from dynident.identification.problem.problem import counting_rows
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.presliding import Presliding
-from dynident.model.friction.viscous import Viscous
 from dynident.model.robot import Robot
 
 GIVEN = Preprocessing(AsGiven(), rest="keep")
-RATE = 200.0
 
 
 def turning(size: float, samples: int = 4001) -> Motion:
@@ -70,33 +67,3 @@ def test_without_history_it_is_coulomb_friction(exact_motion: Callable[..., Moti
 def test_lengths_that_are_none(length: float) -> None:
     with pytest.raises(BadOption, match="give a distance in rad, at least the resolution of the encoder"):
         Presliding(length)
-
-
-def logged(
-    robot: Robot,
-    motion: Callable[..., Motion],
-    parts: tuple[Friction, ...],
-    values: list[float],
-    late: float,
-    seed: int,
-) -> Log:
-    """Return a log of a torque that is late by some samples, its noise 1 % of it."""
-    assert robot.nominal is not None
-    model, time = DynamicModel(robot, parts), np.arange(6000) / RATE
-    measured, behind = (motion(2, time - lag, 0.5, seed=seed) for lag in (0.0, late / RATE))
-    torque = model.torque(model.with_states(behind, 1.0 / RATE), np.append(robot.nominal, values))
-    noise = 0.01 * np.std(torque, axis=0) * np.random.default_rng(seed).normal(size=torque.shape)
-    return Log(robot.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque + noise)
-
-
-@pytest.mark.parametrize("late", [0, 2])
-def test_level_and_delay_are_told_apart_where_the_length_is_known(
-    planar_2r: Robot, exact_motion: Callable[..., Motion], late: int
-) -> None:
-    truth = (Coulomb(0.01), Viscous(), Presliding(0.01))
-    log = logged(planar_2r, exact_motion, truth, [1.0, 1.0, 3.0, 0.6, 0.5, 2.0], late, 3)
-    found = identify(DynamicModel(planar_2r, truth), [log], "wls", replace(GIVEN, delay_s=None))
-    values = {p["name"]: p["value"] for p in found.parameters()}
-    assert values["Fp[joint1]"] == pytest.approx(3.0, rel=0.1) and values["Fp[joint2]"] == pytest.approx(2.0, rel=0.1)
-    assert found.choices.delays is not None
-    assert found.choices.delays[0].applied * RATE == pytest.approx(late, abs=0.3)
