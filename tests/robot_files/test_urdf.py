@@ -294,6 +294,20 @@ def test_missing_bounds() -> None:
     assert (limits.lower, limits.upper) == (-1.7976931348623157e308, 1e60)
 
 
+@pytest.mark.parametrize("limit", ["", "<limit/>", '<limit effort="3" velocity="2"/>'])
+def test_a_joint_without_bounds_is_unbounded_and_the_note_names_it(limit: str) -> None:
+    robot = one_joint(limit)
+    assert (robot.joints[0].limits.lower, robot.joints[0].limits.upper) == (-math.inf, math.inf)
+    assert robot.joints[0].limits.effort == (3 if "effort" in limit else math.inf)
+    assert robot.note == "read from arm.urdf; no position limits of j: neither lower nor upper in <limit>"
+    for kind, bounds in (
+        ("continuous", limit),
+        ("revolute", '<limit upper="1"/>'),
+        ("prismatic", '<limit lower="-1"/>'),
+    ):
+        assert one_joint(bounds, kind).note == "read from arm.urdf"
+
+
 @pytest.mark.parametrize("quaternion", ["0.1 -0.7 0.5 0.5", "0 0 0.3826834323650898 -0.9238795325112867"])
 def test_quaternion_origin(quaternion: str) -> None:
     x, y, z, w = (values := np.array(quaternion.split(), dtype=float)) / np.linalg.norm(values)
@@ -324,7 +338,7 @@ def test_mimic_chain_is_multiplied_out() -> None:
 
 
 def test_the_first_of_two_origins_counts_and_the_note_says_so() -> None:
-    robot = one_joint('<origin xyz="1 0 0"/><origin xyz="2 0 0"/>')
+    robot = one_joint('<origin xyz="1 0 0"/><origin xyz="2 0 0"/>', "continuous")
     assert robot.joints[0].translation.tolist() == [1, 0, 0]
     assert robot.note == "read from arm.urdf; joint 'j': the first of 2 <origin> counts"
 

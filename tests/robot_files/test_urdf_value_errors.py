@@ -154,14 +154,6 @@ CASES: dict[str, Fault] = {
         'lower="2"',
         "joint 'shoulder': the lower limit 2 is above the upper limit 1; exchange or correct them",
     ),
-    "limits absent": (
-        'lower="-1" upper="1"',
-        "",
-        (
-            "joint 'shoulder': limit has neither lower nor upper, which some readers take for 0 to 0; write "
-            "both, or make the joint continuous"
-        ),
-    ),
     "limit nan": (
         'lower="-1"',
         'lower="nan"',

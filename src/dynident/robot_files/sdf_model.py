@@ -29,7 +29,7 @@ from dynident.robot_files.sdf_elements import (
 from dynident.robot_files.sdf_frames import WORLD, SdfFrames
 from dynident.robot_files.sdf_includes import SdfFiles, read_sdf_files
 from dynident.robot_files.sdf_words import SPRINGS_OF_DRAKE
-from dynident.robot_files.tree import Connection, assemble, with_unknown
+from dynident.robot_files.tree import Connection, assemble, some, with_unknown
 from dynident.robot_files.xml_elements import MAX_LINKS, Element
 
 
@@ -163,7 +163,7 @@ class _SdfReader:
         if len(floating) == len(links):
             gravity = np.zeros(3)
         elif floating:
-            self.found.notes.append(f"<gravity>false</gravity> of links ({', '.join(floating[:4])})")
+            self.found.notes.append(f"<gravity>false</gravity> of links ({some(floating)})")
         return replace(self.found, gravity=gravity)
 
     def _link(self, name: str, element: Element, carrier: tuple[str, Element] | None) -> None:

@@ -132,6 +132,12 @@ def _held(joint: Connection, position: float) -> Connection:
     return replace(joint, kind="fixed", rotation=joint.rotation @ rotation_about(joint.axis, position))
 
 
+def some(names: Sequence[str], most: int = 4) -> str:
+    """Return names with commas, the first of many."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
 def numbered(word: str, number: int, taken: Collection[str]) -> str:
     """Return the word with the first number from ``number`` on that gives a name nothing has."""
     return next(name for one in count(number) if (name := f"{word}{one}") not in taken)

@@ -18,7 +18,7 @@ from dynident.model.robot import JointLimits, Mimic, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 from dynident.robot_files.formats.base import Description
 from dynident.robot_files.rotations import rotation_from_quaternion, rotation_from_rpy
-from dynident.robot_files.tree import Connection, assemble
+from dynident.robot_files.tree import Connection, assemble, some
 from dynident.robot_files.urdf_elements import parse_urdf
 from dynident.robot_files.xml_elements import Element
 
@@ -49,7 +49,8 @@ class Urdf(Description):
       the link or the base that carries them.
     * An inertia tensor that no body can have is kept: ``Inertia.defect`` says why it is none.
     * The position limits of a continuous joint are passed over; a missing bound of the others is 0 when one is
-      stated (specification 1.0) and an error when none is. Other missing limits are infinite, not zero.
+      stated (specification 1.0). Where none is, the joint has no position limits, and ``Robot.note`` names it. Other
+      missing limits are infinite, not zero.
     * The acceleration limit is the smaller of acceleration and deceleration.
     * Of two ``<origin>`` in one joint or inertial the first counts, as urdfdom reads it; ``Robot.note``
       says so. Any other element that is there twice is an error.
@@ -89,11 +90,15 @@ class _Reader:
     def __init__(self, path: object) -> None:
         self._path = path
         self._notes: list[str] = []
+        self._unbounded: list[str] = []
 
     def robot(self, root: Element) -> Robot:
         """Return the robot of the ``<robot>`` element."""
         name, bodies, shapes, connections = self.parts(root)
-        note = "; ".join([f"read from {PurePath(str(self._path)).name}", *self._notes])
+        notes = [f"read from {PurePath(str(self._path)).name}", *self._notes]
+        if self._unbounded:
+            notes.append(f"no position limits of {some(self._unbounded)}: neither lower nor upper in <limit>")
+        note = "; ".join(notes)
         return assemble(self._path, name, bodies, connections, note, shapes)
 
     def parts(self, root: Element) -> tuple[str, dict[str, Inertia | None], dict[str, list[Shape]], list[Connection]]:
@@ -191,7 +196,7 @@ class _Reader:
         rotation, translation = self._pose(place, element)
         return Connection(
             name, kind, ends[0], ends[1], rotation, translation, self._axis(place, element, kind),
-            self._limits(place, element, word), self._mimic(place, element, kind), damping, friction,
+            self._limits(place, element, word, name), self._mimic(place, element, kind), damping, friction,
         )  # fmt: skip
 
     def _axis(self, place: Place, joint: Element, kind: str) -> Array:
@@ -203,20 +208,20 @@ class _Reader:
             raise place.error(f"axis xyz {shown(element.attributes['xyz'])} has no direction", "write it as '0 0 1'")
         return axis  # the joint normalises it
 
-    def _limits(self, place: Place, joint: Element, word: str) -> JointLimits:
+    def _limits(self, place: Place, joint: Element, word: str, name: str) -> JointLimits:
         element = self._only(place, joint, "limit")
-        if element is None or word == "fixed":
+        if word == "fixed":
             return JointLimits()
+        given = {} if element is None else element.attributes
         lower, upper = -math.inf, math.inf
-        if word != "continuous":
-            if "lower" not in element.attributes and "upper" not in element.attributes:
-                raise place.error(
-                    "limit has neither lower nor upper, which some readers take for 0 to 0",
-                    "write both, or make the joint continuous",
-                )
+        if word != "continuous" and "lower" not in given and "upper" not in given:
+            self._unbounded.append(name)
+        elif word != "continuous" and element is not None:
             lower = self._number(place, element, "lower", "0", unbounded=True)
             upper = self._number(place, element, "upper", "0", unbounded=True)
             check_order(place, lower, upper)
+        if element is None:
+            return JointLimits()
         rest = {
             name: self._at_least_zero(place, element, name, "inf", unbounded=True)
             for name in ("velocity", "acceleration", "deceleration", "jerk", "effort")

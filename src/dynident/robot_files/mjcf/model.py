@@ -14,7 +14,7 @@ from dynident.robot_files.mjcf.defaults import Defaults
 from dynident.robot_files.mjcf.document import MjcfDocument, read_document
 from dynident.robot_files.mjcf.poses import IDENTITY
 from dynident.robot_files.mjcf.ties import tied
-from dynident.robot_files.tree import Connection, assemble, carried_by_leaders
+from dynident.robot_files.tree import Connection, assemble, carried_by_leaders, some
 
 #: The flags that, all switched off, end a torque which MuJoCo has and which is not read here.
 _ENDED: Final[Mapping[str, set[str]]] = {
@@ -49,7 +49,7 @@ class MjcfModel:
         document, tree = self.document, self.tree
         notes = {**({"a fluid": []} if document.has_fluid else {}), **tree.notes}
         left = [
-            f"{what} ({', '.join(names[:4])})" if names else what
+            f"{what} ({some(names)})" if names else what
             for what, names in notes.items()
             if what not in _ENDED or not _ENDED[what] <= document.disabled.keys()
         ]

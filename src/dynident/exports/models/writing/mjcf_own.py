@@ -16,7 +16,7 @@ from dynident.errors import DescriptionError
 from dynident.exports.models.subject.drives import Drives
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.source import OwnDescription
-from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared, some
+from dynident.exports.models.writing.placement import Placement, kept_notes, place, shared
 from dynident.exports.models.writing.urdf import joint_tags
 from dynident.exports.models.writing.xml_edit import (
     ByteEdit,
@@ -34,6 +34,7 @@ from dynident.model.parameters import to_mujoco_fullinertia
 from dynident.robot_files.mjcf.bodies import BodySource
 from dynident.robot_files.mjcf.model import MjcfModel, read_mjcf_model
 from dynident.robot_files.mjcf.poses import ORIENTATIONS
+from dynident.robot_files.tree import some
 from dynident.robot_files.xml_elements import Element
 
 _SIX = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))

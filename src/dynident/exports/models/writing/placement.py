@@ -12,7 +12,7 @@ from dynident.errors import DescriptionError
 from dynident.exports.models.subject.identified import Identified
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Joint, Robot, rotation_about
-from dynident.robot_files.tree import Connection
+from dynident.robot_files.tree import Connection, some
 
 #: Largest difference between a pose of the file and one of the model, in m and as entries of a rotation.
 SAME = 1e-9
@@ -238,9 +238,3 @@ def _sentence(owner: str, kept: list[str], gone: list[str], scale: float) -> str
     return (
         f"'{owner}' was identified as one body with the links fixed to it: {'; '.join(parts)}; '{owner}' has the rest"
     )
-
-
-def some(names: Sequence[str], most: int = 4) -> str:
-    """Return names with commas, the first of many."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
