@@ -32,7 +32,9 @@ void observe(const double *q, const double *dq, const double *tau, const double 
 class Header:
     """The functions of a header with the prefix ``arm``, in double, without temperatures."""
 
-    def __init__(self, path: Path, functions: Sequence[tuple[str, int]], observer: bool = False) -> None:
+    def __init__(
+        self, path: Path, functions: Sequence[tuple[str, int]], observer: bool = False, more: str = ""
+    ) -> None:
         assert COMPILER is not None
         lines = [f'#include "{path.name}"']
         for name, inputs in functions:
@@ -40,7 +42,7 @@ class Header:
             passes = ", ".join(f"a{i}" for i in range(inputs))
             lines.append(f"void {name}({takes}, double *out) {{ arm_{name}({passes}, out); }}")
         source, library = path.with_suffix(".c"), path.with_suffix(".so")
-        source.write_text("\n".join(lines) + (_OBSERVER if observer else "\n"), encoding="ascii")
+        source.write_text("\n".join(lines) + (_OBSERVER if observer else "\n") + more, encoding="ascii")
         command = [COMPILER, "-std=c99", "-O1", "-shared", "-fPIC", "-o", str(library), str(source), "-lm"]
         subprocess.run(command, check=True, timeout=120)
         self.library = ctypes.CDLL(str(library))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from dynident.exports.models.writing import c_programs
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
+from dynident.model.friction.base import Inputs, Number
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot
 from presliding import Presliding
@@ -60,7 +61,7 @@ def compiles(folder: Path, prefix: str, language: tuple[str, ...]) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize("friction", [(), EVERYTHING, ("asymmetric", "degressive", "temperature")])
+@pytest.mark.parametrize("friction", [(), EVERYTHING, ("asymmetric", "degressive", "temperature", "presliding")])
 def test_it_compiles_without_a_warning_as_c99_and_cpp17(
     coupled_arm: Robot, friction: tuple[str, ...], tmp_path: Path
 ) -> None:
@@ -233,12 +234,23 @@ def test_a_header_that_is_wrong_is_not_written(
     assert not (tmp_path / "arm.h").exists()
 
 
+@dataclass(frozen=True)
+class Creeping(Presliding):
+    """Springs that relax, in a time."""
+
+    def update(self, at: Inputs) -> tuple[Number, ...]:
+        return tuple(z - at.step * z for z in super().update(at))  # type: ignore[operator]
+
+
 @pytest.mark.parametrize(
     ("target", "told"), [("c_header", "the C header"), ("casadi", "the CasADi module"), ("numpy", "the NumPy module")]
 )
-def test_friction_with_a_state_is_refused(pendulum: Robot, tmp_path: Path, target: str, told: str) -> None:
-    subject = bare(pendulum, (Presliding(), "viscous"))  # type: ignore[arg-type]
-    with pytest.raises(BadOption, match=rf"presliding.*{told} has no memory for its state; export to json"):
+def test_a_state_that_needs_more_than_positions_is_refused(
+    pendulum: Robot, tmp_path: Path, target: str, told: str
+) -> None:
+    export_model(bare(pendulum, (Presliding(), "viscous")), target, tmp_path / "arm")  # type: ignore[arg-type]
+    subject = bare(pendulum, (Creeping(), "viscous"))  # type: ignore[arg-type]
+    with pytest.raises(BadOption, match=rf"depends on step.*{told} keeps states of positions alone; export to json"):
         export_model(subject, target, tmp_path / "arm")
 
 

@@ -18,15 +18,16 @@ from dynident.exports.models import ModelContent, export_model
 from dynident.exports.models.fmu import Fmu
 from dynident.exports.models.proving.fmu_caller import Unit
 from dynident.exports.models.proving.fmu_proof import Unpacked, unpacked
+from dynident.identification.estimate.estimate import Estimate
 from dynident.model.robot import Robot
 
 #: Of C, as strict as the header is held to.
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wconversion", "-Wshadow")
 
 
-def unit_of(robot: Robot, friction: tuple[str, ...], folder: Path) -> Unpacked:
+def unit_of(estimate: Estimate, folder: Path) -> Unpacked:
     path = folder / "arm.fmu"
-    export_model(bare(robot, friction), "fmu", path, proof=False)
+    export_model(estimate, "fmu", path, proof=False)
     return unpacked(path.read_bytes(), folder / "unit")
 
 
@@ -47,7 +48,7 @@ def put(unit: Unit, reference: int, new: float) -> None:
 
 @needs_compiler
 def test_the_description_names_units_starts_and_what_outputs_depend_on(sliding_arm: Robot, tmp_path: Path) -> None:
-    unit = unit_of(sliding_arm, ("coulomb", "load", "temperature"), tmp_path)
+    unit = unit_of(bare(sliding_arm, ("coulomb", "load", "temperature")), tmp_path)
     root = ElementTree.fromstring((unit.folder / "modelDescription.xml").read_bytes())
     of = {one.attrib["name"]: one.attrib for one in root.iterfind("ModelVariables/Float64")}
     size = sliding_arm.dof
@@ -73,7 +74,7 @@ def test_the_description_names_units_starts_and_what_outputs_depend_on(sliding_a
 
 @needs_compiler
 def test_the_life_of_a_unit(spatial_3r: Robot, tmp_path: Path) -> None:
-    unit = unit_of(spatial_3r, ("viscous",), tmp_path)
+    unit = unit_of(bare(spatial_3r, ("viscous",)), tmp_path)
     tau, speed = unit.references["tau[1]"], unit.references["dq[1]"]
     arm = instance(unit)
     before = value(arm, tau)
@@ -103,8 +104,11 @@ def test_the_life_of_a_unit(spatial_3r: Robot, tmp_path: Path) -> None:
 
 
 @needs_compiler
-def test_the_sources_compile_without_a_warning_alone_and_with_a_prefix(coupled_arm: Robot, tmp_path: Path) -> None:
-    folder = unit_of(coupled_arm, ("asymmetric", "degressive", "temperature"), tmp_path).folder / "sources"
+@pytest.mark.parametrize("friction", [("asymmetric", "degressive", "temperature"), ("viscous", "presliding")])
+def test_the_sources_compile_without_a_warning_alone_and_with_a_prefix(
+    coupled_arm: Robot, friction: tuple[str, ...], tmp_path: Path
+) -> None:
+    folder = unit_of(bare(coupled_arm, friction), tmp_path).folder / "sources"
     assert COMPILER is not None
     for extra in ((), ("-DFMI3_FUNCTION_PREFIX=arm_",)):
         command = [COMPILER, *WARNINGS, *extra, "-fsyntax-only", "fmi3.c"]

@@ -100,7 +100,7 @@ def export_model(
         motion=simulated,
         left_out=content.left_out,
         neglected=neglected_torque(subject, content.left_out),
-        notes=(*subject.notes, *content.notes),
+        notes=(*subject.notes, *(() if part.remembers else subject.slipped), *content.notes),
     )
 
 

@@ -36,11 +36,13 @@ class ModelExporter(Exporter[Identified, ModelContent]):
     Attributes:
         needs_bodies: Whether it takes only physically consistent standard parameters.
         edits_description: Whether it writes into the user's robot model.
+        remembers: Whether friction that remembers the way to a sample does so in it.
     """
 
     takes: ClassVar[str] = "estimate"
     needs_bodies: ClassVar[bool] = True
     edits_description: ClassVar[bool] = False
+    remembers: ClassVar[bool] = False
 
     @abstractmethod
     def content(self, subject: Identified, path: Path) -> ModelContent:

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
+from dynident.arrays import Array
 from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet
 from dynident.exports.models.writing.casadi_text import casadi_text
 from dynident.exports.names_in_files import module_notes
+
+
+def _states_along(space: Mapping[str, Any], start: Array, q: Array) -> Array:
+    """Return the states of friction that the module finds along positions (N, n), a row a sample."""
+    found = [start]
+    for before, here in pairwise(q):
+        found.append(np.array(space["_next_state"](np, found[-1], before, here)))
+    return np.array(found)
 
 
 @dataclass(frozen=True)
@@ -25,6 +35,7 @@ class Casadi(ModelExporter):
     suffix: ClassVar[str] = ".py"
     proof: ClassVar[str] = "inverse dynamics by NumPy; inverse and forward dynamics by CasADi"
     needs_bodies: ClassVar[bool] = True
+    remembers: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:
         notes = ["it needs the package casadi; build() returns its functions by name"]
@@ -41,6 +52,8 @@ class Casadi(ModelExporter):
         heated = [] if motion.temperature is None else [motion.temperature]
         expected = subject.model.torque(motion, subject.theta)
         rows = [values.T for values in (motion.q, motion.dq, motion.ddq, *heated)]
+        if motion.state is not None:
+            rows.append(_states_along(space, motion.state[0].ravel(), motion.q).T)
         found = np.stack(np.broadcast_arrays(*space["_inverse_dynamics"](np, *rows)), axis=1)
         yield Reloaded(f"NumPy {np.__version__}", "formulas of inverse dynamics", found, expected)
         if find_spec("casadi") is None:

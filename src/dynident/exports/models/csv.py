@@ -36,6 +36,7 @@ class CsvParameters(ModelExporter):
     suffix: ClassVar[str] = ".csv"
     proof: ClassVar[str] = "base and standard parameters by dynident"
     needs_bodies: ClassVar[bool] = False
+    remembers: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         from dynident.errors import BadOption

@@ -21,6 +21,7 @@ class Json(ModelExporter):
     suffix: ClassVar[str] = ".json"
     proof: ClassVar[str] = "everything by dynident"
     needs_bodies: ClassVar[bool] = False
+    remembers: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:
         return ModelContent({path: document_bytes(subject, drives_of(subject))}, (), ())

@@ -37,6 +37,7 @@ class Latex(ModelExporter):
     suffix: ClassVar[str] = ".tex"
     proof: ClassVar[str] = "base parameters, to the digits that are printed, by dynident; not run by LaTeX"
     needs_bodies: ClassVar[bool] = False
+    remembers: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         from dynident.errors import BadOption

@@ -14,15 +14,26 @@ from dynident.exports.models.base import ModelContent, ModelExporter, Reloaded
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import Identified
 from dynident.exports.models.subject.states import StateSet, states_of
-from dynident.exports.models.writing.c_friction import drive_terms
+from dynident.exports.models.writing.c_friction import drive_terms, state_updates
 from dynident.exports.models.writing.expressions import Dialect
-from dynident.exports.models.writing.numpy_template import SOURCE
+from dynident.exports.models.writing.numpy_template import MEMORY, SOURCE
 from dynident.exports.names_in_files import module_notes
 from dynident.model.chain import PRISMATIC
 from dynident.model.friction import FRICTION
 
 _NUMPY: Final = Dialect(
-    "{}", "np.{}", "np.tanh({value} / {width})", "np.sign({value})", "", "the NumPy module", {"pow": "power"}
+    "{}",
+    "np.{}",
+    "np.tanh({value} / {width})",
+    "np.sign({value})",
+    "",
+    "",
+    "the NumPy module",
+    {
+        "pow": "power",
+        "fmax": "maximum",
+        "fmin": "minimum",
+    },
 )
 
 #: Inputs of the expressions by the arrays that hold them.
@@ -39,13 +50,15 @@ class Numpy(ModelExporter):
     suffix: ClassVar[str] = ".py"
     proof: ClassVar[str] = "everything by NumPy, as a whole and as the sum of its parts"
     needs_bodies: ClassVar[bool] = True
+    remembers: ClassVar[bool] = True
 
     def content(self, subject: Identified, path: Path) -> ModelContent:
         model = subject.model
-        heated = "temperature" in model.needs
+        more = [name for name, signal in (("temperature", "temperature"), ("state", "state")) if signal in model.needs]
         chain = model.robot.chain
         moments = np.array([body.first_moment for body in subject.bodies])
         values: dict[str, Any] = {
+            **_memory(subject),
             "JOINTS": model.robot.dof,
             "NAMES": f"({', '.join(ascii(name) for name in model.robot.joint_names)},)",
             "GRAVITY": _text(chain.gravity),
@@ -63,10 +76,9 @@ class Numpy(ModelExporter):
             "COUPLING": _text(np.asarray(model.robot.coupling)),
             "ARMATURE": _text(drives_of(subject).armature),
             "BIAS": _text(model.robot.bias),
-            "TEMPERATURE_ARGUMENT": ", temperature" if heated else "",
-            "TEMPERATURE_PASSED": ", temperature" if heated else "",
+            "MORE": "".join(f", {name}" for name in more),
             "FRICTION": "\n".join(_friction(subject)) or "    # The model has none.",
-            "REFERENCE": _reference(subject, heated),
+            "REFERENCE": _reference(subject),
         }
         text = SOURCE
         for name, value in values.items():
@@ -78,24 +90,20 @@ class Numpy(ModelExporter):
         space: dict[str, Any] = {"__name__": "dynident_export"}
         exec(compile(path.read_bytes(), str(path.name), "exec"), space)  # what was just written, names as literals
         motion = states.motion
-        more = () if motion.temperature is None else (motion.temperature,)
+        more = [] if motion.temperature is None else [motion.temperature]
+        more += [] if motion.state is None else [space["states_along"](motion.q)]
         found = space["inverse_dynamics"](motion.q, motion.dq, motion.ddq, *more)
         expected = subject.model.torque(motion, subject.theta)
         yield Reloaded(f"NumPy {np.__version__}", "everything", found, expected)
         few = replace(motion, q=motion.q[:50], dq=motion.dq[:50], ddq=motion.ddq[:50])
-        warm = None if motion.temperature is None else motion.temperature[:50]
         parts = np.einsum("nij,nj->ni", space["mass_matrix"](few.q), few.ddq) + space["gravity"](few.q)
         parts = parts + space["coriolis"](few.q, few.dq)
-        parts = parts + space["friction"](few.q, few.dq, few.ddq, *(() if warm is None else (warm,)))
+        parts = parts + space["friction"](few.q, few.dq, few.ddq, *(values[:50] for values in more))
         yield Reloaded(f"NumPy {np.__version__}", "M ddq + Coriolis + gravity + friction", parts, expected[:50])
 
 
 def _friction(subject: Identified) -> Iterator[str]:
-    """Yield the lines that add the friction of each part.
-
-    Raises:
-        BadOption: A part that has a state.
-    """
+    """Yield the lines that add the friction of each part."""
     model = subject.model
     terms, first = drive_terms(model, subject.theta, _NUMPY), 0
     columns = np.asarray(model.terms[1])
@@ -112,6 +120,9 @@ def _friction(subject: Identified) -> Iterator[str]:
         for name, array in _READINGS.items():
             if any(each[0].uses(name) for each in own):
                 yield f"    {name} = {array}[:, {drives}]"
+        for k in range(sum(len(part.states) for part in model.friction)):
+            if any(each[0].uses(f"z{k}") for each in own):
+                yield f"    z{k} = state[:, {drives}, {k}]"
         for each in own:
             values = _text(np.array([term.value for term in each]))
             yield f"    torque[:, {drives}] += np.array({values}) * ({each[0].expression})"
@@ -122,8 +133,26 @@ def _text(values: Array | IntArray) -> str:
     return repr((np.asarray(values) + 0).tolist())
 
 
-def _reference(subject: Identified, heated: bool) -> str:
+def _memory(subject: Identified) -> dict[str, str]:
+    """Return what the module has of friction that remembers; all empty where none does."""
+    states = state_updates(subject.model, _NUMPY)
+    lines = [f"            z{k} = self.state[:, {k}]" for k in range(len(states))]
+    lines += [f"            self.state = np.stack([{', '.join(state.expression for state in states)}], axis=1)"]
+    values = {
+        "MEMORY": MEMORY,
+        "MEMORY_ABOUT": "    Memory(), states_along(q)     states of friction, shape (N, @JOINTS@, @STATES@)\n",
+        "STATE_ROWS": f"    state = np.asarray(state, dtype=float).reshape(-1, len(JOINTS), {len(states)})\n",
+        "WALKED": "    more_.append(states_along(q_))\n",
+    }
+    return {name: text if states else "" for name, text in values.items()} | {
+        "STARTS": repr([state.start for state in states]),
+        "STATES": str(len(states)),
+        "UPDATES": "\n".join(lines),
+    }
+
+
+def _reference(subject: Identified) -> str:
     whole = states_of(subject.model).motion.rows(slice(0, REFERENCES))
     torque = subject.model.torque(whole, subject.theta)
-    rows = [whole.q, whole.dq, whole.ddq, *([whole.temperature] if heated else []), torque]
+    rows = [whole.q, whole.dq, whole.ddq, *([] if whole.temperature is None else [whole.temperature]), torque]
     return "[\n" + "".join(f"    {_text(np.asarray(row))},\n" for row in rows) + "]"

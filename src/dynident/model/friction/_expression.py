@@ -94,6 +94,11 @@ class Expression:
         return tuple(self._trace.program(self._slots((term,))) for term in self.terms)
 
     @cached_property
+    def updates(self) -> tuple[TracedProgram, ...]:
+        """The program of each state at the next sample alone; slot: 0."""
+        return tuple(self._trace.program(self._slots((value,))) for value in self._update(self._inputs))
+
+    @cached_property
     def reads(self) -> tuple[frozenset[str], ...]:
         """The inputs that the expression of each coefficient reads."""
         return tuple(frozenset(program.arrays) for program in self.programs)

@@ -25,7 +25,7 @@ int main(int count, char **names)
     static float inf_[INPUTS][N], outf_[N];
     FILE *from, *to;
     int i, j, k;
-    if (count != 3 || !(from = fopen(names[1], "rb")) || !(to = fopen(names[2], "wb"))) {
+@BEGIN@    if (count != 3 || !(from = fopen(names[1], "rb")) || !(to = fopen(names[2], "wb"))) {
         return 2;
     }
     while (fread(in, sizeof(double), INPUTS * N, from) == INPUTS * N) {
@@ -34,10 +34,10 @@ int main(int count, char **names)
                 inf_[k][i] = (float)in[k][i];
             }
         }
-        @LOWER@_inverse_dynamics(in[0], in[1], in[2], @TEMP@out[0]);
-        @LOWER@_inverse_dynamicsf(inf_[0], inf_[1], inf_[2], @TEMPF@outf_);
+@STEP@        @LOWER@_inverse_dynamics(in[0], in[1], in[2], @TEMP@@MEMORY@out[0]);
+        @LOWER@_inverse_dynamicsf(inf_[0], inf_[1], inf_[2], @TEMPF@@MEMORYF@outf_);
         @LOWER@_mass_matrix(in[0], mass);
-        @LOWER@_friction(in[0], in[1], in[2], @TEMP@out[1]);
+        @LOWER@_friction(in[0], in[1], in[2], @TEMP@@MEMORY@out[1]);
         @LOWER@_gravity(in[0], part);
         for (i = 0; i < N; ++i) {
             out[1][i] += part[i];
@@ -63,7 +63,7 @@ int main(int count, char **names)
 _REGRESSOR: Final = """        {
             static double y[N * B], beta[B];
             @LOWER@_base_parameters(beta);
-            @LOWER@_regressor(in[0], in[1], in[2], @TEMP@y);
+            @LOWER@_regressor(in[0], in[1], in[2], @TEMP@@MEMORY@y);
             @LOWER@_known_torque(in[2], out[3]);
             for (i = 0; i < N; ++i) {
                 for (j = 0; j < B; ++j) {
@@ -71,6 +71,18 @@ _REGRESSOR: Final = """        {
                 }
             }
         }"""
+
+
+def _memory(prefix: str, remembers: bool) -> dict[str, str]:
+    """Return how the program keeps what friction remembers, in double and in float; all empty where none does."""
+    values = {
+        "BEGIN": f"    static {prefix}_memory memory;\n    static {prefix}_memoryf memoryf;\n"
+        f"    {prefix}_memory_reset(&memory);\n    {prefix}_memory_resetf(&memoryf);\n",
+        "STEP": f"        {prefix}_memory_step(&memory, in[0]);\n        {prefix}_memory_stepf(&memoryf, inf_[0]);\n",
+        "MEMORY": "&memory, ",
+        "MEMORYF": "&memoryf, ",
+    }
+    return {name: text if remembers else "" for name, text in values.items()}
 
 
 @dataclass(frozen=True)
@@ -119,6 +131,7 @@ def run_header(
         "INPUTS": "4" if heated else "3",
         "TEMPF": "inf_[3], " if heated else "",
         "TEMP": "in[3], " if heated else "",
+        **_memory(prefix, motion.state is not None),
     }
     for name, value in values.items():
         text = text.replace(f"@{name}@", value)

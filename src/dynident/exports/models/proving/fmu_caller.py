@@ -63,6 +63,8 @@ class Unit:
             passed = (_DOUBLE(self.now), _DOUBLE(0.001), _BOOL(True), *map(ctypes.byref, flags))
             self.call("fmi3DoStep", *passed, ctypes.byref(_DOUBLE()))
             self.now += 0.001
+        else:
+            self.call("fmi3CompletedIntegratorStep", _BOOL(True), *(ctypes.byref(_BOOL()) for _ in range(2)))
         self.call("fmi3GetFloat64", outputs, ctypes.c_size_t(len(outputs)), found, ctypes.c_size_t(len(found)))
 
 

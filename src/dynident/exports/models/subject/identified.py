@@ -54,19 +54,22 @@ class Identified:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the reader has to know about theta, and about friction that remembers."""
-        slipped = [FRICTION.name_of(part) for part in self.model.friction if part.without_memory is not part]
-        told = tuple(
-            f"{name}: a single state has no history, so the part is there Coulomb friction at its full level; right "
-            "after a reversal the torque differs by up to twice that"
-            for name in dict.fromkeys(slipped)
-        )
+        """What the reader has to know about theta."""
         if self.origin != PROJECTED:
-            return told
+            return ()
         return (
-            *told,
             f"'{self.estimate.estimator}' gives no physically consistent links: these were chosen well inside the "
             "bounds, with the same base parameters; the torque is that of the estimate, single masses are not measured",
+        )
+
+    @property
+    def slipped(self) -> tuple[str, ...]:
+        """What the reader has to know about friction that remembers in a format without a memory."""
+        names = [FRICTION.name_of(part) for part in self.model.friction if part.without_memory is not part]
+        return tuple(
+            f"{name}: a joint of this format has no history, so the part is there Coulomb friction at its full level; "
+            "right after a reversal the torque differs by up to twice that"
+            for name in dict.fromkeys(names)
         )
 
 

@@ -15,13 +15,17 @@ from dynident.model.friction import Motion
 #: States on which torques are compared, and their seed.
 STATES, SEED = 1000, 20
 
+#: Samples in a row that are small steps, where friction remembers the way, and the least and largest of these steps as
+#: a share of what its states span; time from one sample to the next in s.
+WALK, STEPS, PACE = 20, (0.01, 1.0), 1e-3
+
 
 @dataclass(frozen=True)
 class StateSet:
     """Random motion of the n joints, and how every joint of a file follows from it.
 
     Attributes:
-        motion: Motion of the n joints that move on their own.
+        motion: Motion of the n joints that move on their own; where friction remembers, its samples follow each other.
         gravity: In the base frame, shape (3,), in m/s^2.
         follows: By joint of a file: column among the n (-1: locked), multiplier and offset of q = multiplier
             q[column] + offset.
@@ -69,5 +73,18 @@ def states_of(model: DynamicModel, locked: Mapping[str, float] | None = None) ->
             else (column[follow.joint], float(follow.multiplier), float(follow.offset))
         )
     motion = model.random_motion(STATES, SEED)
+    q = _walk(model, motion.q) if "state" in model.needs else motion.q
     # Friction that depends on the load takes the model's own torque, not a drawn one.
-    return StateSet(Motion(motion.q, motion.dq, motion.ddq, None, motion.temperature), model.robot.gravity, follows)
+    motion = model.with_states(Motion(q, motion.dq, motion.ddq, None, motion.temperature), PACE)
+    return StateSet(motion, model.robot.gravity, follows)
+
+
+def _walk(model: DynamicModel, q: Array) -> Array:
+    """Return positions (N, n) of which every few are a walk of small steps, back and forth, from the first of them."""
+    generator = np.random.default_rng(SEED)
+    spans = [state.high - state.low for part in model.friction for state in part.states]
+    low, high = STEPS[0] * min(spans), STEPS[1] * max(spans)
+    size = np.exp(generator.uniform(np.log(low), np.log(high), q.shape)) * generator.choice([-1.0, 1.0], q.shape)
+    size[::WALK] = 0.0
+    walks = np.split(size, range(WALK, len(q), WALK))
+    return q[np.arange(len(q)) // WALK * WALK] + np.concatenate([np.cumsum(walk, axis=0) for walk in walks])

@@ -13,17 +13,18 @@ from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import FRICTION
+from dynident.model.friction import FRICTION, Friction
 
-#: Names of the inputs of an expression: motion and temperature of the motor, and its torque without friction.
-INPUTS: Final = {"q": "x", "dq": "v", "ddq": "a", "load": "load", "temperature": "warm"}
+#: Names of the inputs of an expression: motion and temperature of the motor, its torque without friction, and how far
+#: it has moved since the last sample. States are z0, z1 and so on in the order of all parts.
+INPUTS: Final = {"q": "x", "dq": "v", "ddq": "a", "load": "load", "temperature": "warm", "moved": "moved"}
 
 
 def c_dialect(upper: str) -> Dialect:
     """Return how a C header with some prefix, in capitals, writes it."""
     sign = f"{upper}_F(sign_)({{value}}, {{width}}, scale)"
     declaration = f"const {upper}_REAL {{name}} = {{value}};"
-    return Dialect(f"{upper}_C({{}})", f"{upper}_M({{}})", sign, sign, declaration, "the C header")
+    return Dialect(f"{upper}_C({{}})", f"{upper}_M({{}})", sign, sign, declaration, "memory->state", "the C header")
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,48 @@ class DriveTerm:
         return re.search(rf"\b{name}\b", self.expression) is not None
 
 
+@dataclass(frozen=True)
+class StateUpdate:
+    """A state of friction, one for each drive.
+
+    Attributes:
+        start: Its value at the first sample.
+        expression: Its value at a sample, by those at the sample before and the way since then.
+    """
+
+    start: float
+    expression: str
+
+
+def state_updates(model: DynamicModel, spelt: Dialect) -> tuple[StateUpdate, ...]:
+    """Return the states of all friction parts in their order.
+
+    Args:
+        model: The model.
+        spelt: The language.
+
+    Raises:
+        BadOption: A state that depends on more than the positions on the way to a sample.
+    """
+    found: list[StateUpdate] = []
+    for part in model.friction:
+        names, programs = _names(model, part), part.expression.updates
+        if more := {array for program in programs for array in program.arrays} - {"state", "moved"}:
+            evidence = f"{FRICTION.name_of(part)}, whose state depends on {', '.join(sorted(more))}"
+            step = f"{spelt.target} keeps states of positions alone; export to json, which holds every part"
+            raise BadOption("friction", evidence, step)
+        texts = [spelt.expression(program, names) for program in programs]
+        found += [StateUpdate(state.start, text) for state, text in zip(part.states, texts, strict=True)]
+    return tuple(found)
+
+
+def _names(model: DynamicModel, part: Friction) -> dict[str, tuple[str, ...]]:
+    """Return the names of what the expressions of a part read, entry by entry of each array."""
+    before = sum(len(other.states) for other in model.friction[: model.friction.index(part)])
+    states = tuple(f"z{before + k}" for k in range(len(part.states)))
+    return {array: (name,) for array, name in INPUTS.items()} | {"state": states}
+
+
 def drive_terms(model: DynamicModel, theta: Array, spelt: Dialect) -> tuple[DriveTerm, ...]:
     """Return every friction coefficient with its expression, drive by drive.
 
@@ -58,17 +101,10 @@ def drive_terms(model: DynamicModel, theta: Array, spelt: Dialect) -> tuple[Driv
         model: The model.
         theta: Standard parameters, shape (p,).
         spelt: The language.
-
-    Raises:
-        BadOption: A part with a state that nothing stands for without one.
     """
-    parts = [part.without_memory for part in model.friction]
+    parts = model.friction
     owners = [(part, k) for part in parts for k in range(len(part.coefficients))]
-    for part in parts:
-        if part.states:
-            step = f"{spelt.target} has no memory for its state; export to json, which holds every part"
-            raise BadOption("friction", FRICTION.name_of(part), step)
-    texts = [spelt.expression(program, INPUTS) for part in parts for program in part.expression.programs]
+    texts = [spelt.expression(one, _names(model, part)) for part in parts for one in part.expression.programs]
     found = []
     for position, (drive, column) in enumerate(zip(*model.terms, strict=True)):
         part, k = owners[int(column)]
@@ -100,3 +136,7 @@ def motor_lines(model: DynamicModel, drive: int, terms: Sequence[DriveTerm], spe
             yield spelt.variable.format(name=name, value=combination(factors, array, spelt))
     if any(term.uses("warm") for term in terms):
         yield spelt.variable.format(name="warm", value=f"temperature[{drive}]")
+    states = sum(len(part.states) for part in model.friction)
+    for k in range(states):
+        if any(term.uses(f"z{k}") for term in terms):
+            yield spelt.variable.format(name=f"z{k}", value=f"{spelt.states}[{states * drive + k}]")

@@ -64,11 +64,11 @@ HEAD: Final = """/* Dynamics of an identified robot arm; written by dynident @VE
 #endif
 #define @UPPER@_C(value) ((@UPPER@_REAL)(value))
 
-/* State of the momentum observer; begin with @LOWER@_observer_reset. */
+@MEMORY_TYPE@/* State of the momentum observer; begin with @LOWER@_observer_reset. */
 typedef struct {
     @UPPER@_REAL integral[@JOINTS@];
     @UPPER@_REAL residual[@JOINTS@];
-    int started;
+    int started;@OBSERVER_FIELD@
 } @UPPER@_F(observer);
 
 /* The sign of a speed, tanh(v / width) with the larger of two widths; sharp where both are 0. */
@@ -83,48 +83,91 @@ static inline @UPPER@_REAL @UPPER@_F(sign_)(@UPPER@_REAL v, @UPPER@_REAL width, 
 
 """
 
+#: What friction remembers, where it does: the type, which stands before that of the observer, and its functions.
+MEMORY_TYPE: Final = """/* What friction remembers of the way to a sample. Begin with @LOWER@_memory_reset, then give
+ * @LOWER@_memory_step the positions in the order of time, before the functions that take it. It needs no time. */
+typedef struct {
+    @UPPER@_REAL state[@JOINTS@ * @STATES_OF_DRIVE@];
+    @UPPER@_REAL motor[@JOINTS@];
+    int started;
+} @UPPER@_F(memory);
+
+"""
+MEMORY_FUNCTIONS: Final = """/* Set the memory back: nothing is known of the way before the next step. */
+static inline void @UPPER@_F(memory_reset)(@UPPER@_F(memory) *memory)
+{
+    static const @UPPER@_REAL start[@STATES_OF_DRIVE@] = {@STATE_STARTS@};
+    int i;
+    for (i = 0; i < @JOINTS@ * @STATES_OF_DRIVE@; ++i) {
+        memory->state[i] = start[i % @STATES_OF_DRIVE@];
+    }
+    for (i = 0; i < @JOINTS@; ++i) {
+        memory->motor[i] = @UPPER@_C(0.0);
+    }
+    memory->started = 0;
+}
+
+/* Move on to the positions of the next sample; the first step begins there. */
+static inline void @UPPER@_F(memory_step)(@UPPER@_F(memory) *memory, @IN@q)
+{
+    @UPPER@_REAL motor[@JOINTS@];
+    int i;
+@MOTORS@
+    for (i = 0; i < @JOINTS@; ++i) {
+        if (memory->started) {
+            const @UPPER@_REAL moved = motor[i] - memory->motor[i];
+@UPDATES@
+        }
+        memory->motor[i] = motor[i];
+    }
+    memory->started = 1;
+}
+
+"""
+
 #: The functions over those that are traced.
 FUNCTIONS: Final = """/* Torque of friction, less the drives' bias; rigid is the torque without friction. */
-static inline void @UPPER@_F(drives_)(@IN@q, @IN@dq, @IN@rigid, @TEMP_IN@@UPPER@_REAL scale, @UPPER@_REAL *tau)
+static inline void @UPPER@_F(drives_)(@IN@q, @IN@dq, @IN@rigid, @TEMP_IN@@MEMORY_IN@@UPPER@_REAL scale,
+                                       @UPPER@_REAL *tau)
 {
 @DRIVES@
 }
 
 /* Torque of friction and offsets, as identified; ddq matters only where friction grows with the load. */
-static inline void @UPPER@_F(friction)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@UPPER@_REAL *tau)
+static inline void @UPPER@_F(friction)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@MEMORY_IN@@UPPER@_REAL *tau)
 {
     @UPPER@_REAL rigid[@JOINTS@] = {0};
     @RIGID_FOR_FRICTION@
-    @UPPER@_F(drives_)(q, dq, rigid, @TEMP@@UPPER@_C(0.0), tau);
+    @UPPER@_F(drives_)(q, dq, rigid, @TEMP@@MEMORY@@UPPER@_C(0.0), tau);
 }
 
 /* The same with smooth signs, see @UPPER@_VELOCITY_SCALE: a drive that is told this does not chatter at standstill. */
-static inline void @UPPER@_F(friction_compensation)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@UPPER@_REAL *tau)
+static inline void @UPPER@_F(friction_compensation)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@MEMORY_IN@@UPPER@_REAL *tau)
 {
     @UPPER@_REAL rigid[@JOINTS@] = {0};
     @RIGID_FOR_FRICTION@
-    @UPPER@_F(drives_)(q, dq, rigid, @TEMP@@UPPER@_C(@UPPER@_VELOCITY_SCALE), tau);
+    @UPPER@_F(drives_)(q, dq, rigid, @TEMP@@MEMORY@@UPPER@_C(@UPPER@_VELOCITY_SCALE), tau);
 }
 
 /* Torque of the drives for a motion, as identified: M ddq + c + g + friction. */
-static inline void @UPPER@_F(inverse_dynamics)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@UPPER@_REAL *tau)
+static inline void @UPPER@_F(inverse_dynamics)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@MEMORY_IN@@UPPER@_REAL *tau)
 {
     @UPPER@_REAL rigid[@JOINTS@];
     int i;
     @UPPER@_F(rigid)(q, dq, ddq, rigid);
-    @UPPER@_F(drives_)(q, dq, rigid, @TEMP@@UPPER@_C(0.0), tau);
+    @UPPER@_F(drives_)(q, dq, rigid, @TEMP@@MEMORY@@UPPER@_C(0.0), tau);
     for (i = 0; i < @JOINTS@; ++i) {
         tau[i] += rigid[i];
     }
 }
 
 /* Feed-forward for a desired motion: the same with smooth signs. */
-static inline void @UPPER@_F(feed_forward)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@UPPER@_REAL *tau)
+static inline void @UPPER@_F(feed_forward)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@MEMORY_IN@@UPPER@_REAL *tau)
 {
     @UPPER@_REAL rigid[@JOINTS@];
     int i;
     @UPPER@_F(rigid)(q, dq, ddq, rigid);
-    @UPPER@_F(drives_)(q, dq, rigid, @TEMP@@UPPER@_C(@UPPER@_VELOCITY_SCALE), tau);
+    @UPPER@_F(drives_)(q, dq, rigid, @TEMP@@MEMORY@@UPPER@_C(@UPPER@_VELOCITY_SCALE), tau);
     for (i = 0; i < @JOINTS@; ++i) {
         tau[i] += rigid[i];
     }
@@ -135,9 +178,9 @@ static inline void @UPPER@_F(gravity_compensation)(@IN@q, @UPPER@_REAL *tau)
 {
     const @UPPER@_REAL still[@JOINTS@] = {0};
     @UPPER@_REAL rigid[@JOINTS@];
-    int i;
+    int i;@MEMORY_BEGIN@
     @UPPER@_F(gravity)(q, rigid);
-    @UPPER@_F(drives_)(q, still, rigid, @TEMP_ZERO@@UPPER@_C(@UPPER@_VELOCITY_SCALE), tau);
+    @UPPER@_F(drives_)(q, still, rigid, @TEMP_ZERO@@MEMORY_ZERO@@UPPER@_C(@UPPER@_VELOCITY_SCALE), tau);
     for (i = 0; i < @JOINTS@; ++i) {
         tau[i] += rigid[i];
     }
@@ -151,7 +194,7 @@ static inline void @UPPER@_F(observer_reset)(@UPPER@_F(observer) *observer)
         observer->integral[i] = @UPPER@_C(0.0);
         observer->residual[i] = @UPPER@_C(0.0);
     }
-    observer->started = 0;
+    observer->started = 0;@OBSERVER_BEGIN@
 }
 
 /* One step of the momentum observer (De Luca and Mattone 2003): the residual follows the torque from outside at each
@@ -168,7 +211,7 @@ static inline void @UPPER@_F(observer_step)(@UPPER@_F(observer) *observer, @IN@q
     int i;
     @UPPER@_F(momentum_)(q, dq, momentum);
     @UPPER@_F(gravity)(q, gravity);
-    @UPPER@_F(friction_compensation)(q, dq, still, @TEMP@friction);
+@OBSERVER_STEP@    @UPPER@_F(friction_compensation)(q, dq, still, @TEMP@@OBSERVER_MEMORY@friction);
     if (!observer->started) {
         for (i = 0; i < @JOINTS@; ++i) {
             observer->integral[i] = momentum[i];
@@ -203,7 +246,7 @@ static inline void @UPPER@_F(known_torque)(@IN@ddq, @UPPER@_REAL *tau)
 }
 
 /* Y, @JOINTS@ x @PARAMETERS@, row-major, with tau = Y beta + known torque. */
-static inline void @UPPER@_F(regressor)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@UPPER@_REAL *y)
+static inline void @UPPER@_F(regressor)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@MEMORY_IN@@UPPER@_REAL *y)
 {
     const @UPPER@_REAL scale = @UPPER@_C(0.0);
     @UPPER@_REAL rigid[@JOINTS@] = {0};
@@ -211,7 +254,7 @@ static inline void @UPPER@_F(regressor)(@IN@q, @IN@dq, @IN@ddq, @TEMP_IN@@UPPER@
     @UPPER@_F(bodies_)(q, dq, ddq, y);
 @COLUMNS@
     (void)scale;
-    (void)rigid;@TEMP_VOID@
+    (void)rigid;@TEMP_VOID@@MEMORY_VOID@
 }
 """
 
@@ -234,7 +277,7 @@ int main(void)
     double size[@CHECKS@] = {0};
     const double limit = sizeof(@UPPER@_REAL) == sizeof(double) ? 1e-9 : 1e-3;
     int failed = 0;
-    int s, i, j, k;
+    int s, i, j, k;@MEMORY_BEGIN@
     for (s = 0; s < @STATES@; ++s) {
         @UPPER@_REAL in[@INPUTS@][@JOINTS@];
         @UPPER@_REAL out[@CHECKS@][@JOINTS@] = {{0}};
@@ -244,7 +287,7 @@ int main(void)
                 in[k][i] = (@UPPER@_REAL)@UPPER@_F(reference)[s][k][i];
             }
         }
-        @UPPER@_F(inverse_dynamics)(in[0], in[1], in[2], @TEMP_ROW@out[0]);
+@MEMORY_STEP@        @UPPER@_F(inverse_dynamics)(in[0], in[1], in[2], @TEMP_ROW@@MEMORY_ZERO@out[0]);
         @UPPER@_F(gravity)(in[0], out[1]);
         @UPPER@_F(coriolis)(in[0], in[1], out[2]);
         @UPPER@_F(mass_matrix)(in[0], mass);
@@ -253,7 +296,7 @@ int main(void)
                 out[3][i] += mass[@JOINTS@ * i + j] * in[2][j];
             }
         }
-        @UPPER@_F(friction)(in[0], in[1], in[2], @TEMP_ROW@out[4]);
+        @UPPER@_F(friction)(in[0], in[1], in[2], @TEMP_ROW@@MEMORY_ZERO@out[4]);
         for (k = 0; k < @CHECKS@; ++k) {
             for (i = 0; i < @JOINTS@; ++i) {
                 const double wanted = @UPPER@_F(reference)[s][@INPUTS@ + k][i];

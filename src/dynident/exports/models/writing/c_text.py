@@ -22,10 +22,18 @@ from dynident.exports.models.writing.c_friction import (
     combination,
     drive_terms,
     motor_lines,
+    state_updates,
 )
 from dynident.exports.models.writing.c_programs import programs_of, rotor_matrix
 from dynident.exports.models.writing.c_source import Spelling, c99_function
-from dynident.exports.models.writing.c_template import FUNCTIONS, HEAD, REGRESSOR, TAIL
+from dynident.exports.models.writing.c_template import (
+    FUNCTIONS,
+    HEAD,
+    MEMORY_FUNCTIONS,
+    MEMORY_TYPE,
+    REGRESSOR,
+    TAIL,
+)
 from dynident.exports.models.writing.document import document
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.exports.names_in_files import comment_text, shown_names
@@ -72,8 +80,10 @@ def header_text(subject: Identified, prefix: str, scale: float, regressor: bool)
         function, arrays, comment = _TRACED[name]
         text = c99_function(program, f"{upper}_F({function})", arrays, widths.get(name, size), spelling)
         traced.append(f"/* {comment} */\n{text}\n")
-    parts = [HEAD, *traced, FUNCTIONS, *([REGRESSOR] if regressor else []), TAIL]
-    values = _facts(subject, prefix, scale) | _friction_values(subject, terms, spelt, upper)
+    memory = _memory(subject, spelt, upper)
+    parts = [HEAD, *traced, *([MEMORY_FUNCTIONS] if memory["MEMORY"] else []), FUNCTIONS]
+    parts += [*([REGRESSOR] if regressor else []), TAIL]
+    values = memory | _facts(subject, prefix, scale) | _friction_values(subject, terms, spelt, upper)
     values |= _self_test(subject) | (_base_values(subject, terms, spelt) if regressor else {})
     text = "".join(parts)
     for name, value in values.items():
@@ -119,6 +129,34 @@ def _friction_values(subject: Identified, terms: Sequence[DriveTerm], spelt: Dia
     }
 
 
+def _memory(subject: Identified, spelt: Dialect, upper: str) -> dict[str, str]:
+    """Return what the header has of friction that remembers; all empty where none does."""
+    states, coupling = state_updates(subject.model, spelt), np.asarray(subject.model.robot.coupling)
+    size, indent = len(states), " " * 12
+    lines = [f"const {upper}_REAL z{k} = memory->state[{size} * i + {k}];" for k in range(size)]
+    lines += [f"memory->state[{size} * i + {k}] = {state.expression};" for k, state in enumerate(states)]
+    begin = f"\n    {upper}_F(memory) memory;\n    {upper}_F(memory_reset)(&memory);"
+    values = {
+        "MEMORY_TYPE": MEMORY_TYPE,
+        "MEMORY_IN": f"const {upper}_F(memory) *memory, ",
+        "MEMORY": "memory, ",
+        "MEMORY_ZERO": "&memory, ",
+        "MEMORY_BEGIN": begin,
+        "MEMORY_STEP": f"        {upper}_F(memory_step)(&memory, in[0]);\n",
+        "MEMORY_VOID": "\n    (void)memory;",
+        "OBSERVER_FIELD": f"\n    {upper}_F(memory) memory;",
+        "OBSERVER_BEGIN": f"\n    {upper}_F(memory_reset)(&observer->memory);",
+        "OBSERVER_STEP": f"    {upper}_F(memory_step)(&observer->memory, q);\n",
+        "OBSERVER_MEMORY": "&observer->memory, ",
+    }
+    return {name: text if states else "" for name, text in values.items()} | {
+        "STATES_OF_DRIVE": str(size),
+        "STATE_STARTS": ", ".join(spelt.constant(state.start) for state in states),
+        "MOTORS": "\n".join(f"    motor[{i}] = {combination(row, 'q', spelt)};" for i, row in enumerate(coupling)),
+        "UPDATES": "\n".join(f"{indent}{line}" for line in lines),
+    }
+
+
 def _drive_lines(subject: Identified, terms: Sequence[DriveTerm], spelt: Dialect, upper: str) -> Iterator[str]:
     """Yield the body of the function that adds the friction of all drives."""
     model = subject.model
@@ -139,8 +177,8 @@ def _drive_lines(subject: Identified, terms: Sequence[DriveTerm], spelt: Dialect
     for joint, bias in enumerate(model.robot.bias.tolist()):
         less = f" - {spelt.constant(bias)}" if bias else ""
         yield f"    tau[{joint}] = {combination(coupling[:, joint], 'motor', spelt)}{less};"
-    heated = ("temperature",) if "temperature" in model.needs else ()
-    yield from (f"    (void){name};" for name in ("q", "dq", "rigid", *heated, "scale"))
+    more = [name for name, signal in (("temperature", "temperature"), ("memory", "state")) if signal in model.needs]
+    yield from (f"    (void){name};" for name in ("q", "dq", "rigid", *more, "scale"))
 
 
 def _base_values(subject: Identified, terms: Sequence[DriveTerm], spelt: Dialect) -> dict[str, str]:

@@ -8,7 +8,13 @@ from typing import Final
 import numpy as np
 
 from dynident.exports.models.subject.identified import Identified
-from dynident.exports.models.writing.c_friction import combination, drive_terms, motor_lines
+from dynident.exports.models.writing.c_friction import (
+    StateUpdate,
+    combination,
+    drive_terms,
+    motor_lines,
+    state_updates,
+)
 from dynident.exports.models.writing.c_programs import programs_of
 from dynident.exports.models.writing.expressions import Dialect
 from dynident.model.kernels.trace import TracedProgram
@@ -20,6 +26,7 @@ _PYTHON: Final = Dialect(
     "_sign(m, {value}, {width}, scale)",
     "_sign(m, {value}, 0.0, scale)",
     "{name} = {value}",
+    "state",
     "the CasADi module",
     {"pow": "power"},
 )
@@ -37,12 +44,12 @@ _SOURCE: Final = '''"""Dynamics of an identified robot arm as CasADi functions; 
 SI units; q, dq, ddq, tau are columns of @JOINTS@ in the order of JOINTS.
 
     functions = build()
-    functions["inverse_dynamics"](q, dq, ddq@TEMPERATURE@)  torque of the drives: M ddq + c + g + friction
-    functions["forward_dynamics"](q, dq, tau@TEMPERATURE@)  acceleration@LOAD_NOTE@
-    functions["friction"](q, dq, ddq@TEMPERATURE@)          torque of friction and offsets
+    functions["inverse_dynamics"](q, dq, ddq@MORE@)  torque of the drives: M ddq + c + g + friction
+    functions["forward_dynamics"](q, dq, tau@MORE@)  acceleration@LOAD_NOTE@
+    functions["friction"](q, dq, ddq@MORE@)          torque of friction and offsets
     functions["gravity"](q), ["coriolis"](q, dq)  parts of the torque, without friction
     functions["mass_matrix"](q)                   M, rotors included
-
+@STATE_NOTE@
 build(scale) turns signs of Coulomb friction over a speed of at least ``scale``, in rad/s or m/s: optimisers want them
 smooth. The formulas under an underscore take any module with the functions of NumPy.
 """
@@ -57,22 +64,22 @@ def _sign(m, v, width, scale):
 
 @FUNCTIONS@
 
-def _friction(m, q, dq, rigid@TEMPERATURE@, scale=0.0):
+def _friction(m, q, dq, rigid@MORE@, scale=0.0):
 @FRICTION@
 
 
-def _inverse_dynamics(m, q, dq, ddq@TEMPERATURE@, scale=0.0):
+def _inverse_dynamics(m, q, dq, ddq@MORE@, scale=0.0):
     rigid = _rigid(m, q, dq, ddq)
-    return [a + b for a, b in zip(rigid, _friction(m, q, dq, rigid@TEMPERATURE@, scale))]
+    return [a + b for a, b in zip(rigid, _friction(m, q, dq, rigid@MORE@, scale))]
 
 
-def build(scale=0.0, symbol=None):
+@NEXT_STATE@def build(scale=0.0, symbol=None):
     """Return the CasADi functions by name; symbol is casadi.SX.sym or casadi.MX.sym."""
     import casadi as m
 
     n, sym = len(JOINTS), symbol or m.SX.sym
     q, dq, ddq, tau = (sym(name, n) for name in ("q", "dq", "ddq", "tau"))
-    more = [@MORE@]
+    more = [@SYMBOLS@]
     words = [@WORDS@]
     col = lambda values: m.vertcat(*values)
     mass = m.reshape(col(_mass_matrix(m, q)), n, n)
@@ -85,14 +92,23 @@ def build(scale=0.0, symbol=None):
         m.Function("gravity", [q], [col(_gravity(m, q))], ["q"], ["tau"]),
         m.Function("coriolis", [q, dq], [col(_coriolis(m, q, dq))], ["q", "dq"], ["tau"]),
         m.Function("mass_matrix", [q], [mass], ["q"], ["mass_matrix"]),
-@FORWARD@
-    ]
+@STATE_FUNCTION@@FORWARD@    ]
     return {function.name(): function for function in found}
 '''
 
 _FORWARD: Final = """        m.Function("forward_dynamics", [q, dq, tau, *more],
                    [m.solve(mass, tau - col(_inverse_dynamics(m, q, dq, [0.0] * n, *more, scale)))],
-                   ["q", "dq", "tau", *words], ["ddq"]),"""
+                   ["q", "dq", "tau", *words], ["ddq"]),
+"""
+
+_STATE_NOTE: Final = """    functions["next_state"](state, before, q)     states of friction at q, from those before
+
+state is a column of @STATES@ for each joint, at the first sample @STARTS@ for each.
+"""
+
+_STATE_FUNCTION: Final = """        m.Function("next_state", [more[-1], dq, q], [col(_next_state(m, more[-1], dq, q))],
+                   ["state", "before", "q"], ["state_next"]),
+"""
 
 
 def casadi_text(subject: Identified) -> str:
@@ -102,7 +118,9 @@ def casadi_text(subject: Identified) -> str:
         BadOption: Friction or a robot that the module cannot hold.
     """
     model = subject.model
-    heated, loaded = "temperature" in model.needs, "torque" in model.needs
+    loaded, states = "torque" in model.needs, state_updates(model, _PYTHON)
+    more = {"temperature": "n"} if "temperature" in model.needs else {}
+    more |= {"state": f"{len(states)} * n"} if states else {}
     programs = programs_of(model, subject.theta, None)
     size = model.robot.dof
     functions = [
@@ -116,9 +134,14 @@ def casadi_text(subject: Identified) -> str:
         "FRICTION": "\n".join(f"    {line}" for line in _friction_lines(subject)),
         "FORWARD": "" if loaded else _FORWARD,
         "LOAD_NOTE": ": left out, friction depends on the load" if loaded else ", from M ddq = tau - c - g - friction",
-        "TEMPERATURE": ", temperature" if heated else "",
-        "MORE": 'sym("temperature", n)' if heated else "",
-        "WORDS": '"temperature"' if heated else "",
+        "MORE": "".join(f", {name}" for name in more),
+        "SYMBOLS": ", ".join(f'sym("{name}", {size})' for name, size in more.items()),
+        "WORDS": ", ".join(f'"{name}"' for name in more),
+        "STATE_NOTE": _STATE_NOTE if states else "",
+        "STATE_FUNCTION": _STATE_FUNCTION if states else "",
+        "NEXT_STATE": "\n".join([*_next_state_lines(subject, states), "", "", ""]) if states else "",
+        "STATES": str(len(states)),
+        "STARTS": ", ".join(repr(state.start) for state in states),
     }
     text = _SOURCE
     for name, value in values.items():
@@ -147,6 +170,19 @@ def _python_function(program: TracedProgram, name: str, arrays: Sequence[str], w
     ends = program.outputs
     yield f"    return [{', '.join(terms[ends[k]] if k in ends else '0.0' for k in range(width))}]"
     yield ""
+
+
+def _next_state_lines(subject: Identified, states: Sequence[StateUpdate]) -> Iterator[str]:
+    """Yield the lines of the function that moves on what friction remembers."""
+    size, coupling = len(states), np.asarray(subject.model.robot.coupling)
+    yield "def _next_state(m, state, before, q):"
+    yield "    found = []"
+    for drive, row in enumerate(coupling):
+        yield f"    moved = {combination(row, 'q', _PYTHON)} - ({combination(row, 'before', _PYTHON)})"
+        for k in range(size):
+            yield f"    z{k} = state[{size * drive + k}]"
+        yield f"    found += [{', '.join(state.expression for state in states)}]"
+    yield "    return found"
 
 
 def _friction_lines(subject: Identified) -> Iterator[str]:

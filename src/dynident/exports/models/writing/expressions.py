@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -33,6 +33,7 @@ class Dialect:
         sign: The sign of ``{value}`` that turns over a width.
         sharp: The sign without a width.
         variable: A declaration, ``{name}`` and ``{value}``.
+        states: The array of the states of friction, those of a drive side by side.
         target: What is exported, for messages.
         names: Functions with other names than in C.
     """
@@ -42,6 +43,7 @@ class Dialect:
     sign: str
     sharp: str
     variable: str
+    states: str
     target: str
     names: Mapping[str, str] = field(default_factory=dict)
 
@@ -53,13 +55,13 @@ class Dialect:
         """Return a function by its name in C."""
         return self.call.format(self.names.get(name, name))
 
-    def expression(self, program: TracedProgram, names: Mapping[str, str]) -> str:
-        """Return the one output of a program; ``names`` are those of its inputs."""
+    def expression(self, program: TracedProgram, names: Mapping[str, Sequence[str]]) -> str:
+        """Return the one output of a program; ``names`` are those of its inputs, entry by entry of each array."""
         terms: list[str] = []
         for node in program.nodes:
             operands = [terms[k] for k in node.operands]
             if node.source is not None:
-                text = names[node.source.array]
+                text = names[node.source.array][node.source.entry]
             elif node.operation == "const":
                 text = self.constant(node.value)
             elif node.operation in _SIGNS:

@@ -7,7 +7,7 @@ from typing import Final
 #: Types and names of FMI 3.0, unless its own headers are included before.
 TYPES: Final = """/* FMI 3.0 interface of an identified robot arm; written by dynident @VERSION@, not by hand.
  *
- * Model Exchange and Co-Simulation; no states, no events: torques follow from q, dq, ddq at once.
+ * Model Exchange and Co-Simulation; no continuous states, no events: torques follow from q, dq, ddq at once@WAY@.
  * Build: this file alone, with the mathematical library. Define FMI3_FUNCTION_PREFIX where several units are linked
  * into one program.
  *
@@ -82,7 +82,7 @@ typedef struct {
     double value[COUNT];
     int mode;
     bool exchange, stale;
-    fmi3InstanceEnvironment environment;
+@MEMORY_FIELD@    fmi3InstanceEnvironment environment;
     fmi3LogMessageCallback log;
 } Unit;
 
@@ -111,17 +111,17 @@ static void begin(Unit *unit)
     }
 @STARTS@    unit->mode = BORN;
     unit->stale = true;
-}
+@MEMORY_RESET@}
 
 static void evaluate(Unit *unit)
 {
     const double *q = unit->value + 1, *dq = q + N, *ddq = dq + N;
 @TEMPERATURE@    double *out = unit->value + FIRST, mass[N * N];
     int i, j;
-    if (!unit->stale) {
+@MEMORY_HERE@    if (!unit->stale) {
         return;
     }
-    @LOWER@_inverse_dynamics(q, dq, ddq, @TEMP@out);
+@MEMORY_MOVE@    @LOWER@_inverse_dynamics(q, dq, ddq, @TEMP@@MEMORY@out);
     @LOWER@_gravity(q, out + N);
     @LOWER@_coriolis(q, dq, out + 2 * N);
     @LOWER@_mass_matrix(q, mass);
@@ -131,8 +131,8 @@ static void evaluate(Unit *unit)
             out[3 * N + i] += mass[N * i + j] * ddq[j];
         }
     }
-    @LOWER@_friction(q, dq, ddq, @TEMP@out + 4 * N);
-    @LOWER@_feed_forward(q, dq, ddq, @TEMP@out + 5 * N);
+    @LOWER@_friction(q, dq, ddq, @TEMP@@MEMORY@out + 4 * N);
+    @LOWER@_feed_forward(q, dq, ddq, @TEMP@@MEMORY@out + 5 * N);
     unit->stale = false;
 }
 
@@ -220,7 +220,7 @@ STATUS(fmi3EnterInitializationMode)(fmi3Instance instance, fmi3Boolean bounded, 
 STATUS(fmi3ExitInitializationMode)(fmi3Instance instance)
 {
     Unit *unit = instance;
-    return moved(unit, INITIALIZATION, unit->exchange ? EVENT : STEP);
+@MEMORY_BEGIN@    return moved(unit, INITIALIZATION, unit->exchange ? EVENT : STEP);
 }
 
 STATUS(fmi3EnterEventMode)(fmi3Instance instance)
@@ -275,7 +275,7 @@ STATUS(fmi3SetFloat64)(fmi3Instance instance, const fmi3ValueReference reference
     for (k = 0; k < count; ++k) {
         unit->value[references[k]] = values[k];
         unit->stale = true;
-    }
+@PLACED@    }
     return fmi3OK;
 }
 
@@ -297,7 +297,7 @@ STATUS(fmi3SetFMUState)(fmi3Instance instance, fmi3FMUState state)
     memcpy(unit->value, kept->value, sizeof unit->value);
     unit->mode = kept->mode;
     unit->stale = kept->stale;
-    return fmi3OK;
+@MEMORY_BACK@    return fmi3OK;
 }
 
 STATUS(fmi3FreeFMUState)(fmi3Instance instance, fmi3FMUState *state)
@@ -331,7 +331,7 @@ STATUS(fmi3CompletedIntegratorStep)(fmi3Instance instance, fmi3Boolean final, fm
 {
     (void)final;
     *event = *ended = false;
-    return moved(instance, CONTINUOUS, CONTINUOUS);
+@KEPT@    return moved(instance, CONTINUOUS, CONTINUOUS);
 }
 
 STATUS(fmi3SetTime)(fmi3Instance instance, fmi3Float64 time)
@@ -348,6 +348,6 @@ STATUS(fmi3DoStep)(fmi3Instance instance, fmi3Float64 now, fmi3Float64 step, fmi
     (void)final;
     *event = *ended = *early = false;
     unit->value[0] = *reached = now + step;
-    return moved(unit, STEP, STEP);
+@KEPT_BY_STEP@    return moved(unit, STEP, STEP);
 }
 """

@@ -148,11 +148,35 @@ def _source(subject: Identified, prefix: str, variables: tuple[Variable, ...]) -
         "STARTS": "".join(f"    unit->value[{k}] = {ROOM!r};\n" for k in warm),
         "TEMPERATURE": "    const double *temperature = ddq + N;\n" if warm else "",
         "TEMP": "temperature, " if warm else "",
+        **_memory(prefix, "state" in subject.model.needs),
     }
     text = TYPES + LIFE + lacking_functions() + "\n"
     for name, value in values.items():
         text = text.replace(f"@{name}@", value)
     return text
+
+
+def _memory(prefix: str, remembers: bool) -> dict[str, str]:
+    """Return what the source has of friction that remembers; all empty where none does.
+
+    What is remembered moves on with each step that the simulator takes for good; torques between two steps follow from
+    it and the positions alone. It begins at the positions of the initialization, where these were set there.
+    """
+    step, given = f"{prefix}_memory_step", "unit->mode & (BORN | INITIALIZATION)"
+    values = {
+        "WAY": ", and what friction\n * remembers from the way of q",
+        "MEMORY_FIELD": f"    {prefix}_memory memory;\n    bool placed;\n",
+        "MEMORY_RESET": f"    {prefix}_memory_reset(&unit->memory);\n    unit->placed = false;\n",
+        "MEMORY_HERE": f"    {prefix}_memory memory = unit->memory;\n",
+        "MEMORY_MOVE": f"    {step}(&memory, q);\n",
+        "MEMORY": "&memory, ",
+        "MEMORY_BEGIN": f"    if (unit->placed) {{\n        {step}(&unit->memory, unit->value + 1);\n    }}\n",
+        "MEMORY_BACK": "    unit->memory = kept->memory;\n    unit->placed = kept->placed;\n",
+        "PLACED": f"        unit->placed |= references[k] <= N && ({given});\n",
+        "KEPT": f"    {step}(&((Unit *)instance)->memory, ((Unit *)instance)->value + 1);\n",
+        "KEPT_BY_STEP": f"    {step}(&unit->memory, unit->value + 1);\n",
+    }
+    return {name: text if remembers else "" for name, text in values.items()}
 
 
 def _description(subject: Identified, prefix: str, token: str, variables: tuple[Variable, ...]) -> Iterator[str]:
@@ -170,7 +194,8 @@ def _description(subject: Identified, prefix: str, token: str, variables: tuple[
     }
     yield '<?xml version="1.0" encoding="UTF-8"?>'
     yield f"<fmiModelDescription {_attributes(facts)}>"
-    yield f'  <ModelExchange modelIdentifier="{prefix}" canGetAndSetFMUState="true"/>'
+    called = ' needsCompletedIntegratorStep="true"' if "state" in model.needs else ""
+    yield f'  <ModelExchange modelIdentifier="{prefix}" canGetAndSetFMUState="true"{called}/>'
     able = 'canGetAndSetFMUState="true" canHandleVariableCommunicationStepSize="true"'
     yield f'  <CoSimulation modelIdentifier="{prefix}" {able}/>'
     yield "  <UnitDefinitions>"

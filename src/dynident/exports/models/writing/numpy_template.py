@@ -4,6 +4,34 @@ from __future__ import annotations
 
 from typing import Final
 
+#: What friction remembers, where it does.
+MEMORY: Final = '''class Memory:
+    """What friction remembers of the way to a sample: give it positions in the order of time.
+
+    state: of each joint's drive, shape (@JOINTS@, @STATES@), for the argument of that name.
+    """
+
+    def __init__(self):
+        self.state, self.motor = np.tile(@STARTS@, (len(JOINTS), 1)), None
+
+    def step(self, q):
+        """Move on to the positions (@JOINTS@,) of the next sample and return the state there."""
+        motor = COUPLING @ np.asarray(q, dtype=float)
+        if self.motor is not None:
+            moved = motor - self.motor
+@UPDATES@
+        self.motor = motor
+        return self.state
+
+
+def states_along(q):
+    """Return the states along positions (N, @JOINTS@) that follow each other, shape (N, @JOINTS@, @STATES@)."""
+    memory = Memory()
+    return np.array([memory.step(row) for row in q])
+
+
+'''
+
 #: Functions of the module; ``@...@`` are replaced.
 SOURCE: Final = '''"""Inverse dynamics of an identified robot arm with NumPy alone; written by dynident.
 
@@ -15,7 +43,7 @@ JOINTS.
     coriolis(q, dq)               torque of speed alone, without friction
     mass_matrix(q)                M, rotors included, shape (N, @JOINTS@, @JOINTS@)
     friction(q, dq, ddq)          torque of friction and offsets
-
+@MEMORY_ABOUT@
 Run the file to check it against the numbers that dynident gave.
 """
 
@@ -123,19 +151,19 @@ def mass_matrix(q):
     return _like(np.stack(columns, axis=2) + COUPLING.T @ (ARMATURE[:, None] * COUPLING), q)
 
 
-def friction(q, dq, ddq@TEMPERATURE_ARGUMENT@):
+@MEMORY@def friction(q, dq, ddq@MORE@):
     """Friction and offsets; ddq matters only where friction grows with the load."""
     rows, speeds, rises = _rows(q, dq, ddq)
     loads = np.linalg.solve(COUPLING.T, (_bodies(rows, speeds, rises, GRAVITY) + _rotors(rises)).T).T
-    at, speed, torque = rows @ COUPLING.T, speeds @ COUPLING.T, np.zeros_like(rows)
+@STATE_ROWS@    at, speed, torque = rows @ COUPLING.T, speeds @ COUPLING.T, np.zeros_like(rows)
 @FRICTION@
     return _like(torque @ COUPLING - BIAS, q)
 
 
-def inverse_dynamics(q, dq, ddq@TEMPERATURE_ARGUMENT@):
+def inverse_dynamics(q, dq, ddq@MORE@):
     rows, speeds, rises = _rows(q, dq, ddq)
     moved = _bodies(rows, speeds, rises, GRAVITY) + _rotors(rises)
-    return _like(moved + friction(rows, speeds, rises@TEMPERATURE_PASSED@), q)
+    return _like(moved + friction(rows, speeds, rises@MORE@), q)
 
 
 # Positions, velocities, accelerations and the torques that dynident gave for them.
@@ -143,7 +171,7 @@ REFERENCE = @REFERENCE@
 
 if __name__ == "__main__":
     q_, dq_, ddq_, *more_, torque_ = (np.array(values) for values in REFERENCE)
-    away_ = float(np.abs(inverse_dynamics(q_, dq_, ddq_, *more_) - torque_).max())
+@WALKED@    away_ = float(np.abs(inverse_dynamics(q_, dq_, ddq_, *more_) - torque_).max())
     print(f"largest difference of a torque: {away_:.2g}")
     raise SystemExit(0 if away_ < 1e-6 * float(np.abs(torque_).max()) else 1)
 '''
