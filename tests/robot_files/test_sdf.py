@@ -16,7 +16,7 @@ from dynident.exports.models.proving.sdf_proof import reload_own_sdf
 from dynident.exports.models.subject.drives import drives_of
 from dynident.exports.models.subject.identified import OWN, Identified
 from dynident.exports.models.subject.source import OwnDescription
-from dynident.exports.models.writing.sdf_own import patched_sdf
+from dynident.exports.models.writing.sdf_own import PatchedSdf, patched_sdf
 from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.shapes import Mesh
@@ -121,6 +121,15 @@ def test_limits_frames_and_meshes_are_read(tmp_path: Path) -> None:
     assert len(read_robot(tmp_path / "arm.sdf").links[1].shapes) == 1
 
 
+def assert_proved(subject: Identified, source: OwnDescription, patched: PatchedSdf) -> None:
+    """Check the torques of a changed file as it is read here, and by Drake where it is installed."""
+    engines = [found for found in reload_own_sdf(subject, source, patched) if found.torque is not None]
+    for found in engines:
+        assert found.torque is not None and found.expected is not None
+        np.testing.assert_allclose(found.torque, found.expected, rtol=0, atol=1e-9 * np.abs(found.expected).max())
+    assert len(engines) == 1 + bool(drake_version())
+
+
 def test_identified_values_return_into_the_file_and_every_other_byte_is_kept() -> None:
     robot = SdfFile().read("arm.sdf", ARM.encode())
     model = DynamicModel(robot)
@@ -130,16 +139,33 @@ def test_identified_values_return_into_the_file_and_every_other_byte_is_kept() -
     estimate: Any = SimpleNamespace(model=model)
     subject = Identified(estimate, 1.2 * nominal, OWN, source)
     patched = patched_sdf(subject, drives_of(subject), source, lump=False)
-    for found in reload_own_sdf(subject, source, patched):
-        if found.torque is not None:
-            assert found.expected is not None
-            np.testing.assert_allclose(found.torque, found.expected, rtol=0, atol=1e-9 * np.abs(found.expected).max())
+    assert_proved(subject, source, patched)
     assert "drake:rotor_inertia" not in patched.data.decode()
     old, new = ARM.splitlines(), patched.data.decode().splitlines()
     changed = {before for before, after in zip(old, new, strict=True) if before != after}
     assert changed == {
         line for line in old if "<inertial>" in line and "relative_to" not in line and "palm" not in line
     }
+
+
+#: Objects beside the arm: one whose link is called as that of the arm, and two links that are fixed to each other.
+CAN = f"""<model name="can"><pose>2 0 0 0 0 0</pose><link name="base"><inertial><mass>3</mass>{BODY}</inertial></link>
+</model><model name="tray"><link name="a"/><link name="b"/>
+<joint name="f" type="fixed"><parent>a</parent><child>b</child></joint></model>"""
+
+
+def test_objects_beside_a_robot_are_left_out_with_a_note_and_stay_in_the_file() -> None:
+    before, model, after = re.split(r"(<model name=.arm.*</model>)", ARM, flags=re.DOTALL)
+    world = f"{before}<world name='w'>{CAN}{model}{CAN.replace('can', 'box').replace('tray', 'lid')}</world>{after}"
+    robot, alone = (SdfFile().read("arm.sdf", text.encode()) for text in (world, ARM))
+    assert robot.note == "read from arm.sdf; without the models beside the robot (can, tray, box, lid)"
+    assert robot_to_dict(robot) == robot_to_dict(alone) | {"note": robot.note}
+    dynamics = DynamicModel(robot)
+    source, estimate = OwnDescription(Path("arm.sdf"), world.encode()), SimpleNamespace(model=dynamics)
+    subject = Identified(cast(Any, estimate), 1.2 * np.array(dynamics.nominal()), OWN, source)
+    patched = patched_sdf(subject, drives_of(subject), source, lump=False)
+    assert patched.data.decode().count(CAN) == 1
+    assert_proved(subject, source, patched)
 
 
 @pytest.mark.parametrize(
@@ -159,11 +185,7 @@ def test_rotor_inertia_returns_into_drakes_own_elements(stated: str) -> None:
     joints = SdfFile().read("arm.sdf", patched.data).joints
     assert [joint.drive.reflected_inertia for joint in joints] == pytest.approx([known + 0.3, 0.7, 0.0])
     assert joints[0].drive.gear_ratio == (50 if stated else 1)
-    engines = [found for found in reload_own_sdf(subject, source, patched) if found.torque is not None]
-    for found in engines:  # also by Drake, where it is installed
-        assert found.torque is not None and found.expected is not None
-        np.testing.assert_allclose(found.torque, found.expected, rtol=0, atol=1e-9 * np.abs(found.expected).max())
-    assert len(engines) == 1 + bool(drake_version())
+    assert_proved(subject, source, patched)
     assert any("Gazebo passes over" in note for note in patched.notes)
 
 
@@ -314,7 +336,13 @@ FAULTS = {
     "a name twice": ('link name="tool"', 'link name="upper"', "the name 'upper' is taken", "a name of its own"),
     "five numbers": (">.5 .4 .3 .2 .1 0<", ">.5 .4 .3 .2 .1<", "has 5 numbers", "write 6 numbers"),
     "a version that is none": ('version="1.9"', 'version="x"', "version 'x'", 'version="1.7"'),
-    "a second model": ("</sdf>", '<model name="b"/></sdf>', "2 <model>", "one robot"),
+    "a second robot": (
+        "</sdf>",
+        "<model name='door'><joint type='revolute'/></model></sdf>",
+        "2 <model> with joints that move (arm, door)",
+        "give the SDF of one robot, or write <static>true</static> into the others",
+    ),
+    "no robot": (ARM[ARM.index("<model") :], "</sdf>", "no <model> in <sdf>", "give the SDF of one robot"),
 }
 
 

@@ -111,10 +111,35 @@ def read_sdf_model(path: object, data: bytes) -> SdfModel:
     for joint in (joint for world in root.all("world") for joint in world.all("joint")):
         raise joint.place.error("a joint of the world is not read", "write it in the <model>")
     models = [model for holder in (root, *root.all("world")) for model in holder.all("model")]
-    robots = [model for model in models if not _states(model, "static", ("true", "1"))] or models
+    robot, objects = _robot_among(path, models)
+    found = _SdfReader(path, root, robot, files).read()
+    if objects:
+        found.notes.append(f"the models beside the robot ({some(objects)})")
+    return found
+
+
+def _robot_among(path: object, models: list[Element]) -> tuple[Element, list[str]]:
+    """Return the one model with joints that move, and the names of others that can be moved; static ones are scenery.
+
+    Raises:
+        DescriptionError: There is no such model, or several.
+    """
+    movable = [model for model in models if not _states(model, "static", ("true", "1"))] or models
+    robots = [model for model in movable if _has_joints(model)] or movable
     if len(robots) != 1:
-        raise Place(path).error(f"{len(robots)} <model> elements in <sdf>", "give the SDF of one robot")
-    return _SdfReader(path, root, robots[0], files).read()
+        if not robots:
+            raise Place(path).error("no <model> in <sdf>", "give the SDF of one robot")
+        word = "with" if _has_joints(robots[0]) else "without"
+        names = some([name_of(model) for model in robots])
+        step = "give the SDF of one robot, or write <static>true</static> into the others"
+        raise Place(path).error(f"{len(robots)} <model> {word} joints that move ({names})", step)
+    return robots[0], [name_of(model) for model in movable if model is not robots[0]]
+
+
+def _has_joints(model: Element) -> bool:
+    """Return whether a model, or one nested in it, has a joint that moves."""
+    own = any(joint.attributes.get("type") != "fixed" for joint in model.all("joint"))
+    return own or any(map(_has_joints, model.all("model")))
 
 
 def _states(element: Element, tag: str, words: tuple[str, ...]) -> bool:

@@ -184,6 +184,12 @@ def drake_torque(source: Path | str, states: StateSet, base: str, package: str =
         """Return a name with those of the nested models that it is in."""
         return "::".join([*plant.GetModelInstanceName(part.model_instance()).split("::")[1:], part.name()])
 
+    def model_of(part: Any) -> str:
+        return plant.GetModelInstanceName(part.model_instance()).split("::")[0]
+
+    def one_way() -> list[Any]:
+        return [joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities() == 1]
+
     if isinstance(source, Path):
         parser.package_map().Add(package, str(source.parent))
         ProcessModelDirectives(LoadModelDirectives(str(source)), plant, parser=parser)
@@ -192,20 +198,22 @@ def drake_torque(source: Path | str, states: StateSet, base: str, package: str =
         if base != "world":
             instances = map(ModelInstanceIndex, range(plant.num_model_instances()))
             bodies = (plant.get_body(index) for one in instances for index in plant.GetBodyIndices(one))
-            carrier = next(body for body in bodies if named(body) == base)
+            robots = {model_of(joint) for joint in one_way()}  # other models are objects beside it
+            carrier = next(body for body in bodies if named(body) == base and model_of(body) in robots)
             plant.WeldFrames(plant.world_frame(), carrier.body_frame())
     plant.mutable_gravity_field().set_gravity_vector(np.asarray(states.gravity))
     plant.Finalize()
-    moving = [joint for joint in map(plant.get_joint, plant.GetJointIndices()) if joint.num_velocities() == 1]
-    joints = [named(joint) for joint in moving]
-    places = [int(joint.velocity_start()) for joint in moving]
-    q, dq, ddq = (values[:, np.argsort(places)] for values in states.of(joints))
-    order = [joints[k] for k in np.argsort(places)]
+    joints = one_way()
+    order = [named(joint) for joint in joints]
+    at, rates = ([getattr(joint, f"{what}_start")() for joint in joints] for what in ("position", "velocity"))
+    q, dq, ddq = states.of(order)
     context, found = plant.CreateDefaultContext(), np.empty_like(q)
+    place, speed, rate = plant.GetPositions(context), *np.zeros((2, plant.num_velocities()))  # objects beside it rest
     for k in range(len(q)):
-        plant.SetPositions(context, q[k])
-        plant.SetVelocities(context, dq[k])
+        place[at], speed[rates], rate[rates] = q[k], dq[k], ddq[k]
+        plant.SetPositions(context, place)
+        plant.SetVelocities(context, speed)
         forces = MultibodyForces(plant)
         plant.CalcForceElementsContribution(context, forces)
-        found[k] = plant.CalcInverseDynamics(context, ddq[k], forces)
+        found[k] = plant.CalcInverseDynamics(context, rate, forces)[rates]
     return states.gather(order, found)
