@@ -205,7 +205,9 @@ STRANGERS: Mapping[str, Stranger] = {
     ),
     "so100": Stranger(
         arms.so100(), Drives(0.004, 0.06, 0.08), 30, 60, 0.1, 0.5, 0.008, episode, answers={
-            "    torque: ask": '    torque: "observation.load{}"',
+            "servo:": "friction:\n  - coulomb: {width: 0.01, choose: width}", "  law:": "  - viscous",
+            "  kp:": "  - offset", "  # enabled": "  - rotor_inertia", "  friction: auto": "",
+            "    torque: none": '    torque: "observation.load{}"',
             "    position: ask": "    position: deg\n    torque: percent",
             "  units:": "  rated: [1.9, 1.9, 1.9, 1.9, 1.9]\n  units:",
         },
