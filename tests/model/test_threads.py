@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -66,6 +69,29 @@ def test_blas_has_one_thread_until_the_outermost_call_ends() -> None:
                 raise ValueError
             assert blas_threads() == {1}
         assert blas_threads() == {2}
+
+
+def test_a_library_that_is_loaded_inside_is_held_by_the_next_call() -> None:
+    """SciPy brings a BLAS of its own, at its own number of threads."""
+    code = """
+import numpy
+from threadpoolctl import threadpool_info, threadpool_limits
+from dynident.model.threads import one_blas_thread
+
+def threads():
+    return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+
+with one_blas_thread():
+    assert threads() == [1]
+    import scipy.linalg
+    before = threads()
+    with one_blas_thread():
+        assert threads() == [1] * len(before), threads()
+    assert threads() == before
+assert set(threads()) == {2}, threads()
+"""
+    done = subprocess.run([sys.executable, "-c", code], env=os.environ | {"OPENBLAS_NUM_THREADS": "2"}, check=False)
+    assert done.returncode == 0
 
 
 def test_another_thread_has_one_blas_thread_of_its_own() -> None:

@@ -242,3 +242,22 @@ def test_one_and_two_threads_agree(spatial_3r: Robot, tmp_path: Path) -> None:
 def test_one_and_two_threads_agree_for_every_estimator(estimator: str, planar_2r: Robot, tmp_path: Path) -> None:
     written(tmp_path, planar_2r)
     check_threads(tmp_path, estimator)
+
+
+@pytest.mark.battery
+def test_one_and_two_threads_design_the_same_motion() -> None:
+    """SciPy, whose BLAS has threads of its own, is loaded by the search."""
+    code = """
+import dynident as di
+model = di.DynamicModel(di.read_robot("generic-scara"), ["coulomb", "viscous"])
+search, period = di.SearchOptions(starts=1, seed=0), di.TrajectoryOptions(period=8.0)
+print(di.design_excitation(model, trajectory=period, search=search).values)
+"""
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | {"OPENBLAS_NUM_THREADS": str(threads)}, capture_output=True, text=True, check=True,
+        )
+        for threads in (1, 2)
+    ]  # fmt: skip
+    assert runs[0].stdout == runs[1].stdout != ""

@@ -9,7 +9,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import AbstractContextManager, ContextDecorator
+from contextlib import AbstractContextManager, ContextDecorator, nullcontext
 from functools import cache
 from typing import Any, TypeVar
 
@@ -32,22 +32,22 @@ def _libraries(with_scipy: bool) -> ThreadpoolController:  # finding them takes 
 class _OneBlasThread(threading.local, ContextDecorator):
     """Holds the libraries at one thread while its own thread is inside: calls within calls cost nothing.
 
-    Between threads the rules are those of threadpoolctl.
+    A call within a call holds the BLAS of SciPy too where that was loaded in between. Between threads the rules are
+    those of threadpoolctl.
     """
 
-    _inside = 0
-    _limit: AbstractContextManager[Any] | None = None
+    def __init__(self) -> None:
+        self._held: list[tuple[ThreadpoolController, AbstractContextManager[Any]]] = []
 
     def __enter__(self) -> None:
-        if not self._inside:
-            self._limit = libraries().limit(limits=1, user_api="blas")
-            self._limit.__enter__()
-        self._inside += 1
+        found = libraries()
+        is_held = bool(self._held) and self._held[-1][0] is found
+        limit = nullcontext() if is_held else found.limit(limits=1, user_api="blas")
+        limit.__enter__()
+        self._held.append((found, limit))
 
     def __exit__(self, *raised: Any) -> None:
-        self._inside -= 1
-        if not self._inside and self._limit is not None:
-            self._limit.__exit__(*raised)
+        self._held.pop()[1].__exit__(*raised)
 
 
 _one_blas_thread = _OneBlasThread()

@@ -11,6 +11,7 @@ import numpy as np
 
 from dynident.arrays import Array
 from dynident.excitation.design.design_problem import GUARD, DesignProblem, Point
+from dynident.model.threads import one_blas_thread
 
 #: Free numbers beyond this size are no motion, and the squares of what they make overflow.
 BEYOND = 1e8
@@ -155,4 +156,5 @@ def _slsqp(trail: Trail, start: Array, size: Array, converged: float, step: floa
         "jac": lambda y: -trail.evaluate(y * size).slopes * size,
     }
     options = {"maxiter": ITERATIONS, "ftol": scale * converged}
-    minimize(objective, start / size, jac=True, method="SLSQP", constraints=limits, options=options)
+    with one_blas_thread():  # SciPy may have been loaded just now; on several threads the search would go another way
+        minimize(objective, start / size, jac=True, method="SLSQP", constraints=limits, options=options)
