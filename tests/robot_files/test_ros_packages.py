@@ -37,6 +37,12 @@ def test_beside_the_file(tmp_path: Path) -> None:
     assert package_folder("bare", tmp_path / "bare/urdf/x.urdf") == tmp_path / "bare"
     (tmp_path / "ws/src/plain").mkdir()  # one beside it does
     assert package_folder("plain", robot) is None
+    index = tmp_path / "share" / "ament_index/resource_index/packages"  # installed, with another name in the manifest
+    deep = package(tmp_path / "share" / "robot-data", "robot_data") / "robots" / "arm" / "urdf" / "arm.urdf"
+    assert package_folder("robot-data", deep) is None
+    index.mkdir(parents=True)
+    (index / "robot-data").touch()
+    assert package_folder("robot-data", deep) == tmp_path / "share" / "robot-data"
     assert package_folder("../hand", robot) is None and package_folder("", robot) is None
 
 

@@ -15,6 +15,7 @@ from usd_arms import Arm, arm_of, pinocchio_of, random_arm, write_stage
 import dynident as di
 from dynident.cli.main import main
 from dynident.errors import DescriptionError, DynidentError, MissingDependency
+from dynident.model.documents.robot_data import robot_to_dict
 from dynident.model.robot import Drive
 from dynident.robot_files import read_robot
 
@@ -275,6 +276,23 @@ def test_what_is_no_arm_is_refused(change: Any, told: str, stage: Any) -> None:
     with pytest.raises(DescriptionError, match=told) as caught:
         again(stage)
     assert "\n" not in str(caught.value)
+
+
+def test_objects_beside_an_arm_are_left_out_with_a_note(stage: Any) -> None:
+    alone = again(stage)
+    for name in ("box", "table", "pot", "lid"):
+        prim = UsdGeom.Cube.Define(stage, f"/arm/{name}").GetPrim()
+        UsdPhysics.RigidBodyAPI.Apply(prim).CreateKinematicEnabledAttr(name == "table")
+        if name == "box":
+            UsdGeom.Xformable(prim).AddScaleOp().Set(Gf.Vec3f(0.1, 0.2, 0))
+    joint = UsdPhysics.FixedJoint.Define(stage, "/arm/on").GetPrim()
+    for side, name in enumerate(("pot", "lid")):
+        joint.GetRelationship(f"physics:body{side}").SetTargets([f"/arm/{name}"])
+    note = "bodies that float freely beside the robot are left out (box, lid, pot, table)"
+    assert robot_to_dict(again(stage)) == robot_to_dict(alone) | {"note": f"{alone.note}; {note}"}
+    joint.SetTypeName("PhysicsRevoluteJoint")
+    with pytest.raises(DescriptionError, match="box and 3 more bodies are not joined to the world"):
+        again(stage)
 
 
 def test_a_missing_layer_is_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

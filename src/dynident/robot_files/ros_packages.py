@@ -20,6 +20,9 @@ _IGNORED: Final = ("CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE", "rospack_no
 #: Levels below an entry of the package path, and folders in all, that are searched.
 _DEPTH, _FOLDERS = 6, 20_000
 
+#: In the folder of installed packages: files that are called as they are, whatever their manifests state.
+_INDEX: Final = "ament_index/resource_index/packages"
+
 #: Folders above a file that may be its package by their name alone, without a manifest.
 _BARE_LEVELS: Final = 3
 
@@ -58,7 +61,8 @@ def _around(name: str, near: str | Path | None) -> Iterator[Path]:
         return
     holders = Path(os.path.abspath(near)).parents
     for level, folder in enumerate(holders):
-        if _is_package(folder, name) or (folder.name == name and level < _BARE_LEVELS):
+        is_called = folder.name == name and (level < _BARE_LEVELS or os.path.isfile(folder.parent / _INDEX / name))
+        if is_called or _is_package(folder, name):
             yield folder
     for folder in holders:
         if _is_package(folder / name, name):
@@ -68,8 +72,9 @@ def _around(name: str, near: str | Path | None) -> Iterator[Path]:
 def _installed(name: str) -> Iterator[Path]:
     for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
         folder = Path(prefix) / "share" / name
-        resource = Path(prefix) / "share/ament_index/resource_index/packages" / name
-        if os.path.isfile(folder / MANIFEST) or (os.path.isdir(folder) and os.path.isfile(resource)):
+        if os.path.isfile(folder / MANIFEST) or (
+            os.path.isdir(folder) and os.path.isfile(folder.parent / _INDEX / name)
+        ):
             yield folder
 
 

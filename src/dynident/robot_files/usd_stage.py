@@ -22,7 +22,7 @@ from dynident.model.documents.numbers import Place
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, JointLimits, Mimic
 from dynident.robot_files.rotations import rotation_from_quaternion
-from dynident.robot_files.tree import Connection
+from dynident.robot_files.tree import Connection, some
 from dynident.robot_files.usd_parts import (
     WORLD,
     StageBody,
@@ -114,13 +114,13 @@ class _StageReader:
             raise DescriptionError(self.path, "", "no prim has the schema PhysicsRigidBodyAPI", step)
         for prim in (*self.rigid.values(), *self.joints, *self.scenes):
             check_values(prim, self._place(prim))
-        for prim in self.rigid.values():
-            self._check_body(prim)
         edges = list(self._edges())
         connections, drives, shifts = self._tree(edges)
         bodies = {}
         for key, prim in self.rigid.items():
             name = self.body_names[key]
+            if name not in shifts:
+                continue  # an object beside the robot
             inertia = self._inertia(prim)
             moved = None if inertia is None else inertia.moved(np.eye(3), -shifts[name])
             bodies[name] = StageBody(key, moved, shifts[name])
@@ -196,6 +196,7 @@ class _StageReader:
         matrix = self._transform(target)
         is_body = str(owner.GetPath()) in self.rigid
         if is_body:
+            self._check_body(owner)
             matrix = matrix @ np.linalg.inv(self._transform(owner))
         translation = translation @ matrix[:3, :3] + matrix[3, :3]
         directions = matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=1)[:, None]
@@ -224,7 +225,10 @@ class _StageReader:
             if drive is not None:
                 drives[connection.name] = drive
         lost = sorted(set(self.body_names.values()) - set(shifts))
-        if lost:
+        is_arm = any(joint.kind != "fixed" for joint in connections)
+        if lost and is_arm and all(_KINDS[kind] == "fixed" for _, kind, *_ in waiting):
+            self.notes.append(f"bodies that float freely beside the robot are left out ({some(lost)})")
+        elif lost:
             step = "fix the base to the world by a PhysicsFixedJoint without physics:body0; remove bodies of the scene"
             evidence = f"{lost[0]} and {len(lost) - 1} more bodies are" if len(lost) > 1 else f"{lost[0]} is"
             raise DescriptionError(self.path, "", f"{evidence} not joined to the world: the base floats", step)

@@ -171,7 +171,7 @@ def test_what_an_included_model_states_is_not_written(
     monkeypatch.chdir(tmp_path)
     estimate = estimate_of(read_robot("arm.sdf"), exact_log, exact=True)
     with pytest.raises(
-        DescriptionError, match=r"fore\.xml: line 1, <link name='l'>.*an included file; expand the includes"
+        DescriptionError, match=r"fore\.xml: line 1, <link name='l'>.*an included file; export with --description .*, else expand the includes"
     ):
         export_model(estimate, "sdf", "out.sdf", description="arm.sdf")
     main, fore, _ = WITH_INCLUDES["arm.sdf"]

@@ -91,7 +91,8 @@ class _Own:
     def of(self, element: Element) -> PlacedElement:
         """Return where an element stands."""
         if str(element.path) != self._path:
-            step = f"expand the includes (gz sdf -p {self._path} > whole.sdf), and export with --description whole.sdf"
+            whole = f"expand the includes (gz sdf -p {self._path} > whole.sdf) and export with --description whole.sdf"
+            step = f"export with --description {element.path}, where the robot is in that file alone, else {whole}"
             raise element.place.error("what was identified of it would change an included file", step)
         return self._placed[element.number]
 
