@@ -25,6 +25,7 @@ NOT_RUN = {
     "docs/into-simulators.md": (1, "needs a compiler: tests/exports/models"),
     "docs/log-formats.md": (1, "any log: tests/case/test_draft_structure.py"),
     "docs/logs.md": (5, "one for each kind of log: tests/case/test_draft_profiles.py"),
+    "docs/friction-memory.md": (1, "needs a compiler: tests/exports/models"),
     "docs/model-exports.md": (3, "needs a compiler, an FMU runner, Pinocchio: tests/exports/models"),
     "docs/monitor.md": (2, "a log with a contact: tests/cli/test_use_commands.py"),
     "docs/notebooks/compare-estimators-and-friction.md": (6, "a notebook: tests/test_notebooks.py"),

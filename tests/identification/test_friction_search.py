@@ -17,17 +17,20 @@ from dynident.errors import BadOption, LogMismatch, SolverFailed
 from dynident.identification.files.estimate_file import read_estimate, summary, write_estimate
 from dynident.identification.identify import identify
 from dynident.identification.problem.problem import Problem
-from dynident.identification.selection.friction import alike
+from dynident.identification.problem.regressor_stream import RegressorStream
+from dynident.identification.selection.friction import alike, column_pool
 from dynident.identification.selection.friction.alike import same_for_all
 from dynident.identification.selection.friction.column_pool import PooledLogs, fit, loss
 from dynident.identification.selection.friction.friction_choice import choose_friction
 from dynident.identification.selection.friction.variable_projection import vary_fields
 from dynident.identification.validate import validate
+from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.degressive import Degressive
 from dynident.model.friction.load import Load
 from dynident.model.friction.periodic import Periodic
+from dynident.model.friction.presliding import Presliding
 from dynident.model.friction.rotor_inertia import RotorInertia
 from dynident.model.friction.stribeck import Stribeck
 from dynident.model.friction.viscous import Viscous
@@ -218,6 +221,39 @@ def test_the_pool_fits_as_least_squares_does(planar_2r: Robot, exact_log: MakeLo
     ols = identify(model, [log.log], "ols", GIVEN)
     square = float(np.sum(ols.train.residual**2))
     assert loss(total, keep, beta) == pytest.approx(square, rel=1e-6)
+
+
+@pytest.mark.parametrize("kept", [2**28, 0])
+def test_pools_of_known_rows_are_those_of_new_ones(
+    coupled_arm: Robot, exact_log: MakeLog, monkeypatch: pytest.MonkeyPatch, kept: int
+) -> None:
+    monkeypatch.setattr(column_pool, "KEPT", kept)
+    model = DynamicModel(coupled_arm, (Coulomb(), Viscous()))
+    names = coupled_arm.joint_names
+    log = prepared(model, np.linspace(0.5, 2.0, 2 * len(names)), exact_log, noise=0.5)
+    load = coupled_arm.nominal
+    assert load is not None
+    lists = [
+        (Coulomb(), Load(), Presliding(0.02)),
+        (Viscous(), Presliding(0.02), Coulomb(joints=names[1:]), Load(0.1)),
+        (Presliding(0.02), Coulomb(choose=("width",)), Coulomb(), Viscous()),
+        (),
+    ]
+    pooled = PooledLogs(model, [log], 4, load, delay_is_free=True)
+    for parts in lists:
+        again, new = pooled.pool(parts), PooledLogs(model, [log], 4, load, delay_is_free=True).pool(parts)
+        np.testing.assert_allclose(again.products, new.products, rtol=1e-12, atol=1e-9)
+        np.testing.assert_array_equal(again.chosen([[]] * len(names)), new.chosen([[]] * len(names)))
+    whole = DynamicModel(coupled_arm, lists[1])
+    base, pool = base_parameters(whole), PooledLogs(model, [log], 1, load).pool(lists[1])
+    start = base.from_standard(np.append(load, np.zeros(len(whole.terms[0]))))
+    stream, count = RegressorStream(whole, base, start, only="friction"), len(whole.terms[0])
+    expected = np.zeros((count, count))
+    for columns, rows in zip(stream.columns, stream.rows(log), strict=True):
+        own = columns - (base.count - count)
+        expected[np.ix_(own, own)] += rows[:-1] @ rows[:-1].T
+    found = pool.products.sum(axis=(0, 1))[pool.shared : -1, pool.shared : -1]
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-9)
 
 
 def test_a_choice_is_held_against_the_friction_it_begins_with(spatial_3r: Robot, exact_log: MakeLog) -> None:

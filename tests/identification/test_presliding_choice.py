@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from dynident.data.log import Log
-from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing import Preprocessing, preprocess
 from dynident.data.preprocessing.as_given import AsGiven
 from dynident.errors import LogMismatch
+from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.identify import identify
 from dynident.identification.selection.delay import find_delays
 from dynident.identification.selection.friction.column_pool import PartCandidate
+from dynident.identification.selection.friction.held_out_fields import compared
 from dynident.model.base_parameters import base_parameters
 from dynident.model.dynamic_model import DynamicModel
-from dynident.model.friction import Friction, Motion
+from dynident.model.friction import WHOLE, Friction, Motion
 from dynident.model.friction.coulomb import Coulomb
 from dynident.model.friction.load import Load
 from dynident.model.friction.presliding import Presliding
@@ -58,13 +60,20 @@ def logged(
     return Log(robot.joint_names, time, measured.q, measured.dq, measured.ddq, torque=torque + noise)
 
 
+def said_of_presliding(found: Estimate) -> float:
+    """Return what the table of what was tried says last of the part: 1 in the model, 0 left out."""
+    return [
+        each.value for each in found.choices.chosen_fields or () if (each.part, each.field) == ("presliding", WHOLE)
+    ][-1]
+
+
 def check_taken(robot: Robot, motion: MakeMotion, length: float, late: float, seed: int) -> None:
     """Check that level and length come out within 10 %, the delay within 0.3 of a sample."""
     truth = (Coulomb(0.01), Viscous(), Presliding(length))
     log = logged(robot, motion, truth, [1.0, 1.0, 3.0, 0.6, 0.5, 2.0], late, seed)
     found = identify(DynamicModel(robot, DRAFT), [log], "wls", HOW)
     (part,) = (own for own in found.model.friction if isinstance(own, Presliding))
-    assert part.length == pytest.approx(length, rel=0.1)
+    assert part.length == pytest.approx(length, rel=0.1) and said_of_presliding(found) == 1.0
     values = {p["name"]: p["value"] for p in found.parameters()}
     assert values["Fp[joint1]"] == pytest.approx(3.0, rel=0.1) and values["Fp[joint2]"] == pytest.approx(2.0, rel=0.1)
     assert found.choices.delays is not None
@@ -76,6 +85,7 @@ def check_left_out(robot: Robot, motion: MakeMotion, late: float, seed: int) -> 
     log = logged(robot, motion, (Coulomb(0.01), Viscous()), [3.0, 1.0, 2.0, 0.5], late, seed)
     found = identify(DynamicModel(robot, DRAFT), [log], "wls", HOW)
     assert not [own for own in found.model.friction if isinstance(own, Presliding | Stribeck)]
+    assert said_of_presliding(found) == 0.0
     assert found.choices.delays is not None
     assert found.choices.delays[0].applied * RATE == pytest.approx(late, abs=0.3)
 
@@ -122,6 +132,20 @@ def test_no_presliding_where_there_is_none_in_95_of_100(planar_2r: Robot, exact_
         except AssertionError:
             wrong.append(seed)
     assert len(wrong) <= 5, wrong
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_a_list_that_won_says_what_the_other_one_with_presliding_did(
+    planar_2r: Robot, exact_motion: MakeMotion, is_there: bool
+) -> None:
+    truth = (Coulomb(0.01), Viscous(), Presliding(0.01))
+    log = logged(planar_2r, exact_motion, truth, [1.0, 1.0, 3.0 * is_there, 0.6, 0.5, 2.0 * is_there], 0, 3)
+    own = preprocess(log, replace(HOW, delay_s=0.0))
+    tried = DynamicModel(planar_2r, (*truth[:2], Presliding(0.01, choose=("part",))))
+    better, (told,) = compared(tried, [own], DynamicModel(planar_2r, truth[:2]), [own])
+    assert better is is_there and told.value == float(is_there) and (told.part, told.field) == ("presliding", WHOLE)
+    assert told.gain > 0.5 if is_there else told.gain < 5e-3
+    assert told.error is not None and told.error > 0.0
 
 
 def test_a_delay_beside_presliding_lies_between_none_and_that_without_it(

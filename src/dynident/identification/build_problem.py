@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,14 @@ from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, default_preprocessing, preprocess
 from dynident.errors import LogMismatch
-from dynident.identification.problem.choices import Choices, DelayRecord, FrictionRecord
+from dynident.identification.problem.choices import Choices, DelayRecord, FieldChoice, FrictionRecord
 from dynident.identification.problem.prior import BodyPrior
 from dynident.identification.problem.problem import Problem
 from dynident.identification.selection.cutoff.choice import with_cutoff
 from dynident.identification.selection.friction.held_out_fields import (
     choose_fields,
+    compared,
     has_choices,
-    predicts_better,
     without_optional,
 )
 from dynident.identification.selection.friction.load import problem_of, without_load
@@ -28,9 +29,6 @@ from dynident.model.base_parameters import base_parameters
 from dynident.model.body_constraints import Constraints
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, default_friction
-
-#: How often friction that remembers and the delay beside it are found in turn, and the change in samples that ends it.
-ROUNDS, SETTLED = 3, 0.1
 
 
 @dataclass(frozen=True)
@@ -87,8 +85,8 @@ def build_problem(
     prepared, delays = _prepared(without_optional(model), ordered, preprocessing, progress)
     choices = Choices(cutoff_choice=cutoff, **delays)
     if has_choices(model):
-        before = (prepared, choices)
-        model, prepared, choices = _with_chosen_fields(model, ordered, preprocessing, before, progress, finest)
+        before, tries = (prepared, choices), partial(choose_fields, progress=progress, finest=finest, made={})
+        model, prepared, choices = _with_chosen_fields(model, ordered, preprocessing, before, progress, tries)
     if choose_friction:
         model, friction = _with_chosen_friction(model, prepared, preprocessing.delay_s is None, progress)
         choices = replace(choices, friction_choice=friction)
@@ -144,38 +142,35 @@ def _with_chosen_fields(
     preprocessing: Preprocessing,
     before: tuple[Sequence[Prepared], Choices],
     progress: Callable[[str], None],
-    finest: Array | None,
+    choose: Callable[..., tuple[DynamicModel, tuple[FieldChoice, ...]]],
 ) -> tuple[DynamicModel, Sequence[Prepared], Choices]:
     """Return the model with the fields that held-out data ask for, the logs with their delay, and the choice of both.
 
     A delay that is to be found is free at first, so that neither it nor friction passes for the other. A free delay
     also hides what the sign of dry friction does, so the fields are chosen again with the delay that was found. A part
-    that remembers and its delay have to predict better than the best list without it and the delay of that.
+    that remembers and its delay have to predict better than the best list without it and the delay of that. ``choose``
+    is :func:`choose_fields` with what is the same each time.
     """
     prepared, choices = before
     delay_is_free = preprocessing.delay_s is None
-    chosen, held = choose_fields(model, prepared, progress, delay_is_free, finest)
+    chosen, held = choose(model, prepared, delay_is_free=delay_is_free)
     if delay_is_free:
         without = choices.delays or ()
-        for _ in range(ROUNDS if any(choice.value != choice.stated for choice in held) else 0):
-            earlier = prepared
+        if any(choice.value != choice.stated for choice in held):
             prepared, delays = _prepared(chosen, logs, preprocessing, progress, without)
             choices = replace(choices, **delays)
-            moved = max(abs(a.delay_s - b.delay_s) * a.log.rate for a, b in zip(prepared, earlier, strict=True))
-            if "state" not in chosen.needs or moved < SETTLED:
-                break
-            chosen, held = choose_fields(model, prepared, progress, delay_is_free, finest)
-        first, (chosen, held) = chosen, choose_fields(model, prepared, progress, finest=finest)
+        first, (chosen, held) = chosen, choose(model, prepared)
         if chosen != first:
             prepared, delays = _prepared(chosen, logs, preprocessing, progress, without)
             choices = replace(choices, **delays)
-    choices = replace(choices, chosen_fields=tuple(held))
+    choices = replace(choices, chosen_fields=held)
     stay = tuple(part for part in model.friction if not (part.states and part.is_optional))
     if delay_is_free and "state" in chosen.needs and len(stay) < len(model.friction):
         plain = replace(model, friction=stay)
-        other, others, without_it = _with_chosen_fields(plain, logs, preprocessing, before, progress, finest)
-        if not predicts_better(chosen, prepared, other, others):
-            return other, others, without_it
+        other, others, without_it = _with_chosen_fields(plain, logs, preprocessing, before, progress, choose)
+        better, tried = compared(chosen, prepared, other, others)
+        if not better:
+            return other, others, replace(without_it, chosen_fields=(*(without_it.chosen_fields or ()), *tried))
     return chosen, prepared, choices
 
 

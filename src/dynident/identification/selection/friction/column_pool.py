@@ -9,8 +9,9 @@ compare residuals, and columns that depend on each other are told apart by a rid
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,9 +24,16 @@ from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.base import Coefficient, Friction, Inputs, Motion, Number, State
 from dynident.model.lapack import solve_positive
+from dynident.model.robot import Robot
 
 #: Ridge in units of a column's square: far above rounding of the products, far below what data say.
 RIDGE = 1e-11
+
+#: Bytes that rows of friction columns may take between two pools.
+KEPT = 2**28
+
+#: Rows of the columns of a friction part in a log, by segment and joint.
+FrictionRows: TypeAlias = list[list[Array]]
 
 #: Share of a joint's rows that are not among its fastest.
 FASTEST = 0.8
@@ -153,6 +161,7 @@ class PooledLogs:
         load: Standard inertial parameters (10 l,) whose torque loads the drives; None where no part asks.
         delay_is_free: Whether the delay of the torque is free.
         shares: Shares of the delay of each log that are compared where it is free, that of the logs as they are first.
+        made: Rows of friction parts of the same logs and load, as earlier pools have left them there.
     """
 
     def __init__(
@@ -163,12 +172,14 @@ class PooledLogs:
         load: Array | None = None,
         delay_is_free: bool = False,
         shares: Sequence[float] = (1.0,),
+        made: dict[Friction, list[FrictionRows]] | None = None,
     ) -> None:
         self._robot, self._delay_is_free, self._shares = model.robot, delay_is_free, shares if delay_is_free else (1.0,)
         bare = DynamicModel(model.robot)
         self._rigid = base_parameters(bare)
         self._start = None if load is None else self._rigid.from_standard(load)
         self._bodies = RegressorStream(bare, self._rigid)
+        self._made = {} if made is None else made
         speeds = [np.abs(np.asarray(log.log.dq)[log.keep]) for log in logs]
         limits = np.quantile(np.concatenate(speeds), FASTEST, axis=0)
         total = sum(len(log.keep) for log in logs)
@@ -204,8 +215,65 @@ class PooledLogs:
 
     def pool(self, parts: Sequence[Friction]) -> ColumnPool:
         """Return the products with the columns of all candidate parts on all drives; several may be of a kind."""
-        labelled = tuple(PartCandidate(part, str(k), joints=part.joints) for k, part in enumerate(parts))
-        whole, rigid = DynamicModel(self._robot, labelled), self._rigid
+        whole, rigid, later = _labelled(self._robot, parts), self._rigid, self._delay_is_free
+        shared, last = rigid.count + later, rigid.count + later + len(whole.terms[0])
+        size = last + 1 + 2 * (len(self._shares) - 1)
+        behind = np.arange(last, size)
+        views = [np.arange(last + 1)]
+        for slope in behind[1::2]:
+            views.append(views[0].copy())
+            views[-1][[rigid.count, last]] = slope, slope + 1
+        columns = tuple(tuple(shared + own for own in each) for each in _by_drive(whole))
+        places = [
+            (
+                np.concatenate([own, [rigid.count] * later, behind]).astype(np.int64),
+                np.concatenate([behind[:0], *(each[j] for each in columns for j in np.flatnonzero(row))]),
+            )
+            for own, row in zip(self._bodies.columns, np.asarray(self._robot.coupling).T, strict=True)
+        ]
+        made = self._rows_of(parts)
+        found = [log.products([own[k] for own in made], places, size) for k, log in enumerate(self._logs)]
+        products, rows, fast, fast_rows = (list(each) for each in zip(*found, strict=True))
+        signs = [rigid.parameters[k].nonnegative for k in rigid.independent] + [False] * later
+        return ColumnPool(
+            tuple(parts),
+            shared,
+            columns,
+            np.concatenate(products),
+            np.concatenate(rows),
+            np.array(signs + [own.nonnegative for own in whole.parameters[whole.inertial_count :]]),
+            np.sum(fast, axis=0),
+            np.sum(fast_rows, axis=0),
+            tuple(views),
+        )
+
+    def _rows_of(self, parts: Sequence[Friction]) -> list[list[FrictionRows]]:
+        """Return the rows of each part in each log; those of earlier pools stay as long as all take little."""
+        asked, made = [replace(part, choose=None, vary=None) for part in parts], self._made
+        if missing := [part for part in dict.fromkeys(asked) if part not in made]:
+            whole = _labelled(self._robot, missing)
+            stream, places = self._stream(whole), [np.concatenate(own) for own in _by_drive(whole)]
+            columns = [own - self._rigid.count for own in stream.columns]
+            split = [[np.flatnonzero(np.isin(each, own)) for each in columns] for own in places]
+            made |= {part: [] for part in missing}
+            for log in self._logs:
+                segments = [blocks for _, blocks in stream.segments(log.log)]
+                for part, each in zip(missing, split, strict=True):
+                    made[part].append(
+                        [[block[own] for block, own in zip(blocks, each, strict=True)] for blocks in segments]
+                    )
+        found = [made[part] for part in asked]
+        sizes = {
+            part: sum(rows.nbytes for log in own for blocks in log for rows in blocks) for part, own in made.items()
+        }
+        for part in [part for part in made if part not in asked]:
+            if sum(sizes.values()) > KEPT:
+                del made[part], sizes[part]
+        return found
+
+    def _stream(self, whole: DynamicModel) -> RegressorStream:
+        """Return what makes the rows of the friction of a model."""
+        rigid = self._rigid
         independent = np.concatenate([rigid.independent, np.arange(whole.inertial_count, len(whole.parameters))])
         count = len(independent)
         unused = np.zeros((count, len(whole.parameters)))
@@ -213,42 +281,22 @@ class PooledLogs:
             whole.parameters, independent.astype(np.int64), unused, unused.astype(bool), np.ones(count)
         )
         start = None if self._start is None else np.append(self._start, np.zeros(count - rigid.count))
-        friction = RegressorStream(whole, base, start, only="friction")
-        later = self._delay_is_free
-        shared, last = rigid.count + later, count + later
-        size = last + 1 + 2 * (len(self._shares) - 1)
-        behind = np.arange(last, size)
-        places = [
-            (np.concatenate([own, [rigid.count] * later, behind]).astype(np.int64), extra + later)
-            for own, extra in zip(self._bodies.columns, friction.columns, strict=True)
-        ]
-        views = [np.arange(last + 1)]
-        for slope in behind[1::2]:
-            views.append(views[0].copy())
-            views[-1][[rigid.count, last]] = slope, slope + 1
-        found = [log.products(friction.segments(log.log), places, size) for log in self._logs]
-        products, rows, fast, fast_rows = (list(each) for each in zip(*found, strict=True))
-        drive, column = whole.terms
-        starts = np.cumsum([0, *(len(part.coefficients) for part in parts)])
-        columns = tuple(
-            tuple(
-                shared + np.flatnonzero((drive == j) & (column >= first) & (column < last))
-                for j in range(self._robot.dof)
-            )
-            for first, last in itertools.pairwise(starts)
-        )
-        signs = np.insert([base.parameters[k].nonnegative for k in independent], rigid.count, [False] * later)
-        return ColumnPool(
-            tuple(parts),
-            shared,
-            columns,
-            np.concatenate(products),
-            np.concatenate(rows),
-            signs,
-            np.sum(fast, axis=0),
-            np.sum(fast_rows, axis=0),
-            tuple(views),
-        )
+        return RegressorStream(whole, base, start, only="friction")
+
+
+def _labelled(robot: Robot, parts: Sequence[Friction]) -> DynamicModel:
+    """Return a model that has all the parts, several of which may be of a kind."""
+    return DynamicModel(robot, [PartCandidate(part, str(k), joints=part.joints) for k, part in enumerate(parts)])
+
+
+def _by_drive(model: DynamicModel) -> list[list[IntArray]]:
+    """Return the places among all friction coefficients of those of part p at drive j: ``[p][j]``."""
+    drive, column = model.terms
+    starts = np.cumsum([0, *(len(part.coefficients) for part in model.friction)])
+    return [
+        [np.flatnonzero((drive == j) & (column >= first) & (column < last)) for j in range(model.robot.dof)]
+        for first, last in itertools.pairwise(starts)
+    ]
 
 
 @dataclass(frozen=True)
@@ -270,21 +318,22 @@ class _PooledLog:
     segments: list[RowSegment]
 
     def products(
-        self, friction: Iterable[RowSegment], places: Sequence[tuple[IntArray, IntArray]], size: int
+        self, friction: Sequence[FrictionRows], places: Sequence[tuple[IntArray, IntArray]], size: int
     ) -> tuple[Array, IntArray, Array, IntArray]:
         """Return products and rows of each block, and those of the fastest rows.
 
         Args:
-            friction: Rows of the friction columns in the same segments.
+            friction: Rows of each friction part in the same segments.
             places: By joint, the positions of the shared columns with the torque, and of the friction columns.
             size: Number of all columns, that of the torque among them.
         """
         counts, joints = int(self.block.max()) + 1, len(places)
         found, fast = np.zeros((counts, joints, size, size)), np.zeros((joints, size, size))
         rows, fast_rows = np.zeros((counts, joints), dtype=np.int64), np.zeros(joints, dtype=np.int64)
-        for (part, shared), (_, added) in zip(self.segments, friction, strict=True):
+        for k, (part, shared) in enumerate(self.segments):
             for i, (own, extra) in enumerate(places):
-                values, columns = np.vstack([shared[i], added[i][:-1]]), np.concatenate([own, extra])
+                values = np.vstack([shared[i], *(rows[k][i] for rows in friction)])
+                columns = np.concatenate([own, extra])
                 place = np.ix_(columns, columns)
                 for b in range(counts):
                     counted = (self.block[part] == b) & self.mask[part, i]

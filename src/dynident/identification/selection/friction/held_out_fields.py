@@ -22,6 +22,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -77,6 +78,7 @@ def choose_fields(
     progress: Callable[[str], None] = lambda step: None,
     delay_is_free: bool = False,
     finest: Array | None = None,
+    made: dict[Any, Any] | None = None,
 ) -> tuple[DynamicModel, tuple[FieldChoice, ...]]:
     """Return the model with the stated or the best values of the fields that its parts leave to the logs, and why.
 
@@ -86,43 +88,48 @@ def choose_fields(
         progress: Called with each step in words.
         delay_is_free: Whether a delay of the torque is free in what is compared.
         finest: Resolution of the positions of each drive, shape (n,), in rad or m; None where it is not known.
+        made: What a choice of the same logs can take from an earlier one, which leaves it there.
 
     Raises:
         BadOption: A name in ``choose`` that is no non-linear field of its part, or is in ``vary`` as well.
     """
     pieces = [_by_unit(model, part) if set(part.choose or ()) - {WHOLE} else (part,) for part in model.friction]
     model = replace(model, friction=tuple(itertools.chain(*pieces)))
-    logs = [log.sparser(ROWS) for log in logs]
+    given, logs = logs, [log.sparser(ROWS) for log in logs]
     load = default_load(without_optional(model), logs) if "torque" in model.needs else None
+    key = (*map(id, given), None if load is None else load.tobytes())
+    rows = ({} if made is None else made).setdefault(key, (given, {}))[1]
     spans = all_spans(model, logs, "choose", finest)
     shares = _shares_of_delay(model, logs)
     for blocks in (BLOCKS, OF_SHORT_LOGS):
-        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares)
+        pooled = PooledLogs(model, logs, max(blocks, len(logs)), load, delay_is_free, shares, rows)
         search = _FieldSearch(model, pooled, spans, progress)
         if search.tells:
             break
     found = search.fields()
     decided = search.with_linear_parts()
     if any(held.value == _THERE for held in decided.values()):
-        found |= search.polished(search.fields())
+        found |= search.fields()
     for p in search.absent:
         if p not in decided:
             decided[p] = search.with_part(p)
             if decided[p].value == _THERE:
-                found |= search.polished(search.fields())
+                found |= search.fields()
     if dropped := search.without_stand_ins():
         decided |= dropped
         found = {key: held for key, held in found.items() if key[0] not in dropped}
-        found |= search.polished(search.fields())
+        found |= search.fields()
+    if dropped or any(held.value == _THERE for held in decided.values()):
+        found = search.polished(found)
     found |= {(p, WHOLE): held for p, held in decided.items()}
     kept = tuple(part for p, part in enumerate(search.model.friction) if p not in search.absent)
     return replace(model, friction=kept), tuple(found[key] for key in sorted(found, key=lambda key: key[0]))
 
 
-def predicts_better(
+def compared(
     model: DynamicModel, logs: Sequence[Prepared], other: DynamicModel, others: Sequence[Prepared]
-) -> bool:
-    """Return whether a model predicts held-out stretches better than another one.
+) -> tuple[bool, tuple[FieldChoice, ...]]:
+    """Return whether a model predicts held-out stretches better than another one, and what its parts with a state do.
 
     Each with the logs under its own delay; ``others`` are the same logs under that of the other one.
     """
@@ -136,7 +143,11 @@ def predicts_better(
         parts = [[p for p, part in enumerate(each.friction) if drive in each.drives_of(part)] for drive in drives]
         weights = pool.weights(parts) if weights is None else weights
         found += HeldOut.of(pool, parts, [parts], weights).errors(fastest=False)
-    return _share(found[0] - found[1])[0] > NOTHING
+    gain, error = _share(found[0] - found[1])
+    better = gain > NOTHING
+    told = (WHOLE, _ABSENT, _THERE if gain > 0 else _ABSENT, float(better), gain, error)
+    parts = [part for part in model.friction if part.states and part.is_optional]
+    return better, tuple(FieldChoice(FRICTION.name_of(part), part.joints, *told) for part in parts)
 
 
 def _shares_of_delay(model: DynamicModel, logs: Sequence[Prepared]) -> tuple[float, ...]:
