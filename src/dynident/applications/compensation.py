@@ -31,6 +31,7 @@ def feed_forward(
     dq: npt.ArrayLike | None,
     ddq: npt.ArrayLike | None,
     temperature: npt.ArrayLike | None = None,
+    step: float | None = None,
 ) -> Array:
     """Return the torque that the planned motion needs: bodies, rotors, friction.
 
@@ -41,13 +42,15 @@ def feed_forward(
         dq: Planned velocities; at a planned stand friction that depends on the sign of the speed is zero.
         ddq: Planned accelerations.
         temperature: Of the drives, in degrees Celsius, where friction depends on it.
+        step: Time from one state to the next in s where they follow each other from standstill on, for friction that
+            remembers; None where they do not, and it has slipped the way of the motion.
 
     Raises:
         BadArgument: Shapes that differ.
         BadOption: A temperature that is missing.
     """
     motion, one = motion_of_arrays(model.robot, q, dq, ddq, temperature)
-    return _shaped(model.torque(motion, theta), one)
+    return _shaped(model.torque(motion if step is None else model.with_states(motion, step), theta), one)
 
 
 def gravity_torque(model: DynamicModel, theta: Array, q: npt.ArrayLike) -> Array:
@@ -75,6 +78,7 @@ def friction_torque(
     temperature: npt.ArrayLike | None = None,
     share: float = 1.0,
     offset: bool = True,
+    step: float | None = None,
 ) -> Array:
     """Return the friction at the joints, without rotors; where it grows with the load, that of no acceleration.
 
@@ -89,6 +93,7 @@ def friction_torque(
         temperature: Of the drives, in degrees Celsius, where friction depends on it.
         share: Of the friction, 0 to 1.
         offset: Whether terms that do not depend on the motion (an offset of the torque sensor or the current) count.
+        step: As of :func:`feed_forward`.
 
     Raises:
         BadOption: Shapes that differ, a share that is none, or a temperature that is missing.
@@ -96,7 +101,7 @@ def friction_torque(
     if not 0 <= share <= 1:
         raise BadOption("share", share, "give a share of the friction from 0 to 1, such as 0.9")
     motion, one = motion_of_arrays(model.robot, q, dq, None, temperature)
-    own = model.loaded(motion, theta)
+    own = model.loaded(motion if step is None else model.with_states(motion, step), theta)
     table = model.coefficient_table(theta)
     values = model.friction_values(own)
     if not offset:

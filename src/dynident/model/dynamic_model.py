@@ -213,18 +213,22 @@ class DynamicModel(ModelMethods):
             return motion, rigid
         return replace(motion, torque=rigid + self.rotor_torque(motion, self.rotors(theta))), rigid
 
-    def with_states(self, motion: Motion, step: float) -> Motion:
+    def with_states(self, motion: Motion, step: float, first: Array | None = None) -> Motion:
         """Return samples that follow each other with the states of the friction parts, where any has some.
 
         Args:
             motion: The motion at the samples.
             step: Time from one sample to the next, in s.
+            first: States at the first sample, shape (n, s); None for their start.
         """
         parts = [part for part in self.friction if part.states]
         if not parts:
             return motion
         at = motion.at_motors(np.asarray(self.robot.coupling)) if self.robot.is_coupled else motion
-        return replace(motion, state=np.concatenate([part.states_along(at, step) for part in parts], axis=-1))
+        ends = np.cumsum([len(part.states) for part in parts])[:-1]
+        known = [None] * len(parts) if first is None else np.split(first, ends, axis=-1)
+        found = [part.states_along(at, step, own) for part, own in zip(parts, known, strict=True)]
+        return replace(motion, state=np.concatenate(found, axis=-1))
 
     def rotor_torque(self, motion: Motion, identified: Array) -> Array:
         """Return the torque of the rotors at the joints: known inertias and identified ones (n,), shape (N, n)."""

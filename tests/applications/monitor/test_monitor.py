@@ -143,6 +143,36 @@ def test_lines_of_text_say_what_the_log_does(
     np.testing.assert_allclose([one.residual for one in found], residual, atol=1e-6 * np.abs(residual).max())
 
 
+def test_a_monitor_and_feed_forward_remember_as_the_model_does(robot: Robot) -> None:
+    """Along a clean run the residual is that of the sampling alone; one that has slipped errs after each reversal."""
+    model = DynamicModel(robot, tuple(FRICTION.make(name) for name in ("viscous", "presliding")))
+    assert robot.nominal is not None
+    theta = np.concatenate([robot.nominal, np.tile([3.0, 8.0], robot.dof)])
+    own, rate = bare_estimate(model, theta), 250.0
+    time = np.arange(1500) / rate
+    turn = 1.0 + 0.2 * np.arange(robot.dof)
+    angle = time[:, None] * turn
+    q, dq, ddq = 0.3 * np.sin(angle), 0.3 * turn * np.cos(angle), -0.3 * turn**2 * np.sin(angle)
+    motion = model.with_states(Motion(q, dq, ddq), 1.0 / rate)
+    torque = model.torque(motion, theta)
+    np.testing.assert_allclose(feed_forward(model, theta, q, dq, ddq, step=1.0 / rate), torque, rtol=1e-12, atol=1e-12)
+    with_friction = gravity_torque(model, theta, q) + friction_torque(model, theta, q, dq, step=1.0 / rate)
+    apart = with_friction - gravity_torque(model, theta, q) - friction_torque(model, theta, q, dq)
+    np.testing.assert_allclose(torque - feed_forward(model, theta, q, dq, ddq), apart, atol=1e-9)
+    assert np.abs(apart).max() > 4.0
+    observer, log = MomentumObserver(own), Log(robot.joint_names, time, q, dq, ddq, torque)
+    signals = signals_of(own, log)
+    residual = residuals_of(observer, signals)
+    assert observer.known_from(q) > 0 and np.abs(residual).max() < 0.4
+    noise = np.random.default_rng(0).normal(size=(4, *q.shape))
+    monitor = calibrated(observer, [replace(signals, torque=torque + one) for one in noise], 0.1)
+    state, found = MonitorState(), []
+    for k in range(len(time)):
+        state, reading = step(monitor, state, float(signals.time[k]), q[k], dq[k], torque[k])
+        found.append(reading.residual)
+    np.testing.assert_allclose(found, residual, atol=1e-9)
+
+
 def test_rates_set_thresholds(robot: Robot, estimate: Estimate) -> None:
     observer = MomentumObserver(estimate)
     clean = [signals_of(estimate, run_of(robot, seed)) for seed in (2, 3, 4)]

@@ -74,13 +74,14 @@ class Equations:
         ends = np.cumsum([0, joints, joints, joints, joints, joints * joints, joints * len(self._bodies)]).tolist()
         self._parts = tuple(slice(a, b) for a, b in pairwise(ends))
 
-    def at(self, q: Array, dq: Array, temperature: Array | None = None) -> Terms:
+    def at(self, q: Array, dq: Array, temperature: Array | None = None, state: Array | None = None) -> Terms:
         """Return the terms of some samples.
 
         Args:
             q: Positions, shape (N, n), in rad or m.
             dq: Velocities, shape (N, n), in rad/s or m/s.
             temperature: Of the drives, shape (N, n), where friction depends on it.
+            state: Of friction that remembers, shape (N, n, s); None where it is not known.
 
         Raises:
             BadOption: Friction asks for a temperature that is missing.
@@ -89,7 +90,7 @@ class Equations:
         found = self._bodies_at(q, dq)
         mass = found.mass + self.rotors
         load = found.load if "torque" in model.needs else None
-        values = model.friction_values(Motion(q, dq, np.zeros_like(q), load, temperature))
+        values = model.friction_values(Motion(q, dq, np.zeros_like(q), load, temperature, state))
         friction = np.einsum("sjk,jk->sj", values, self._table) @ self._coupling
         columns = np.empty((samples, joints, len(self._bodies) + len(self._friction)))
         columns[..., self._bodies] = found.columns

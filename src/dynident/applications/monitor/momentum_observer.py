@@ -20,6 +20,7 @@ from dynident.arrays import Array
 from dynident.errors import BadOption
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
 from dynident.model.reduction import CHUNK
 
 
@@ -77,7 +78,7 @@ class MomentumObserver:
             torque: Measured torques at the joints, shape (N, n), in N m or N.
             temperature: Of the drives, shape (N, n), where friction depends on it.
         """
-        parts = list(self.chunks(q, dq, temperature))
+        parts = list(self.chunks(q, dq, float(time[-1] - time[0]) / max(len(time) - 1, 1), temperature))
         momentum, drift = (np.concatenate([getattr(one, name) for one in parts]) for name in ("momentum", "drift"))
         return self.steps(np.diff(time), momentum, torque - drift)
 
@@ -96,11 +97,26 @@ class MomentumObserver:
         turned = terms.columns @ self._root
         return np.sqrt(np.einsum("sjb,sjb->sj", turned, turned))
 
-    def chunks(self, q: Array, dq: Array, temperature: Array | None = None) -> Iterator[Terms]:
-        """Yield the terms of many samples, some at a time."""
+    def chunks(self, q: Array, dq: Array, step: float, temperature: Array | None = None) -> Iterator[Terms]:
+        """Yield the terms of many samples that follow each other after a step in s, some at a time."""
+        state = self.states(q, dq, step)
         for start in range(0, len(q), CHUNK):
             part = slice(start, start + CHUNK)
-            yield self.equations.at(q[part], dq[part], None if temperature is None else temperature[part])
+            warm, kept = (None if one is None else one[part] for one in (temperature, state))
+            yield self.equations.at(q[part], dq[part], warm, kept)
+
+    def states(self, q: Array, dq: Array, step: float, first: Array | None = None) -> Array | None:
+        """Return the states of friction along samples that follow each other, shape (N, n, s); None where none has one.
+
+        ``first`` are those at the first sample, shape (n, s); None for their start.
+        """
+        return self.model.with_states(Motion(q, dq, np.zeros_like(q)), step, first).state
+
+    def known_from(self, q: Array) -> int:
+        """Return the sample from which on states of friction along positions (N, n) do not depend on their start."""
+        at = Motion(q, q, q).at_motors(np.asarray(self.model.robot.coupling))
+        open_ones = [part.is_unsettled(at).any(axis=1) for part in self.model.friction if part.states]
+        return max((int(np.flatnonzero(own)[-1]) + 1 for own in open_ones if own.any()), default=0)
 
     @cached_property
     def _root(self) -> Array:

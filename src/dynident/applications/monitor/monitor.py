@@ -52,7 +52,7 @@ class Monitor:
         """Return the threshold of each joint along a run, shape (N, n), in N m or N."""
         observer, found = self.observer, []
         start = 0
-        for terms in observer.chunks(run.q, run.dq, run.temperature):
+        for terms in observer.chunks(run.q, run.dq, run.step, run.temperature):
             dq = run.dq[start : start + len(terms.momentum)]
             found.append(self.band.variances(terms, observer.deviations(terms), dq))
             start += len(dq)
@@ -71,6 +71,8 @@ class MonitorState:
         residual: Torque from outside, shape (n,), in N m or N.
         variance: Of the residual without contact, shape (n,).
         active: Time at which each joint was last above its threshold, shape (n,); -inf for never.
+        q: Positions of the last sample, shape (n,), in rad or m.
+        friction: States of friction then, shape (n, s); None where none has one.
     """
 
     time: float | None = None
@@ -79,6 +81,8 @@ class MonitorState:
     residual: Array | None = None
     variance: Array | None = None
     active: Array | None = None
+    q: Array | None = None
+    friction: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -161,7 +165,7 @@ def _band_and_shares(observer: MomentumObserver, clean: Sequence[Signals]) -> tu
     speeds = np.maximum(np.sqrt(np.mean(np.concatenate([run.dq**2 for run in clean]), axis=0)), 1e-9)
     residuals, moments = [], []
     for run in clean:
-        terms = list(observer.chunks(run.q, run.dq, run.temperature))
+        terms = list(observer.chunks(run.q, run.dq, run.step, run.temperature))
         ends = np.cumsum([0, *(len(one.momentum) for one in terms)])
         parts = zip(terms, ends, ends[1:], strict=False)
         moments.append(np.concatenate([shapes(o, observer.deviations(o), run.dq[a:b], speeds) for o, a, b in parts]))
@@ -178,8 +182,8 @@ def _band_and_shares(observer: MomentumObserver, clean: Sequence[Signals]) -> tu
 
 
 def _settled(run: Signals, observer: MomentumObserver) -> int:
-    """Return the first sample at which the observer has forgotten its start."""
-    return min(round(APART / observer.gain / run.step), len(run.time) // 2)
+    """Return the first sample at which the observer and what friction remembers have forgotten their start."""
+    return min(max(round(APART / observer.gain / run.step), observer.known_from(run.q)), len(run.time) // 2)
 
 
 def step(
@@ -214,7 +218,10 @@ def step(
     warm = None if temperature is None else _row(names, "temperature", temperature)
     if not np.isfinite(time) or (state.time is not None and time <= state.time):
         raise LogMismatch("stream", f"time {time:g} s after {state.time} s", "send samples in order, each once")
-    terms = observer.equations.at(here, speed, warm)
+    way = here if state.q is None else np.stack([np.asarray(state.q), here[0]])
+    since = 0.0 if state.time is None else time - state.time
+    friction = observer.states(way, np.repeat(speed, len(way), axis=0), since, state.friction)
+    terms = observer.equations.at(here, speed, warm, None if friction is None else friction[-1:])
     momentum, push = terms.momentum, effort - terms.drift
     fresh = monitor.band.variances(terms, observer.deviations(terms), speed)[0]
     if state.time is None or (time - state.time) * observer.gain > LOST:
@@ -230,7 +237,8 @@ def step(
     above = np.abs(residual) > threshold
     last = np.full(len(names), -np.inf) if state.active is None else np.asarray(state.active)
     begins = above & (time - last > APART / observer.gain)
-    following = MonitorState(float(time), momentum[0], push[0], residual, variance, np.where(above, time, last))
+    kept = (np.where(above, time, last), here[0], None if friction is None else friction[-1])
+    following = MonitorState(float(time), momentum[0], push[0], residual, variance, *kept)
     named = tuple(name for name, one in zip(names, above, strict=True) if one)
     begun = tuple(name for name, one in zip(names, begins, strict=True) if one)
     return following, MonitorSample(float(time), residual, threshold, named, begun)

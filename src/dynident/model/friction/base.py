@@ -336,15 +336,16 @@ class Friction(ABC):
         by_q, by_dq, by_ddq = (_stacked(own, motion.dq.shape) for own in slopes)
         return by_q, by_dq, by_ddq
 
-    def states_along(self, motion: Motion, step: float) -> Array:
+    def states_along(self, motion: Motion, step: float, first: Array | None = None) -> Array:
         """Return its states along samples that follow each other, shape (N, n, s), from their start on.
 
         Args:
             motion: The motion at the samples.
             step: Time from one sample to the next, in s.
+            first: States at the first sample, shape (n, s); None for their start.
         """
         found = np.empty((*motion.dq.shape, len(self.states)))
-        found[:1] = [state.start for state in self.states]
+        found[:1] = [state.start for state in self.states] if first is None else first
         moved, update = np.diff(motion.q, axis=0), self.expression.update
         for k in range(1, len(found)):
             inputs = self._inputs(replace(motion.rows(slice(k, k + 1)), state=found[k - 1 : k]))

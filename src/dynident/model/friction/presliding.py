@@ -60,20 +60,21 @@ class Presliding(Friction):
     def without_memory(self) -> Friction:
         return Slipped(joints=self.joints)
 
-    def states_along(self, motion: Motion, step: float) -> Array:
-        return self._along(motion, 0.0)[..., None]
+    def states_along(self, motion: Motion, step: float, first: Array | None = None) -> Array:
+        return self._along(motion, np.zeros(motion.q.shape[1]) if first is None else first[:, 0])[..., None]
 
     def is_unsettled(self, motion: Motion) -> BoolArray:
-        apart = self._along(motion, self.length) - self._along(motion, -self.length) > 1e-9 * self.length
+        end = np.full(motion.q.shape[1], self.length)
+        apart = self._along(motion, end) - self._along(motion, -end) > 1e-9 * self.length
         return apart & ~apart[-1]  # a drive that never moves so far tells nothing apart: its rows stay
 
-    def _along(self, motion: Motion, start: float) -> Array:
-        """Return the deflection along a motion from a start on, shape (N, n).
+    def _along(self, motion: Motion, first: Array) -> Array:
+        """Return the deflection along a motion from those at the first sample (n,) on, shape (N, n).
 
         Between two reversals it follows the position to the end of the spring: only these have to be gone through.
         """
         length, found = self.length, np.empty(motion.q.shape)
-        for drive, q in enumerate(motion.q.T):
+        for drive, (q, start) in enumerate(zip(motion.q.T, first.tolist(), strict=True)):
             turns = np.flatnonzero(np.diff(np.sign(np.diff(q)))) + 1
             starts = np.concatenate([[0], turns])
             ways = np.diff(q[starts]).tolist()

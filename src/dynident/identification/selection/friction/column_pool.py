@@ -65,9 +65,9 @@ class PartCandidate(Friction):
         """Return that of the part."""
         return self.part.update(at)
 
-    def states_along(self, motion: Motion, step: float) -> Array:
+    def states_along(self, motion: Motion, step: float, first: Array | None = None) -> Array:
         """Return those of the part, by its own loop."""
-        return self.part.states_along(motion, step)
+        return self.part.states_along(motion, step, first)
 
 
 @dataclass(frozen=True)
