@@ -1,4 +1,4 @@
-"""Mesh files: found beneath stated folders only, read as STL here and as anything else by coal."""
+"""Mesh files: found beneath stated folders only, read as STL and MSH here and as anything else by coal."""
 
 from __future__ import annotations
 
@@ -31,6 +31,14 @@ def text_stl() -> bytes:
     return "\n".join([*lines, "endsolid"]).encode()
 
 
+def msh(last: int = 0) -> bytes:
+    """Return MuJoCo's binary format with normals, without texture; ``last`` is added to the last corner."""
+    faces = np.array(FACES, "<i4")
+    faces[-1, -1] += last
+    corners = np.array(CORNERS, "<f4").tobytes()
+    return struct.pack("<4i", len(CORNERS), len(CORNERS), 0, len(FACES)) + 2 * corners + faces.tobytes()
+
+
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
     """Return a folder with arm/urdf, arm/meshes/box.stl, and a secret beside it."""
@@ -41,10 +49,14 @@ def package(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("data", [binary_stl(), text_stl()], ids=["binary", "text"])
-def test_the_corners_of_an_stl(data: bytes, tmp_path: Path) -> None:
-    (tmp_path / "box.STL").write_bytes(data)
-    points = mesh_points(Mesh("box.STL", np.array([2.0, 1.0, -1.0])), [tmp_path])
+@pytest.mark.parametrize(
+    ("data", "name"),
+    [(binary_stl(), "box.STL"), (text_stl(), "box.STL"), (msh(), "box.msh")],
+    ids=["stl", "text", "msh"],
+)
+def test_the_corners_of_a_mesh(data: bytes, name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_bytes(data)
+    points = mesh_points(Mesh(name, np.array([2.0, 1.0, -1.0])), [tmp_path])
     assert {tuple(row) for row in points} == {tuple(row) for row in CORNERS * [2.0, 1.0, -1.0]}
 
 
@@ -129,6 +141,24 @@ def test_damaged_files(data: bytes, why: str, tmp_path: Path) -> None:
     (tmp_path / "box.stl").write_bytes(data)
     with pytest.raises(FileError, match=why):
         mesh_points(Mesh("box.stl"), [tmp_path])
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"", "its 0 bytes are no MSH of MuJoCo; export the mesh again, as binary STL"),
+        (msh()[:-1], "are no MSH"),
+        (struct.pack("<4i", -4, 4, 0, 0), "its 16 bytes are no MSH"),
+        (msh(2), "a face has a corner that is no vertex"),
+        (msh(-10), "a face has a corner that is no vertex"),
+        (struct.pack("<4i", 0, 0, 0, 1) + bytes(12), "a face has a corner that is no vertex"),
+        (struct.pack("<4i", 0, 0, 0, 0), "it has no points"),
+    ],
+)
+def test_damaged_files_of_mujoco(data: bytes, why: str, tmp_path: Path) -> None:
+    (tmp_path / "box.msh").write_bytes(data)
+    with pytest.raises(FileError, match=why):
+        mesh_points(Mesh("box.msh"), [tmp_path])
 
 
 def test_a_file_that_is_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

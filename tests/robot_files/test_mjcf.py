@@ -15,6 +15,7 @@ from dynident.errors import DescriptionError
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Motion
 from dynident.model.kernels import batched
+from dynident.model.meshes import mesh_triangles
 from dynident.model.robot import Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Sphere
 from dynident.robot_files import read_robot
@@ -230,13 +231,18 @@ def _stl(path: Path, seed: int, count: int = 40) -> None:
     path.write_bytes(bytes(80) + struct.pack("<I", len(corners)) + rows)
 
 
-@pytest.mark.parametrize("kind", ["legacy", "convex", "exact", "shell"])
-def test_meshes_give_inertia_in_each_of_the_four_ways(kind: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "form"), [("legacy", "stl"), ("convex", "stl"), ("exact", "stl"), ("shell", "stl"), ("exact", "msh")]
+)
+def test_meshes_give_inertia_in_each_of_the_four_ways(kind: str, form: str, tmp_path: Path) -> None:
     """MuJoCo keeps points in single precision: 1e-6 of the torque."""
     (tmp_path / "meshes").mkdir()
     _stl(tmp_path / "meshes" / "m.stl", 3)
+    corners = mesh_triangles(Mesh("m.stl"), [tmp_path / "meshes"]).reshape(-1, 3)
+    counts, faces = np.array([len(corners), 0, 0, len(corners) // 3], "<i4"), np.arange(len(corners), dtype="<i4")
+    (tmp_path / "meshes" / "m.msh").write_bytes(counts.tobytes() + corners.astype("<f4").tobytes() + faces.tobytes())
     head = (
-        f'<compiler meshdir="meshes"/><asset><mesh file="m.stl" inertia="{kind}" scale="1 1.5 1" refpos=".1 .2 .3" '
+        f'<compiler meshdir="meshes"/><asset><mesh file="m.{form}" inertia="{kind}" scale="1 1.5 1" refpos=".1 .2 .3" '
         'refquat="1 .1 .2 .3"/></asset>'
     )
     found, path = robot(arm(HINGE + '<geom type="mesh" mesh="m" pos=".1 0 0" density="50"/>', head), tmp_path)
@@ -345,8 +351,11 @@ FAULTS = {
         "choose one of: degree, radian; did you mean 'radian'?",
     ),
     "an order of axes that is none": (arm(HINGE + BODY, '<compiler eulerseq="xyw"/>'), "eulerseq", "three of x y z"),
-    "a free base": (arm("<freejoint/>" + BODY), "<freejoint>: body 'first' floats freely", "remove the joint to fix"),
-    "a free joint": (arm('<joint type="free"/>' + BODY), "floats freely", "remove the joint to fix the base"),
+    "a free joint in a body": (
+        arm(HINGE + BODY + f"<body name='k'><freejoint/>{BODY}</body>"),
+        "<freejoint>: body 'k' floats freely",
+        "remove the joint to fix the base",
+    ),
     "a ball joint": (arm('<joint type="ball" name="k"/>' + BODY), "<joint name='k'>", "three hinges"),
     "an unknown attribute": (
         arm('<joint armatur="1"/>' + BODY),

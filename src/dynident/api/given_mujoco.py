@@ -12,6 +12,7 @@ from dynident.arrays import Array
 from dynident.errors import BadArgument, DescriptionError
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, JointLimits, Mimic, Robot, rotation_about
+from dynident.robot_files.mjcf.bodies import FLOATING
 from dynident.robot_files.rotations import rotation_from_quaternion
 from dynident.robot_files.tree import Connection, assemble, carried_by_leaders, numbered, with_held
 
@@ -48,8 +49,8 @@ def robot_of_mujoco(model: Any) -> Robot:
     """Return the robot of a ``mujoco.MjModel``.
 
     Raises:
-        BadArgument: Joints of several degrees of freedom, other than of objects beside the robot, loops, equalities
-            that are not linear or redundant, muscles, flexible bodies, or no joint that moves.
+        BadArgument: Ball joints, loops, equalities that are not linear or redundant, muscles, flexible bodies, or no
+            joint that moves.
     """
     import mujoco  # pyright: ignore[reportMissingImports]
 
@@ -134,7 +135,7 @@ def _add_body(model: Any, number: int, bodies: _MujocoParts) -> None:
     inertia = Inertia.from_centre_of_mass(model.body_mass[number], model.body_ipos[number], tensor)
     parent, at = bodies.names[carrier], np.zeros(3)
     first, count = int(model.body_jntadr[number]), int(model.body_jntnum[number])
-    if not count or _is_object(model, number):
+    if not count or (_floats(model, number) and np.any(model.jnt_type >= _SLIDE)):  # held where it is
         fixed = np.array([0.0, 0.0, 1.0])
         joint = Connection(f"{name} (fixed)", "fixed", parent, name, rotation, translation, fixed, JointLimits())
         bodies.joints[f"{name} (fixed body)"] = joint
@@ -152,13 +153,14 @@ def _add_body(model: Any, number: int, bodies: _MujocoParts) -> None:
     bodies.origins.append(-at)
 
 
-def _is_object(model: Any, number: int) -> bool:
-    """Return whether a body floats freely with all that it carries, beside a robot: it is held where it is."""
-    first, count = int(model.body_jntadr[number]), int(model.body_jntnum[number])
-    if not count or model.jnt_type[first] != _FREE:
-        return False
-    others = np.flatnonzero(model.body_rootid == number)
-    return int(model.body_jntnum[others].sum()) == 1 and bool(np.any(model.jnt_type >= _SLIDE))
+def _floats(model: Any, number: int) -> bool:
+    """Return whether a body floats freely."""
+    return bool(model.body_jntnum[number]) and model.jnt_type[model.body_jntadr[number]] == _FREE
+
+
+def _carries_joints(model: Any, number: int) -> bool:
+    """Return whether what moves with a body at the top has joints below it."""
+    return int(model.body_jntnum[model.body_rootid == number].sum()) > 1
 
 
 def _joint(model: Any, number: int, names: tuple[str, str, str], place: tuple[Array, Array]) -> Connection:
@@ -285,12 +287,14 @@ def _note(model: Any, off: Set[str]) -> str:
     curved = (np.any(getattr(model, name, 0.0)) for name in ("dof_dampingpoly", "actuator_dampingpoly"))
     stiff = np.any(model.jnt_stiffness) or np.any(getattr(model, "jnt_stiffnesspoly", 0.0))
     is_passive = not {"spring", "damper"} <= off
+    bases = [_carries_joints(model, number) for number in range(1, model.nbody) if _floats(model, number)]
     without = {
         "springs of joints": stiff and "spring" not in off,
         "damping of second and third order": any(curved) and "damper" not in off,
         "gravity compensation of bodies": np.any(model.body_gravcomp) and is_passive,
         "tendons": model.ntendon > 0,
-        "bodies that float freely": np.any(model.jnt_type == _FREE),
+        "bodies that float freely": not all(bases),
+        FLOATING: any(bases),
         "what ties it to mocap bodies": any(_is_handle(model, int(one)) for one in np.flatnonzero(model.eq_active0)),
         "a fluid": (model.opt.density > 0 or model.opt.viscosity > 0) and is_passive,
     }

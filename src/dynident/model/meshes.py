@@ -1,4 +1,4 @@
-"""Points of a mesh file: found beneath stated folders only, STL read here, other formats by the loader of coal."""
+"""Points of a mesh file: found beneath stated folders only, STL and MSH read here, others by the loader of coal."""
 
 from __future__ import annotations
 
@@ -51,7 +51,8 @@ def mesh_triangles(mesh: Mesh, folders: Sequence[str | Path]) -> Array:
     """Return the corners of the triangles of a mesh, shape (k, 3, 3); else as :func:`mesh_points`."""
     file = mesh_file(mesh.file, folders)
     data = read_at_most(file, MAX_BYTES, "simplify the mesh")
-    corners = _stl(file, data) if file.suffix.lower() == ".stl" else _by_coal(file)
+    own = {".stl": _stl, ".msh": _msh}.get(file.suffix.lower())
+    corners = own(file, data) if own else _by_coal(file)
     if not len(corners) or not np.all(np.isfinite(corners)):
         raise FileError(file, "it has no points, or points that are no numbers", "export the mesh again")
     return corners[: len(corners) // 3 * 3].reshape(-1, 3, 3) * mesh.scale
@@ -109,6 +110,17 @@ def _stl(file: Path, data: bytes) -> Array:
         evidence = f"its {len(data)} bytes are no STL of {faces} facets" if faces >= 0 else "it is no STL"
         raise FileError(file, evidence, "export the mesh again, as binary STL")
     return corners
+
+
+def _msh(file: Path, data: bytes) -> Array:
+    """Return the corners of MuJoCo's binary format, (3 k, 3): numbers of points, normals, textures, faces; then these."""
+    counts = np.frombuffer(data[:16], "<i4").tolist() if len(data) >= 16 else [-1]
+    if min(counts) < 0 or len(data) != 16 + 4 * np.dot(counts, (3, 3, 2, 3)):
+        raise FileError(file, f"its {len(data)} bytes are no MSH of MuJoCo", "export the mesh again, as binary STL")
+    corners = np.frombuffer(data, "<i4", offset=len(data) - 12 * counts[3])
+    if not np.all((corners >= 0) & (corners < counts[0])):
+        raise FileError(file, "a face has a corner that is no vertex", "export the mesh again, as binary STL")
+    return np.frombuffer(data, "<f4", 3 * counts[0], 16).reshape(-1, 3)[corners].astype(float)
 
 
 def _by_coal(file: Path) -> Array:

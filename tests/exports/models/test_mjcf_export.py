@@ -179,6 +179,19 @@ def test_what_a_flag_would_end_is_not_written(flag: str, tmp_path: Path) -> None
         reloaded(given(tmp_path, text), tmp_path)
 
 
+def test_a_damping_that_mujoco_computes_is_not_written_over(tmp_path: Path) -> None:
+    text = MJCF.replace("  <default><joint", '  <default><joint springdamper="0.1 1"', 1)
+    with pytest.raises(
+        DescriptionError, match=r"<joint .*: springdamper of joint '.*' sets its damping, .*; write stiff"
+    ):
+        reloaded(given(tmp_path, text), tmp_path)
+    text = text.replace(
+        "  <default>", '  <option><flag damper="disable" frictionloss="enable"/></option>\n  <default>', 1
+    )
+    with pytest.raises(DescriptionError, match="it switches damping off"):
+        reloaded(given(tmp_path, text), tmp_path)
+
+
 def test_what_a_changed_include_includes_from_its_own_folder_is_found(tmp_path: Path) -> None:
     path = in_includes(tmp_path)
     (tmp_path / "parts" / "more.xml").write_text("<mujocoinclude><site name='s'/></mujocoinclude>")

@@ -12,7 +12,7 @@ from dynident.robot_files.formats.base import Description
 @final
 @dataclass(frozen=True)
 class MjcfFile(Description):
-    """MJCF of MuJoCo (documentation of version 4.0): the bodies and joints of an arm on a fixed base.
+    """MJCF of MuJoCo (documentation of version 4.0): the bodies and joints of an arm; a base that floats is held.
 
     Read are compiler settings, defaults classes, includes, frames, replicas, attached models, hinges and slides with
     armature, damping, frictionloss, ref and ranges, inertials, geoms as inertia (meshes too), sites as frames, linear
@@ -22,8 +22,8 @@ class MjcfFile(Description):
       the anchor of the joint, with the axes of the body.
     * ``Robot.note`` names what has a torque in MuJoCo and none here: springs, tendons, gravity compensation, a fluid,
       damping of higher order.
-    * Refused with the remedy: free and ball joints, loops of bodies, muscles, flexible bodies, redundant equalities,
-      a missing include or mesh that is needed, unknown attributes.
+    * Refused with the remedy: ball joints, a model in which nothing but free bodies moves, loops of bodies, muscles,
+      flexible bodies, redundant equalities, a missing include or mesh that is needed, unknown attributes.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".mjcf", ".xml")

@@ -24,6 +24,9 @@ from dynident.robot_files.xml_values import Values
 
 WORLD: Final = "world"
 
+#: What a note calls a robot that floats; its joints have the torques of one on a fixed base.
+FLOATING: Final = "the motion of floating bases, which are held still"
+
 _FLEXIBLE: Final = {"composite": "a flexible body", "flexcomp": "a flexible body"}
 
 
@@ -252,18 +255,18 @@ class _TreeReader:
         return numbered(word, before + 1, taken)
 
     def _check_free(self, body: Element, children: list[_Placed], name: str, carrier: _Carrier) -> None:
-        """Refuse a ball joint and a robot that floats; an object that does, beside a robot, is held where it is."""
+        """Refuse a ball joint; what floats freely, the base of a robot or an object beside it, is held where it is."""
         for child in children:
             kind, place = _kind(child), child[0].place
             if kind == "free":
                 step = "remove the joint to fix the base, or remove the body if it is no part of the robot"
                 error = place.error(f"body {shown(name)} floats freely: arms on a fixed base are read", step)
-                inside = (one.tag for one in _below(body) if one is not child[0])
-                if carrier.name != WORLD or {"joint", "freejoint", "attach"} & set(inside):
+                if carrier.name != WORLD:
                     raise error
                 self._loose.append(error)
                 self._moving += 1
-                self.tree.note("bodies that float freely", name)
+                inside = {one.tag for one in _below(body) if one is not child[0]}
+                self.tree.note(FLOATING if {"joint", "attach"} & inside else "bodies that float freely", name)
             if kind == "ball":
                 raise place.error("a ball joint has three degrees of freedom", "replace it by three hinges")
 

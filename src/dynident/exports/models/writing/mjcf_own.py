@@ -212,6 +212,10 @@ class _Writer:
                 evidence = f"it switches {key} off, and joint '{name}' has {changed[key]} now, which would do nothing"
                 raise element.place.error(evidence, "enable it in your file, and export with --description FILE")
         source = tree.joints[name]
+        if name in tree.notes.get("springdamper of joints", ()) and "damper" not in self._model.document.disabled:
+            evidence = f"springdamper of joint '{name}' sets its damping, whatever is identified"
+            step = "write stiffness and damping in place of it in your file, and export with --description FILE"
+            raise source.element.place.error(evidence, step)
         if changed.keys() & {"armature", "damping"} and name in tree.motors:
             for motor in tree.motors[name]:
                 data, place = self._of(motor)
