@@ -113,7 +113,7 @@ def _stl(file: Path, data: bytes) -> Array:
 
 
 def _msh(file: Path, data: bytes) -> Array:
-    """Return the corners of MuJoCo's binary format, (3 k, 3): numbers of points, normals, textures, faces; then these."""
+    """Return the corners of MuJoCo's binary format, (3 k, 3): counts of points, normals, textures, faces; then them."""
     counts = np.frombuffer(data[:16], "<i4").tolist() if len(data) >= 16 else [-1]
     if min(counts) < 0 or len(data) != 16 + 4 * np.dot(counts, (3, 3, 2, 3)):
         raise FileError(file, f"its {len(data)} bytes are no MSH of MuJoCo", "export the mesh again, as binary STL")
