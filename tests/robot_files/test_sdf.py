@@ -342,6 +342,18 @@ FAULTS = {
         "2 <model> with joints that move (arm, door)",
         "give the SDF of one robot, or write <static>true</static> into the others",
     ),
+    "a static robot beside an object": (
+        "<model name='arm'>",
+        "<model name='can'><link name='x'/></model><model name='arm'><static>1</static>",
+        "a static model",
+        "remove <static>",
+    ),
+    "objects alone": (
+        ARM[ARM.index("<model") :],
+        "".join(f"<model name='{name}'><link name='x'/></model>" for name in "ab") + "</sdf>",
+        "2 <model> without joints that move (a, b)",
+        "give the SDF of one robot",
+    ),
     "no robot": (ARM[ARM.index("<model") :], "</sdf>", "no <model> in <sdf>", "give the SDF of one robot"),
 }
 

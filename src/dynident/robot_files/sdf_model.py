@@ -125,14 +125,15 @@ def _robot_among(path: object, models: list[Element]) -> tuple[Element, list[str
         DescriptionError: There is no such model, or several.
     """
     movable = [model for model in models if not _states(model, "static", ("true", "1"))] or models
-    robots = [model for model in movable if _has_joints(model)] or movable
+    moved = [[model for model in among if _has_joints(model)] for among in (movable, models)]
+    robots = moved[0] or moved[1] or movable  # a static robot is refused as such
     if len(robots) != 1:
         if not robots:
             raise Place(path).error("no <model> in <sdf>", "give the SDF of one robot")
-        word = "with" if _has_joints(robots[0]) else "without"
-        names = some([name_of(model) for model in robots])
-        step = "give the SDF of one robot, or write <static>true</static> into the others"
-        raise Place(path).error(f"{len(robots)} <model> {word} joints that move ({names})", step)
+        names, has_joints = some([name_of(model) for model in robots]), bool(moved[1])
+        step = ", or write <static>true</static> into the others" if has_joints else ""
+        evidence = f"{len(robots)} <model> with{'' if has_joints else 'out'} joints that move ({names})"
+        raise Place(path).error(evidence, f"give the SDF of one robot{step}")
     return robots[0], [name_of(model) for model in movable if model is not robots[0]]
 
 
