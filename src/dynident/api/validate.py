@@ -8,9 +8,10 @@ from pathlib import Path
 
 from dynident.api.case_logs import seen_logs
 from dynident.api.given_logs import LogLike, logs_of
+from dynident.applications.standstill import with_rest
 from dynident.data.log import Log
 from dynident.data.log_of_robot import read_with
-from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing import Preprocessing, preprocess
 from dynident.errors import BadArgument
 from dynident.identification import validate as bare
 from dynident.identification.estimate.estimate import Estimate
@@ -43,7 +44,23 @@ def validate(
     if seen := seen_logs(estimate, given, parts_apart=True):
         text = f"{', '.join(seen)}: used for training, so the errors are optimistic; validate on another log"
         warnings.warn(text, stacklevel=2)
-    return bare.validate(estimate, given, preprocessing)
+    return compared(estimate, given, preprocessing)
+
+
+def compared(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessing | None = None) -> Validation:
+    """Compare an estimate with raw logs, and its samples at rest with what static friction can hold.
+
+    Args:
+        estimate: The estimate.
+        logs: Raw logs with positions and torques.
+        preprocessing: Another preparation than that of the fit.
+
+    Raises:
+        LogMismatch: A log does not fit the robot, or is too short.
+    """
+    how, names = preprocessing or estimate.preprocessing, estimate.model.robot.joint_names
+    found = bare.validate(estimate, logs, how)
+    return with_rest(estimate, found, [preprocess(log.ordered(names), how) for log in logs]) if found.rests else found
 
 
 def read_log(estimate: Estimate, name: str | Path) -> Log:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dynident.applications.standstill import held_along
 from dynident.arrays import Array
 from dynident.data.log import Log
 from dynident.data.preprocessing import Prepared, Preprocessing, preprocess, resample
@@ -29,17 +30,21 @@ class PredictedTorque:
 
     Attributes:
         prepared: The log, and which rows are used.
-        torque: Torque of the model, filtered as the measured one, shape (N, n).
+        torque: Torque of the model, filtered as the measured one, shape (N, n); where a drive rests, the middle of what
+            static friction can hold.
         half_model: Half the width of the 95 % band of the torque without noise: covariance of the parameters, and noise
             of the positions of this log, shape (N, n).
         half_measured: Half the width of the 95 % band of the measured torque: covariance of the parameters, and the
             residual of the fit or the noise of the positions, the larger of both, shape (N, n).
+        half_held: Half the width of what static friction can hold where a drive rests, shape (N, n); both bands have
+            it.
     """
 
     prepared: Prepared
     torque: Array
     half_model: Array
     half_measured: Array
+    half_held: Array
 
     @property
     def measured(self) -> Array | None:
@@ -71,11 +76,13 @@ def predict_torque(estimate: Estimate, log: Log) -> PredictedTorque:
     noise = _noise_deviations(estimate, regressor, log, prepared, torque)
     parameters = torque_deviations(estimate, prepared)
     residual = np.maximum(noise, np.asarray(estimate.joint_deviations))
+    held = held_along(estimate, prepared)
     return PredictedTorque(
         prepared=prepared,
-        torque=prepared.smooth(torque.T).T[prepared.keep],
-        half_model=Z_95 * np.hypot(parameters, noise),
-        half_measured=Z_95 * np.hypot(parameters, residual),
+        torque=held.torque if held.rests.any() else prepared.smooth(torque.T).T[prepared.keep],
+        half_model=Z_95 * np.hypot(parameters, noise) + held.half,
+        half_measured=Z_95 * np.hypot(parameters, residual) + held.half,
+        half_held=held.half,
     )
 
 

@@ -99,11 +99,11 @@ def run(options: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from dynident.api.estimate_output import summary, write_estimate
+    from dynident.api.validate import compared
     from dynident.case.acceptance import with_accept
     from dynident.cli import console, jobs, verdicts
     from dynident.diagnosis.verdict import verdict_of
     from dynident.files import check_outputs, check_place
-    from dynident.identification.validate import validate
 
     for place in filter(None, (options.output, options.report)):
         check_place(place)
@@ -124,7 +124,7 @@ def run(options: argparse.Namespace) -> int:
         check_outputs((options.output, options.report), (*inputs, *case.files))
         estimate, tests = _estimate(case, options, progress.step)
         progress.step("validating")
-        test = validate(estimate, tests) if tests else None
+        test = compared(estimate, tests) if tests else None
         if options.report:
             from dynident.results.report import write_report
 

@@ -62,15 +62,16 @@ def run(options: argparse.Namespace) -> int:
             "torque": float(size),
             "half_width_model": float(narrow),
             "half_width_measured": float(wide),
+            "half_width_held": float(held),
             "inside": float(share) if np.isfinite(share) else None,
         }
-        for name, unit, size, narrow, wide, share in zip(
-            robot.joint_names, robot.units, *sizes, found.inside, strict=True
+        for name, unit, size, narrow, wide, held, share in zip(
+            robot.joint_names, robot.units, *sizes, found.half_held.max(axis=0), found.inside, strict=True
         )
     ]
     used = found.prepared.kept
     facts = {"log": log.name, "samples": used.samples, "left_out": found.prepared.log.samples - used.samples}
-    remarks = [*_outside(robot.joint_names, found.inside), *_beyond(estimate, found.prepared)]
+    remarks = [*_resting(joints), *_outside(robot.joint_names, found.inside), *_beyond(estimate, found.prepared)]
     if options.json:
         console.answer_json({**facts, "written": options.output, "joints": joints, "remarks": remarks})
         return 0
@@ -99,6 +100,13 @@ def _motion(path: str, columns: object, robot: object) -> Log:
         if own.torque is not None:
             raise
     return read_with(path, replace(lenient, torque=()), arm)
+
+
+def _resting(joints: Sequence[dict[str, object]]) -> list[str]:
+    """Return what is to be said of joints that rest: their torque is an interval."""
+    held = [f"{one['name']} +- {float(str(one['half_width_held'])):.3g} {one['unit']}" for one in joints]
+    held = [text for text, one in zip(held, joints, strict=True) if one["half_width_held"]]
+    return [f"at rest static friction holds any torque about the prediction: {', '.join(held)}"] if held else []
 
 
 def _outside(names: Sequence[str], inside: Array) -> list[str]:

@@ -115,15 +115,15 @@ def _check(options: argparse.Namespace) -> None:
 
 def _subject(estimate: Estimate, options: argparse.Namespace, progress: Callable[[str], None]) -> Subject:
     """Return what the report is about: the estimate with its tests, the findings on its logs, the plan."""
+    from dynident.api.validate import compared
     from dynident.cli import jobs, plans, proving
     from dynident.cli.origin import origin_of
-    from dynident.identification.validate import validate
     from dynident.results.report.subject import Subject
 
     origin = origin_of(estimate)
     logs = _given(estimate, options) if options.test else list(origin.held_out)
     progress("validating")
-    tests = (validate(estimate, logs),) if logs else ()
+    tests = (compared(estimate, logs),) if logs else ()
     quality: list[dict[str, Any]] = []
     if not (options.no_log_quality or estimate.provenance.get("log_quality")):
         progress("looking at the logs")

@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     from dynident.actuators import is_actuators
     from dynident.api.case_logs import check_unseen, seen_logs
     from dynident.api.estimate_output import summary
-    from dynident.api.validate import read_log
+    from dynident.api.validate import compared, read_log
     from dynident.case.acceptance import Acceptance, with_accept
     from dynident.cli import actuators, console, jobs, verdicts
     from dynident.data.split import Split
@@ -54,7 +54,6 @@ def run(options: argparse.Namespace) -> int:
     from dynident.diagnosis.warnings import warnings_of
     from dynident.files import check_outputs, check_place, files_behind
     from dynident.identification.files.estimate_file import read_estimate
-    from dynident.identification.validate import validate
 
     if is_actuators(options.estimate):
         return actuators.validate(options)
@@ -73,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
             split = Split.parse(options.split)
             logs = [split.apply(log)[1] for log in logs]
         progress.step("validating")
-        test = validate(estimate, logs)
+        test = compared(estimate, logs)
         if options.report:
             from dynident.results.report import write_report
 
@@ -113,7 +112,7 @@ def _show(estimate: Estimate, test: Validation, verdict: Verdict, warnings: Sequ
     """Print the verdict, all tables of the comparison and the warnings."""
     from dynident.cli import console, verdicts
     from dynident.cli.identify import consistency_line
-    from dynident.results.text import fits_table, in_words, total_error
+    from dynident.results.text import fits_table, in_words, rest_table, total_error
 
     verdicts.show(verdict)
     console.answer(f"{estimate.model.robot.name}: estimator {estimate.estimator}, {test.samples} samples")
@@ -121,6 +120,9 @@ def _show(estimate: Estimate, test: Validation, verdict: Verdict, warnings: Sequ
     console.answer_table(fits_table(test), f"total relative error {total_error(test)}")
     console.answer()
     console.answer_table(fits_table(test, moving=True), "moving samples only")
+    if (at_rest := rest_table(test)) is not None:
+        console.answer()
+        console.answer_table(at_rest, "samples at rest, against what static friction can hold")
     verdicts.show_nominal(estimate, test)
     console.answer()
     console.answer(consistency_line(estimate))

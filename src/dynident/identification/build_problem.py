@@ -151,18 +151,14 @@ def _with_chosen_fields(
     that remembers and its delay have to predict better than the best list without it and the delay of that. ``choose``
     is :func:`choose_fields` with what is the same each time.
     """
-    prepared, choices = before
-    delay_is_free = preprocessing.delay_s is None
-    chosen, held = choose(model, prepared, delay_is_free=delay_is_free)
-    if delay_is_free:
-        without = choices.delays or ()
-        if any(choice.value != choice.stated for choice in held):
-            prepared, delays = _prepared(chosen, logs, preprocessing, progress, without)
-            choices = replace(choices, **delays)
-        first, (chosen, held) = chosen, choose(model, prepared)
+    (prepared, choices), first, delay_is_free = before, without_optional(model), preprocessing.delay_s is None
+    without, (chosen, held) = choices.delays or (), choose(model, prepared, delay_is_free=delay_is_free)
+    for is_last in (False, True) if delay_is_free else ():
         if chosen != first:
             prepared, delays = _prepared(chosen, logs, preprocessing, progress, without)
             choices = replace(choices, **delays)
+        if not is_last:
+            first, (chosen, held) = chosen, choose(model, prepared)
     choices = replace(choices, chosen_fields=held)
     stay = tuple(part for part in model.friction if not (part.states and part.is_optional))
     if delay_is_free and "state" in chosen.needs and len(stay) < len(model.friction):

@@ -307,6 +307,18 @@ def fits_table(validation: Validation, moving: bool = False) -> Table:
     return Table(columns, tuple(_fit_row(fit) for fit in fits), in_words(validation.filter))
 
 
+def rest_table(validation: Validation) -> Table | None:
+    """Return how the samples at rest lie to what static friction can hold; None where that is not known."""
+    names = ("samples at rest", "static friction +-", "inside", "RMS beyond")
+    columns = (Column("joint"), *(Column(one, "%" * (one == "inside"), numeric=True) for one in names), Column("unit"))
+    rows = []
+    for one in validation.at_rest:
+        share, sizes = format_percent(one["inside"], sign=False), (one["half_width"], one["rms_beyond"])
+        half, beyond = (format_number(size, 3) for size in sizes)
+        rows.append((label(one["name"]), str(one["samples"]), half, share, beyond, pretty_unit(one["unit"])))
+    return Table(columns, tuple(rows)) if rows else None
+
+
 def _fit_row(fit: Fit) -> tuple[str, ...]:
     return (
         label(fit.name),

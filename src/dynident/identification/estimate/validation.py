@@ -103,6 +103,7 @@ class Validation(ShortText):
             were not computed.
         free_bodies_error: Total relative error of the same fit without bounds of bodies on the same samples; None where
             the estimate has none, and on the data of the fit.
+        at_rest: Of joints with samples at rest, how these lie to what static friction can hold.
     """
 
     joints: tuple[Fit, ...]
@@ -124,6 +125,7 @@ class Validation(ShortText):
     noise: Array | None = None
     nominal: NominalErrors | None = None
     free_bodies_error: float | None = None
+    at_rest: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def residual(self) -> Array:
@@ -181,6 +183,7 @@ class Validation(ShortText):
                 "joints": [_figures(fit) for fit in self.moving],
             },
             "bands": self.bands(),
+            **({"at_rest": [dict(each) for each in self.at_rest]} if self.at_rest else {}),
             **({} if self.nominal is None else {"nominal": self.nominal.figures()}),
             **({} if self.free_bodies_error is None else {"free_bodies_error": finite(self.free_bodies_error)}),
         }

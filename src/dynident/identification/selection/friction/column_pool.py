@@ -259,13 +259,10 @@ class PooledLogs:
             for log in self._logs:
                 segments = [blocks for _, blocks in stream.segments(log.log)]
                 for part, each in zip(missing, split, strict=True):
-                    made[part].append(
-                        [[block[own] for block, own in zip(blocks, each, strict=True)] for blocks in segments]
-                    )
+                    rows = [[block[own] for block, own in zip(blocks, each, strict=True)] for blocks in segments]
+                    made[part].append(rows)
         found = [made[part] for part in asked]
-        sizes = {
-            part: sum(rows.nbytes for log in own for blocks in log for rows in blocks) for part, own in made.items()
-        }
+        sizes = {part: sum(one.nbytes for log in own for each in log for one in each) for part, own in made.items()}
         for part in [part for part in made if part not in asked]:
             if sum(sizes.values()) > KEPT:
                 del made[part], sizes[part]

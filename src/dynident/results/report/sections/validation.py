@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from dynident.results.report.sections.base import ReportSection
 from dynident.results.report.subject import Dataset, Subject
-from dynident.results.text import Table, fits_table, format_number, total_error
+from dynident.results.text import Table, fits_table, format_number, rest_table, total_error
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,7 @@ class Figures:
     standstill: str
     all_rows: Table
     moving: Table
+    at_rest: Table | None
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class ValidationSection(ReportSection):
                 format_number(dataset.validation.standstill, 2),
                 fits_table(dataset.validation),
                 fits_table(dataset.validation, moving=True),
+                rest_table(dataset.validation),
             )
             for dataset in subject.datasets
         ]

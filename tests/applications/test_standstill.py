@@ -1,0 +1,107 @@
+"""What static friction can hold: closed forms, and samples at rest inside and beyond it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bare_estimates import bare_estimate
+from dynident import Log, Robot
+from dynident import validate as validated
+from dynident.applications.predicted_torque import predict_torque
+from dynident.applications.standstill import held_torque
+from dynident.arrays import Array
+from dynident.data.preprocessing import Preprocessing
+from dynident.data.preprocessing.as_given import AsGiven
+from dynident.identification.estimate.estimate import Estimate
+from dynident.model.dynamic_model import DynamicModel
+from dynident.model.friction import Motion
+from dynident.model.friction.coulomb import Coulomb
+from dynident.model.friction.load import Load
+from dynident.model.friction.offset import Offset
+from dynident.model.friction.presliding import Presliding
+from dynident.model.friction.stribeck import Stribeck
+from dynident.model.friction.viscous import Viscous
+from dynident.model.kernels import batched
+from dynident.results.text import rest_table
+
+GIVEN = Preprocessing(AsGiven(), rest="mask", standstill=0.02)
+
+
+def test_the_interval_is_that_of_all_dry_friction(coupled_arm: Robot) -> None:
+    parts = (Coulomb(0.3), Viscous(), Offset(), Load(), Stribeck(), Presliding())
+    model, dof = DynamicModel(coupled_arm, parts), coupled_arm.dof
+    levels = np.array([2.0, 5.0, 0.3, 0.05, 0.7, 1.1])
+    assert coupled_arm.nominal is not None
+    theta = np.concatenate([coupled_arm.nominal, np.tile(levels, dof)])
+    motion = model.random_motion(20, seed=3)
+    still = Motion(motion.q, np.zeros_like(motion.q), np.zeros_like(motion.q), state=np.zeros((20, dof, 1)))
+    found = held_torque(model, theta, still, np.ones(motion.q.shape, dtype=bool))
+    coupling = np.asarray(coupled_arm.coupling)
+    gravity = batched.inverse_dynamics(coupled_arm.chain, coupled_arm.nominal, still.q, still.dq, still.ddq)
+    load = np.linalg.solve(coupling.T, gravity.T).T
+    half = (2.0 + 0.7 + 1.1 + 0.05 * np.abs(load)) @ np.abs(coupling)
+    middle = gravity + np.full(dof, 0.3) @ coupling - coupled_arm.bias
+    np.testing.assert_allclose(found.half, half, rtol=1e-4)
+    np.testing.assert_allclose(found.torque, middle, atol=1e-4)
+    none = held_torque(model, theta, motion, np.zeros(motion.q.shape, dtype=bool))
+    np.testing.assert_array_equal(none.half, 0.0)
+    np.testing.assert_array_equal(none.rests, False)
+    np.testing.assert_allclose(none.torque, model.torque(motion, theta), rtol=1e-12)
+
+
+def paused(robot: Robot, exact_motion: Callable[..., Motion], share: Array) -> tuple[Estimate, Log]:
+    """Return an estimate, and a log that rests in its second half with shares (N / 2, n) of what friction can hold."""
+    model = DynamicModel(robot, (Coulomb(), Viscous()))
+    assert robot.nominal is not None
+    theta = np.concatenate([robot.nominal, np.tile([3.0, 1.0], robot.dof)])
+    time = np.arange(2 * len(share)) / 100.0
+    moving = exact_motion(robot.dof, time[: len(share)], 0.5)
+    stays = np.zeros_like(share)
+    q, dq, ddq = (
+        np.concatenate(pair) for pair in ((moving.q, stays + moving.q[-1]), (moving.dq, stays), (moving.ddq, stays))
+    )
+    torque = model.torque(Motion(q, dq, ddq), theta)
+    torque[len(share) :] += 3.0 * share
+    return replace(bare_estimate(model, theta), preprocessing=GIVEN), Log(robot.joint_names, time, q, dq, ddq, torque)
+
+
+@pytest.mark.parametrize("beyond", [False, True])
+def test_samples_at_rest_are_counted_against_the_interval(
+    planar_2r: Robot, exact_motion: Callable[..., Motion], beyond: bool
+) -> None:
+    share = np.random.default_rng(0).uniform(-0.98, 0.98, (300, 2))
+    share[:, 1] += 20.0 * beyond
+    estimate, log = paused(planar_2r, exact_motion, share)
+    found = validated(estimate, log)
+    first, second = found.at_rest
+    assert first["samples"] >= 290 and first["inside"] == 1.0 and first["rms_beyond"] == pytest.approx(0.0, abs=1e-9)
+    assert first["half_width"] == pytest.approx(3.0, rel=1e-3)
+    if beyond:
+        assert second["inside"] == 0.0 and second["rms_beyond"] == pytest.approx(3.0 * 19.0, rel=0.02)
+    else:
+        assert second["inside"] == 1.0
+    assert found.figures()["at_rest"] == [first, second]
+    assert set(first) == {"name", "unit", "samples", "half_width", "inside", "rms_beyond"}
+    table = rest_table(found)
+    assert (
+        table is not None
+        and len(table.rows) == 2
+        and rest_table(validated(estimate, log.rows(slice(0, 280), "m"))) is None
+    )
+    moving = validated(estimate, log.rows(slice(0, 280), "the motion"))
+    assert not moving.at_rest and "at_rest" not in moving.figures()
+
+
+def test_a_prediction_at_rest_is_an_interval(planar_2r: Robot, exact_motion: Callable[..., Motion]) -> None:
+    estimate, log = paused(planar_2r, exact_motion, np.random.default_rng(0).uniform(-0.98, 0.98, (300, 2)))
+    found = predict_torque(estimate, log)
+    rest = found.prepared.kept.time > 3.2
+    assert np.all(found.half_held[rest] == pytest.approx(3.0, rel=1e-3)) and np.all(found.half_held[:250] == 0.0)
+    assert np.all(np.abs(found.measured - found.torque)[rest] <= found.half_model[rest])  # type: ignore[operator]
+    assert np.mean(np.abs(found.measured - found.torque)[rest] > 0.5) > 0.5  # type: ignore[operator]
+    moving = predict_torque(estimate, log.rows(slice(0, 280), "the motion"))
+    np.testing.assert_array_equal(moving.half_held, 0.0)
