@@ -8,15 +8,16 @@ of its neighbours. Where the log does not tell it from others, these are its riv
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
+from dynident.diagnosis.causes.noise_spectrum import NoiseSpectrum
 from dynident.diagnosis.causes.weighted_fit import EXACT, RIDGE, Solved, weighted_products
-from dynident.identification.residuals.covariance import correlation_factors
 from dynident.identification.residuals.quantiles import (
     chi_square_tail,
     normal_quantile,
@@ -32,8 +33,8 @@ CHANCE = 1e-4
 #: beyond 6 the evidence is strong), and rivals that are told at most.
 CLOSE, RIVALS = 6.0, 2
 
-#: Causes that are taken in at most.
-MOST = 4
+#: Causes that are taken in at most, and rounds of taking in and judging again.
+MOST, ROUNDS = 8, 3
 
 #: Candidates of a round that are fitted with weights of their own.
 FITTED = 6
@@ -140,11 +141,11 @@ class CauseRows:
         """Rows of each joint that count, shape (n,), at least 1."""
         return np.maximum(self.masks.sum(axis=0), 1).astype(float)
 
-    def residual(self, values: Array, added: Sequence[Cause]) -> Array:
-        """Return the residual at beta followed by the coefficients of the added causes, shape (N, n)."""
-        predicted = [block @ values[own] for block, own in zip(self.blocks, self.columns, strict=True)]
+    def torque(self, values: Array, added: Sequence[Cause]) -> Array:
+        """Return the torque of beta followed by the coefficients of the added causes, shape (N, n)."""
+        own = [block @ values[places] for block, places in zip(self.blocks, self.columns, strict=True)]
         extra = np.concatenate([cause.columns for cause in added]) if added else np.zeros((0, *self.target.shape))
-        return self.target - np.stack(predicted, axis=1) - np.tensordot(values[self.size :], extra, 1)
+        return np.stack(own, axis=1) + np.tensordot(values[self.size :], extra, 1)
 
 
 class CauseSearch:
@@ -192,76 +193,155 @@ class CauseSearch:
         use = np.concatenate([np.arange(self.size), *(self._places[k] for k in chosen)])
         return self._grams[:, use][:, :, use], self._sides[:, use]
 
-    def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
-        """Return by how much the rows of each joint hang together under a fit, shape (n,)."""
-        residual = self.rows.residual(solved.beta, [self.causes[k] for k in chosen])
-        return correlation_factors([residual], [self.rows.masks])
+    @cached_property
+    def spectrum(self) -> NoiseSpectrum:
+        """How the noise of neighbouring rows hangs together."""
+        plain = self.fit([])
+        squares, directions = np.linalg.eigh(plain.covariance)
+        root, rows = directions * np.sqrt(np.maximum(squares, 0.0)), self.rows
+        roots = [
+            block @ root[own] / np.sqrt(variance)
+            for block, own, variance in zip(rows.blocks, rows.columns, plain.variances, strict=True)
+        ]
+        return NoiseSpectrum.of_fit(roots, rows.masks, rows.oversampling)
+
+    def worth(self, after: Solved, chosen: Sequence[int]) -> tuple[Array, float]:
+        """Return how many independent rows each joint has for the last of the causes, and what its variance is times.
+
+        Args:
+            after: The fit with all of them.
+            chosen: The causes, by their numbers.
+
+        Returns:
+            Shape (n,), and the variance of the coefficients over that of independent rows.
+        """
+        rows, added = self.rows, [self.causes[k] for k in chosen]
+        size = len(added[-1].columns)
+        spread = after.covariance[-size:, -size:]
+        mixed = -np.linalg.solve(spread, after.covariance[-size:, :-size])
+        own = np.stack([
+            column - rows.torque(mix, added[:-1]) for column, mix in zip(added[-1].columns, mixed, strict=True)
+        ])  # fmt: skip
+        sizes = np.einsum("kin,kin,n->k", own, np.where(rows.masks, own, 0.0), 1.0 / after.variances)
+        own /= np.sqrt(np.maximum(sizes, 1e-300))[:, None, None]
+        factors, power = self.spectrum.factors(rows.target - rows.torque(after.beta, added), own)
+        power /= after.variances
+        return rows.counts / factors, float(factors @ power / max(power.sum(), 1e-300))
 
     def blames(self) -> tuple[Blame, ...]:
-        """Return the causes that are sure, the one that explains most first."""
+        """Return the causes that are sure, the one that explains most first.
+
+        Stepwise (Efroymson 1960): causes are taken in one after another; then each is judged again beside all others,
+        where another one may take its place, or none is sure any more; then two at once.
+        """
         chosen: list[int] = []
-        found: list[Blame] = []
-        solved = self.fit(chosen)
-        while len(chosen) < min(MOST, len(self.causes)):
-            step = self._next(solved, chosen)
-            if step is None:
+        found: dict[int, Blame] = {}
+        for _ in range(ROUNDS):
+            while len(chosen) < min(MOST, len(self.causes)):
+                step = self._next(self.fit(chosen), chosen)
+                if step is None:
+                    break
+                chosen.append(step[0])
+                found[step[0]] = step[2]
+            hidden = self.judged_again(chosen, found)
+            if not hidden:
                 break
-            k, after, blame = step
-            chosen.append(k)
-            solved = after
-            found.append(blame)
-        return tuple(found)
+            chosen += hidden
+        return tuple(found[k] for k in chosen if k in found)
+
+    def judged_again(self, chosen: list[int], found: dict[int, Blame]) -> list[int]:
+        """Judge each of the chosen causes beside all others, in place; return two that are sure beside each other."""
+        for k in tuple(chosen) if len(chosen) > 1 else ():
+            place = chosen.index(k)
+            rest = chosen[:place] + chosen[place + 1 :]
+            step = self._next(self.fit(rest), rest)
+            chosen[place : place + 1] = [] if step is None else [step[0]]
+            if step is not None:
+                found[step[0]] = step[2]
+        return self._pair(chosen)
 
     def candidates(self, before: Solved, chosen: Sequence[int]) -> list[int]:
         """Return the causes that are worth a fit, by their numbers."""
-        rest = [k for k in range(len(self.causes)) if k not in chosen]
-        return sorted(rest, key=lambda k: -self._quick(before, chosen, k))[:FITTED]
+        fall = self._falls(before, chosen)
+        falls = {k: fall(k) / self.rows.oversampling for k in self._left(chosen)}
+        rows = float(np.log(self.rows.counts.sum() / self.rows.oversampling))
+        merits = {k: self.causes[k].likelier * (own - len(self._places[k]) * rows) for k, own in falls.items()}
+        likely = [k for k, own in falls.items() if self._may_be_sure(own, len(self.causes), k)]
+        return sorted(likely, key=lambda k: -merits[k])[:FITTED]
 
-    def spread(self, worth: Array) -> float:
-        """Return the factor on the covariance of a fit for rows that hang together."""
-        return float(np.median(self.rows.counts / worth))
+    def _may_be_sure(self, ratio: float, tried: int, k: int) -> bool:
+        """Return whether a cause may be sure in a fit of its own; twice its straight line is beyond the logarithm."""
+        return bool(tried * chi_square_tail(2.0 * ratio, self.causes[k].told) < CHANCE)
+
+    def _left(self, chosen: Sequence[int]) -> list[int]:
+        return [k for k in range(len(self.causes)) if k not in chosen]
+
+    def _falls(self, before: Solved, chosen: Sequence[int]) -> Callable[..., float]:
+        """Return by how much the weighted squares fall where some more causes are fitted, with the weights as they are.
+
+        Weights follow from the fit before: its own are those of a pass earlier, which nearly dependent columns do not
+        forgive.
+        """
+        use = np.concatenate([np.arange(self.size), *(self._places[k] for k in chosen)])
+        new = np.arange(self.size, self._sides.shape[1])
+        every, weights = np.concatenate([use, new]), 1.0 / before.variances
+        gram = np.tensordot(weights, self._grams[:, every][:, :, every], 1)
+        side = weights @ self._sides[:, every]
+        sizes = np.diag(gram)
+        gram = gram + np.diag(RIDGE * np.where(sizes > 0, sizes, 1.0))
+        along = np.linalg.solve(gram[: len(use), : len(use)], gram[: len(use), len(use) :])
+        beyond = gram[len(use) :, len(use) :] - gram[len(use) :, : len(use)] @ along
+        beyond += np.diag(1e-9 * sizes[len(use) :] + 1e-300)
+        rest = side[len(use) :] - along.T @ side[: len(use)]
+
+        def fall(*causes: int) -> float:
+            own = np.concatenate([self._places[k] for k in causes]) - self.size
+            return float(rest[own] @ np.linalg.solve(beyond[np.ix_(own, own)], rest[own]))
+
+        return fall
 
     def _next(self, before: Solved, chosen: list[int]) -> tuple[int, Solved, Blame] | None:
-        sure: list[tuple[float, int, Solved, Array]] = []
+        sure: list[tuple[float, int, Solved, tuple[Array, float]]] = []
         for k in self.candidates(before, chosen):
             after, columns = self.fit([*chosen, k]), self.causes[k].told
-            worth = self.rows.counts / self.factors(after, [*chosen, k])
-            ratio = _ratio(before, after, worth)
+            counted = self.worth(after, [*chosen, k])
+            ratio = _ratio(before, after, counted[0])
             if len(self.causes) * chi_square_tail(ratio, columns) < CHANCE:
-                merit = self.causes[k].likelier * (ratio - columns * float(np.log(worth.sum())))
-                sure.append((merit, k, after, worth))
+                merit = self.causes[k].likelier * (ratio - columns * float(np.log(counted[0].sum())))
+                sure.append((merit, k, after, counted))
         if not sure:
             return None
-        (best, k, after, worth), *others = sorted(sure, key=lambda each: -each[0])
+        (best, k, after, counted), *others = sorted(sure, key=lambda each: -each[0])
         close = [each for each in others if best - each[0] < CLOSE][:RIVALS]
         rivals = tuple(self._blame(before, solved, other, own) for _, other, solved, own in close)
-        return k, after, replace(self._blame(before, after, k, worth), rivals=rivals)
+        return k, after, replace(self._blame(before, after, k, counted), rivals=rivals)
 
-    def _quick(self, before: Solved, chosen: Sequence[int], k: int) -> float:
-        """Return about how likely one cause is, with the weights as they are: one step of elimination."""
-        use = np.concatenate([np.arange(self.size), *(self._places[c] for c in chosen)])
-        new, weights = self._places[k], 1.0 / before.variances
-        cross = np.tensordot(weights, self._grams[:, use][:, :, new], 1)
-        own = np.tensordot(weights, self._grams[:, new][:, :, new], 1)
-        along = before.covariance @ cross
-        side = weights @ self._sides[:, new] - along.T @ (weights @ self._sides[:, use])
-        gram = own - cross.T @ along
-        gram += np.diag(1e-9 * np.diag(own) + RIDGE * np.max(np.diag(own), initial=0.0) + 1e-300)
-        step = np.linalg.solve(gram, side)
-        shift = np.concatenate([-along @ step, step])
-        every = np.concatenate([use, new])
-        beta = np.concatenate([before.beta, np.zeros(len(new))]) + shift
-        grams, sides = self._grams[:, every][:, :, every], self._sides[:, every]
-        left = self.squares - 2 * sides @ beta + np.einsum("k,ikl,l->i", beta, grams, beta)
-        variances = np.maximum(left, 0.0) / self.rows.counts + self.floors
-        worth = self.rows.counts / self.rows.oversampling
-        ratio = float(worth @ np.log(before.variances / variances))
-        return self.causes[k].likelier * (ratio - len(new) * float(np.log(worth.sum())))
+    def _pair(self, chosen: list[int]) -> list[int]:
+        """Return two causes that are sure beside each other, where none is alone; nothing where there are none.
 
-    def _blame(self, before: Solved, after: Solved, k: int, worth: Array) -> Blame:
+        Two that pull a torque to opposite sides hide each other. Tried are those by which the residual falls most
+        beyond what either of them takes off alone, with the weights as they are.
+        """
+        rest, fall = self._left(chosen), self._falls(self.fit(chosen), chosen)
+        pairs, alone = list(combinations(rest, 2)), {k: fall(k) for k in rest}
+        beside = {pair: (fall(*pair) - max(alone[k] for k in pair)) / self.rows.oversampling for pair in pairs}
+        for a, b in sorted(pairs, key=lambda pair: -beside[pair])[:FITTED]:
+            if not (self._may_be_sure(beside[a, b], len(pairs), a) and self._may_be_sure(beside[a, b], len(pairs), b)):
+                continue
+            chances = []
+            for one, other in ((a, b), (b, a)):
+                after = self.fit([*chosen, one, other])
+                ratio = _ratio(self.fit([*chosen, one]), after, self.worth(after, [*chosen, one, other])[0])
+                chances.append(len(pairs) * chi_square_tail(ratio, self.causes[other].told))
+            if max(chances) < CHANCE:
+                return [a, b]
+        return []
+
+    def _blame(self, before: Solved, after: Solved, k: int, counted: tuple[Array, float]) -> Blame:
+        worth, times = counted
         cause, size = self.causes[k], len(self._places[k])
         values = after.beta[-size:]
-        covariance = after.covariance[-size:, -size:] * self.spread(worth)
+        covariance = after.covariance[-size:, -size:] * times
         torque = np.tensordot(values, cause.columns, 1)
         values, covariance = values[: cause.told], covariance[: cause.told, : cause.told]
         masks, measured = self.rows.masks, self.rows.measured

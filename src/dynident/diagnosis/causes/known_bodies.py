@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.diagnosis.causes.cause_search import Cause, CauseRows, CauseSearch
+from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseRows, CauseSearch
 from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, load_columns, own_inertia
 from dynident.diagnosis.causes.trends import OVERSAMPLING, Trends
 from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
@@ -316,11 +316,11 @@ class Anchored(CauseSearch):
         found = [which for which, k in enumerate(chosen) if self.causes[k].hidden]
         return self._slot(chosen, found[0]) if found else None
 
-    def factors(self, solved: Solved, chosen: Sequence[int]) -> Array:
-        return self._factors
+    def worth(self, after: Solved, chosen: Sequence[int]) -> tuple[Array, float]:
+        return self.rows.counts / self._factors, 1.0
 
-    def spread(self, worth: Array) -> float:
-        return 1.0
+    def judged_again(self, chosen: list[int], found: dict[int, Blame]) -> list[int]:
+        return []  # each fit looks for the errors of the bodies, which takes long
 
     def candidates(self, before: Solved, chosen: Sequence[int]) -> list[int]:
         return [k for k in range(len(self.causes)) if k not in chosen]  # errors of the bodies may hide any of them

@@ -122,8 +122,7 @@ class Trends:
         still, *along = (regressor.predict(self._log, beta) for regressor in self._gravity)
         pulls = np.stack(along) - still
         columns = [size * np.tensordot(axis, pulls, 1) for axis in across_gravity(gravity)]
-        first = np.asarray(self._log.q)[:, 0]
-        yield self._cause("tilt", "", *columns, self._at_joint(0, np.sin(first)), self._at_joint(0, np.cos(first)))
+        yield self._cause("tilt", "", *columns)
 
 
 def across_gravity(gravity: Array) -> Array:

@@ -1,0 +1,94 @@
+"""Which causes a search takes in: fits by lstsq, coloured noise by Monte Carlo, causes that hide each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from dynident.arrays import Array
+from dynident.diagnosis.causes.cause_search import Cause, CauseRows, CauseSearch
+from dynident.diagnosis.causes.noise_spectrum import NoiseSpectrum
+
+
+def search(torques: Array, columns: Array, seed: int = 0) -> CauseSearch:
+    """Return a search over two joints that share three columns, white noise besides; columns (k, N, 2) are causes."""
+    generator = np.random.default_rng([24, seed])
+    count = len(torques)
+    blocks = [generator.normal(size=(count, 3)) for _ in range(2)]
+    noise = generator.normal(size=(count, 2)) * [1.0, 0.05]
+    target = np.stack([block @ [1.0, -2.0, 0.5] for block in blocks], axis=1) + torques + noise
+    masks = np.ones(target.shape, bool)
+    masks[:7] = False
+    places = [np.arange(3)] * 2
+    causes = [Cause(f"cause {k}", "", column[None]) for k, column in enumerate(columns)]
+    return CauseSearch(CauseRows(blocks, places, 3, target, target, masks), causes)
+
+
+def test_falls_are_those_of_least_squares() -> None:
+    """Of a column that is nearly one of the robot's too, and of two together."""
+    generator = np.random.default_rng(1)
+    columns = generator.normal(size=(4, 300, 2))
+    found = search(0.3 * columns[0], columns)
+    near = np.stack([block[:, 0] for block in found.rows.blocks], axis=1)
+    found = search(0.3 * columns[0], np.concatenate([columns, near[None] + 1e-3 * columns[:1]]))
+    before = found.fit([])
+    fall = found._falls(before, [])
+    for causes in [(k,) for k in range(5)] + [(0, 4), (1, 3)]:
+        assert fall(*causes) == pytest.approx(_fall(found, before.variances, causes), rel=3e-3, abs=1e-3), causes
+
+
+def _fall(found: CauseSearch, variances: Array, causes: tuple[int, ...]) -> float:
+    rows, left = found.rows, []
+    for chosen in ((), causes):
+        extra = [found.causes[k].columns[0] for k in chosen]
+        whole, target = [], []
+        for i, block in enumerate(rows.blocks):
+            mask, weight = rows.masks[:, i], variances[i] ** -0.5
+            whole.append(weight * np.column_stack([block, *(column[:, i] for column in extra)])[mask])
+            target.append(weight * rows.target[mask, i])
+        matrix, aim = np.concatenate(whole), np.concatenate(target)
+        left.append(float(np.sum((aim - matrix @ np.linalg.lstsq(matrix, aim, rcond=None)[0]) ** 2)))
+    return left[0] - left[1]
+
+
+def test_causes_that_hide_each_other_are_found_and_none_where_there_is_none() -> None:
+    """Two nearly equal columns with opposite signs: alone neither takes much off."""
+    generator = np.random.default_rng(2)
+    common, apart, *others = generator.normal(size=(8, 400, 2)) * [1.0, 0.0]
+    columns = np.stack([common + 0.3 * apart, common - 0.3 * apart, *others])
+    torque = 0.75 * (columns[0] - columns[1])
+    found = search(torque, columns)
+    assert found._next(found.fit([]), []) is None
+    assert [blame.cause.name for blame in found.blames()] in (["cause 0", "cause 1"], ["cause 1", "cause 0"])
+    for seed in range(10):
+        assert not search(np.zeros((400, 2)), columns, seed).blames()
+
+
+def test_a_cause_gives_way_to_those_that_it_stood_for() -> None:
+    """The sum of two columns is taken in first and goes once both are there."""
+    first, second, third = np.random.default_rng(3).normal(size=(3, 400, 2)) * [1.0, 0.0]
+    columns = np.stack([first + second + 0.4 * third, first, second])
+    found = search(0.8 * first + 0.8 * second, columns)
+    step = found._next(found.fit([]), [])
+    assert step is not None and step[0] == 0
+    assert {blame.cause.name for blame in found.blames()} == {"cause 1", "cause 2"}
+
+
+@pytest.mark.parametrize("pole", [0.9, -0.5])
+def test_rows_count_as_the_column_has_them(pole: float) -> None:
+    """The variance of a slow and of a fast coefficient under coloured noise, against that of 400 draws."""
+    generator = np.random.default_rng(4)
+    count = 600
+    slow = scipy.signal.lfilter([1.0], [1.0, -0.95], generator.normal(size=count))
+    columns = np.stack([slow, np.sign(np.sin(np.arange(count) * 1.1))])[:, :, None]
+    columns /= np.sqrt(np.sum(columns**2, axis=1, keepdims=True))
+    noise = np.asarray(scipy.signal.lfilter([1.0], [1.0, -pole], generator.normal(size=(400, count + 100))))[:, 100:]
+    for column in columns:
+        found = noise @ column[:, 0]
+        masks = np.ones((count, 1), bool)
+        colour = NoiseSpectrum.of_fit([column], masks, 1.0)
+        left = [(row - value * column[:, 0])[:, None] for row, value in zip(noise[:40], found[:40], strict=True)]
+        told = np.mean([colour.factors(residual, column[None])[0][0] for residual in left])
+        true = max(1.0, float(np.var(found) / np.var(noise)))
+        assert told == pytest.approx(true, rel=0.25), (told, true)
