@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,17 @@ def test_each_fault_is_found(log: ServoLog) -> None:
     coarse = np.round(log.q / 0.05) * 0.05
     assert names(changed(q=coarse)) == [("warning", "quantisation")]
     assert names(changed(enabled=log.enabled | True)) == [("note", "no free swing")]
+
+
+def test_a_late_velocity_is_named_with_its_lag(log: ServoLog) -> None:
+    """As the moving average of a servo's firmware makes it; an exact one, noise and another unit are no lag."""
+    exact = np.gradient(log.q, log.time, axis=0)
+    noise = np.random.default_rng(0).normal(0.0, 0.3, exact.shape)
+    late = np.interp(log.time - 0.035, log.time, exact[:, 0])[:, None]
+    for dq, lags in ((exact, False), (exact + noise, False), (2.0 * exact, False), (late, True), (late + noise, True)):
+        found = servo_findings(replace(log, dq=dq), (LAW,))
+        assert [one.name for one in found] == ["velocity lag"] * lags
+        assert not lags or 33.0 <= float(found[0].evidence.split()[3]) <= 37.0
 
 
 def test_check_is_the_command_for_it(

@@ -55,6 +55,18 @@ def test_the_error_falls_with_the_square_of_the_step(records: list[JointRecord],
     assert coarse < 1e-4 * np.ptp(fine)
 
 
+@pytest.mark.parametrize(("slew", "ratio"), [(np.inf, 3.0), (1.5, 12.0)])
+def test_the_step_hardly_matters_with_dry_friction(records: list[JointRecord], slew: float, ratio: float) -> None:
+    """Reversals within a step, and commands that jump into saturation within one (first order only where it rests)."""
+    true, errors = parameters(coulomb=0.05, delay=0.00737, slew_limit=slew), []
+    fine = [rolled_out(one, true, longest=2e-5).q for one in records]
+    for step in (1e-3, 2.5e-4):
+        runs = [rolled_out(one, true, longest=step).q for one in records]
+        errors.append(np.sqrt(np.mean((np.array(runs) - np.array(fine)) ** 2)))
+    assert errors[0] / errors[1] > ratio  # 4 by the first order, 16 by the second
+    assert errors[1] < 1e-5  # rad; 2e-5 to 3e-5 where the whole step has one friction and one saturation
+
+
 def test_the_goal_moves_at_the_slew_limit_from_the_moment_of_the_command(records: list[JointRecord]) -> None:
     """A step of the command between two steps of the integration: the delay has an exact slope, no stairs."""
     errors = []

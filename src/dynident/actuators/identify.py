@@ -93,7 +93,8 @@ def _fitted(arm: Arm, first: Sequence[int], friction: str, progress: Callable[[s
     )
     part = settled(replace(part, fits=fits), progress)
     if friction != "m1":
-        fits = [richer_fit(*each, friction, effort, progress) for each in zip(part.datas, part.fits, strict=True)]
+        pairs = list(zip(part.datas, part.fits, strict=True))
+        fits = [richer_fit(*each, friction, effort, progress, from_fit=len(pairs) > 1) for each in pairs]
         part = settled(replace(part, fits=fits), progress)
     if len(part.fits) == 1:
         return replace(arm, fits=part.fits)

@@ -11,7 +11,7 @@ from dynident.actuators.drive_law import DriveLaw
 from dynident.actuators.friction_choice import choose_friction
 from dynident.actuators.joint_load import JointLoad
 from dynident.actuators.linear_start import LinearStart, StartRows, free_parameters, linear_start, refinable, start_at
-from dynident.actuators.output_error import WHOLE, RefineEffort, ServoProblem, output_error, refined, starts_from
+from dynident.actuators.output_error import RefineEffort, ServoProblem, output_error, refined, starts_from
 from dynident.actuators.parameters import FRICTION_MODELS, PLACE
 from dynident.actuators.rollout import JointRecord, rolled_out
 from dynident.actuators.servo_log import AUTO
@@ -134,7 +134,12 @@ def first_fit(data: JointData, friction: str, effort: RefineEffort, progress: Ca
 
 
 def richer_fit(
-    data: JointData, fit: JointFit, friction: str, effort: RefineEffort, progress: Callable[[str], None]
+    data: JointData,
+    fit: JointFit,
+    friction: str,
+    effort: RefineEffort,
+    progress: Callable[[str], None],
+    from_fit: bool = False,
 ) -> JointFit:
     """Return the fit with a friction model that is stated, or that cross-validation chooses, from that with m1.
 
@@ -144,6 +149,7 @@ def richer_fit(
         friction: Name of the friction model, or ``auto``.
         effort: How long to look.
         progress: Called with each step in words.
+        from_fit: Whether the search starts at the fit, whose loads are known better than those of the linear start.
     """
     folds: dict[str, float] = {}
     if friction == AUTO:
@@ -152,7 +158,7 @@ def richer_fit(
     if friction == "m1":
         return replace(fit, folds=folds)
     progress(f"{data.name}: output error, friction {friction}")
-    richer = _refined(data, friction, fit.scanned, fit.ratio, effort, fit if effort is not WHOLE else None)
+    richer = _refined(data, friction, fit.scanned, fit.ratio, effort, fit if from_fit else None)
     return replace(richer, folds=folds, simple=fit.simple, simple_free=fit.free)
 
 
@@ -169,7 +175,7 @@ def _refined(
     linear = start_at(data.rows, law, model, scanned)
     free = free_parameters(law, model, linear, law.gain_is_free and ratio != 1.0, data.has_off)
     start = refinable(linear, law, data.has_off)
-    if simpler is not None:  # under loads that are known better than those of the linear start
+    if simpler is not None:
         places = [PLACE[name] for name in simpler.free]
         start[places] = simpler.parameters[places]
     starts = starts_from(start, model)

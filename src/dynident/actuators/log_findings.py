@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynident.actuators.drive_law import DriveLaw
+from dynident.actuators.joint_load import between, measured_motion
 from dynident.actuators.servo_log import ServoLog
 
 #: Share of failed reads, of saturated samples that is an error, and that is a warning.
@@ -18,6 +19,12 @@ _COARSE = 60
 
 #: A gap in time is this many median steps.
 _GAP = 8.0
+
+#: Lags of a measured velocity that are tried, in s: from one to the other, by a step.
+_EARLIEST, _LATEST, _LAG_STEP = -0.1, 0.4, 1e-3
+
+#: A lag leaves at most this share of the squares that the velocity as logged leaves beside the motion.
+_LAG_LEAVES = 0.5
 
 
 @dataclass(frozen=True)
@@ -49,6 +56,7 @@ def servo_findings(log: ServoLog, laws: Sequence[DriveLaw]) -> list[ServoFinding
     found = _gaps(log)
     for joint, law in enumerate(laws):
         found += [*_failed(log, joint), *_saturated(log, joint, law), *_coarse(log, joint), *_never_off(log, joint)]
+    found += _late_velocity(log)
     return sorted(found, key=lambda one: ("error", "warning", "note").index(one.severity))
 
 
@@ -104,3 +112,26 @@ def _never_off(log: ServoLog, joint: int) -> list[ServoFinding]:
     evidence = "the drive is on throughout"
     remedy = "a log with a free swing (torque off) tells friction from back-EMF; without one only their sum is known"
     return [ServoFinding("note", "no free swing", log.joints[joint], evidence, remedy)]
+
+
+def _late_velocity(log: ServoLog) -> list[ServoFinding]:
+    """Return the lag of each measured velocity behind the motion of the positions, the least-squares shift."""
+    if log.dq is None or not np.isfinite(log.dq).all():
+        return []
+    motion, found = measured_motion(log), []
+    lags = np.arange(_EARLIEST, _LATEST, _LAG_STEP)
+    inner = slice(np.searchsorted(motion.time, motion.time[0] + _LATEST), -int(-_EARLIEST // np.diff(motion.time)[0]))
+    stated, times = motion.filtered(between(log.time, log.dq, motion.time)), motion.time[inner]
+    for joint, name in enumerate(log.joints):
+        own = stated[inner, joint]
+        left = [float(np.sum((own - np.interp(times - lag, motion.time, motion.dq[:, joint])) ** 2)) for lag in lags]
+        lag = float(lags[int(np.argmin(left))])
+        if abs(lag) < max(0.7 * float(np.median(np.diff(log.time))), 2.0 * _LAG_STEP):
+            continue
+        if min(left) < _LAG_LEAVES * left[int(np.argmin(np.abs(lags)))]:
+            evidence = f"the velocity {'lags' if lag > 0 else 'leads'} {1e3 * abs(lag):.3g} ms beside the positions"
+            remedy = (
+                "nothing: the fit takes velocities from the positions; do not feed this column to a controller as is"
+            )
+            found.append(ServoFinding("note", "velocity lag", name, evidence, remedy))
+    return found

@@ -28,20 +28,47 @@ LOADS = 4
 (
     _COMMAND, _ERROR, _PER_ERROR, _RATE, _FED, _LIMITED, _DUTY, _ON, _ACTIVE, _STIFFNESS,
     _RATIO, _FADE, _FADE_V, _REST, _BUDGET, _SIGN_1, _SIGN_2, _SQUARE_M, _SQUARE_E,
-    _FORCE, _INERTIA, _DAMPING, _STUCK, _SIGN, _HAS_FADE, _DECAY, _SHARE, _SHARE_X,
-) = range(28)  # fmt: skip
-_ENTRIES = 28
+    _FORCE, _INERTIA, _DAMPING, _STUCK, _SIGN, _HAS_FADE, _DECAY, _SHARE, _SHARE_X, _UNTURNED, _FIRST, _NEXT, _JUMP,
+    _GOAL,
+) = range(33)  # fmt: skip
+_ENTRIES = 33
 
 #: Rows of the work array ``slopes``: position, velocity, motor torque, external torque, friction budget, drive force,
-#: goal inside the drive, its mean over a step.
-_ROWS = 8
+#: goal inside the drive, its mean over a step, velocity before the step.
+_ROWS = 9
 
 
 @compiled
-def _follow(
-    p: Array, samples: Array, begin: float, h: float, place: int, goal: float, both: Array, at: IntArray
-) -> tuple[int, float, float]:
-    """Return the row of the command at a moment, the goal inside the drive a step later, and its mean over the step.
+def _jump(samples: Array, begin: float, h: float, place: int, both: Array, now: Array, at: IntArray) -> None:
+    """Write the goal a step later where it is the command itself, and what it is within the step.
+
+    That is the goal before a change of the command, its share of the step, and the goal after it; the mean of them all
+    where the command changes more than once.
+    """
+    end, row, moment = begin + h, place + 1, begin
+    for k in range(both.shape[1]):
+        both[1, k] = 0.0
+    now[_COMMAND] = now[_GOAL] = samples[place, 1]
+    now[_FIRST] = 1.0
+    if row == len(samples) or samples[row, 0] >= end:
+        return
+    if row + 1 == len(samples) or samples[row + 1, 0] >= end:
+        now[_NEXT] = now[_GOAL] = samples[row, 1]
+        now[_FIRST] = (samples[row, 0] - begin) / h
+        return
+    now[_COMMAND] = 0.0
+    while row < len(samples) and samples[row, 0] < end:
+        now[_COMMAND] += samples[row - 1, 1] * (samples[row, 0] - moment) / h
+        both[1, at[_DELAY]] += (samples[row - 1, 1] - samples[row, 1]) / h
+        moment = samples[row, 0]
+        row += 1
+    now[_COMMAND] += samples[row - 1, 1] * (end - moment) / h
+    now[_GOAL] = samples[row - 1, 1]
+
+
+@compiled
+def _follow(p: Array, samples: Array, begin: float, h: float, place: int, both: Array, now: Array, at: IntArray) -> int:
+    """Return the row of the command at a moment; write the goal inside the drive a step later, and its mean.
 
     The goal follows the command at the slew limit at most. Times at which the command changes divide the step, so that
     goal and mean are exact, as are their derivatives, the two rows of ``both``, by the delay too.
@@ -49,22 +76,18 @@ def _follow(
     slew = p[_SLEW]
     while place + 1 < len(samples) and samples[place + 1, 0] <= begin:
         place += 1
-    row, total, moment, after_cut, is_free = place, 0.0, begin, 0.0, slew == math.inf
+    if slew == math.inf:
+        _jump(samples, begin, h, place, both, now, at)
+        return place
+    row, total, moment, after_cut, goal, now[_FIRST] = place, 0.0, begin, 0.0, now[_GOAL], 1.0
     for k in range(both.shape[1]):
         both[1, k] = 0.0
-    if is_free and (row + 1 == len(samples) or samples[row + 1, 0] >= begin + h):
-        return place, samples[row, 1], samples[row, 1]
     while True:
         is_cut = row + 1 < len(samples) and samples[row + 1, 0] < begin + h
         span = (samples[row + 1, 0] if is_cut else begin + h) - moment
         by_delay = (1.0 if is_cut else 0.0) - after_cut  # what the piece grows by with the delay
         gap = samples[row, 1] - goal
-        reach = math.inf if is_free else slew * span
-        if is_free:
-            total += samples[row, 1] * span
-            both[1, at[_DELAY]] += samples[row, 1] * by_delay
-            goal = samples[row, 1]
-        elif abs(gap) <= reach:
+        if abs(gap) <= slew * span:
             late = abs(gap) / slew
             total += samples[row, 1] * span - 0.5 * gap * late
             for k in range(both.shape[1]):
@@ -79,7 +102,7 @@ def _follow(
             for k in range(both.shape[1]):
                 both[1, k] += both[0, k] * span
             both[1, at[_SLEW]] += 0.5 * side * span * span
-            goal += side * reach
+            goal += side * slew * span
             both[1, at[_DELAY]] += goal * by_delay
             both[0, at[_SLEW]] += side * span
             both[0, at[_DELAY]] += side * slew * by_delay
@@ -89,7 +112,8 @@ def _follow(
         row += 1
     for k in range(both.shape[1]):
         both[1, k] /= h
-    return place, goal, total / h
+    now[_COMMAND], now[_GOAL] = total / h, goal
+    return place
 
 
 @compiled
@@ -147,46 +171,56 @@ def _budget_slopes(p: Array, v: float, motor: float, external: float, now: Array
 
 
 @compiled
-def _drive_slopes(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -> None:
+def _drive_slopes(p: Array, h: float, v: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Write the derivatives of the force of the drive (``slopes[5]``) and of motor and external torque."""
     sq, sv, dm, de, force, mean = slopes[0], slopes[1], slopes[2], slopes[3], slopes[5], slopes[7]
-    most = now[_ACTIVE] * p[_TORQUE] if now[_LIMITED] < 0.5 else 0.0
+    full, free = now[_ACTIVE] * p[_TORQUE], 1.0 - now[_LIMITED]
+    most = full * free
     by_error = most * p[_GAIN] * now[_PER_ERROR] if now[_ERROR] != 0.0 else 0.0
     by_speed, stiffness = now[_ON] * p[_EMF] + most * p[_KD], now[_STIFFNESS]
     for k in range(len(force)):
         force[k] = by_error * (mean[k] - sq[k])
-    force[at[_GAIN]] += most * now[_PER_ERROR] * now[_ERROR]
+    if now[_FIRST] < 1.0:
+        force[at[_DELAY]] += full * now[_JUMP] / h
+    force[at[_GAIN]] += full * now[_PER_ERROR] * now[_ERROR]
     force[at[_KD]] += most * now[_RATE]
     force[at[_TORQUE]] += now[_ACTIVE] * now[_DUTY]
     for k in range(len(force)):
         dm[k] = force[k] - by_speed * sv[k]
         de[k] = stiffness * sq[k]
     dm[at[_EMF]] -= now[_ON] * v
-    if now[_LIMITED] < 0.5:
-        dm[at[_KD]] -= most * v
-        dm[at[_TORQUE]] -= now[_ACTIVE] * p[_KD] * v
+    dm[at[_KD]] -= most * v
+    dm[at[_TORQUE]] -= now[_ACTIVE] * free * p[_KD] * v
     de[at[_OFFSET]] += stiffness
 
 
 @compiled
 def _carry(p: Array, h: float, v: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Carry the derivatives of the velocity over one step."""
-    sv, de, df, force = slopes[1], slopes[3], slopes[4], slopes[5]
+    sv, de, df, force, before = slopes[1], slopes[3], slopes[4], slopes[5], slopes[8]
     if now[_STUCK] > 0.5:
         sv[:] = 0.0
         return
-    sign, inertia = now[_SIGN], now[_INERTIA]
+    sign, inertia, unturned = now[_SIGN], now[_INERTIA], now[_UNTURNED]
     share, pushed = h / inertia * now[_SHARE], now[_FORCE] - sign * now[_BUDGET]
     for k in range(len(sv)):
+        before[k] = sv[k]
         sv[k] = now[_DECAY] * sv[k] + share * (force[k] + de[k] - sign * df[k])
     by_x = h / inertia * now[_SHARE_X] * pushed - now[_DECAY] * v
     by_damping = by_x * h / inertia
     sv[at[_VISCOUS]] += by_damping
     sv[at[_EMF]] += by_damping * now[_ON]
-    if now[_LIMITED] < 0.5:
-        sv[at[_KD]] += by_damping * now[_ACTIVE] * p[_TORQUE]
-        sv[at[_TORQUE]] += by_damping * now[_ACTIVE] * p[_KD]
+    free = now[_ACTIVE] * (1.0 - now[_LIMITED])
+    sv[at[_KD]] += by_damping * free * p[_TORQUE]
+    sv[at[_TORQUE]] += by_damping * free * p[_KD]
     sv[at[_ARMATURE]] -= by_damping * now[_DAMPING] / inertia + share * pushed / inertia
+    if unturned * v >= 0.0:
+        return
+    whole, twice = v - unturned, 2.0 * sign / inertia
+    rest, gain = -unturned / whole * h, h * now[_BUDGET] / (whole * whole)
+    for k in range(len(sv)):
+        sv[k] += twice * (rest * df[k] + gain * (unturned * before[k] - v * sv[k]))
+    sv[at[_ARMATURE]] -= twice * rest * now[_BUDGET] / inertia
 
 
 @compiled
@@ -199,17 +233,28 @@ def _drift(h: float, slopes: Array) -> None:
 @compiled
 def _push(p: Array, h: float, q: float, v: float, load: Array, law: Array, now: Array) -> tuple[float, float, float]:
     """Return the velocity after one step with the forces at q, and motor and external torque."""
-    error = now[_COMMAND] - q
-    error = 0.0 if abs(error) <= law[2] else error
-    now[_ERROR], now[_PER_ERROR] = error, law[0]
-    raw = p[_GAIN] * law[0] * error + p[_KD] * now[_RATE] + now[_FED]
-    if error != 0.0:
-        raw += math.copysign(law[3], error)
-    whole, on = raw - p[_KD] * v, now[_ON]
-    now[_LIMITED] = 1.0 if abs(whole) >= law[1] else 0.0
-    now[_DUTY] = math.copysign(law[1], whole) if abs(whole) >= law[1] else raw
+    on = now[_ON]
+    now[_DUTY] = now[_LIMITED] = now[_ERROR] = now[_JUMP] = 0.0
+    now[_PER_ERROR] = law[0]
+    share, sign = now[_FIRST], 1.0
+    for goal in (now[_COMMAND], now[_NEXT]):
+        if share > 0.0:
+            error = goal - q
+            error = 0.0 if abs(error) <= law[2] else error
+            duty = p[_GAIN] * law[0] * error + p[_KD] * now[_RATE] + now[_FED]
+            if error != 0.0:
+                duty += math.copysign(law[3], error)
+            whole = duty - p[_KD] * v
+            if abs(whole) >= law[1]:
+                duty = whole = math.copysign(law[1], whole)
+                now[_LIMITED] += share
+            else:
+                now[_ERROR] += share * error
+            now[_DUTY] += share * duty
+            now[_JUMP] += sign * whole
+        share, sign = 1.0 - share, -1.0
     force = now[_ACTIVE] * p[_TORQUE] * now[_DUTY]
-    braking = on * p[_EMF] + (0.0 if abs(whole) >= law[1] else now[_ACTIVE] * p[_TORQUE] * p[_KD])
+    braking = on * p[_EMF] + now[_ACTIVE] * p[_TORQUE] * p[_KD] * (1.0 - now[_LIMITED])
     motor = force - braking * v
     cosine, sine = math.cos(q + p[_OFFSET]), math.sin(q + p[_OFFSET])
     external = -(load[1] + load[2] * cosine + load[3] * sine)
@@ -225,9 +270,18 @@ def _push(p: Array, h: float, q: float, v: float, load: Array, law: Array, now: 
         now[_SHARE] = (1.0 - now[_DECAY]) / x
         now[_SHARE_X] = (now[_DECAY] - now[_SHARE]) / x
     share = h / inertia * now[_SHARE]
-    free, band = now[_DECAY] * v + share * now[_FORCE], share * now[_BUDGET]
-    now[_STUCK], now[_SIGN] = 1.0 if abs(free) <= band else 0.0, math.copysign(1.0, free)
-    return 0.0 if abs(free) <= band else free - math.copysign(band, free), motor, external
+    total, budget = now[_FORCE], now[_BUDGET]
+    sign = math.copysign(1.0, v if v != 0.0 else total)
+    unturned = now[_DECAY] * v + share * (total - sign * budget)
+    now[_SIGN], now[_UNTURNED] = sign, unturned
+    is_stuck = abs(total) <= budget and (v == 0.0 or sign * unturned < 0.0)
+    now[_STUCK] = 1.0 if is_stuck else 0.0
+    if is_stuck:
+        return 0.0, motor, external
+    if unturned * v >= 0.0:
+        return unturned, motor, external
+    rest = -unturned / (v - unturned) * h  # after the reversal, with friction of the other sign
+    return unturned + 2.0 * sign * budget * rest / inertia, motor, external
 
 
 @compiled
@@ -244,8 +298,9 @@ def roll_out(
     """Integrate one joint from the first sample; the commands and the load are all that it is given.
 
     J v' = K u + tau_e - (d + Fv) v - f with |f| <= F, of second order in the step h: a drift of h / 2 at the velocity
-    (Strang 1968), the velocity under the forces there, its damping by the exponential, dry friction holding the joint
-    where F can, and another drift. The goal of the drive is its mean over the step. F is the friction budget of
+    (Strang 1968), the velocity under the forces there, its damping by the exponential, and another drift. A joint that
+    comes to rest within the step is held where F can; else friction turns its sign at that moment. A goal that jumps
+    within the step counts before and after it by their shares, a ramp by its mean. F is the friction budget of
     FRICTION_MODELS at the velocity before.
 
     Args:
@@ -260,11 +315,10 @@ def roll_out(
         out: Positions and velocities at the samples, 1 where the duty was at its limit in the interval after a
             sample, and the derivatives of the positions, shape (N, 3 + f); written.
     """
-    q, v, goal = start[0], start[1], samples[0, 1]
+    q, v = start
     now, parts = np.zeros(_ENTRIES), len(loads) // max(len(samples) - 1, 1)
-    count, place = out.shape[1] - 3, 0
+    count, place, now[_GOAL] = out.shape[1] - 3, 0, samples[0, 1]
     slopes = np.zeros((_ROWS, count + 1))
-    both = slopes[6:8]
     for k in (_COULOMB_S, _LMS, _LES, _LMQ, _LEQ):  # without these no part of the friction fades with the speed
         now[_HAS_FADE] = 1.0 if p[k] != 0.0 or at[k] >= 0 else now[_HAS_FADE]
     for i in range(len(samples)):
@@ -277,17 +331,17 @@ def roll_out(
         now[_ON], now[_ACTIVE] = samples[i, 4], samples[i, 4] * samples[i, 5]
         for step in range(steps):
             begin = samples[i, 0] + step * h - p[_DELAY]
-            place, goal, now[_COMMAND] = _follow(p, samples, begin, h, place, goal, both, at)
+            place = _follow(p, samples, begin, h, place, slopes[6:8], now, at)
             load = loads[parts * i + step * parts // steps]
             now[_RATE], now[_FED] = samples[place, 2], samples[place, 3]
             before = v
             q += 0.5 * h * v
             v, motor, external = _push(p, h, q, before, load, law, now)
             q += 0.5 * h * v
-            out[i, 2] = max(out[i, 2], now[_LIMITED] * now[_ON])
+            out[i, 2] = max(out[i, 2], math.ceil(now[_LIMITED]) * now[_ON])
             if count:
                 _drift(h, slopes)
-                _drive_slopes(p, before, now, slopes, at)
+                _drive_slopes(p, h, before, now, slopes, at)
                 _budget_slopes(p, before, motor, external, now, slopes, at)
                 _carry(p, h, before, now, slopes, at)
                 _drift(h, slopes)

@@ -74,7 +74,8 @@ def _table_log(path: str | Path, how: ServoColumns) -> tuple[ServoLog, Array]:
     kp_column = _kp_column(how, table.header)
     wanted = [names.time, *q, *q_ref, *how.enabled, *how.added, *filter(None, (how.supply, kp_column))]
     rates = tuple(names.dq_ref[k] for k in order) if names.dq_ref else ()
-    wanted += rates
+    speeds = tuple(names.dq[k] for k in order) if names.dq else ()
+    wanted += [*rates, *speeds]
     for name in wanted:
         if name not in table.header:
             raise missing_column(name, table.header, path, table.line)
@@ -102,6 +103,7 @@ def _table_log(path: str | Path, how: ServoColumns) -> tuple[ServoLog, Array]:
         failed=np.zeros((rows, count), dtype=bool),
         kp=float(np.nanmedian(chosen([kp_column]))) if kp_column else kp_of(path, how.kp),
         path=str(path),
+        dq=names.to_si("dq", chosen(speeds)) if speeds else None,
     )
     return log, chosen([EPISODE])[:, 0] if EPISODE in place else np.zeros(0)
 

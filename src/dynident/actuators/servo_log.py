@@ -105,6 +105,7 @@ class ServoLog:
         path: The file.
         left_out: What of the file is left out, and why, in words; with the first log of the file.
         payload: What the arm carried; None for nothing.
+        dq: Measured velocities, shape (N, n), which are checked and not used; None where the log has none.
     """
 
     name: str
@@ -121,6 +122,7 @@ class ServoLog:
     path: str = ""
     left_out: tuple[str, ...] = ()
     payload: Payload | None = None
+    dq: Array | None = None
 
     @property
     def samples(self) -> int:
@@ -161,7 +163,8 @@ def checked_log(log: ServoLog) -> ServoLog:
 def rows_of(log: ServoLog, keep: BoolArray | slice) -> ServoLog:
     """Return some samples of a log."""
     signals = ("time", "q", "q_ref", "dq_ref", "added", "enabled", "supply", "failed")
-    return replace(log, **{name: getattr(log, name)[keep] for name in signals})
+    dq = None if log.dq is None else log.dq[keep]
+    return replace(log, dq=dq, **{name: getattr(log, name)[keep] for name in signals})
 
 
 def _failed_reads(time: Array, q: Array) -> BoolArray:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from dynident.actuators.output_error import ServoProblem, log_weights
 from dynident.actuators.parameters import PARAMETERS, PLACE
@@ -133,7 +133,7 @@ def known_parameters(problem: ServoProblem, parameters: Array, spread: Spread) -
     """Return how far each free parameter is known."""
     values = parameters[problem.places]
     free = [int(k) for k in np.flatnonzero(spread.inner)]
-    factor = student.ppf(0.5 + LEVEL / 2.0, max(spread.pieces - 1, 1))
+    factor = float(stdtrit(max(spread.pieces - 1, 1), 0.5 + LEVEL / 2.0))
     halves = factor * np.sqrt(np.maximum(np.diag(spread.covariance), 0.0))
     found = []
     for k, (name, value, half) in enumerate(zip(problem.free, values.tolist(), halves.tolist(), strict=True)):

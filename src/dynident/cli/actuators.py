@@ -36,7 +36,7 @@ def run(case: Case, options: argparse.Namespace) -> int:
     from dynident.cli import console, jobs
     from dynident.errors import BadOption
     from dynident.files import check_outputs
-    from dynident.results.actuator_text import headline, joint_lines, joint_warnings, parameter_table
+    from dynident.results.actuator_text import all_warnings, headline, joint_lines, parameter_table
 
     for name in _FOREIGN:
         if getattr(options, name):
@@ -59,8 +59,8 @@ def run(case: Case, options: argparse.Namespace) -> int:
         console.answer_table(parameter_table(joint), joint.name)
         for line in joint_lines(joint):
             console.answer(f"  {line}")
-        for warning in joint_warnings(joint):
-            console.answer(f"warning: {joint.name}: {warning}")
+    for warning in all_warnings(found.joints):
+        console.answer(f"warning: {warning}")
     for text in found.provenance.get("left_out", ()):
         console.answer(f"warning: {text}")
     if options.output:
@@ -208,7 +208,7 @@ def validate(options: argparse.Namespace) -> int:
     """
     from dynident.cli import console
     from dynident.results.actuator_report import errors_table, mean_lines
-    from dynident.results.actuator_text import joint_warnings
+    from dynident.results.actuator_text import all_warnings
 
     estimate, runs = _followed(options, ("accept", "split", "full"), options.logs, options.report)
     if options.json:
@@ -219,9 +219,8 @@ def validate(options: argparse.Namespace) -> int:
     for line in others:
         console.answer(line)
     console.answer_table(errors_table(runs))
-    for joint in estimate.joints:
-        for warning in joint_warnings(joint):
-            console.answer(f"warning: {joint.name}: {warning}")
+    for warning in all_warnings(estimate.joints):
+        console.answer(f"warning: {warning}")
     if options.report:
         console.remark(f"wrote {options.report}", options.quiet)
     return 0

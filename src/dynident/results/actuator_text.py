@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dynident.actuators.estimate import ActuatorEstimate, JointActuator
@@ -91,6 +93,15 @@ def joint_warnings(joint: JointActuator) -> list[str]:
     if real:
         found.append(f"{', '.join(real)} ended at a bound: check the drive law and the inertias of the robot model")
     return found
+
+
+def all_warnings(joints: Sequence[JointActuator]) -> list[str]:
+    """Return the warnings of all joints, each once with the joints that it is about."""
+    about: dict[str, list[str]] = {}
+    for joint in joints:
+        for text in joint_warnings(joint):
+            about.setdefault(text, []).append(joint.name)
+    return [f"{', '.join(names)}: {text}" for text, names in about.items()]
 
 
 def _scale(name: str) -> float:
