@@ -130,8 +130,6 @@ def _late_velocity(log: ServoLog) -> list[ServoFinding]:
             continue
         if min(left) < _LAG_LEAVES * left[int(np.argmin(np.abs(lags)))]:
             evidence = f"the velocity {'lags' if lag > 0 else 'leads'} {1e3 * abs(lag):.3g} ms beside the positions"
-            remedy = (
-                "nothing: the fit takes velocities from the positions; do not feed this column to a controller as is"
-            )
+            remedy = "the fit takes velocities from the positions; do not feed this column to a controller as is"
             found.append(ServoFinding("note", "velocity lag", name, evidence, remedy))
     return found

@@ -203,8 +203,10 @@ def _carry(p: Array, h: float, v: float, now: Array, slopes: Array, at: IntArray
         return
     sign, inertia, unturned = now[_SIGN], now[_INERTIA], now[_UNTURNED]
     share, pushed = h / inertia * now[_SHARE], now[_FORCE] - sign * now[_BUDGET]
+    turns = unturned * v < 0.0
+    if turns:
+        before[:] = sv
     for k in range(len(sv)):
-        before[k] = sv[k]
         sv[k] = now[_DECAY] * sv[k] + share * (force[k] + de[k] - sign * df[k])
     by_x = h / inertia * now[_SHARE_X] * pushed - now[_DECAY] * v
     by_damping = by_x * h / inertia
@@ -214,7 +216,7 @@ def _carry(p: Array, h: float, v: float, now: Array, slopes: Array, at: IntArray
     sv[at[_KD]] += by_damping * free * p[_TORQUE]
     sv[at[_TORQUE]] += by_damping * free * p[_KD]
     sv[at[_ARMATURE]] -= by_damping * now[_DAMPING] / inertia + share * pushed / inertia
-    if unturned * v >= 0.0:
+    if not turns:
         return
     whole, twice = v - unturned, 2.0 * sign / inertia
     rest, gain = -unturned / whole * h, h * now[_BUDGET] / (whole * whole)

@@ -16,6 +16,7 @@ from dynident.errors import BadArgument
 from dynident.identification import validate as bare
 from dynident.identification.estimate.estimate import Estimate
 from dynident.identification.estimate.validation import Validation
+from dynident.model.threads import one_blas_thread
 
 
 def validate(
@@ -47,6 +48,7 @@ def validate(
     return compared(estimate, given, preprocessing)
 
 
+@one_blas_thread()
 def compared(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessing | None = None) -> Validation:
     """Compare an estimate with raw logs, and its samples at rest with what static friction can hold.
 
@@ -59,8 +61,9 @@ def compared(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessi
         LogMismatch: A log does not fit the robot, or is too short.
     """
     how, names = preprocessing or estimate.preprocessing, estimate.model.robot.joint_names
-    found = bare.validate(estimate, logs, how)
-    return with_rest(estimate, found, [preprocess(log.ordered(names), how) for log in logs]) if found.rests else found
+    prepared = [preprocess(log.ordered(names), how) for log in logs]
+    found = bare.validate(estimate, prepared)
+    return with_rest(estimate, found, prepared) if found.rests else found
 
 
 def read_log(estimate: Estimate, name: str | Path) -> Log:

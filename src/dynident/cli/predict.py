@@ -55,6 +55,7 @@ def run(options: argparse.Namespace) -> int:
     found = predict_torque(estimate, log.ordered(robot.joint_names))
     write_atomically(options.output, _csv(found))
     sizes = (_rms(one) for one in (found.torque, found.half_model, found.half_measured))
+    widest = found.half_held.max(axis=0)
     joints = [
         {
             "name": name,
@@ -66,12 +67,16 @@ def run(options: argparse.Namespace) -> int:
             "inside": float(share) if np.isfinite(share) else None,
         }
         for name, unit, size, narrow, wide, held, share in zip(
-            robot.joint_names, robot.units, *sizes, found.half_held.max(axis=0), found.inside, strict=True
+            robot.joint_names, robot.units, *sizes, widest, found.inside, strict=True
         )
     ]
     used = found.prepared.kept
     facts = {"log": log.name, "samples": used.samples, "left_out": found.prepared.log.samples - used.samples}
-    remarks = [*_resting(joints), *_outside(robot.joint_names, found.inside), *_beyond(estimate, found.prepared)]
+    remarks = [
+        *_resting(joints, widest),
+        *_outside(robot.joint_names, found.inside),
+        *_beyond(estimate, found.prepared),
+    ]
     if options.json:
         console.answer_json({**facts, "written": options.output, "joints": joints, "remarks": remarks})
         return 0
@@ -102,10 +107,10 @@ def _motion(path: str, columns: object, robot: object) -> Log:
     return read_with(path, replace(lenient, torque=()), arm)
 
 
-def _resting(joints: Sequence[dict[str, object]]) -> list[str]:
-    """Return what is to be said of joints that rest: their torque is an interval."""
-    held = [f"{one['name']} +- {float(str(one['half_width_held'])):.3g} {one['unit']}" for one in joints]
-    held = [text for text, one in zip(held, joints, strict=True) if one["half_width_held"]]
+def _resting(joints: Sequence[dict[str, object]], widest: Array) -> list[str]:
+    """Return what is to be said of joints that rest: their torque is an interval, at most of a half width (n,)."""
+    pairs = zip(joints, widest.tolist(), strict=True)
+    held = [f"{one['name']} +- {half:.3g} {one['unit']}" for one, half in pairs if half]
     return [f"at rest static friction holds any torque about the prediction: {', '.join(held)}"] if held else []
 
 

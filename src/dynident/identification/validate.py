@@ -25,19 +25,21 @@ from dynident.model.threads import one_blas_thread
 
 
 @one_blas_thread()
-def validate(estimate: Estimate, logs: Sequence[Log], preprocessing: Preprocessing | None = None) -> Validation:
+def validate(
+    estimate: Estimate, logs: Sequence[Log | Prepared], preprocessing: Preprocessing | None = None
+) -> Validation:
     """Compare an estimate with logs that it has not seen; they are prepared as those of the fit.
 
     Args:
         estimate: The estimate.
-        logs: Raw logs with positions and torques.
-        preprocessing: Another preparation than that of the fit.
+        logs: Raw logs with positions and torques, or logs that are prepared already.
+        preprocessing: Another preparation than that of the fit, for raw logs.
 
     Raises:
         LogMismatch: A log does not fit the robot, or is too short.
     """
-    preprocessing = preprocessing or estimate.preprocessing
-    prepared = [preprocess(log.ordered(estimate.model.robot.joint_names), preprocessing) for log in logs]
+    how, names = preprocessing or estimate.preprocessing, estimate.model.robot.joint_names
+    prepared = [one if isinstance(one, Prepared) else preprocess(one.ordered(names), how) for one in logs]
     found = validate_prepared(estimate.model, estimate.base, prepared, estimate.beta)
     regressor = RegressorStream(estimate.model, estimate.base, estimate.beta)
     kept = kept_rows(regressor, prepared)

@@ -183,9 +183,17 @@ class CauseSearch:
             self._sides[i][every] = product[:-1, -1]
             self.squares[i] = product[-1, -1]
         self.floors = np.maximum(EXACT**2 * self.whole / rows.counts, 1e-300)
+        self._fits: dict[tuple[int, ...], Solved] = {}
 
     def fit(self, chosen: Sequence[int]) -> Solved:
-        """Return the fit with some of the causes, by their numbers."""
+        """Return the fit with some of the causes, by their numbers; made once."""
+        key = tuple(chosen)
+        if key not in self._fits:
+            self._fits[key] = self.fitted(chosen)
+        return self._fits[key]
+
+    def fitted(self, chosen: Sequence[int]) -> Solved:
+        """Make the fit with some of the causes, by their numbers."""
         return weighted_products(*self.products(chosen), self.squares, self.rows.counts, self.floors)
 
     def products(self, chosen: Sequence[int]) -> tuple[Array, Array]:

@@ -235,7 +235,7 @@ class Anchored(CauseSearch):
         self._known, self._factors = replace(known, places=np.cumsum(kept)[known.places] - 1), factors
         self._found = dict[tuple[int, ...], tuple[Array, Array, Array]]()  # where the fit with one cause more begins
 
-    def fit(self, chosen: Sequence[int]) -> Solved:
+    def fitted(self, chosen: Sequence[int]) -> Solved:
         solved, found = self._fitted(chosen, np.zeros(TEN))
         slot = self._load(chosen)
         if slot is not None and solved.beta[slot[TOLD - 1]] < 0.0:  # the sign of the moments of inertia may hold it
