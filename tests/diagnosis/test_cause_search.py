@@ -7,8 +7,10 @@ import pytest
 import scipy.signal
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.cause_search import Cause, CauseRows, CauseSearch
+from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_search import Cause, CauseSearch
 from dynident.diagnosis.causes.noise_spectrum import NoiseSpectrum
+from dynident.identification.residuals.covariance import FEWEST_FREE
 
 
 def search(torques: Array, columns: Array, seed: int = 0) -> CauseSearch:
@@ -33,9 +35,9 @@ def test_falls_are_those_of_least_squares() -> None:
     near = np.stack([block[:, 0] for block in found.rows.blocks], axis=1)
     found = search(0.3 * columns[0], np.concatenate([columns, near[None] + 1e-3 * columns[:1]]))
     before = found.fit([])
-    fall = found._falls(before, [])
-    for causes in [(k,) for k in range(5)] + [(0, 4), (1, 3)]:
-        assert fall(*causes) == pytest.approx(_fall(found, before.variances, causes), rel=3e-3, abs=1e-3), causes
+    tried = [(k,) for k in range(5)] + [(0, 4), (1, 3)]
+    for causes, fall in zip(tried, found.falls(before, [], tried), strict=True):
+        assert fall == pytest.approx(_fall(found, before.variances, causes), rel=3e-3, abs=1e-3), causes
 
 
 def _fall(found: CauseSearch, variances: Array, causes: tuple[int, ...]) -> float:
@@ -86,9 +88,53 @@ def test_rows_count_as_the_column_has_them(pole: float) -> None:
     noise = np.asarray(scipy.signal.lfilter([1.0], [1.0, -pole], generator.normal(size=(400, count + 100))))[:, 100:]
     for column in columns:
         found = noise @ column[:, 0]
-        masks = np.ones((count, 1), bool)
-        colour = NoiseSpectrum.of_fit([column], masks, 1.0)
-        left = [(row - value * column[:, 0])[:, None] for row, value in zip(noise[:40], found[:40], strict=True)]
-        told = np.mean([colour.factors(residual, column[None])[0][0] for residual in left])
+        colour = NoiseSpectrum.of_fit([column.T], np.array([float(count)]), 1.0)
+        left = [row - value * column[:, 0] for row, value in zip(noise[:40], found[:40], strict=True)]
+        power, noisy = colour.sums(0, np.array(left), np.repeat(column.T, 40, axis=0), np.arange(41))
+        assert power == pytest.approx(np.sum(column**2))
+        told = np.mean(np.maximum(noisy / power, 1.0))
         true = max(1.0, float(np.var(found) / np.var(noise)))
         assert told == pytest.approx(true, rel=0.25), (told, true)
+
+
+def test_rows_of_fits_counted_together_are_those_of_each_alone() -> None:
+    """Against least squares of each fit and complex transforms over the whole circle of frequencies."""
+    columns = (
+        np.random.default_rng(5).normal(size=(3, 300, 2)) * np.array([[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])[:, None]
+    )
+    found = search(0.5 * columns[0] - 0.5 * columns[1], columns)
+    fits = [(0,), (1, 0), (2, 0, 1)]
+    for fit, (counts, times) in zip(fits, found.worths(fits), strict=True):
+        factors, powers = _factors(found, fit)
+        assert counts == pytest.approx(found.rows.counts / factors, rel=1e-6), fit
+        assert times == pytest.approx(factors @ powers / powers.sum(), rel=1e-6), fit
+
+
+def _factors(found: CauseSearch, fit: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return the factors of the last column of a fit at each joint, and its power over the variance, shape (n,)."""
+    rows, plain, after = found.rows, found.fit([]), found.fit(fit)
+    count, joints = rows.target.shape
+    extra = [found.causes[k].columns[0] for k in fit]
+    wholes = [np.column_stack([block, *(column[:, i] for column in extra)]) for i, block in enumerate(rows.blocks)]
+    wholes = [np.where(rows.masks[:, i, None], whole, 0.0) for i, whole in enumerate(wholes)]
+    stacked = np.concatenate([w / np.sqrt(v) for w, v in zip(wholes, after.variances, strict=True)])
+    mix = np.append(-np.linalg.lstsq(stacked[:, :-1], stacked[:, -1], rcond=None)[0], 1.0)
+    first = np.concatenate([w[:, :3] / np.sqrt(v) for w, v in zip(wholes, plain.variances, strict=True)])
+    hat = np.linalg.qr(first)[0].reshape(joints, count, 3)
+    factors, powers, size = np.ones(joints), np.zeros(joints), 2 ** int(np.ceil(np.log2(2 * count)))
+    half = found.spectrum.half
+    near = np.abs((np.arange(size) + size // 2) % size - size // 2) <= half
+    for i, whole in enumerate(wholes):
+        residual = np.where(rows.masks[:, i], rows.target[:, i], 0.0) - whole @ after.beta
+        taken = (np.abs(np.fft.fft(hat[i], size, axis=0)) ** 2).sum(axis=1) / rows.counts[i]
+        averaged = [
+            np.fft.ifft(np.fft.fft(values) * np.fft.fft(near)).real / (2 * half + 1)
+            for values in (np.abs(np.fft.fft(residual, size)) ** 2, taken)
+        ]
+        noise, power = (
+            averaged[0] / np.maximum(1.0 - averaged[1], FEWEST_FREE),
+            np.abs(np.fft.fft(whole @ mix, size)) ** 2,
+        )
+        factors[i] = max(1.0, float(np.mean(noise * power) / max(np.mean(noise) * np.mean(power), 1e-300)))
+        powers[i] = power.sum() / after.variances[i]
+    return factors, powers

@@ -8,7 +8,7 @@ of its neighbours. Where the log does not tell it from others, these are its riv
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -16,6 +16,7 @@ from itertools import combinations
 import numpy as np
 
 from dynident.arrays import Array, BoolArray, IntArray
+from dynident.diagnosis.causes.cause_columns import CauseRows, SharedColumns
 from dynident.diagnosis.causes.noise_spectrum import NoiseSpectrum
 from dynident.diagnosis.causes.weighted_fit import EXACT, RIDGE, Solved, weighted_products
 from dynident.identification.residuals.quantiles import (
@@ -24,7 +25,6 @@ from dynident.identification.residuals.quantiles import (
     student_quantile,
     student_share,
 )
-from dynident.model.reduction import triangle_of
 
 #: Chance that a log without any cause has one told in a round, rows that hang together counted once.
 CHANCE = 1e-4
@@ -114,42 +114,8 @@ class Blame:
         return -float(normal_quantile(student_share(-t, min(self.freedom, MANY))))
 
 
-@dataclass(frozen=True)
-class CauseRows:
-    """Rows of a fit to which causes are added.
-
-    Attributes:
-        blocks: Observation matrix of each joint, shape (N, K_i).
-        columns: Positions in beta of its columns, shape (K_i,) each.
-        size: Length of beta.
-        target: What is fitted, shape (N, n).
-        measured: The torque that sizes are compared with, shape (N, n).
-        masks: Which rows count, shape (N, n).
-        oversampling: Rows for each that is independent where noise is white before the filter.
-    """
-
-    blocks: Sequence[Array]
-    columns: Sequence[IntArray]
-    size: int
-    target: Array
-    measured: Array
-    masks: BoolArray
-    oversampling: float = 1.0
-
-    @cached_property
-    def counts(self) -> Array:
-        """Rows of each joint that count, shape (n,), at least 1."""
-        return np.maximum(self.masks.sum(axis=0), 1).astype(float)
-
-    def torque(self, values: Array, added: Sequence[Cause]) -> Array:
-        """Return the torque of beta followed by the coefficients of the added causes, shape (N, n)."""
-        own = [block @ values[places] for block, places in zip(self.blocks, self.columns, strict=True)]
-        extra = np.concatenate([cause.columns for cause in added]) if added else np.zeros((0, *self.target.shape))
-        return np.stack(own, axis=1) + np.tensordot(values[self.size :], extra, 1)
-
-
 class CauseSearch:
-    """Products of rows and columns of causes, made once; a fit with some of the causes is a choice of their entries."""
+    """Products of columns of a fit and of causes, made once; a fit with some of the causes is a choice of entries."""
 
     def __init__(self, rows: CauseRows, causes: Sequence[Cause], kept: BoolArray | None = None) -> None:
         """Make the products.
@@ -162,28 +128,13 @@ class CauseSearch:
         """
         self.rows, self.causes = rows, tuple(causes)
         kept = np.ones(rows.size, bool) if kept is None else kept
-        self.size, places = int(kept.sum()), np.cumsum(kept) - 1
-        lengths = [len(cause.columns) for cause in causes]
-        ends = self.size + np.cumsum(lengths, dtype=np.int64)
-        self._places = [np.arange(end - length, end) for end, length in zip(ends, lengths, strict=True)]
-        total = self.size + int(sum(lengths))
-        extra = np.concatenate([cause.columns for cause in causes]) if causes else np.zeros((0, *rows.target.shape))
-        joints = rows.target.shape[1]
-        self._grams, self._sides = np.zeros((joints, total, total)), np.zeros((joints, total))
-        self.squares, self.whole = np.zeros((2, joints))  # less what the columns that are taken out explain, and all
-        for i, (block, own) in enumerate(zip(rows.blocks, rows.columns, strict=True)):
-            mine, target = kept[own], rows.target[:, i]
-            every = np.concatenate([places[own[mine]], np.arange(self.size, total)])
-            order = np.concatenate([np.flatnonzero(~mine), np.flatnonzero(mine)])
-            full = triangle_of(np.column_stack([block[:, order], extra[:, :, i].T, target])[rows.masks[:, i]])
-            self.whole[i] = full[:, -1] @ full[:, -1]
-            full = full[np.sum(~mine) :, np.sum(~mine) :]
-            product = full.T @ full
-            self._grams[i][np.ix_(every, every)] = product[:-1, :-1]
-            self._sides[i][every] = product[:-1, -1]
-            self.squares[i] = product[-1, -1]
-        self.floors = np.maximum(EXACT**2 * self.whole / rows.counts, 1e-300)
+        self.columns = SharedColumns.of_rows(rows, [cause.columns for cause in causes], kept)
+        self.size = self.columns.size
+        ends = self.size + np.cumsum([len(cause.columns) for cause in causes], dtype=np.int64)
+        self._places = [np.arange(end - len(cause.columns), end) for end, cause in zip(ends, causes, strict=True)]
+        self.floors = np.maximum(EXACT**2 * self.columns.whole / rows.counts, 1e-300)
         self._fits: dict[tuple[int, ...], Solved] = {}
+        self._worths: dict[tuple[int, ...], tuple[Array, float]] = {}
 
     def fit(self, chosen: Sequence[int]) -> Solved:
         """Return the fit with some of the causes, by their numbers; made once."""
@@ -194,47 +145,64 @@ class CauseSearch:
 
     def fitted(self, chosen: Sequence[int]) -> Solved:
         """Make the fit with some of the causes, by their numbers."""
-        return weighted_products(*self.products(chosen), self.squares, self.rows.counts, self.floors)
+        return weighted_products(*self.products(chosen), self.columns.squares, self.rows.counts, self.floors)
+
+    def used(self, chosen: Sequence[int]) -> IntArray:
+        """Return the columns of the fit with some of the causes, by their numbers among all columns."""
+        return np.concatenate([np.arange(self.size), *(self._places[k] for k in chosen)])
 
     def products(self, chosen: Sequence[int]) -> tuple[Array, Array]:
         """Return W_i' W_i (n, k, k) and W_i' tau_i (n, k) of each joint with the columns of some of the causes."""
-        use = np.concatenate([np.arange(self.size), *(self._places[k] for k in chosen)])
-        return self._grams[:, use][:, :, use], self._sides[:, use]
+        use = self.used(chosen)
+        return self.columns.grams[:, use[:, None], use], self.columns.sides[:, use]
 
     @cached_property
     def spectrum(self) -> NoiseSpectrum:
         """How the noise of neighbouring rows hangs together."""
-        plain = self.fit([])
-        squares, directions = np.linalg.eigh(plain.covariance)
-        root, rows = directions * np.sqrt(np.maximum(squares, 0.0)), self.rows
-        roots = [
-            block @ root[own] / np.sqrt(variance)
-            for block, own, variance in zip(rows.blocks, rows.columns, plain.variances, strict=True)
-        ]
-        return NoiseSpectrum.of_fit(roots, rows.masks, rows.oversampling)
+        plain, roots = self.fit([]), []
+        for joint, variance in zip(self.columns.joints, plain.variances, strict=True):
+            mine = joint.places[joint.places < self.size]
+            squares, directions = np.linalg.eigh(plain.covariance[np.ix_(mine, mine)])
+            root = directions * np.sqrt(np.maximum(squares, 0.0) / variance)
+            roots.append(np.concatenate([joint.alone, root.T @ joint.columns[: len(mine)]]))
+        return NoiseSpectrum.of_fit(roots, self.rows.counts, self.rows.oversampling)
 
-    def worth(self, after: Solved, chosen: Sequence[int]) -> tuple[Array, float]:
-        """Return how many independent rows each joint has for the last of the causes, and what its variance is times.
+    def worths(self, fits: Sequence[Sequence[int]]) -> list[tuple[Array, float]]:
+        """Return how many independent rows each joint has for the last of the causes of each fit, made once.
 
         Args:
-            after: The fit with all of them.
-            chosen: The causes, by their numbers.
+            fits: The causes of each, by their numbers.
 
         Returns:
-            Shape (n,), and the variance of the coefficients over that of independent rows.
+            Of each fit shape (n,), and the variance of the coefficients over that of independent rows.
         """
-        rows, added = self.rows, [self.causes[k] for k in chosen]
-        size = len(added[-1].columns)
-        spread = after.covariance[-size:, -size:]
-        mixed = -np.linalg.solve(spread, after.covariance[-size:, :-size])
-        own = np.stack([
-            column - rows.torque(mix, added[:-1]) for column, mix in zip(added[-1].columns, mixed, strict=True)
-        ])  # fmt: skip
-        sizes = np.einsum("kin,kin,n->k", own, np.where(rows.masks, own, 0.0), 1.0 / after.variances)
-        own /= np.sqrt(np.maximum(sizes, 1e-300))[:, None, None]
-        factors, power = self.spectrum.factors(rows.target - rows.torque(after.beta, added), own)
-        power /= after.variances
-        return rows.counts / factors, float(factors @ power / max(power.sum(), 1e-300))
+        missing = [chosen for chosen in dict.fromkeys(map(tuple, fits)) if chosen not in self._worths]
+        if missing:
+            self._worths |= dict(zip(missing, self._counted(missing), strict=True))
+        return [self._worths[tuple(chosen)] for chosen in fits]
+
+    def _counted(self, fits: Sequence[tuple[int, ...]]) -> Iterator[tuple[Array, float]]:
+        """Yield the same; residuals and columns of all fits are one product with the columns of each joint."""
+        solved, total = [self.fit(chosen) for chosen in fits], self.columns.grams.shape[1]
+        residuals, own = np.zeros((len(fits), total + 1)), []
+        for k, (chosen, after) in enumerate(zip(fits, solved, strict=True)):
+            use, size = self.used(chosen), len(self._places[chosen[-1]])
+            residuals[k, use], residuals[k, -1] = -after.beta, 1.0
+            left = np.zeros((size, total + 1))  # of the last columns once all others have explained them
+            left[:, use[:-size]] = np.linalg.solve(after.covariance[-size:, -size:], after.covariance[-size:, :-size])
+            left[:, use[-size:]] = np.eye(size)
+            own.append(left)
+        mixed, ends = np.concatenate([residuals, *own]), np.cumsum([0, *map(len, own)])
+        power, noisy = np.zeros((2, len(self.columns.joints), ends[-1]))
+        for i, joint in enumerate(self.columns.joints):
+            series = mixed[:, joint.places] @ joint.columns
+            power[i], noisy[i] = self.spectrum.sums(i, series[: len(fits)], series[len(fits) :], ends)
+        for after, begin, end in zip(solved, ends[:-1], ends[1:], strict=True):
+            sizes = np.maximum((1.0 / after.variances) @ power[:, begin:end], 1e-300)
+            powers = (power[:, begin:end] / sizes).sum(axis=1)
+            factors = (noisy[:, begin:end] / sizes).sum(axis=1) / np.maximum(powers, 1e-300)
+            factors, weights = np.maximum(factors, 1.0), powers / after.variances
+            yield self.rows.counts / factors, float(factors @ weights / max(weights.sum(), 1e-300))
 
     def blames(self) -> tuple[Blame, ...]:
         """Return the causes that are sure, the one that explains most first.
@@ -270,8 +238,9 @@ class CauseSearch:
 
     def candidates(self, before: Solved, chosen: Sequence[int]) -> list[int]:
         """Return the causes that are worth a fit, by their numbers."""
-        fall = self._falls(before, chosen)
-        falls = {k: fall(k) / self.rows.oversampling for k in self._left(chosen)}
+        rest = self._left(chosen)
+        alone = self.falls(before, chosen, [(k,) for k in rest]) / self.rows.oversampling
+        falls = dict(zip(rest, alone.tolist(), strict=True))
         rows = float(np.log(self.rows.counts.sum() / self.rows.oversampling))
         merits = {k: self.causes[k].likelier * (own - len(self._places[k]) * rows) for k, own in falls.items()}
         likely = [k for k, own in falls.items() if self._may_be_sure(own, len(self.causes), k)]
@@ -284,35 +253,44 @@ class CauseSearch:
     def _left(self, chosen: Sequence[int]) -> list[int]:
         return [k for k in range(len(self.causes)) if k not in chosen]
 
-    def _falls(self, before: Solved, chosen: Sequence[int]) -> Callable[..., float]:
-        """Return by how much the weighted squares fall where some more causes are fitted, with the weights as they are.
+    def falls(self, before: Solved, chosen: Sequence[int], more: Sequence[Sequence[int]]) -> Array:
+        """Return by how much the weighted squares fall where more causes are fitted, with the weights as they are.
 
         Weights follow from the fit before: its own are those of a pass earlier, which nearly dependent columns do not
         forgive.
+
+        Args:
+            before: The fit with the chosen causes.
+            chosen: These, by their numbers.
+            more: Sets of causes, m of them, each of which is fitted beside the chosen ones.
+
+        Returns:
+            Shape (m,).
         """
-        use = np.concatenate([np.arange(self.size), *(self._places[k] for k in chosen)])
-        new = np.arange(self.size, self._sides.shape[1])
-        every, weights = np.concatenate([use, new]), 1.0 / before.variances
-        gram = np.tensordot(weights, self._grams[:, every][:, :, every], 1)
-        side = weights @ self._sides[:, every]
-        sizes = np.diag(gram)
-        gram = gram + np.diag(RIDGE * np.where(sizes > 0, sizes, 1.0))
-        along = np.linalg.solve(gram[: len(use), : len(use)], gram[: len(use), len(use) :])
-        beyond = gram[len(use) :, len(use) :] - gram[len(use) :, : len(use)] @ along
-        beyond += np.diag(1e-9 * sizes[len(use) :] + 1e-300)
-        rest = side[len(use) :] - along.T @ side[: len(use)]
-
-        def fall(*causes: int) -> float:
-            own = np.concatenate([self._places[k] for k in causes]) - self.size
-            return float(rest[own] @ np.linalg.solve(beyond[np.ix_(own, own)], rest[own]))
-
-        return fall
+        columns, use = self.columns, self.used(chosen)
+        new = np.arange(self.size, columns.sides.shape[1])
+        every, weights, known = np.concatenate([use, new]), 1.0 / before.variances, len(use)
+        gram = np.tensordot(weights, columns.grams[:, every[:, None], every], 1)
+        side, sizes = weights @ columns.sides[:, every], np.diag(gram).copy()
+        gram += np.diag(RIDGE * np.where(sizes > 0, sizes, 1.0))
+        along = np.linalg.solve(gram[:known, :known], gram[:known, known:])
+        beyond = gram[known:, known:] - gram[known:, :known] @ along
+        beyond += np.diag(1e-9 * sizes[known:] + 1e-300)
+        rest, found = side[known:] - along.T @ side[:known], np.zeros(len(more))
+        places = [np.concatenate([self._places[k] for k in causes]) - self.size for causes in more]
+        lengths = np.array([len(own) for own in places], dtype=np.int64)
+        for length in np.unique(lengths):
+            which = np.flatnonzero(lengths == length)
+            own = np.stack([places[k] for k in which])
+            solved = np.linalg.solve(beyond[own[:, :, None], own[:, None, :]], rest[own][:, :, None])[:, :, 0]
+            found[which] = np.sum(rest[own] * solved, axis=1)
+        return found
 
     def _next(self, before: Solved, chosen: list[int]) -> tuple[int, Solved, Blame] | None:
         sure: list[tuple[float, int, Solved, tuple[Array, float]]] = []
-        for k in self.candidates(before, chosen):
+        tried = self.candidates(before, chosen)
+        for k, counted in zip(tried, self.worths([(*chosen, k) for k in tried]), strict=True):
             after, columns = self.fit([*chosen, k]), self.causes[k].told
-            counted = self.worth(after, [*chosen, k])
             ratio = _ratio(before, after, counted[0])
             if len(self.causes) * chi_square_tail(ratio, columns) < CHANCE:
                 merit = self.causes[k].likelier * (ratio - columns * float(np.log(counted[0].sum())))
@@ -330,16 +308,21 @@ class CauseSearch:
         Two that pull a torque to opposite sides hide each other. Tried are those by which the residual falls most
         beyond what either of them takes off alone, with the weights as they are.
         """
-        rest, fall = self._left(chosen), self._falls(self.fit(chosen), chosen)
-        pairs, alone = list(combinations(rest, 2)), {k: fall(k) for k in rest}
-        beside = {pair: (fall(*pair) - max(alone[k] for k in pair)) / self.rows.oversampling for pair in pairs}
+        rest = self._left(chosen)
+        pairs = list(combinations(rest, 2))
+        falls = self.falls(self.fit(chosen), chosen, [*pairs, *((k,) for k in rest)]).tolist()
+        alone = dict(zip(rest, falls[len(pairs) :], strict=True))
+        together = dict(zip(pairs, falls, strict=False))
+        beside = {
+            pair: (fall - max(alone[k] for k in pair)) / self.rows.oversampling for pair, fall in together.items()
+        }
         for a, b in sorted(pairs, key=lambda pair: -beside[pair])[:FITTED]:
             if not (self._may_be_sure(beside[a, b], len(pairs), a) and self._may_be_sure(beside[a, b], len(pairs), b)):
                 continue
-            chances = []
-            for one, other in ((a, b), (b, a)):
-                after = self.fit([*chosen, one, other])
-                ratio = _ratio(self.fit([*chosen, one]), after, self.worth(after, [*chosen, one, other])[0])
+            chances, orders = [], ((a, b), (b, a))
+            counted = self.worths([(*chosen, *order) for order in orders])
+            for (one, other), (worth, _) in zip(orders, counted, strict=True):
+                ratio = _ratio(self.fit([*chosen, one]), self.fit([*chosen, one, other]), worth)
                 chances.append(len(pairs) * chi_square_tail(ratio, self.causes[other].told))
             if max(chances) < CHANCE:
                 return [a, b]

@@ -17,7 +17,8 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array, IntArray
-from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseRows, CauseSearch
+from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.flange_load import TEN, TOLD, carried, load_columns, own_inertia
 from dynident.diagnosis.causes.trends import OVERSAMPLING, Trends
 from dynident.diagnosis.causes.weighted_fit import PASSES, RIDGE, Solved
@@ -259,8 +260,8 @@ class Anchored(CauseSearch):
         """
         products, slot = self.products(chosen), self._load(chosen)
         known, held = self._known, np.ix_(self._known.places, self._known.places)
-        counts, squares, floors = self.rows.counts, self.squares, self.floors
-        start = (self.whole / counts + floors, np.full(2, FIRST), load)
+        counts, squares, floors = self.rows.counts, self.columns.squares, self.floors
+        start = (self.columns.whole / counts + floors, np.full(2, FIRST), load)
         is_load = bool(chosen) and self.causes[chosen[-1]].hidden > 0  # which the bodies have taken in before: afresh
         variances, shares, load = start if is_load else self._found.get(tuple(chosen[:-1]), start)
         beta = off = weights = np.zeros(0)
@@ -316,8 +317,8 @@ class Anchored(CauseSearch):
         found = [which for which, k in enumerate(chosen) if self.causes[k].hidden]
         return self._slot(chosen, found[0]) if found else None
 
-    def worth(self, after: Solved, chosen: Sequence[int]) -> tuple[Array, float]:
-        return self.rows.counts / self._factors, 1.0
+    def worths(self, fits: Sequence[Sequence[int]]) -> list[tuple[Array, float]]:
+        return [(self.rows.counts / self._factors, 1.0)] * len(fits)
 
     def judged_again(self, chosen: list[int], found: dict[int, Blame]) -> list[int]:
         return []  # each fit looks for the errors of the bodies, which takes long

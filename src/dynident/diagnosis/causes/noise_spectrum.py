@@ -13,64 +13,70 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynident.arrays import Array, BoolArray
+from dynident.arrays import Array, IntArray
 from dynident.identification.residuals.covariance import FEWEST_FREE
 
 
 @dataclass(frozen=True)
 class NoiseSpectrum:
-    """Averages over the frequencies of some rows.
+    """Averages over the frequencies of some rows; F of them make half a circle.
 
     Attributes:
-        masks: Which rows count, shape (N, n).
-        left: Share of the power of a residual that the fit leaves, averaged, at each of F frequencies, shape (F, n).
+        left: Share of the power of a residual that the fit leaves, averaged, at each frequency, shape (n, F).
         half: Frequencies to each side that an average is over.
     """
 
-    masks: BoolArray
     left: Array
     half: int
 
     @classmethod
-    def of_fit(cls, roots: Sequence[Array], masks: BoolArray, oversampling: float) -> NoiseSpectrum:
+    def of_fit(cls, roots: Sequence[Array], counts: Array, oversampling: float) -> NoiseSpectrum:
         """Return the averages of a fit.
 
         Args:
-            roots: Rows of each joint times a root of the covariance of beta, over the deviation of its residual, shape
-                (N, K): the sum of their squares is the leverage of a row.
-            masks: Which rows count, shape (N, n).
+            roots: Rows of each joint times a root of the covariance of beta, over the deviation of its residual, zero
+                where they do not count, shape (K_i, N): the sum of their squares is the leverage of a row.
+            counts: Rows of each joint that count, shape (n,).
             oversampling: Rows for each that is independent where noise is white before the filter.
         """
-        count = len(masks)
+        count = roots[0].shape[1]
         size = 2 ** int(np.ceil(np.log2(2 * count)))
         passed = count / (2.0 * oversampling)
         half = max(1, round(0.5 * np.sqrt(passed) * size / count))
-        power = [_power(root * mask[:, None], size).sum(axis=1) for root, mask in zip(roots, masks.T, strict=True)]
-        taken = np.stack(power, axis=1) / np.maximum(masks.sum(axis=0), 1)
-        return cls(masks, np.maximum(1.0 - _averaged(taken, half), FEWEST_FREE), half)
+        taken = np.stack([_power(root, size).sum(axis=0) for root in roots]) / counts[:, None]
+        return cls(np.maximum(1.0 - _averaged(taken, half), FEWEST_FREE), half)
 
-    def factors(self, residual: Array, columns: Array) -> tuple[Array, Array]:
-        """Return rows for each that is independent as the columns see them, shape (n,), >= 1, and their power, (n,).
+    def sums(self, joint: int, residuals: Array, columns: Array, ends: IntArray) -> tuple[Array, Array]:
+        """Return the squares of columns of a joint, shape (k,), and the same weighed by the power of the noise.
 
         Args:
-            residual: Residual of the fit, shape (N, n).
-            columns: What the other columns leave of each, shape (k, N, n).
+            joint: Its number.
+            residuals: Residuals of m fits, zero where rows do not count, shape (m, N).
+            columns: What the other columns of their fits leave of each, shape (k, N).
+            ends: Where the columns of each fit begin, and the last of them end, shape (m + 1,).
         """
-        size = len(self.left)
-        noise = _averaged(_power(np.where(self.masks, residual, 0.0), size), self.half) / self.left
-        power = _power(np.where(self.masks, columns, 0.0).transpose(1, 0, 2), size).sum(axis=1)
-        mean = np.maximum(noise.mean(axis=0) * power.sum(axis=0), 1e-300)
-        return np.maximum((noise * power).sum(axis=0) / mean, 1.0), power.sum(axis=0)
+        size = 2 * (self.left.shape[1] - 1)
+        times = np.full(self.left.shape[1], 2.0 / size)  # the other half of the circle is the same
+        times[[0, -1]] = 1.0 / size
+        noise = _averaged(_power(residuals, size), self.half) / self.left[joint]
+        noise /= np.maximum(noise @ times, 1e-300)[:, None]
+        power, noisy = _power(columns, size), np.zeros(len(columns))
+        for own, begin, end in zip(noise * times, ends[:-1], ends[1:], strict=True):
+            noisy[begin:end] = power[begin:end] @ own
+        return power @ times, noisy
 
 
 def _power(values: Array, size: int) -> Array:
-    """Return the power of columns (N, ...) at ``size`` frequencies, their mean the sum of squares."""
-    transform = np.fft.fft(values, size, axis=0)
+    """Return the power of series (k, N) at half of ``size`` frequencies, whose mean is the sum of squares, (k, F)."""
+    transform = np.fft.rfft(values, size)
     return transform.real**2 + transform.imag**2
 
 
 def _averaged(values: Array, half: int) -> Array:
-    """Return running means (F, n) over a circle of frequencies, ``half`` to each side."""
+    """Return running means (k, F) over a circle of frequencies, ``half`` to each side, of which half is given."""
     wide = 2 * half + 1
-    sums = np.cumsum(np.concatenate([np.zeros((1, values.shape[1])), values[-half:], values, values[:half]]), axis=0)
-    return (sums[wide:] - sums[:-wide]) / wide
+    circle = np.concatenate(
+        [np.zeros((len(values), 1)), values[:, half:0:-1], values, values[:, -2 : -half - 2 : -1]], 1
+    )
+    sums = np.cumsum(circle, axis=1)
+    return (sums[:, wide:] - sums[:, :-wide]) / wide

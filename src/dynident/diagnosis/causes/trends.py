@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseRows, CauseSearch
+from dynident.diagnosis.causes.cause_columns import CauseRows
+from dynident.diagnosis.causes.cause_search import Blame, Cause, CauseSearch
 from dynident.diagnosis.causes.held_out import judged
 from dynident.diagnosis.causes.quick_fit import ROWS_PER_HZ, QuickFit
 from dynident.identification.problem.problem import rest_speeds
