@@ -13,7 +13,7 @@ import pytest
 from dynident.cli.main import main
 from dynident.data.formats import write_log
 from dynident.data.log import Log
-from dynident.identification.estimate.plausibility import Plausibility
+from dynident.identification.estimate.plausibility import ContradictedBound, Plausibility
 from dynident.identification.files.estimate_file import read_estimate
 from dynident.identification.problem.method_run import recorded_run
 from dynident.model.documents.robot_data import robot_to_dict
@@ -21,6 +21,7 @@ from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION
 from dynident.model.robot import Robot
 from dynident.results import short_answer
+from dynident.results.plausibility import contradiction
 
 Capture = pytest.CaptureFixture[str]
 
@@ -140,6 +141,12 @@ def test_a_mass_that_the_data_contradict_is_named(folder: Path, capsys: Capture)
     assert line.endswith("its bound is relaxed") and line.split(" (")[0] in (folder / "r.html").read_text()
     links = next(line for line in out.splitlines() if line.startswith("links: "))
     assert re.match(r"links: physically consistent and plausible but for .*mass of link2.* \(bound relaxed\)", links)
+
+
+def test_a_size_that_the_data_contradict_names_shapes_and_inertia() -> None:
+    words = contradiction(ContradictedBound("link2", "size", 40.0, 20.0, 0.1, True))
+    assert words.startswith("size of link2: the data contradict it (chi-square 40")
+    assert words.endswith("its bound is relaxed; check shapes and inertia of the link in the robot model")
 
 
 def test_bodies_are_for_the_estimator_consistent(folder: Path, capsys: Capture) -> None:

@@ -10,7 +10,14 @@ import pytest
 from dynident import read_robot
 from dynident.model.body_constraints import DIRECTIONS, NEAREST, BodyConstraints, Constraints, Ellipsoid, ValueRange
 from dynident.model.inertia import Inertia
-from dynident.model.plausible import LEAST_DENSITY, bounding_ellipsoid, link_points, plausible_constraints, uniform_body
+from dynident.model.plausible import (
+    LEAST_DENSITY,
+    bounding_ellipsoid,
+    link_points,
+    plausible_constraints,
+    uniform_body,
+    wider_bounds,
+)
 from dynident.model.robot import Robot, rotation_about
 from dynident.model.shapes import Box
 
@@ -47,6 +54,32 @@ def test_no_body_between_the_slabs_reaches_further_at_equal_density() -> None:
         spreads = np.einsum("ki,ij,kj->k", others, second, others) - (others @ centre) ** 2
         largest = max(largest, np.max(np.abs(others @ centre) + np.sqrt(5 * np.maximum(spreads, 0.0))))
     assert 1.2 < largest <= 1.5
+
+
+def test_bounds_that_a_nominal_body_breaks_are_widened_to_hold_it_with_room() -> None:
+    """A rod 20 mm thin in a box, a ball too large for it, and one that fits; what is stated stays."""
+    robot, box = read_robot("generic-6r"), Box(np.full(3, 0.3))
+    spreads = ([1e-4, 0.01, 0.01], [0.05, 0.05, 0.05], [0.006, 0.006, 0.006])
+    bodies = [Inertia.from_pseudo(2.0 * np.diag([*spread, 1.0])) for spread in spreads]
+    links = [
+        replace(link, inertia=body, shapes=(box,)) for link, body in zip(robot.links, [*bodies, *bodies], strict=True)
+    ]
+    robot = replace(robot, links=tuple(links))
+    names = [link.name for link in links]
+    stated = Constraints({name: BodyConstraints(thickness=0.01) for name in names[3:]})
+    bounds = plausible_constraints(robot, stated)
+    found = wider_bounds(robot, bounds, stated)
+    assert list(found) == [names[0], names[1], names[4]]
+    assert 0.5 * 0.01 < found[names[0]].thickness < 0.01
+    assert found[names[1]].thickness == bounds.links[names[1]].thickness and found[names[4]].thickness == 0.01
+    for k in (1, 4):
+        space = found[names[k]].body_ellipsoid
+        assert space is not None
+        rules = np.concatenate([space.quadric[None], space.slabs(found[names[k]].reach)])
+        assert np.all(np.einsum("kij,ij->k", rules, bodies[1].pseudo) > 0.0)
+    point = Inertia(2.0, np.zeros(3), np.zeros((3, 3)))  # no body of positive density, but what the file states
+    alone = replace(robot, links=(replace(links[0], inertia=point), *links[1:]))
+    assert wider_bounds(alone, plausible_constraints(alone), Constraints())[names[0]].thickness == 0.0
 
 
 def test_the_size_of_a_link_without_shapes() -> None:

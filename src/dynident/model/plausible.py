@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.body_constraints import DIRECTIONS, BodyConstraints, Constraints, Ellipsoid, ValueRange
-from dynident.model.inertia import Inertia
+from dynident.model.body_constraints import DIRECTIONS, NEAREST, BodyConstraints, Constraints, Ellipsoid, ValueRange
+from dynident.model.inertia import PSEUDO_BASIS, Inertia
 from dynident.model.robot import Link, Robot
 from dynident.model.shapes import Box, Capsule, Cylinder, Shape, Sphere
 
@@ -33,6 +33,9 @@ REACH = 1.5
 
 #: Bounds of a mass and of the total mass as factors about the nominal value.
 MASS_FACTOR, TOTAL_FACTOR = 3.0, 1.5
+
+#: What bounds that a nominal body breaks have to spare once they hold it: lengths as factors.
+SPARE = 1.5
 
 _DIRECTIONS = np.vstack([DIRECTIONS, -DIRECTIONS])
 
@@ -64,6 +67,38 @@ def plausible_constraints(robot: Robot, stated: Constraints | None = None) -> Co
         whole = sum(min(max(mass, own.low), own.high) for mass, own in zip(masses, ranges, strict=True))
         total = ValueRange(whole / TOTAL_FACTOR, whole * TOTAL_FACTOR)
     return Constraints(bodies, total, known.fixed)
+
+
+def wider_bounds(
+    robot: Robot, bounds: Constraints, stated: Constraints, prior: Array | None = None
+) -> dict[str, BodyConstraints]:
+    """Return bounds with room for the nominal body of each link that breaks those which its geometry gives.
+
+    Args:
+        robot: Nominal bodies, also those without thickness, such as a point mass.
+        bounds: Of :func:`plausible_constraints`.
+        stated: What they were made with; it stays.
+        prior: Nominal bodies in place of the robot model's, shape (l, 10).
+    """
+    found: dict[str, BodyConstraints] = {}
+    for i, link in enumerate(robot.links):
+        known, own = bounds.links[link.name], stated.links.get(link.name, BodyConstraints())
+        ten = prior[i] if prior is not None else np.zeros(10) if link.inertia is None else link.inertia.vector
+        if not ten[9] > 0:
+            continue
+        second = np.einsum("k,kij->ij", ten / ten[9], PSEUDO_BASIS)
+        least = np.linalg.eigvalsh(second[:3, :3] - np.outer(second[:3, 3], second[:3, 3]))[0]
+        if not own.thickness and known.thickness**2 > least:
+            found[link.name] = known = replace(known, thickness=float(np.sqrt(max(least, 0.0))) / SPARE)
+        if known.body_ellipsoid is not None and known.reach:  # not a stated one
+            most = NEAREST * known.reach**2 / 6.0
+            slabs = np.sum(second * known.body_ellipsoid.slabs(known.reach), axis=(1, 2))
+            ratio = 1.0 - min(np.sum(second * known.body_ellipsoid.quadric), np.min(slabs) / most)
+            if ratio > 1.0:
+                axes = known.body_ellipsoid.semi_axes * np.sqrt(ratio) * SPARE
+                size = replace(known.body_ellipsoid, semi_axes=axes)
+                found[link.name] = replace(known, body_ellipsoid=size)
+    return found
 
 
 def extent_of(points: Array) -> float:

@@ -1,6 +1,7 @@
 """Sphere, Capsule, Box, Cylinder, Mesh: the space that a body takes up, as frozen values in the frame of its link.
 
-They say what a description states; what a clearance check works with are the capsules that cover them, see covering.py.
+They say what a description states; a clearance check works with the capsules that cover them, see
+excitation/collision/covering.py.
 """
 
 from __future__ import annotations

@@ -69,6 +69,8 @@ def cost_line(test: Validation | None, is_default: bool) -> str:
 def contradiction(found: ContradictedBound) -> str:
     """Return how the data contradict a bound, and what became of it."""
     fate = "its bound is relaxed" if found.is_relaxed else "the stated range is kept: check it"
+    if found.bound == "size":
+        fate += "; check shapes and inertia of the link in the robot model"
     numbers = f"chi-square {format_number(found.statistic, 3)} > {format_number(found.limit, 3)}"
     gain = f"training error {format_number(100 * found.gain, 2)} % lower without the bound"
     return f"{bound_name(found)}: the data contradict it ({numbers}; {gain}); {fate}"

@@ -180,10 +180,16 @@ def paths_of(program: Program) -> dict[str, Path]:
     return {"Clarabel": solve_conic, "Clarabel, whitened": solve_whitened, "log-det barrier": _solve_barrier}
 
 
-def _solve_barrier(program: Program) -> ConicCandidate:
-    from dynident.identification.consistency.barrier import inside, solve_barrier  # few programs come here
+def _inside(program: Program) -> Array | None:
+    from dynident.identification.consistency.barrier import inside  # few programs come here
 
-    found = inside(program)
+    return inside(program)
+
+
+def _solve_barrier(program: Program) -> ConicCandidate:
+    from dynident.identification.consistency.barrier import solve_barrier
+
+    found = _inside(program)
     if found is None:
         raise ValueError("no point strictly inside the conditions was found")
     return solve_barrier(program, found)
@@ -231,8 +237,8 @@ def solve_program(program: Program, stated: bool = False) -> Answer:
     failed: list[str] = []
     best = _best_answer(program, failed)
     if best is None or best.optimality.gap > GOOD:
-        place = _clipped(program.conditions, program.start) if best is None else best.candidate.phi
-        best = _in_own_units(program, place) or best
+        place = _inside(program) if best is None else best.candidate.phi
+        best = best if place is None else _in_own_units(program, place) or best
     if best is not None:
         return replace(best, failed=tuple(failed))
     _check_room(program)

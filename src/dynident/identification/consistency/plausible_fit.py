@@ -21,12 +21,13 @@ A nominal body that does not meet the bounds of its link is replaced by the near
 
 A bound that nobody stated, a mass range or the size of a link without shapes, is contradicted where the cost without it
 is lower by more than a quantile of chi-square at 5 % over all such bounds (Bonferroni), the cost of each joint over its
-correlation factor; with one degree of freedom for a mass and ten, the parameters of a link, for a size.
+correlation factor; with one degree of freedom for a mass and ten, the parameters of a link, for a size. A size that the
+link's own nominal body breaks is tested as well, and widened to hold that body where it is contradicted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -52,7 +53,7 @@ from dynident.identification.residuals.covariance import correlation_of
 from dynident.identification.residuals.quantiles import chi_square_quantile
 from dynident.model.body_constraints import BodyConstraints, Constraints, ValueRange
 from dynident.model.inertia import PSEUDO_BASIS
-from dynident.model.plausible import plausible_constraints, shape_points, uniform_body
+from dynident.model.plausible import plausible_constraints, shape_points, uniform_body, wider_bounds
 from dynident.model.robot import Robot
 from dynident.model.threads import one_blas_thread
 
@@ -97,7 +98,9 @@ def plausible_fit(
     model, base, reduced, scale = problem.model, problem.base, problem.reduced(weights), scale_of(problem)
     whole = plausible_constraints(model.robot, problem.constraints)
     contradicted = () if settled is None else settled.contradicted
-    bounds = _without(whole, [(one.name, one.bound) for one in contradicted if one.is_relaxed])
+    bodies, is_stated, uniform = nominal_bodies(model.robot, whole, problem.prior)
+    wider = wider_bounds(model.robot, whole, problem.constraints, problem.prior and bodies)
+    bounds = _without(whole, [(one.name, one.bound) for one in contradicted if one.is_relaxed], wider)
     program, rows = pose_program(model, base, reduced, scale, pull, margin, constraints=bounds), max(reduced.rows, 1)
 
     def within(known: Constraints) -> Answer:
@@ -112,8 +115,7 @@ def plausible_fit(
         except ContradictoryConstraints as clash:
             step = "drop or change one of them; bounds of the robot model give way to stated ones and to --bodies free"
             raise ContradictoryConstraints(clash.evidence, step) from clash
-        setting = _Setting(problem, weights * np.sqrt(rows / max(reduced.rest, 1e-300)), scale, within)
-        bodies, is_stated, uniform = nominal_bodies(model.robot, whole, problem.prior)
+        setting = _Setting(problem, weights * np.sqrt(rows / max(reduced.rest, 1e-300)), scale, within, wider)
         filling = np.array([uniform_body(whole.links[link.name]).vector for link in model.robot.links])
         if settled is None:
             contradicted, bounds, inner = _contradicted(setting, bounds, inner)
@@ -134,10 +136,9 @@ def plausible_fit(
             weight, cost_rise = largest_weight(rise, limit)
         else:
             weight, cost_rise = settled.weight, rise(settled.weight) if settled.weight else 0.0
-        fit = judged(answers[weight], scale)
-    names = tuple(link.name for link, moved in zip(model.robot.links, fitted, strict=True) if moved)
-    facts = Plausibility(weight, cost_rise, limit, contradicted, tuple(uniform), names)
-    return PlausibleFit(fit, answers[weight].program, facts)
+        names = tuple(link.name for link, moved in zip(model.robot.links, fitted, strict=True) if moved)
+        facts = Plausibility(weight, cost_rise, limit, contradicted, tuple(uniform), names)
+        return PlausibleFit(judged(answers[weight], scale), answers[weight].program, facts)
 
 
 def largest_weight(rise: Callable[[float], float], limit: float) -> tuple[float, float]:
@@ -261,11 +262,17 @@ class _Setting:
     weights: Array
     scale: Scale
     within: Callable[[Constraints], Answer]
+    wider: Mapping[str, BodyConstraints]
 
     def costs(self, answer: Answer) -> Array:
         """Return the weighted residual square of each joint in residual variances of the free fit, shape (n,)."""
         beta = self.problem.base.from_standard(answer.candidate.phi * self.scale.parameters)
         return self.weights**2 * self.problem.residual_squares(beta)
+
+    def falls(self, bounds: Constraints, keys: Iterable[tuple[str, str]], inner: Answer) -> tuple[Array, Answer]:
+        """Return by how much the cost of each joint (n,) is below that of an answer without bounds, and the answer."""
+        answer = self.within(_without(bounds, keys, self.wider))
+        return self.costs(inner) - self.costs(answer), answer
 
 
 def _contradicted(
@@ -274,66 +281,45 @@ def _contradicted(
     """Return the contradicted bounds, the bounds without those to relax, and the answer within them.
 
     Forward selection: the bound whose statistic is furthest above its limit goes first, while that is significant. One
-    that no longer matters once others are gone comes back.
+    that no longer matters once others are gone comes back. Sizes that the nominal body itself does not fit are tested
+    before all others: a nominal mass is always in its range, so no range gives way for them.
     """
-    problem, tested, start = setting.problem, _tested(bounds, setting.problem), bounds
-    stated = _ranges(problem.constraints)
-    active = _at_bound(setting, bounds, tested, inner)
+    problem, start = setting.problem, bounds
+    stated, doubtful = _ranges(problem.constraints), [(name, "size") for name in setting.wider]
+    others = [key for key in _tested(bounds, problem) if key not in doubtful]
+    active = _at_bound(setting, bounds, doubtful + others, inner)
     if not active:
         return (), bounds, inner
-    level = 1.0 - (1.0 - LEVEL) / len(tested)
+    level = 1.0 - (1.0 - LEVEL) / len(doubtful + others)
     limits = {"mass": chi_square_quantile(level, 1), "size": chi_square_quantile(level, 10)}
     least = min(limits[bound] for _, bound in active)
-    falls = setting.costs(inner) - setting.costs(setting.within(_without(bounds, tested)))
+    falls = setting.falls(bounds, doubtful + others, inner)[0]
     if np.sum(falls) <= least:  # correlation factors, 1 at least, make it less
         return (), bounds, inner
     factors = correlation_of(problem, problem.base.from_standard(inner.candidate.phi * setting.scale.parameters))
-    if np.sum(falls / factors) <= least:
-        return (), bounds, inner
-    found: list[ContradictedBound] = []
-    while active := _suspects(setting, bounds, inner, factors * least, active):
-        answers = {key: setting.within(_without(bounds, [key])) for key in active}
-        each = {key: setting.costs(inner) - setting.costs(answer) for key, answer in answers.items()}
-        key = max(active, key=lambda key: float(np.sum(each[key] / factors)) - limits[key[1]])
-        statistic, fall = float(np.sum(each[key] / factors)), float(np.sum(each[key]))
-        name, bound = key
-        if statistic <= limits[bound]:
-            break
-        gain = 1.0 - float(np.sqrt(1.0 - fall / np.sum(setting.costs(inner))))
-        is_relaxed = bound == "size" or name not in stated
-        found.append(ContradictedBound(name, bound, statistic, limits[bound], gain, is_relaxed))
-        if is_relaxed:
-            bounds, inner = _without(bounds, [key]), answers[key]
-        done = {(one.name, one.bound) for one in found}
-        active = [key for key in _at_bound(setting, bounds, tested, inner) if key not in done]
-    for one in [one for one in found[:-1] if one.is_relaxed]:
-        kept = [(other.name, other.bound) for other in found if other.is_relaxed and other is not one]
-        restored = _without(start, kept)
-        answer = setting.within(restored)
-        if np.sum((setting.costs(answer) - setting.costs(inner)) / factors) <= one.limit:
-            found, bounds, inner = [other for other in found if other is not one], restored, answer
-    return tuple(found), bounds, inner
-
-
-def _suspects(
-    setting: _Setting, bounds: Constraints, inner: Answer, worth: Array, keys: list[tuple[str, str]]
-) -> list[tuple[str, str]]:
-    """Return the bounds that matter alone or with their neighbours in the list; halves of which none does go at once.
-
-    Args:
-        setting: The problem.
-        bounds: All bounds.
-        inner: The answer within them.
-        worth: Fall of the cost of each joint that is significant, shape (n,).
-        keys: The bounds in question.
-    """
-    if len(keys) < 2:
-        return keys
-    falls = setting.costs(inner) - setting.costs(setting.within(_without(bounds, keys)))
-    if np.sum(falls / worth) <= 1.0:
-        return []
-    half = len(keys) // 2
-    return [key for part in (keys[:half], keys[half:]) for key in _suspects(setting, bounds, inner, worth, part)]
+    found: dict[tuple[str, str], ContradictedBound] = {}
+    for group in (doubtful, others):
+        while active := [key for key in _at_bound(setting, bounds, group, inner) if key not in found]:
+            if np.sum(setting.falls(bounds, active, inner)[0] / factors) <= least:
+                break
+            each = {key: setting.falls(bounds, [key], inner) for key in active}
+            statistics = {key: float(np.sum(each[key][0] / factors)) for key in active}
+            key = max(active, key=lambda key: statistics[key] - limits[key[1]])
+            name, bound = key
+            if statistics[key] <= limits[bound]:
+                break
+            gain = 1.0 - float(np.sqrt(1.0 - np.sum(each[key][0]) / np.sum(setting.costs(inner))))
+            is_relaxed = bound == "size" or name not in stated
+            found[key] = ContradictedBound(name, bound, statistics[key], limits[bound], gain, is_relaxed)
+            if is_relaxed:
+                bounds, inner = _without(bounds, [key], setting.wider), each[key][1]
+    for key in [key for key in list(found)[:-1] if found[key].is_relaxed]:
+        kept = [other for other in found if found[other].is_relaxed and other != key]
+        falls, answer = setting.falls(start, kept, inner)
+        if -np.sum(falls / factors) <= found[key].limit:
+            bounds, inner = _without(start, kept, setting.wider), answer
+            del found[key]
+    return tuple(found.values()), bounds, inner
 
 
 def _ranges(bounds: Constraints) -> dict[str, ValueRange]:
@@ -350,14 +336,17 @@ def _tested(bounds: Constraints, problem: Problem) -> list[tuple[str, str]]:
     return [(name, "mass") for name in _ranges(bounds)] + [(name, "size") for name in sizes]
 
 
-def _without(bounds: Constraints, keys: Iterable[tuple[str, str]]) -> Constraints:
-    """Return the bounds without these."""
+def _without(bounds: Constraints, keys: Iterable[tuple[str, str]], wider: Mapping[str, BodyConstraints]) -> Constraints:
+    """Return the bounds without these; a size in ``wider`` is that of there, with its thickness."""
     links, total = dict(bounds.links), bounds.total_mass
     for name, bound in keys:
         if name == TOTAL_MASS:
             total = ValueRange()
         elif bound == "mass":
             links[name] = replace(links[name], mass=ValueRange())
+        elif name in wider:
+            size, thickness = wider[name].body_ellipsoid, wider[name].thickness
+            links[name] = replace(links[name], body_ellipsoid=size, thickness=thickness)
         else:
             links[name] = replace(links[name], body_ellipsoid=None, reach=0.0)
     return replace(bounds, links=links, total_mass=total)
@@ -374,20 +363,20 @@ def _at_bound(
     masses[TOTAL_MASS] = sum(masses.values())
     ranges, found = _ranges(bounds), []
     for name, bound in tested:
-        if bound == "mass" and name in ranges:
-            low, high = ranges[name].low * (1.0 + _AT_BOUND), ranges[name].high * (1.0 - _AT_BOUND)
-            is_at = not low < masses[name] < high
+        if bound == "size":
+            is_at = name in setting.wider or _room(bounds.links[name], bodies[name]) < _AT_BOUND * masses[name]
         else:
-            space = bounds.links[name].body_ellipsoid if bound == "size" else None
-            is_at = space is not None and _room(bounds.links[name], bodies[name]) < _AT_BOUND * masses[name]
+            own = ranges.get(name, ValueRange())
+            is_at = not own.low * (1.0 + _AT_BOUND) < masses[name] < own.high * (1.0 - _AT_BOUND)
         if is_at:
             found.append((name, bound))
     return found
 
 
 def _room(known: BodyConstraints, body: Array) -> float:
-    """Return the least of tr(P Q) over the conditions of a link's size."""
+    """Return the least of tr(P Q) over the conditions of a link's size; infinite where it has none."""
     space = known.body_ellipsoid
-    assert space is not None  # asked for links with one
+    if space is None:
+        return np.inf
     quadrics = [space.quadric[None], *([space.slabs(known.reach)] if known.reach else [])]
     return float(np.min(np.einsum("kij,lij,k->l", PSEUDO_BASIS, np.concatenate(quadrics), body)))

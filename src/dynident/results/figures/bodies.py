@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynident.arrays import Array
-from dynident.model.covering import covering_capsules
+from dynident.excitation.collision.covering import covering_capsules
 from dynident.model.inertia import Inertia
 from dynident.model.kernels import batched
 from dynident.model.robot import Robot

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from dynident.arrays import Array
 from dynident.errors import BadOption
-from dynident.model.covering import MAX_STRIPS, covering_capsules, fitted_capsule, snug
+from dynident.excitation.collision.covering import MAX_STRIPS, covering_capsules, fitted_capsule, snug
 from dynident.model.robot import rotation_about
 from dynident.model.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
