@@ -330,7 +330,9 @@ def closed_cell(
             law(settings, goals[turn], felt, robot, memory, work, tau)
             found = command(tau, limits, bodies[7], queue, turn, torques)
             cut += found if tick >= first else 0
-        before[:], wanted = torques[2], queue[(max(tick - delay, 0) // per_control) % len(queue)]
+        wanted = queue[(max(tick - delay, 0) // per_control) % len(queue)]
+        for j in range(joints):
+            before[j] = torques[2, j]
         drive(torques, wanted, reals[2], rise, drives[6], reals[0] * max(tick - first, 0))
         if not advance(bodies, drives, state, torques, rise, reals[0], after, scratch):
             return tick, cut

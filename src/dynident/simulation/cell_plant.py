@@ -19,7 +19,7 @@ from dynident.model.robot import Robot, rotation_about
 from dynident.simulation.cell import Cell
 from dynident.simulation.drive_friction import DriveFriction, drive_friction
 from dynident.simulation.effects import Payload, Tilt, each
-from dynident.simulation.plant import OVERSHOOT, Plant
+from dynident.simulation.plant import OVERSHOOT, Plant, plain
 
 #: Steps a period of the fastest oscillation: RK4 then loses 1e-6 of its energy in a few thousand periods.
 STEPS_A_PERIOD = 30.0
@@ -96,9 +96,9 @@ class CellPlant:
         bias = self.robot.bias
         beside = np.array([bias, np.linalg.solve(coupling.T, bias)])
         numbers = (self.inertial, carried, beside, coupling, np.linalg.inv(coupling))
-        bodies = (*(np.array(one) for one in pack(self.robot.chain)), *map(_plain, numbers))
+        bodies = (*(np.array(one) for one in pack(self.robot.chain)), *map(plain, numbers))
         own = (self.waves, self.bristles, np.array(self.stiction), self.springs, self.heat, self.start)
-        return bodies, (self.friction.machine(), self.friction.machine(dry=True), *map(_plain, own))
+        return bodies, (self.friction.machine(), self.friction.machine(dry=True), *map(plain, own))
 
     def greatest_speed(self, dq: Array) -> Array:
         """Return the speeds of the drives, shape (n,), up to which friction is looked at, for commanded dq (N, n)."""
@@ -172,11 +172,6 @@ def armature(model: DynamicModel, theta: Array) -> Array:
     """Return the inertia of the rotors at the joints, known and of theta (p,), shape (n, n), in kg m^2 or kg."""
     coupling = np.asarray(model.robot.coupling)
     return coupling.T @ np.diag(model.rotors(theta)) @ coupling + model.robot.reflected_inertia
-
-
-def _plain(values: npt.ArrayLike) -> Array:
-    """Return a writable, contiguous copy: the one kind of array that the compiled loop takes."""
-    return np.array(values, dtype=np.float64, order="C")
 
 
 def _turn(tilt: Tilt) -> Array:

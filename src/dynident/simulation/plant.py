@@ -119,6 +119,11 @@ def clock(
     return Clock(rate, per_control, round(per_row), first, round(length * row_rate))
 
 
+def plain(values: npt.ArrayLike) -> Array:
+    """Return a writable, contiguous copy: the one kind of array that the loops are compiled for."""
+    return np.array(values, dtype=np.float64, order="C")
+
+
 @dataclass(frozen=True)
 class Plant:
     """A robot with numbers for all its parameters.
@@ -148,7 +153,7 @@ class Plant:
         """
         chain = importlib.import_module("dynident.model.kernels.generic").pack(self.robot.chain)
         numbers = (self.inertial, self.armature, self.coupling, np.linalg.inv(self.coupling), self.robot.bias)
-        return (*chain, *(np.array(one, dtype=np.float64) for one in numbers), self.friction.machine(slopes))
+        return (*map(np.array, chain), *map(plain, numbers), self.friction.machine(slopes))
 
     @property
     def joints(self) -> int:

@@ -17,7 +17,16 @@ from dynident.arrays import Array, IntArray
 from dynident.model.kernels.generic import bias_torque, placed_mass, solve
 from dynident.model.kernels.jit import compiled
 from dynident.simulation.friction_machine import BY_LOAD, BY_SPEED, lose, place, warm
-from dynident.simulation.tracking_loop import Plant, acceleration, begin_at, carry, feedback, scratch_of
+from dynident.simulation.tracking_loop import (
+    Plant,
+    acceleration,
+    begin_at,
+    carry,
+    feedback,
+    keep,
+    keep_torque,
+    scratch_of,
+)
 
 #: Newton steps at most; the change of the accelerations, against their size, that ends them.
 NEWTON_STEPS, SETTLED = 40, 1e-11
@@ -87,7 +96,8 @@ def losses(plant: Plant, motion: Array, found: Torques) -> None:
 def place_stages(state: Array, rule: Array, step: float, motion: Array) -> None:
     """Write positions and speeds of the stages (3, 3, n) from their accelerations."""
     for i in range(STAGES):
-        motion[i, 0], motion[i, 1] = state[0], state[1]
+        for a in range(state.shape[1]):
+            motion[i, 0, a], motion[i, 1, a] = state[0, a], state[1, a]
         for j in range(STAGES):
             of_speed, of_place = step * rule[0, i, j], step * step * rule[1, i, j]
             for a in range(state.shape[1]):
@@ -124,6 +134,14 @@ def correct(motion: Array, change: Array, before: float, share: float) -> tuple[
     for k in range(len(change)):
         motion[k // joints, 2, k % joints] += share * change[k]
     return moved, size, share
+
+
+@compiled
+def guess(ddq: Array, motion: Array) -> None:
+    """Write accelerations (n,) as those of all stages (3, 3, n), where Newton's method begins."""
+    for i in range(STAGES):
+        for a in range(len(ddq)):
+            motion[i, 2, a] = ddq[a]
 
 
 @compiled
@@ -198,26 +216,27 @@ def implicit_tracking(
     found = (np.empty(joints), np.empty((3, joints, joints)), np.empty((2, joints)), scratch[2])
     size = STAGES * joints
     system = (np.empty((size, size)), np.empty(size), np.empty(size))
-    motion, now = np.zeros((STAGES, 3, joints)), np.zeros((3, joints))
+    motion, now = np.zeros((STAGES, 3, joints)), np.zeros(joints)
     begin_at(plant, state, first)
     for k in range(len(out) * per_row):
         warm(plant[8], goals[3 * k])
         is_tick = held == 0 or (first + k) % held == 0
         if is_tick:
             feedback(gains, goals[3 * k], state, tau)
-        motion[:, 2] = motion[STAGES - 1, 2].copy()
+        guess(motion[STAGES - 1, 2], motion)
         if k % per_row == 0 or (held > 0 and is_tick):
-            now[0], now[1] = state[0], state[1]
-            if not acceleration(plant, state[0], state[1], tau, now[2], scratch):
+            if not acceleration(plant, state[0], state[1], tau, now, scratch):
                 return k
-            motion[:, 2] = now[2]
+            guess(now, motion)
         if k % per_row == 0:
-            out[k // per_row, :3], out[k // per_row, 3] = now, tau
+            keep(state, now, out[k // per_row])
+            keep_torque(tau, out[k // per_row])
         at_stages = goals[3 * k + 1 : 3 * k + 1 + STAGES]
         if not solve_stages(plant, gains, at_stages, (rule, held > 0, step), state, tau, motion, (found, system)):
             return k
-        if len(stages) > 0:
-            stages[k] = motion
-        state[:] = motion[STAGES - 1, :2]
+        for i in range(STAGES if len(stages) > 0 else 0):
+            keep(motion[i], motion[i, 2], stages[k, i])
+        for i in range(joints):
+            state[0, i], state[1, i] = motion[STAGES - 1, 0, i], motion[STAGES - 1, 1, i]
         carry(plant, state, step)
     return -1
