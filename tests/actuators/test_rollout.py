@@ -55,16 +55,43 @@ def test_the_error_falls_with_the_square_of_the_step(records: list[JointRecord],
     assert coarse < 1e-4 * np.ptp(fine)
 
 
-@pytest.mark.parametrize(("slew", "ratio"), [(np.inf, 3.0), (1.5, 12.0)])
-def test_the_step_hardly_matters_with_dry_friction(records: list[JointRecord], slew: float, ratio: float) -> None:
-    """Reversals within a step, and commands that jump into saturation within one (first order only where it rests)."""
-    true, errors = parameters(coulomb=0.05, delay=0.00737, slew_limit=slew), []
+#: Friction that depends on load and speed, beside Coulomb and viscous friction.
+ALL_FRICTION = {
+    "coulomb_stribeck": 0.04,
+    "load_motor": 0.06,
+    "load_external": 0.06,
+    "load_motor_stribeck": 0.05,
+    "load_external_stribeck": 0.05,
+    "stribeck_velocity": 0.4,
+    "stribeck_exponent": 1.4,
+}
+
+
+@pytest.mark.parametrize(
+    ("more", "ratio", "most"),
+    [({}, 8.0, 5e-7), ({"slew_limit": 1.5}, 12.0, 1e-7), (ALL_FRICTION, 6.0, 5e-7)],
+    ids=["jumps", "slew", "friction"],
+)
+def test_the_error_falls_with_the_square_of_the_step_with_dry_friction(
+    records: list[JointRecord], more: dict[str, float], ratio: float, most: float
+) -> None:
+    """Reversals, commands that jump from rest or into saturation within a step, friction by the speed in its middle."""
+    true, errors = parameters(coulomb=0.05, delay=0.00737, **more), []
     fine = [rolled_out(one, true, longest=2e-5).q for one in records]
     for step in (1e-3, 2.5e-4):
         runs = [rolled_out(one, true, longest=step).q for one in records]
         errors.append(np.sqrt(np.mean((np.array(runs) - np.array(fine)) ** 2)))
     assert errors[0] / errors[1] > ratio  # 4 by the first order, 16 by the second
-    assert errors[1] < 1e-5  # rad; 2e-5 to 3e-5 where the whole step has one friction and one saturation
+    assert errors[1] < most  # rad; 3e-5 where the whole step has the friction of its begin
+
+
+def test_the_delay_has_an_exact_derivative_where_a_joint_jumps_from_rest(records: list[JointRecord]) -> None:
+    at, runs = NONE.copy(), []
+    at[PLACE["delay"]] = 0
+    for delay in (0.00737, 0.00737 + 1e-7, 0.00737 - 1e-7):
+        runs.append(rolled_out(records[1], parameters(coulomb=0.05, delay=delay, **ALL_FRICTION), at, 4e-3))
+    difference = (runs[1].q - runs[2].q) / 2e-7
+    assert np.max(np.abs(runs[0].slopes[:, 0] - difference)) < 1e-5 * np.max(np.abs(difference))
 
 
 def test_the_goal_moves_at_the_slew_limit_from_the_moment_of_the_command(records: list[JointRecord]) -> None:

@@ -16,7 +16,7 @@ from dynident.actuators.servo_log import ServoLog
 from dynident.arrays import Array, BoolArray, IntArray
 
 #: Longest step of the integration in s: of a search, and of the answer.
-SEARCH_STEP, STEP = 2e-3, 2.5e-4
+SEARCH_STEP, STEP = 4e-3, 5e-4
 
 #: No derivative is asked for.
 NONE: Final = np.full(COUNT, -1)

@@ -29,13 +29,13 @@ LOADS = 4
     _COMMAND, _ERROR, _PER_ERROR, _RATE, _FED, _LIMITED, _DUTY, _ON, _ACTIVE, _STIFFNESS,
     _RATIO, _FADE, _FADE_V, _REST, _BUDGET, _SIGN_1, _SIGN_2, _SQUARE_M, _SQUARE_E,
     _FORCE, _INERTIA, _DAMPING, _STUCK, _SIGN, _HAS_FADE, _DECAY, _SHARE, _SHARE_X, _UNTURNED, _FIRST, _NEXT, _JUMP,
-    _GOAL,
-) = range(33)  # fmt: skip
-_ENTRIES = 33
+    _GOAL, _LOG, _LAST_V, _LAST_H, _SPAN, _EARLIER,
+) = range(38)  # fmt: skip
+_ENTRIES = 38
 
 #: Rows of the work array ``slopes``: position, velocity, motor torque, external torque, friction budget, drive force,
-#: goal inside the drive, its mean over a step, velocity before the step.
-_ROWS = 9
+#: goal inside the drive, its mean over a step, velocity before a reversal, in the middle of the step, a step before.
+_ROWS = 11
 
 
 @compiled
@@ -125,7 +125,8 @@ def _budget(p: Array, v: float, motor: float, external: float, now: Array) -> No
         now[_BUDGET] = p[_COULOMB] + abs(one)
         return
     speed = abs(v)
-    ratio = (speed / p[_VS]) ** p[_ALPHA] if speed > 0.0 else 0.0
+    now[_LOG] = math.log(speed / p[_VS]) if speed > 0.0 else -math.inf
+    ratio = math.exp(p[_ALPHA] * now[_LOG])
     fade = math.exp(-ratio)
     one = p[_LE] * external - p[_LM] * motor
     two = p[_LES] * external - p[_LMS] * motor
@@ -146,7 +147,7 @@ def _budget(p: Array, v: float, motor: float, external: float, now: Array) -> No
 @compiled
 def _budget_slopes(p: Array, v: float, motor: float, external: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Write the derivatives of the friction budget, ``slopes[4]``, from those of the torques and the speed."""
-    sv, dm, de, df = slopes[1], slopes[2], slopes[3], slopes[4]
+    sv, dm, de, df = slopes[9], slopes[2], slopes[3], slopes[4]
     fade, s1, s2 = now[_FADE], now[_SIGN_1], now[_SIGN_2]
     by_external = s1 * p[_LE] + fade * (s2 * p[_LES] + now[_SQUARE_E])
     by_motor = -s1 * p[_LM] + fade * (now[_SQUARE_M] - s2 * p[_LMS])
@@ -167,13 +168,13 @@ def _budget_slopes(p: Array, v: float, motor: float, external: float, now: Array
         df[at[_LMQ]] += fade * motor * motor
     if v != 0.0:
         df[at[_VS]] += now[_REST] * fade * now[_RATIO] * p[_ALPHA] / p[_VS]
-        df[at[_ALPHA]] -= now[_REST] * fade * now[_RATIO] * math.log(abs(v) / p[_VS])
+        df[at[_ALPHA]] -= now[_REST] * fade * now[_RATIO] * now[_LOG]
 
 
 @compiled
-def _drive_slopes(p: Array, h: float, v: float, now: Array, slopes: Array, at: IntArray) -> None:
+def _drive_slopes(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Write the derivatives of the force of the drive (``slopes[5]``) and of motor and external torque."""
-    sq, sv, dm, de, force, mean = slopes[0], slopes[1], slopes[2], slopes[3], slopes[5], slopes[7]
+    sq, sv, dm, de, force, mean = slopes[0], slopes[9], slopes[2], slopes[3], slopes[5], slopes[7]
     full, free = now[_ACTIVE] * p[_TORQUE], 1.0 - now[_LIMITED]
     most = full * free
     by_error = most * p[_GAIN] * now[_PER_ERROR] if now[_ERROR] != 0.0 else 0.0
@@ -181,7 +182,7 @@ def _drive_slopes(p: Array, h: float, v: float, now: Array, slopes: Array, at: I
     for k in range(len(force)):
         force[k] = by_error * (mean[k] - sq[k])
     if now[_FIRST] < 1.0:
-        force[at[_DELAY]] += full * now[_JUMP] / h
+        force[at[_DELAY]] += full * now[_JUMP] / now[_SPAN]
     force[at[_GAIN]] += full * now[_PER_ERROR] * now[_ERROR]
     force[at[_KD]] += most * now[_RATE]
     force[at[_TORQUE]] += now[_ACTIVE] * now[_DUTY]
@@ -195,13 +196,13 @@ def _drive_slopes(p: Array, h: float, v: float, now: Array, slopes: Array, at: I
 
 
 @compiled
-def _carry(p: Array, h: float, v: float, now: Array, slopes: Array, at: IntArray) -> None:
+def _carry(p: Array, v: float, now: Array, slopes: Array, at: IntArray) -> None:
     """Carry the derivatives of the velocity over one step."""
     sv, de, df, force, before = slopes[1], slopes[3], slopes[4], slopes[5], slopes[8]
     if now[_STUCK] > 0.5:
         sv[:] = 0.0
         return
-    sign, inertia, unturned = now[_SIGN], now[_INERTIA], now[_UNTURNED]
+    h, sign, inertia, unturned = now[_SPAN], now[_SIGN], now[_INERTIA], now[_UNTURNED]
     share, pushed = h / inertia * now[_SHARE], now[_FORCE] - sign * now[_BUDGET]
     turns = unturned * v < 0.0
     if turns:
@@ -210,6 +211,7 @@ def _carry(p: Array, h: float, v: float, now: Array, slopes: Array, at: IntArray
         sv[k] = now[_DECAY] * sv[k] + share * (force[k] + de[k] - sign * df[k])
     by_x = h / inertia * now[_SHARE_X] * pushed - now[_DECAY] * v
     by_damping = by_x * h / inertia
+    sv[at[_DELAY]] -= now[_EARLIER]
     sv[at[_VISCOUS]] += by_damping
     sv[at[_EMF]] += by_damping * now[_ON]
     free = now[_ACTIVE] * (1.0 - now[_LIMITED])
@@ -233,12 +235,31 @@ def _drift(h: float, slopes: Array) -> None:
 
 
 @compiled
-def _push(p: Array, h: float, q: float, v: float, load: Array, law: Array, now: Array) -> tuple[float, float, float]:
-    """Return the velocity after one step with the forces at q, and motor and external torque."""
-    on = now[_ON]
+def _middle(h: float, v: float, now: Array, slopes: Array) -> float:
+    """Return the velocity in the middle of a step, on the line through those at its begin and a step before.
+
+    A joint that rests or would turn round there counts as at rest. Its derivatives are written, ``slopes[9]``.
+    """
+    ratio = 0.5 * h / now[_LAST_H]
+    middle = v + ratio * (v - now[_LAST_V])
+    now[_LAST_V], now[_LAST_H] = v, h
+    moves = 1.0 if middle * v > 0.0 else 0.0
+    sv, mid, last = slopes[1], slopes[9], slopes[10]
+    for k in range(len(sv)):
+        mid[k] = moves * (sv[k] + ratio * (sv[k] - last[k]))
+        last[k] = sv[k]
+    return moves * middle
+
+
+@compiled
+def _drive(p: Array, h: float, q: float, v: float, middle: float, external: float, law: Array, now: Array) -> bool:
+    """Write what the drive does in a step; return whether the joint rests until the command jumps within it.
+
+    Such a joint has the rest of the step alone to move: the span of its forces is shorter than the step.
+    """
     now[_DUTY] = now[_LIMITED] = now[_ERROR] = now[_JUMP] = 0.0
-    now[_PER_ERROR] = law[0]
-    share, sign = now[_FIRST], 1.0
+    now[_PER_ERROR], now[_SPAN] = law[0], h
+    share, sign, rests = now[_FIRST], 1.0, False
     for goal in (now[_COMMAND], now[_NEXT]):
         if share > 0.0:
             error = goal - q
@@ -246,7 +267,7 @@ def _push(p: Array, h: float, q: float, v: float, load: Array, law: Array, now: 
             duty = p[_GAIN] * law[0] * error + p[_KD] * now[_RATE] + now[_FED]
             if error != 0.0:
                 duty += math.copysign(law[3], error)
-            whole = duty - p[_KD] * v
+            whole = duty - p[_KD] * middle
             if abs(whole) >= law[1]:
                 duty = whole = math.copysign(law[1], whole)
                 now[_LIMITED] += share
@@ -254,21 +275,40 @@ def _push(p: Array, h: float, q: float, v: float, load: Array, law: Array, now: 
                 now[_ERROR] += share * error
             now[_DUTY] += share * duty
             now[_JUMP] += sign * whole
+        if sign > 0.0 and share < 1.0 and v == 0.0:
+            force = now[_ACTIVE] * p[_TORQUE] * now[_JUMP]
+            _budget(p, 0.0, force, external, now)
+            rests = abs(force + external) <= now[_BUDGET]
         share, sign = 1.0 - share, -1.0
-    force = now[_ACTIVE] * p[_TORQUE] * now[_DUTY]
-    braking = on * p[_EMF] + now[_ACTIVE] * p[_TORQUE] * p[_KD] * (1.0 - now[_LIMITED])
-    motor = force - braking * v
+        if rests and now[_SPAN] == h:
+            now[_DUTY] = now[_LIMITED] = now[_ERROR] = 0.0
+            sign = now[_JUMP] = 0.0
+            now[_SPAN], share = share * h, 1.0
+    return rests
+
+
+@compiled
+def _push(
+    p: Array, step: float, q: float, v: float, middle: float, load: Array, law: Array, now: Array
+) -> tuple[float, float, float]:
+    """Return the velocity after one step with the forces in its middle, and motor and external torque."""
     cosine, sine = math.cos(q + p[_OFFSET]), math.sin(q + p[_OFFSET])
     external = -(load[1] + load[2] * cosine + load[3] * sine)
     now[_STIFFNESS] = load[2] * sine - load[3] * cosine  # d external / d angle
-    _budget(p, v, motor, external, now)
+    rests = _drive(p, step, q, v, middle, external, law, now)
+    h, full = now[_SPAN], now[_ACTIVE] * p[_TORQUE]
+    force, braking = full * now[_DUTY], now[_ON] * p[_EMF] + full * p[_KD] * (1.0 - now[_LIMITED])
+    motor = force - braking * middle
+    _budget(p, middle, motor, external, now)
     inertia = load[0] + p[_ARMATURE]
     now[_FORCE], now[_INERTIA], now[_DAMPING] = force + external, inertia, p[_VISCOUS] + braking
     x = h * now[_DAMPING] / inertia
-    now[_DECAY] = math.exp(-x)
-    if x < 1e-3:
-        now[_SHARE], now[_SHARE_X] = 1.0 - x / 2.0 + x * x / 6.0, -0.5 + x / 3.0 - x * x / 8.0
+    if x < 0.05:  # by series, to 1e-11
+        now[_SHARE] = 1.0 + x * (-0.5 + x * (1.0 / 6.0 + x * (-1.0 / 24.0 + x * (1.0 / 120.0 - x * (1.0 / 720.0)))))
+        now[_SHARE_X] = -0.5 + x * (1.0 / 3.0 + x * (-0.125 + x * (1.0 / 30.0 - x * (1.0 / 144.0))))
+        now[_DECAY] = 1.0 - x * now[_SHARE]
     else:
+        now[_DECAY] = math.exp(-x)
         now[_SHARE] = (1.0 - now[_DECAY]) / x
         now[_SHARE_X] = (now[_DECAY] - now[_SHARE]) / x
     share = h / inertia * now[_SHARE]
@@ -276,6 +316,7 @@ def _push(p: Array, h: float, q: float, v: float, load: Array, law: Array, now: 
     sign = math.copysign(1.0, v if v != 0.0 else total)
     unturned = now[_DECAY] * v + share * (total - sign * budget)
     now[_SIGN], now[_UNTURNED] = sign, unturned
+    now[_EARLIER] = now[_DECAY] * (total - sign * budget) / inertia if rests else 0.0  # by the moment of the jump
     is_stuck = abs(total) <= budget and (v == 0.0 or sign * unturned < 0.0)
     now[_STUCK] = 1.0 if is_stuck else 0.0
     if is_stuck:
@@ -303,7 +344,7 @@ def roll_out(
     (Strang 1968), the velocity under the forces there, its damping by the exponential, and another drift. A joint that
     comes to rest within the step is held where F can; else friction turns its sign at that moment. A goal that jumps
     within the step counts before and after it by their shares, a ramp by its mean. F is the friction budget of
-    FRICTION_MODELS at the velocity before.
+    FRICTION_MODELS in the middle of the step.
 
     Args:
         p: Parameters in the order of PARAMETERS, shape (COUNT,).
@@ -317,9 +358,9 @@ def roll_out(
         out: Positions and velocities at the samples, 1 where the duty was at its limit in the interval after a
             sample, and the derivatives of the positions, shape (N, 3 + f); written.
     """
-    q, v = start
+    (q, v), place, count = start, 0, out.shape[1] - 3
     now, parts = np.zeros(_ENTRIES), len(loads) // max(len(samples) - 1, 1)
-    count, place, now[_GOAL] = out.shape[1] - 3, 0, samples[0, 1]
+    now[_GOAL], now[_LAST_V], now[_LAST_H] = samples[0, 1], v, math.inf
     slopes = np.zeros((_ROWS, count + 1))
     for k in (_COULOMB_S, _LMS, _LES, _LMQ, _LEQ):  # without these no part of the friction fades with the speed
         now[_HAS_FADE] = 1.0 if p[k] != 0.0 or at[k] >= 0 else now[_HAS_FADE]
@@ -336,14 +377,14 @@ def roll_out(
             place = _follow(p, samples, begin, h, place, slopes[6:8], now, at)
             load = loads[parts * i + step * parts // steps]
             now[_RATE], now[_FED] = samples[place, 2], samples[place, 3]
-            before = v
+            before, middle = v, _middle(h, v, now, slopes)
             q += 0.5 * h * v
-            v, motor, external = _push(p, h, q, before, load, law, now)
+            v, motor, external = _push(p, h, q, before, middle, load, law, now)
             q += 0.5 * h * v
             out[i, 2] = max(out[i, 2], math.ceil(now[_LIMITED]) * now[_ON])
             if count:
                 _drift(h, slopes)
-                _drive_slopes(p, h, before, now, slopes, at)
-                _budget_slopes(p, before, motor, external, now, slopes, at)
-                _carry(p, h, before, now, slopes, at)
+                _drive_slopes(p, middle, now, slopes, at)
+                _budget_slopes(p, middle, motor, external, now, slopes, at)
+                _carry(p, before, now, slopes, at)
                 _drift(h, slopes)
