@@ -14,7 +14,7 @@ from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, JointLimits, Mimic, Robot, rotation_about
 from dynident.robot_files.mjcf.bodies import FLOATING
 from dynident.robot_files.rotations import rotation_from_quaternion
-from dynident.robot_files.tree import Connection, assemble, carried_by_leaders, numbered, with_held
+from dynident.robot_files.tree import Connection, assemble, between_joints, carried_by_leaders, numbered, with_held
 
 #: Types of joints and of equality constraints of MuJoCo (mjtJoint, mjtEq).
 _FREE, _SLIDE, _HINGE = 0, 2, 3
@@ -147,7 +147,7 @@ def _add_body(model: Any, number: int, bodies: _MujocoParts) -> None:
         place = rotation, translation + rotation @ (anchor - at)
         bodies.joints[bodies.moving[moved]] = _joint(model, moved, (bodies.moving[moved], parent, child), place)
         if not is_last:
-            bodies.inertias[child] = Inertia(0.0, np.zeros(3), np.zeros((3, 3)))
+            bodies.inertias[child] = between_joints(inertia)
         parent, rotation, translation, at = child, np.eye(3), np.zeros(3), anchor
     bodies.inertias[name] = inertia.moved(np.eye(3), -at)
     bodies.origins.append(-at)

@@ -30,8 +30,9 @@ def plausibility_lines(estimate: Estimate, test: Validation | None) -> list[str]
         step = "give shapes in the robot model, or body: in the constraints"
         lines.append(f"no size known for {names}: taken from the nominal centre of mass; {step}")
     lines += mesh_lines(estimate.provenance.get("meshes") or ())
-    every = len(facts.fitted) == len(estimate.model.robot.links) > 1
-    if names := "all links" if every else ", ".join(map(label, facts.fitted)):
+    fitted = [name for name in facts.fitted if name not in _of_no_mass(estimate.model.robot)]
+    every = len(fitted) == len(estimate.model.robot.links) > 1
+    if names := "all links" if every else ", ".join(map(label, fitted)):
         step = "correct the robot model, or state body: and thickness: in the constraints"
         what = f"the robot model's inertia of {names} is impossible for a link of that size"
         lines.append(f"{what}: the nearest possible one is the reference; {step}")
@@ -46,13 +47,19 @@ def mesh_lines(faults: Sequence[Mapping[str, str]]) -> list[str]:
     return [f"size of {names} from frames, not from meshes ({label(first['evidence'])}); {first['remedy']}"]
 
 
+def _of_no_mass(robot: Robot) -> list[str]:
+    """Return the links between two joints of one body of an MJCF: a billionth of the mass of the robot at most."""
+    masses = {link.name: link.inertia.mass for link in robot.links if link.inertia is not None}
+    return [name for name, mass in masses.items() if 0.0 < mass < 1e-9 * sum(masses.values())]
+
+
 def links_without_size(robot: Robot) -> list[str]:
-    """Return the links without shapes, children and named frames away from their own frame."""
-    found = []
+    """Return the links of a mass without shapes, children and named frames away from their own frame."""
+    found, light = [], _of_no_mass(robot)
     for i, link in enumerate(robot.links):
         places = [joint.translation for joint in robot.joints if joint.parent == i]
         places += [frame.translation for frame in robot.frames.values() if frame.link == i]
-        if not len(shape_points(link)) and not np.any(places):
+        if link.name not in light and not len(shape_points(link)) and not np.any(places):
             found.append(link.name)
     return found
 

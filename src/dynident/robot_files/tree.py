@@ -16,6 +16,19 @@ from dynident.model.inertia import Inertia
 from dynident.model.robot import Drive, Frame, Joint, JointLimits, Link, Mimic, Robot, rotation_about
 from dynident.model.shapes import Shape
 
+#: Mass of a link between two joints of one body, as a share of that body's, and radius of its ball in m.
+_NEXT_TO_NONE, _RADIUS = 1e-12, 0.04
+
+
+def between_joints(body: Inertia | None) -> Inertia:
+    """Return the inertia of a link between two joints of one body, which has no mass in the file.
+
+    It has next to none, so that it is a body with a natural size: what is identified stays as small, and is left out
+    when it is written.
+    """
+    mass = 0.0 if body is None else _NEXT_TO_NONE * body.mass
+    return Inertia(mass, np.zeros(3), 0.4 * mass * _RADIUS**2 * np.eye(3))
+
 
 @dataclass(frozen=True)
 class Connection:

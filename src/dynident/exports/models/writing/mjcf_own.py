@@ -72,6 +72,13 @@ class PatchedMjcf:
     notes: tuple[str, ...]
 
 
+#: Largest number of an inertia that is none, as a share of the largest of all bodies.
+_NEXT_TO_NONE = 1e-10
+
+#: What MuJoCo needs of a body that only carries another one.
+_BETWEEN = 'the first with <inertial pos="0 0 0" mass="1e-6" diaginertia="1e-9 1e-9 1e-9"/>'
+
+
 def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lump: bool, output: Path) -> PatchedMjcf:
     """Return the files of an MJCF with the inertias and drives of a model.
 
@@ -108,16 +115,17 @@ def _bodies(model: MjcfModel, new: Mapping[str, Inertia | None]) -> dict[str, In
     """Return the bodies that are written: the new ones, and all where the compiler changes what is stated.
 
     Raises:
-        DescriptionError: A body between two joints of one body has an inertia, which MJCF cannot say.
+        DescriptionError: A body between two joints of one body has an inertia that counts, which MJCF cannot say.
     """
+    largest = max((np.abs(body.vector).max() for body in new.values() if body is not None), default=0.0)
     pinned = model.tree.bodies if model.document.compiler.changes_inertia else {}
     found: dict[str, Inertia | None] = {}
     for name, body in {**pinned, **new}.items():
         if name in model.tree.sources:
             found[name] = body
-        elif name in new and body is not None and np.abs(body.vector).max() > 0.0:
+        elif name in new and body is not None and np.abs(body.vector).max() > _NEXT_TO_NONE * largest:
             evidence = "the model has an inertia between two joints of one body, which MJCF cannot say"
-            step = "write a body for each joint and identify again"
+            step = f"identify with --estimator consistent, which keeps it 0, or write a body for each joint, {_BETWEEN}"
             raise DescriptionError(model.document.path, f"body '{name}'", evidence, step)
     return {name: body for name, body in found.items() if body is not None or name in new}
 
