@@ -16,6 +16,7 @@ from dynident.exports.models import MODEL_EXPORTERS, export_model
 from dynident.identification.estimate.estimate import Estimate
 from dynident.model.inertia import Inertia
 from dynident.model.robot import Robot
+from dynident.model.shapes import Capsule
 from dynident.robot_files.formats.urdf import read_urdf
 
 LOCKED = {"grip": 0.04}
@@ -207,6 +208,26 @@ def test_a_new_urdf_gives_the_robot_back(
             body = theta[known.links[i].name]
             assert body is not None
             np.testing.assert_allclose(body.vector, wanted.vector, rtol=1e-12, atol=1e-13)
+
+
+def test_capsules_are_shapes_that_engines_read(pendulum: Robot, exact_log: Callable[..., Log], tmp_path: Path) -> None:
+    """A cylinder with a sphere at each end: Pinocchio, which passes over <capsule>, holds all points of the capsule."""
+    start, end = np.array([0.1, 0.0, 0.2]), np.array([0.3, -0.2, 0.1])
+    link = replace(pendulum.links[0], shapes=(Capsule(start, end, 0.05),))
+    estimate = estimate_of(replace(pendulum, links=(link,)), exact_log, exact=True)
+    export_model(estimate, "urdf", tmp_path / "new.urdf")
+    pin = pytest.importorskip("pinocchio")
+    model = pin.buildModelFromUrdf(str(tmp_path / "new.urdf"))
+    shapes = pin.buildGeomFromUrdf(model, str(tmp_path / "new.urdf"), pin.GeometryType.COLLISION).geometryObjects
+    centres = {type(one.geometry).__name__: [] for one in shapes}
+    for one in shapes:
+        centres[type(one.geometry).__name__].append(one.placement.translation)
+    np.testing.assert_allclose(sorted(map(tuple, centres["Sphere"])), sorted([tuple(start), tuple(end)]), atol=1e-12)
+    np.testing.assert_allclose(centres["Cylinder"], [(start + end) / 2], atol=1e-12)
+    (tube,) = (one for one in shapes if type(one.geometry).__name__ == "Cylinder")
+    assert tube.geometry.radius == pytest.approx(0.05)
+    assert 2 * tube.geometry.halfLength == pytest.approx(np.linalg.norm(end - start))
+    np.testing.assert_allclose(np.cross(tube.placement.rotation[:, 2], end - start), 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ['a"b', "a<b&c>", "a'b", "ü-ñ", "]]>", "--><x/>", "a b"])

@@ -241,8 +241,7 @@ class _TreeReader:
         rotation, translation = placed(frame, pose_of(values, scope.document.compiler))
         joints = [one for one in children if one[0].tag == "joint" and _kind(one) != "free"]
         inertia = self._inertia(element, children, scope)
-        place = rotation, translation + carrier.origin
-        origin = self._connect(name, joints, place, carrier, between_joints(inertia))
+        origin = self._connect(name, joints, (rotation, translation + carrier.origin), carrier, inertia)
         self.tree.bodies[name] = None if inertia is None else inertia.moved(np.eye(3), origin)
         self.tree.shapes[name] = []
         self.tree.sources[name] = BodySource(element, origin, scope.is_own)
@@ -288,7 +287,7 @@ class _TreeReader:
         place = Values(body.place, body.attributes)
         return inertia_of_body(stated, geoms, compiler, place.numbers("pos", 3) if "pos" in place else np.zeros(3))
 
-    def _connect(self, body: str, joints: list[_Placed], pose: Pose, carrier: _Carrier, between: Inertia) -> Array:
+    def _connect(self, body: str, joints: list[_Placed], pose: Pose, carrier: _Carrier, own: Inertia | None) -> Array:
         """Add the joints of a body, and return where its origin is in the frame of its link."""
         rotation, translation = pose
         if not joints:
@@ -303,7 +302,7 @@ class _TreeReader:
             joint, anchor = self._joint(element, frame, scope, (rotation, translation, at))
             child = body if is_last else f"{body} before joint {len(self.tree.joints) + 1}"
             if not is_last:
-                self.tree.bodies[child] = between
+                self.tree.bodies[child] = between_joints(own)
             self.tree.connections.append(replace(joint, parent=parent, child=child))
             parent, rotation, translation, at = child, np.eye(3), np.zeros(3), anchor
         return -at

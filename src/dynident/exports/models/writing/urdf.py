@@ -218,7 +218,12 @@ def _origin(rotation: Array, translation: Array) -> str:
 
 
 def _shapes(shapes: Sequence[Shape]) -> Iterator[str]:
+    """Yield collision elements; a capsule, which few readers of URDF know, as its cylinder and two spheres."""
     for shape in shapes:
+        if isinstance(shape, Capsule) and shape.length > 0 and shape.radius > 0:
+            middle = Cylinder(shape.radius, shape.length, along(shape), 0.5 * (shape.start + shape.end))
+            yield from _shapes([middle, Sphere(shape.radius, shape.start), Sphere(shape.radius, shape.end)])
+            continue
         if isinstance(shape, Sphere):
             origin, text = _origin(np.eye(3), shape.centre), f'<sphere radius="{number(shape.radius)}"/>'
         elif isinstance(shape, Box):
@@ -226,9 +231,6 @@ def _shapes(shapes: Sequence[Shape]) -> Iterator[str]:
         elif isinstance(shape, Cylinder):
             size = f'radius="{number(shape.radius)}" length="{number(shape.length)}"'
             origin, text = _origin(shape.rotation, shape.translation), f"<cylinder {size}/>"
-        elif isinstance(shape, Capsule) and shape.length > 0 and shape.radius > 0:
-            size = f'radius="{number(shape.radius)}" length="{number(shape.length)}"'
-            origin, text = _origin(along(shape), 0.5 * (shape.start + shape.end)), f"<capsule {size}/>"
         else:
             continue
         yield f"    <collision>{origin}<geometry>{text}</geometry></collision>"
