@@ -142,13 +142,15 @@ def test_changed_includes_get_names_of_their_own(place: str, tmp_path: Path) -> 
     folder = tmp_path / place
     folder.mkdir(exist_ok=True)
     patched, files = reloaded(path, folder)
-    assert [file.name for file in files] == ["out.xml", "out-whole.xml", "out-bodies.xml"]
+    copied = ["out-tip.xml"] if place == "new" else []
+    assert [file.name for file in files] == ["out.xml", "out-whole.xml", "out-bodies.xml", *copied]
     assert b"fullinertia" in files[folder / "out-bodies.xml"]
     assert b'<include file="out-bodies.xml"/>' in files[folder / "out-whole.xml"]
     assert files[folder / "out.xml"].count(b"armature") == path.read_bytes().count(b"armature")
     assert b'<include file="out-whole.xml"/>' in files[folder / "out.xml"]
-    assert b'<include file="tip.xml"/>' in files[folder / "out.xml"]
-    assert "your own files stay as they are: what changed in includes is in out-whole.xml" in " ".join(patched.notes)
+    assert f'<include file="{copied[0] if copied else "tip.xml"}"/>'.encode() in files[folder / "out.xml"]
+    what = "includes are copied to" if copied else "what changed in includes is in"
+    assert f"your own files stay as they are: {what} out-whole.xml" in " ".join(patched.notes)
     assert not any(before.get(file) for file in files)
 
 
@@ -160,8 +162,8 @@ def test_names_of_changed_includes_are_those_of_no_other_file(tmp_path: Path) ->
     (new / "out-bodies.xml").write_text("a file of the user's")
     for _ in range(2):
         _, files = reloaded(path, new)
-        assert [file.name for file in files] == ["out.xml", "out-whole.xml", "out-bodies_2.xml"]
-        shutil.rmtree(new / "own")
+        assert [file.name for file in files] == ["out.xml", "out-whole.xml", "out-bodies_2.xml", "out-tip.xml"]
+        shutil.rmtree(new / "tree")
         for file, data in files.items():
             file.write_bytes(data)
     whole = tmp_path / "whole.xml"
@@ -169,6 +171,40 @@ def test_names_of_changed_includes_are_those_of_no_other_file(tmp_path: Path) ->
     path.write_text(path.read_text().replace("whole.xml", "out-bodies.xml"))
     _, files = reloaded(path, tmp_path)
     assert [file.name for file in files] == ["out.xml", "out-out-bodies.xml", "out-bodies_2.xml"]
+
+
+@pytest.mark.parametrize("place", ["robot/out", "a/b"])
+def test_a_file_in_another_folder_loads_there(place: str, tmp_path: Path, exact_log: Callable[..., Log]) -> None:
+    """With its meshes, of a folder that an include states; MuJoCo loads it where it was written."""
+    home = tmp_path / "robot"
+    (home / "parts" / "stl").mkdir(parents=True)
+    (tmp_path / place).mkdir(parents=True, exist_ok=True)
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")[
+        [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    ]
+    facets = b"".join(np.zeros(3, "<f4").tobytes() + one.tobytes() + bytes(2) for one in corners)
+    (home / "parts" / "stl" / "part.stl").write_bytes(bytes(80) + np.array([4], "<u4").tobytes() + facets)
+    text = MJCF.replace("  <actuator>", '  <asset><mesh name="part" file="part.stl"/></asset>\n  <actuator>')
+    path = given(home, text.replace("<!-- no inertial", '<geom type="mesh" mesh="part" mass="0.1"/><!-- no inertial'))
+    (home / "tip.xml").write_text('<mujocoinclude><compiler meshdir="parts/stl"/></mujocoinclude>\n')
+    estimate = estimate_of(read_robot(path), exact_log, exact=True)
+    found = export_model(estimate, "mjcf", tmp_path / place / "out.xml", description=path)
+    assert all(proof.relative is not None and proof.relative < 1e-9 for proof in found.proofs)
+    assert any(note.startswith("meshes and textures are found where they are: ") for note in found.notes)
+    model = pytest.importorskip("mujoco").MjModel.from_xml_path(str(tmp_path / place / "out.xml"))
+    assert model.nmesh == 1 and model.body("upper").mass[0] == pytest.approx(estimate.theta[9], rel=1e-9)
+    assert read_robot(tmp_path / place / "out.xml").dof == 3
+
+
+def test_attached_models_are_not_found_from_another_folder(tmp_path: Path) -> None:
+    (tmp_path / "new").mkdir()
+    path = given(
+        tmp_path, MJCF.replace("  <actuator>", '  <asset><model name="m" file="m.xml"/></asset>\n  <actuator>')
+    )
+    (tmp_path / "m.xml").write_text("<mujoco><worldbody/></mujoco>")
+    with pytest.raises(DescriptionError, match=r"<model>: attached models are found from .*; write the output there"):
+        reloaded(path, tmp_path / "new")
+    reloaded(path, tmp_path)
 
 
 @pytest.mark.parametrize("flag", ["damper", "frictionloss", "constraint"])

@@ -65,7 +65,7 @@ class Mjcf(ModelExporter):
         path = folder / next(iter(content.files)).name
         drives = drives_of(subject)
         if subject.source is not None and subject.source.kind == "mjcf":
-            patched = patched_mjcf(subject, drives, subject.source, self.lump, path)
+            patched = patched_mjcf(subject, drives, subject.source, self.lump, next(iter(content.files)))
             files = dict(list(content.files.items())[:-1])
             yield from reload_mjcf(subject, subject.source, patched, files, folder)
             return
@@ -92,9 +92,6 @@ class Mjcf(ModelExporter):
         patched = patched_mjcf(subject, drives, source, self.lump, path)
         files = {**beside(path, source, patched), place_beside(path): document_bytes(subject, drives)}
         notes = ((source.note,) if source.note else ()) + patched.notes
-        if path.absolute().parent != source.path.absolute().parent:
-            folder = source.path.absolute().parent
-            notes += (f"its meshes and includes are found from {folder}: put what is written there",)
         return ModelContent(
             files, left_out(drives, armature=True, coupled=False), (*notes, *sharp_note(drives, "MJCF"))
         )

@@ -321,12 +321,12 @@ def _smallest(program: Program, phi: Array) -> Array:
 
 
 def _clipped(rules: Conditions, phi: Array) -> Array:
-    """Set coefficients that the solver left a rounding below zero to zero."""
+    """Set coefficients that the solver left a rounding below or above zero to zero."""
     single = np.flatnonzero((np.count_nonzero(rules.sign, axis=1) == 1) & (rules.sign_offset == 0.0))
     columns = np.argmax(rules.sign[single], axis=1)
     columns = columns[columns >= 10 * len(rules.links)]
     clipped = phi.copy()
-    low = (phi[columns] < 0) & (phi[columns] > -1e-6)
+    low = (phi[columns] < 1e-9) & (phi[columns] > -1e-6)
     clipped[columns[low]] = 0.0
     return clipped
 

@@ -37,13 +37,11 @@ def reload_mjcf(
     try:
         yield Reloaded(name, _WHAT, mujoco_torque(main, "mjcf", states, bodies_only=True), expected)
     except Exception as error:  # an engine of others may raise anything
-        main.unlink()
-        main.write_bytes(source.data)
         try:
-            mujoco_torque(main, "mjcf", states, bodies_only=True)
+            mujoco_torque(source.path, "mjcf", states, bodies_only=True)
         except Exception:
             reason = " ".join(str(error).split())[:150]
-            yield Reloaded(name, why_not=f"it does not load your own MJCF from another folder either ({reason})")
+            yield Reloaded(name, why_not=f"it does not load your own MJCF either ({reason})")
             return
         raise
 
@@ -81,16 +79,19 @@ def _drive_torque(patched: PatchedMjcf, states: StateSet) -> Array:
 
 
 def mirrored(own: Path, files: Mapping[Path, bytes], folder: Path) -> Path:
-    """Return the main file in a folder in which links stand for the other files of the user's, one level up too."""
-    home = own.absolute().parent
-    inner = folder / "own" / (home.name or "model")
-    inner.mkdir(parents=True)
-    changed = {file.name: data for file, data in files.items()}
-    names = [own.name, *(file.name for file in list(files)[1:])]
-    for name, data in zip(names, changed.values(), strict=True):
-        (inner / name).write_bytes(data)
-    for target, place in ((home, inner), (home.parent, inner.parent)):
+    """Return the main file at its place in a copy of the file tree, with links to the user's own and other files.
+
+    What is in the folder of the user's file and in the one above it is there, beside the files that are written.
+    """
+    home, main = own.resolve().parent, next(iter(files)).resolve()
+    root = folder / "tree"
+    copies = {one: root / one.relative_to(one.anchor) for one in (main.parent, home, home.parent)}
+    for copy in copies.values():
+        copy.mkdir(parents=True, exist_ok=True)
+    for file, data in files.items():
+        (copies[main.parent] / file.name).write_bytes(data)
+    for target in (home, home.parent):
         for entry in target.iterdir():
-            if not os.path.lexists(place / entry.name):
-                os.symlink(entry, place / entry.name)
-    return inner / own.name
+            if not os.path.lexists(copies[target] / entry.name):
+                os.symlink(entry, copies[target] / entry.name)
+    return copies[main.parent] / main.name

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from xml.sax.saxutils import unescape
+from xml.sax.saxutils import quoteattr, unescape
 
 import numpy as np
 
@@ -101,11 +101,17 @@ def patched_mjcf(subject: Identified, drives: Drives, source: OwnDescription, lu
     tags, left = _tags(subject, drives)
     for name, values in tags.items():
         writer.joint(name, values)
-    texts, renamed = writer.texts(output)
+    is_elsewhere = output.resolve().parent != source.path.resolve().parent
+    texts, renamed = writer.texts(output, is_elsewhere)
     after = read_mjcf_model(source.path, texts[str(source.path)], texts)
     notes = kept_notes(shares, placement, left)
     if renamed:
-        notes.append(f"your own files stay as they are: what changed in includes is in {some(renamed)}")
+        what = "includes are copied to" if is_elsewhere else "what changed in includes is in"
+        notes.append(f"your own files stay as they are: {what} {some(renamed)}")
+    if is_elsewhere and (folders := writer.asset_folders(output)):
+        main = str(source.path)
+        texts = {**texts, main: _with_folders(source.path, texts[main], folders)}
+        notes.append(f"meshes and textures are found where they are: {some(list(folders.values()))}")
     if before.document.compiler.changes_inertia:
         notes.append("all bodies state their inertia now: <compiler> had settings that change what is stated")
     return PatchedMjcf(texts, before, after, placement, tags, tuple(notes))
@@ -154,13 +160,41 @@ class _Writer:
             for element in model.document.compiler.elements:
                 self._neutralise(element)
 
-    def texts(self, output: Path) -> tuple[dict[str, bytes], list[str]]:
+    def asset_folders(self, output: Path) -> dict[str, str]:
+        """Return settings of the compiler by which files of meshes and textures are found from an output's folder.
+
+        Raises:
+            DescriptionError: It has attached models, whose files MuJoCo finds from the folder of the main file alone.
+        """
+        document, given = self._model.document, dict[str, str]()
+        for element in document.compiler.elements:
+            given.update(element.attributes)
+        named = {
+            one.tag
+            for section in ("asset", "deformable")
+            for one in document.each(section)
+            if one.attributes.get("file")
+        }
+        if "model" in named:
+            evidence = "attached models are found from the folder of your file alone"
+            step = f"write the output there: -o {document.folder / output.name}"
+            raise DescriptionError(document.path, "<model>", evidence, step)
+        found: dict[str, str] = {}
+        for key, tags in (("meshdir", {"mesh", "hfield", "skin"}), ("texturedir", {"texture"})):
+            own = Path(given.get(key, given.get("assetdir", "")))
+            if named & tags and not own.is_absolute():
+                found[key] = _from(output, document.folder / own)
+        return found
+
+    def texts(self, output: Path, is_elsewhere: bool) -> tuple[dict[str, bytes], list[str]]:
         """Return the files that changed, by path, and the names of the changed includes, which begin as the output's.
+
+        Of an output in another folder all includes are among them.
 
         No name is that of a file of the model, or of one beside the output that an earlier output has not included.
         """
         document = self._model.document
-        changed = {str(document.path)}
+        changed = {str(document.path), *(document.includes if is_elsewhere else ())}
         for path in self._edits:
             while path not in changed:  # what includes a changed file has its new name, and so changes too
                 changed.add(path)
@@ -258,6 +292,21 @@ class _Writer:
 
     def _add(self, element: Element, edit: ByteEdit) -> None:
         self._edits.setdefault(str(element.path), []).append(edit)
+
+
+def _from(output: Path, place: Path) -> str:
+    """Return the name of a place as seen from the folder of an output."""
+    try:
+        return Path(os.path.relpath(place.resolve(), output.resolve().parent)).as_posix()
+    except ValueError:  # on another drive
+        return place.resolve().as_posix()
+
+
+def _with_folders(path: Path, data: bytes, folders: Mapping[str, str]) -> bytes:
+    """Return a main file with settings of the compiler that count more than all others in it."""
+    text = " ".join(f"{key}={quoteattr(name)}" for key, name in folders.items())
+    root = elements(path, data)
+    return apply(data, [added_child(data, root, f"<compiler {text}/>".encode())])
 
 
 def _first_child(data: bytes, parent: PlacedElement, text: bytes) -> ByteEdit:
