@@ -68,6 +68,15 @@ def test_the_ratio_of_velocities_has_their_unit_and_their_sign(factor: float) ->
     assert velocity_pair(TIME[:40], Q[:40], DQ[:40]) is None
 
 
+@pytest.mark.parametrize("lag", [0.02, 0.15, -0.03, 0.0])
+def test_the_lag_of_velocities_is_their_shift_and_noise_or_a_unit_is_none(lag: float) -> None:
+    late = np.column_stack([np.interp(TIME - lag, TIME, column) for column in DQ.T])
+    noise = np.random.default_rng(0).normal(0.0, 0.3, DQ.shape)
+    for dq, truth in ((late, lag), (DQ + noise, 0.0), (180 / np.pi * DQ, 0.0)):
+        pair = velocity_pair(TIME, Q, dq)
+        assert pair is not None and pair.lags == pytest.approx([truth] * 2, abs=2e-3)
+
+
 def test_a_scale_and_its_sign_are_those_of_the_torques() -> None:
     noise = np.random.default_rng(1).normal(size=Q.shape)
     assert scale_against(Q, 3.0 * Q) == pytest.approx((3.0, 1.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -297,9 +297,9 @@ def check(case: Case, options: argparse.Namespace) -> int:
         BadOption: An option that is for logs with torques.
         DynidentError: A log that cannot be read.
     """
-    from dynident.actuators.log_findings import servo_findings
     from dynident.api.actuators import logs_of_servos
     from dynident.cli import console
+    from dynident.diagnosis.servo_findings import servo_findings
     from dynident.results.text import counted
 
     _refuse(options, ("against", "fix"), "leave it out: it is for logs with torques")
@@ -309,7 +309,7 @@ def check(case: Case, options: argparse.Namespace) -> int:
     found = [(log, servo_findings(log, laws)) for log in logs]
     sound = all(one.severity != "error" for _, own in found for one in own)
     if options.json:
-        told = [{"path": log.name, "findings": [asdict(one) for one in own]} for log, own in found]
+        told = [{"path": log.name, "findings": [one.figures() for one in own]} for log, own in found]
         console.answer_json({"robot": case.robot.name, "sound": sound, "logs": told})
         return 0 if sound else 1
     notes: dict[tuple[str, str, str], list[str]] = {}

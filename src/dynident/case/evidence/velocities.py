@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import ceil
 
 import numpy as np
 
@@ -16,6 +17,12 @@ BAND_HZ = 5.0
 #: Fewest samples of a comparison.
 FEWEST = 50
 
+#: Lags that are tried, in s, and the steps by which.
+EARLIEST, LATEST, COARSE, FINE = -0.1, 0.4, 1e-2, 1e-3
+
+#: A lag leaves at most this share of the squares that the velocity as logged leaves, and is at least so many samples.
+LAG_LEAVES, LAG_SAMPLES = 0.5, 0.7
+
 #: A unit explains a ratio within this share of its factor; a filter or a poor encoder explains less.
 NEAR = 0.1
 
@@ -27,10 +34,12 @@ class VelocityPair:
     Attributes:
         stated: The logged velocities, shape (M, n).
         slope: The derivative of the positions, shape (M, n).
+        rate: In Hz.
     """
 
     stated: Array
     slope: Array
+    rate: float
 
     @cached_property
     def moving(self) -> BoolArray:
@@ -47,6 +56,28 @@ class VelocityPair:
     def ratios(self) -> Array:
         """Velocity over derivative of each joint, shape (n,)."""
         return np.sum(self.stated * self.slope, axis=0) / np.maximum(np.sum(self.slope**2, axis=0), 1e-300)
+
+    @cached_property
+    def lags(self) -> Array:
+        """Lag of each velocity behind the derivative in s, shape (n,): the least-squares shift; 0 for none."""
+        time, found = np.arange(len(self.slope)) / self.rate, np.zeros(self.slope.shape[1])
+        first, last = ceil(LATEST * self.rate), len(time) - ceil(-EARLIEST * self.rate)
+        inner = slice(first, last, max(1, int(self.rate / (20.0 * BAND_HZ))))
+        if last - first < FEWEST:
+            return found
+        for joint in np.flatnonzero(self.moving).tolist():
+
+            def left(lags: Array, joint: int = joint) -> Array:
+                shifted = (np.interp(time[inner] - lag, time, self.slope[:, joint]) for lag in lags)
+                return np.array([np.sum((self.stated[inner, joint] - own) ** 2) for own in shifted])
+
+            coarse = np.arange(EARLIEST, LATEST, COARSE)
+            near = coarse[int(np.argmin(left(coarse)))] + np.arange(-COARSE, COARSE, FINE)
+            squares = left(near)
+            lag, best = float(near[int(np.argmin(squares))]), float(squares.min())
+            if abs(lag) >= LAG_SAMPLES / self.rate and best < LAG_LEAVES * left(np.zeros(1))[0]:
+                found[joint] = lag
+        return found
 
     @property
     def _sizes(self) -> tuple[Array, Array]:
@@ -69,7 +100,7 @@ def velocity_pair(time: Array, q: Array, dq: Array) -> VelocityPair | None:
     edge = int(rate / band)
     slope = np.gradient(smooth[:, :joints], 1.0 / rate, axis=0)
     stated = smooth[edge:-edge, joints:] - smooth[edge:-edge, joints:].mean(axis=0)
-    return VelocityPair(stated, slope[edge:-edge] - slope[edge:-edge].mean(axis=0))
+    return VelocityPair(stated, slope[edge:-edge] - slope[edge:-edge].mean(axis=0), rate)
 
 
 def is_near(ratio: float, factor: float = 1.0) -> bool:

@@ -114,21 +114,16 @@ def _clock(ratio: Array) -> list[Finding]:
 
 
 def _lag(subject: CheckedLog, log: Log, pair: VelocityPair, good: BoolArray) -> list[Finding]:
-    """Return the lag of dq behind the derivative of q, the least-squares shift of one onto the other."""
-    stated, slope = pair.stated[:, good], pair.slope[:, good]
+    """Return the lag of dq behind the derivative of q that most joints have."""
     if not good.any():
         return []
-    change = np.gradient(slope, 1.0 / log.rate, axis=0)
-    power = np.sum(change**2, axis=0)
-    each = -np.sum((stated - slope) * change, axis=0) / np.maximum(power, 1e-300)
-    lag = float(np.median(each))
-    spread = float(1.4826 * np.median(np.abs(each - lag)))
-    before = float(np.sum(((stated - slope) / slope.std(axis=0)) ** 2))
-    after = float(np.sum(((stated - slope + lag * change) / slope.std(axis=0)) ** 2))
-    if abs(lag) < max(0.7 / log.rate, 3 * spread) or after > 0.5 * before:
+    lag = float(np.median(pair.lags[good]))
+    spread = float(1.4826 * np.median(np.abs(pair.lags[good] - lag)))
+    if lag == 0.0 or abs(lag) < 3 * spread:
         return []
     used = subject.case.preprocessing.filter.statement().get("kind") == "as_given"
-    evidence = f"dq lags {1e3 * lag:.3g} ms ({lag * log.rate:.2f} samples) behind the derivative of q"
+    side = "lags" if lag > 0 else "leads"
+    evidence = f"dq {side} the derivative of q by {1e3 * abs(lag):.3g} ms ({abs(lag) * log.rate:.2f} samples)"
     remedy = "differentiate q by a zero-phase filter (preprocessing: filter: butterworth), or log unfiltered velocities"
     if not used:
         remedy = "no action needed: the filter of the case differentiates q itself"

@@ -11,9 +11,9 @@ import pytest
 from servo_bench import PENDULUM, parameters, virtual_logs, write_csv
 
 from dynident.actuators.drive_law import preset
-from dynident.actuators.log_findings import servo_findings
 from dynident.actuators.servo_log import ServoLog
 from dynident.cli.main import main
+from dynident.diagnosis.servo_findings import servo_findings
 from dynident.model.robot import Robot
 
 LAW = preset("feetech_sts3215")

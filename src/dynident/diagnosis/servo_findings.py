@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from dynident.actuators.drive_law import DriveLaw
-from dynident.actuators.joint_load import between, measured_motion
 from dynident.actuators.servo_log import ServoLog
+from dynident.case.evidence.velocities import velocity_pair
+from dynident.diagnosis.finding import SEVERITIES, Finding
 
 #: Share of failed reads, of saturated samples that is an error, and that is a warning.
 _FAILED, _ALL_SATURATED, _MUCH_SATURATED = 0.005, 0.9, 0.3
@@ -20,33 +20,8 @@ _COARSE = 60
 #: A gap in time is this many median steps.
 _GAP = 8.0
 
-#: Lags of a measured velocity that are tried, in s: from one to the other, by a step.
-_EARLIEST, _LATEST, _LAG_STEP = -0.1, 0.4, 1e-3
 
-#: A lag leaves at most this share of the squares that the velocity as logged leaves beside the motion.
-_LAG_LEAVES = 0.5
-
-
-@dataclass(frozen=True)
-class ServoFinding:
-    """A finding about one log.
-
-    Attributes:
-        severity: error, warning or note.
-        name: What it is.
-        joint: The joint; empty for the whole log.
-        evidence: What was seen.
-        remedy: What to do.
-    """
-
-    severity: str
-    name: str
-    joint: str
-    evidence: str
-    remedy: str
-
-
-def servo_findings(log: ServoLog, laws: Sequence[DriveLaw]) -> list[ServoFinding]:
+def servo_findings(log: ServoLog, laws: Sequence[DriveLaw]) -> list[Finding]:
     """Return what spoils a log, the worst first.
 
     Args:
@@ -57,10 +32,10 @@ def servo_findings(log: ServoLog, laws: Sequence[DriveLaw]) -> list[ServoFinding
     for joint, law in enumerate(laws):
         found += [*_failed(log, joint), *_saturated(log, joint, law), *_coarse(log, joint), *_never_off(log, joint)]
     found += _late_velocity(log)
-    return sorted(found, key=lambda one: ("error", "warning", "note").index(one.severity))
+    return sorted(found, key=lambda one: SEVERITIES.index(one.severity))
 
 
-def _gaps(log: ServoLog) -> list[ServoFinding]:
+def _gaps(log: ServoLog) -> list[Finding]:
     steps = np.diff(log.time)
     usual = float(np.median(steps))
     long = np.flatnonzero(steps > _GAP * usual)
@@ -68,19 +43,19 @@ def _gaps(log: ServoLog) -> list[ServoFinding]:
         return []
     evidence = f"{len(long)} gaps, the longest {steps.max():.3g} s at {log.time[int(np.argmax(steps))]:.4g} s"
     remedy = "log the goal at a steady rate: between two samples the command is taken to hold"
-    return [ServoFinding("warning", "gaps in time", "", f"{evidence} ({1e3 * usual:.3g} ms between samples)", remedy)]
+    return [Finding("warning", "gaps in time", "", f"{evidence} ({1e3 * usual:.3g} ms between samples)", remedy)]
 
 
-def _failed(log: ServoLog, joint: int) -> list[ServoFinding]:
+def _failed(log: ServoLog, joint: int) -> list[Finding]:
     share = float(log.failed[:, joint].mean())
     if share <= _FAILED:
         return []
     evidence = f"{log.failed[:, joint].sum()} of {log.samples} reads are missing or leave the motion and come back"
     remedy = "they have no weight in the fit; check cable, power and speed of the bus"
-    return [ServoFinding("warning", "failed reads", log.joints[joint], evidence, remedy)]
+    return [Finding("warning", "failed reads", log.joints[joint], evidence, remedy)]
 
 
-def _saturated(log: ServoLog, joint: int, law: DriveLaw) -> list[ServoFinding]:
+def _saturated(log: ServoLog, joint: int, law: DriveLaw) -> list[Finding]:
     if not np.isfinite(log.kp) or law.gain_is_free or not np.isfinite(law.limit):
         return []
     on = log.enabled[:, joint]
@@ -91,10 +66,10 @@ def _saturated(log: ServoLog, joint: int, law: DriveLaw) -> list[ServoFinding]:
     severity = "error" if share > _ALL_SATURATED else "warning"
     evidence = f"duty at its limit in {100 * share:.0f} % of the samples, by kp {log.kp:g} and the drive law"
     remedy = "lower kp, or smaller and slower motions; or correct kp, error_gain and limit under servo:"
-    return [ServoFinding(severity, "saturated", log.joints[joint], evidence, remedy)]
+    return [Finding(severity, "saturated", log.joints[joint], evidence, remedy)]
 
 
-def _coarse(log: ServoLog, joint: int) -> list[ServoFinding]:
+def _coarse(log: ServoLog, joint: int) -> list[Finding]:
     levels = np.unique(np.round(log.q[~log.failed[:, joint], joint], 9))
     if len(levels) < 3:
         return []
@@ -103,33 +78,23 @@ def _coarse(log: ServoLog, joint: int) -> list[ServoFinding]:
     if count >= _COARSE:
         return []
     evidence = f"the motion spans {count:.0f} steps of the encoder ({1e3 * step:.3g} mrad each)"
-    return [ServoFinding("warning", "quantisation", log.joints[joint], evidence, "log a larger motion")]
+    return [Finding("warning", "quantisation", log.joints[joint], evidence, "log a larger motion")]
 
 
-def _never_off(log: ServoLog, joint: int) -> list[ServoFinding]:
+def _never_off(log: ServoLog, joint: int) -> list[Finding]:
     if not log.enabled[:, joint].all():
         return []
     evidence = "the drive is on throughout"
     remedy = "a log with a free swing (torque off) tells friction from back-EMF; without one only their sum is known"
-    return [ServoFinding("note", "no free swing", log.joints[joint], evidence, remedy)]
+    return [Finding("note", "no free swing", log.joints[joint], evidence, remedy)]
 
 
-def _late_velocity(log: ServoLog) -> list[ServoFinding]:
-    """Return the lag of each measured velocity behind the motion of the positions, the least-squares shift."""
-    if log.dq is None or not np.isfinite(log.dq).all():
-        return []
-    motion, found = measured_motion(log), []
-    lags = np.arange(_EARLIEST, _LATEST, _LAG_STEP)
-    inner = slice(np.searchsorted(motion.time, motion.time[0] + _LATEST), -int(-_EARLIEST // np.diff(motion.time)[0]))
-    stated, times = motion.filtered(between(log.time, log.dq, motion.time)), motion.time[inner]
-    for joint, name in enumerate(log.joints):
-        own = stated[inner, joint]
-        left = [float(np.sum((own - np.interp(times - lag, motion.time, motion.dq[:, joint])) ** 2)) for lag in lags]
-        lag = float(lags[int(np.argmin(left))])
-        if abs(lag) < max(0.7 * float(np.median(np.diff(log.time))), 2.0 * _LAG_STEP):
-            continue
-        if min(left) < _LAG_LEAVES * left[int(np.argmin(np.abs(lags)))]:
+def _late_velocity(log: ServoLog) -> list[Finding]:
+    pair = None if log.dq is None or not np.isfinite(log.dq).all() else velocity_pair(log.time, log.q, log.dq)
+    found, lags = [], np.zeros(0) if pair is None else pair.lags
+    for name, lag in zip(log.joints, lags.tolist(), strict=False):
+        if lag:
             evidence = f"the velocity {'lags' if lag > 0 else 'leads'} {1e3 * abs(lag):.3g} ms beside the positions"
             remedy = "the fit takes velocities from the positions; do not feed this column to a controller as is"
-            found.append(ServoFinding("note", "velocity lag", name, evidence, remedy))
+            found.append(Finding("note", "velocity lag", name, evidence, remedy, {"lag_s": lag}))
     return found
