@@ -20,8 +20,9 @@ from dynident.identification.problem.problem import Problem
 from dynident.identification.problem.regressor_stream import RegressorStream
 from dynident.identification.selection.friction import alike, column_pool
 from dynident.identification.selection.friction.alike import same_for_all
-from dynident.identification.selection.friction.column_pool import PooledLogs, fit, loss
+from dynident.identification.selection.friction.column_pool import PooledLogs
 from dynident.identification.selection.friction.friction_choice import choose_friction
+from dynident.identification.selection.friction.nested_fits import NestedFits, fit, loss
 from dynident.identification.selection.friction.variable_projection import vary_fields
 from dynident.identification.validate import validate
 from dynident.model.base_parameters import base_parameters
@@ -214,13 +215,33 @@ def test_the_pool_fits_as_least_squares_does(planar_2r: Robot, exact_log: MakeLo
     model = DynamicModel(planar_2r, (Coulomb(), Viscous()))
     log = prepared(model, np.array([3.0, 1.0, 2.0, 0.5]), exact_log, noise=0.5)
     pool = PooledLogs(model, [log], blocks=4).pool((Coulomb(), Coulomb(0.1), Viscous()))
-    assert pool.products.shape[:2] == (4, 2) and pool.rows.sum() == 2 * 2000
+    assert [len(each) for each in pool.products] == [4, 4] and pool.rows.sum() == 2 * 2000
     keep = pool.chosen([[0, 2], [0, 2]])
     total = pool.weighted(np.ones(2)).sum(axis=0)
     beta = fit(total, keep)
     ols = identify(model, [log.log], "ols", GIVEN)
     square = float(np.sum(ols.train.residual**2))
     assert loss(total, keep, beta) == pytest.approx(square, rel=1e-6)
+    nested = NestedFits(total[None], total[None], pool.shared)
+    assert nested.losses(keep)[0] == pytest.approx(square, rel=1e-6)
+    np.testing.assert_allclose(nested.coefficients(keep)[0], beta[pool.shared :], rtol=1e-7)
+
+
+def test_fits_that_take_shared_columns_out_are_those_of_least_squares() -> None:
+    """Blocks held out one by one, any columns beside the shared ones, one of which some fits have no rows of."""
+    rows = np.random.default_rng(7).normal(size=(3, 40, 8)) * np.geomspace(1e-3, 1e3, 8)
+    rows[1:, :, 5] = 0.0
+    products = rows.transpose(0, 2, 1) @ rows
+    fits = NestedFits(products.sum(axis=0) - products, products, 3)
+    for keep in ([0, 1, 2], [0, 1, 2, 4], [0, 1, 2, 3, 5, 6]):
+        for b, (loss_of_block, found) in enumerate(
+            zip(fits.losses(np.array(keep)), fits.coefficients(np.array(keep)), strict=True)
+        ):
+            seen = np.concatenate([own for k, own in enumerate(rows) if k != b])
+            beta = np.linalg.lstsq(seen[:, keep], seen[:, -1], rcond=None)[0]
+            squares = float(np.sum((rows[b, :, -1] - rows[b][:, keep] @ beta) ** 2))
+            assert loss_of_block == pytest.approx(squares, rel=1e-8)
+            np.testing.assert_allclose(found, beta[3:], rtol=1e-8, atol=1e-12)
 
 
 @pytest.mark.parametrize("kept", [2**28, 0])
@@ -242,7 +263,8 @@ def test_pools_of_known_rows_are_those_of_new_ones(
     pooled = PooledLogs(model, [log], 4, load, delay_is_free=True)
     for parts in lists:
         again, new = pooled.pool(parts), PooledLogs(model, [log], 4, load, delay_is_free=True).pool(parts)
-        np.testing.assert_allclose(again.products, new.products, rtol=1e-12, atol=1e-9)
+        products = [pool.weighted(np.ones(len(names))) for pool in (again, new)]
+        np.testing.assert_allclose(*products, rtol=1e-12, atol=1e-9)
         np.testing.assert_array_equal(again.chosen([[]] * len(names)), new.chosen([[]] * len(names)))
     whole = DynamicModel(coupled_arm, lists[1])
     base, pool = base_parameters(whole), PooledLogs(model, [log], 1, load).pool(lists[1])
@@ -252,7 +274,7 @@ def test_pools_of_known_rows_are_those_of_new_ones(
     for columns, rows in zip(stream.columns, stream.rows(log), strict=True):
         own = columns - (base.count - count)
         expected[np.ix_(own, own)] += rows[:-1] @ rows[:-1].T
-    found = pool.products.sum(axis=(0, 1))[pool.shared : -1, pool.shared : -1]
+    found = pool.weighted(np.ones(len(names)))[0][pool.shared : -1, pool.shared : -1]
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-9)
 
 

@@ -17,8 +17,8 @@ from dynident.errors import BadOption
 from dynident.identification.files.estimate_file import summary
 from dynident.identification.identify import identify
 from dynident.identification.problem.choices import Choices
-from dynident.identification.selection.friction.column_pool import beyond
 from dynident.identification.selection.friction.held_out_fields import choose_fields
+from dynident.identification.selection.friction.nested_fits import beyond
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import Friction, Motion
 from dynident.model.friction.coulomb import Coulomb

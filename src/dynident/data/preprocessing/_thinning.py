@@ -87,7 +87,11 @@ class Thinning:
 
         The signal, latest sample first, times these is what the way there has left after its last sample.
         """
-        powers = self.filter.poles ** np.arange(1, self.reach + 1)[:, None]
+        return self._powers[1:]
+
+    @cached_property
+    def _powers(self) -> Array:
+        powers = self.filter.poles ** np.arange(self.reach + 1)[:, None]
         return np.concatenate([powers.real, powers.imag], axis=1)
 
     def last_outputs(self, left: Array, to_end: IntArray) -> Array:
@@ -103,8 +107,8 @@ class Thinning:
         residues = np.prod((1.0 - poles) / 2.0) * (1.0 + 1.0 / poles) ** count / np.prod(apart, axis=1)
         both = poles[:, None] * poles
         after = residues[:, None] * (both / (1.0 - both) - poles[:, None] / (1.0 - poles[:, None]))
-        amplitudes = (left[:, :count] + 1j * left[:, count:]) * residues
-        return np.real((amplitudes @ after.T) @ poles[:, None] ** to_end)
+        amplitudes = ((left[:, :count] + 1j * left[:, count:]) * residues) @ after.T
+        return np.concatenate([amplitudes.real, -amplitudes.imag], axis=1) @ self._powers[to_end].T
 
 
 def thinning(cutoff: float, order: int, rate: float, every: int, reach: int, pad: int) -> Thinning | None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -20,14 +21,11 @@ from dynident.data.preprocessing import Prepared
 from dynident.data.preprocessing._local_polynomials import fractional_shift
 from dynident.identification.problem.problem import counting_rows
 from dynident.identification.problem.regressor_stream import RegressorStream, RowSegment
+from dynident.identification.selection.friction.nested_fits import NestedFits, fit
 from dynident.model.base_parameters import BaseParameters, base_parameters
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction.base import Coefficient, Friction, Inputs, Motion, Number, State
-from dynident.model.lapack import solve_positive
 from dynident.model.robot import Robot
-
-#: Ridge in units of a column's square: far above rounding of the products, far below what data say.
-RIDGE = 1e-11
 
 #: Bytes that rows of friction columns may take between two pools.
 KEPT = 2**28
@@ -78,10 +76,12 @@ class ColumnPool:
         parts: The candidate parts.
         shared: Number of columns that every fit has: those of the bodies, and of the delay where it is free.
         columns: Positions of the columns of part p at drive j: ``columns[p][j]``.
-        products: [W, tau]' [W, tau] of each joint in each block, shape (B, n, c + 1, c + 1).
+        size: Number of all columns, c, and the torque; more where further delays are compared.
+        places: Which of these columns are at each joint, shape (k_i,).
+        products: Their products of each joint in each block, shape (B, k_i, k_i).
         rows: Rows of each joint in each block, shape (B, n).
         nonnegative: Which columns have coefficients that physics wants >= 0, shape (c,).
-        fast: Products of the rows in which a joint is among the fastest of its own, shape (n, c + 1, c + 1).
+        fast: Products of the rows in which a joint is among the fastest of its own, shape (1, k_i, k_i).
         fast_rows: Number of them, shape (n,).
         views: Of each delay that is compared, which rows of the products are those of the columns and the torque,
             shape (c + 1,). The first is that of the logs as they are; the others have products of their own behind it.
@@ -90,16 +90,25 @@ class ColumnPool:
     parts: tuple[Friction, ...]
     shared: int
     columns: tuple[tuple[IntArray, ...], ...]
-    products: Array
+    size: int
+    places: tuple[IntArray, ...]
+    products: tuple[Array, ...]
     rows: IntArray
     nonnegative: BoolArray
-    fast: Array
+    fast: tuple[Array, ...]
     fast_rows: IntArray
     views: tuple[IntArray, ...]
 
-    def weighted(self, weights: Array) -> Array:
-        """Return the products of each block over all joints, their rows times the weights (n,): (B, c + 1, c + 1)."""
-        return np.einsum("i,bikl->bkl", weights**2, self.products)
+    def weighted(self, weights: Array, fast: bool = False) -> Array:
+        """Return the products of each block over all joints, their rows times the weights (n,): (B, c + 1, c + 1).
+
+        Of ``fast`` rows alone the products are those of one block.
+        """
+        products = self.fast if fast else self.products
+        found = np.zeros((len(products[0]), self.size, self.size))
+        for weight, own, each in zip(weights, self.places, products, strict=True):
+            found[:, own[:, None], own] += weight**2 * each
+        return found
 
     def by_delay(self, products: Array) -> tuple[Array, ...]:
         """Return products of all columns (..., e, e) once for each delay, shape (..., c + 1, c + 1)."""
@@ -110,40 +119,31 @@ class ColumnPool:
         friction = [self.columns[p][j] for j, own in enumerate(sets) for p in own]
         return np.concatenate([np.arange(self.shared), *friction]).astype(np.int64)
 
-    def possible(self, whole: Array, keep: IntArray, always: IntArray) -> IntArray:
+    def possible(self, whole: NestedFits, keep: IntArray, always: IntArray) -> IntArray:
         """Return the columns ``keep`` without those beside ``always`` whose coefficients would have a wrong sign.
 
-        ``whole`` are the products of all rows, shape (c + 1, c + 1).
+        ``whole`` is the fit of all rows; the shared columns stay.
         """
-        while (wrong := (fit(whole, keep) < 0) & self.nonnegative[keep] & ~np.isin(keep, always)).any():
-            keep = keep[~wrong]
-        return keep
+        shared, own = keep[: self.shared], keep[self.shared :]
+        wanted = self.nonnegative[own] & ~np.isin(own, always)
+        while (wrong := (whole.coefficients(np.append(shared, own))[0] < 0) & wanted).any():
+            own, wanted = own[~wrong], wanted[~wrong]
+        return np.append(shared, own)
 
     def weights(self, sets: Sequence[Sequence[int]], passes: int = 4) -> Array:
         """Return the weight of each joint's rows by its own residual in a fit of all blocks, shape (n,)."""
-        total, rows = self.by_delay(self.products.sum(axis=0))[0], np.maximum(self.rows.sum(axis=0), 1)
-        keep = self.chosen(sets)
-        weights = np.ones(self.products.shape[1])
+        keep, first, rows = self.chosen(sets), self.views[0], np.maximum(self.rows.sum(axis=0), 1)
+        every, last = np.append(keep, first[-1]), first[-1]
+        total = np.zeros((len(self.places), self.size, self.size))
+        for whole, own, each in zip(total, self.places, self.products, strict=True):
+            whole[own[:, None], own] = each.sum(axis=0)
+        measured, total = total[:, last, last], total[:, every[:, None], every]
+        weights, own = np.ones(len(total)), np.arange(len(keep))
         for _ in range(passes):
-            beta = fit(np.einsum("i,ikl->kl", weights**2, total), keep)
-            squares = np.array([loss(each, keep, beta) for each in total])
-            weights = np.sqrt(rows / np.maximum(squares, 1e-20 * total[:, -1, -1] + 1e-300))
+            beta = fit(np.tensordot(weights**2, total, 1), own)
+            mixed = np.append(beta, -1.0)
+            weights = np.sqrt(rows / np.maximum((total @ mixed) @ mixed, 1e-20 * measured + 1e-300))
         return weights
-
-
-def beyond(whole: Array, fast: Array, keep: IntArray, shared: int) -> float:
-    """Return the sum of squared residuals of the fastest rows, by friction that is fitted to all the others.
-
-    The ``shared`` first columns of ``keep`` stay at their fit of all rows: what is asked is how friction goes on beyond
-    the speeds it is fitted to. ``whole`` and ``fast`` are products of all and of the fastest rows, (c + 1, c + 1).
-    """
-    beta, slow = fit(whole, keep), without(whole, fast)
-    friction = keep[shared:]
-    if len(friction):
-        left = slow.copy()
-        left[:, -1] -= slow[:, keep[:shared]] @ beta[:shared]
-        beta[shared:] = fit(left, friction)
-    return loss(fast, keep, beta)
 
 
 class PooledLogs:
@@ -232,18 +232,23 @@ class PooledLogs:
             for own, row in zip(self._bodies.columns, np.asarray(self._robot.coupling).T, strict=True)
         ]
         made = self._rows_of(parts)
-        found = [log.products([own[k] for own in made], places, size) for k, log in enumerate(self._logs)]
-        products, rows, fast, fast_rows = (list(each) for each in zip(*found, strict=True))
         signs = [rigid.parameters[k].nonnegative for k in rigid.independent] + [False] * later
+        blocks, every = np.cumsum([0, *(log.blocks for log in self._logs)]), [np.concatenate(own) for own in places]
+        products = tuple(np.zeros((blocks[-1], len(own), len(own))) for own in every)
+        fast = tuple(np.zeros((1, len(own), len(own))) for own in every)
+        for k, log in enumerate(self._logs):
+            log.add([own[k] for own in made], [each[blocks[k] : blocks[k + 1]] for each in products], fast)
         return ColumnPool(
             tuple(parts),
             shared,
             columns,
-            np.concatenate(products),
-            np.concatenate(rows),
+            size,
+            tuple(every),
+            products,
+            np.concatenate([log.rows for log in self._logs]),
             np.array(signs + [own.nonnegative for own in whole.parameters[whole.inertial_count :]]),
-            np.sum(fast, axis=0),
-            np.sum(fast_rows, axis=0),
+            fast,
+            np.sum([log.fast_rows for log in self._logs], axis=0),
             tuple(views),
         )
 
@@ -314,74 +319,38 @@ class _PooledLog:
     fast: BoolArray
     segments: list[RowSegment]
 
-    def products(
-        self, friction: Sequence[FrictionRows], places: Sequence[tuple[IntArray, IntArray]], size: int
-    ) -> tuple[Array, IntArray, Array, IntArray]:
-        """Return products and rows of each block, and those of the fastest rows.
+    @property
+    def blocks(self) -> int:
+        """Number of blocks."""
+        return int(self.block.max()) + 1
 
-        Args:
-            friction: Rows of each friction part in the same segments.
-            places: By joint, the positions of the shared columns with the torque, and of the friction columns.
-            size: Number of all columns, that of the torque among them.
+    @cached_property
+    def rows(self) -> IntArray:
+        """Rows of each joint in each block, shape (B, n)."""
+        return np.stack([np.sum((self.block == b)[:, None] & self.mask, axis=0) for b in range(self.blocks)])
+
+    @cached_property
+    def fast_rows(self) -> IntArray:
+        """Rows of each joint that are among the fastest, shape (n,)."""
+        return np.sum((self.block >= 0)[:, None] & self.mask & self.fast, axis=0)
+
+    def add(self, friction: Sequence[FrictionRows], products: Sequence[Array], fast: Sequence[Array]) -> None:
+        """Add the products of each block at each joint (B, k_i, k_i), and those of the fastest rows (1, k_i, k_i).
+
+        ``friction`` are the rows of each friction part in the same segments.
         """
-        counts, joints = int(self.block.max()) + 1, len(places)
-        found, fast = np.zeros((counts, joints, size, size)), np.zeros((joints, size, size))
-        rows, fast_rows = np.zeros((counts, joints), dtype=np.int64), np.zeros(joints, dtype=np.int64)
         for k, (part, shared) in enumerate(self.segments):
-            for i, (own, extra) in enumerate(places):
+            block = self.block[part]
+            runs = [(b, np.flatnonzero(block == b)) for b in range(self.blocks)]
+            for i, (found, quick) in enumerate(zip(products, fast, strict=True)):
+                counted = (block >= 0) & self.mask[part, i]
                 values = np.vstack([shared[i], *(rows[k][i] for rows in friction)])
-                columns = np.concatenate([own, extra])
-                place = np.ix_(columns, columns)
-                for b in range(counts):
-                    counted = (self.block[part] == b) & self.mask[part, i]
-                    chosen = values[:, counted]
-                    found[b, i][place] += chosen @ chosen.T
-                    rows[b, i] += chosen.shape[1]
-                    chosen = values[:, counted & self.fast[part, i]]
-                    fast[i][place] += chosen @ chosen.T
-                    fast_rows[i] += chosen.shape[1]
-        return found, rows, fast, fast_rows
-
-
-def without(whole: Array, part: Array) -> Array:
-    """Return the products of the rows that are not in a part, both shape (..., c + 1, c + 1).
-
-    A column all of whose rows are in the part has none left; what the difference leaves of it is rounding, of any sign.
-    """
-    left = whole - part
-    size, all_rows = (np.diagonal(each, axis1=-2, axis2=-1) for each in (left, whole))
-    stays = size > RIDGE * all_rows
-    return left * (stays[..., :, None] & stays[..., None, :])
-
-
-def fit(products: Array, keep: IntArray) -> Array:
-    """Return the least-squares coefficients of the columns ``keep`` from inner products (c + 1, c + 1)."""
-    gram, right = products[np.ix_(keep, keep)], products[keep, -1]
-    size = np.sqrt(np.diag(gram))
-    scale = np.where(size > 0, size, 1.0)
-    ridged = gram / np.outer(scale, scale)
-    ridged.flat[:: len(keep) + 1] += RIDGE + (size == 0)
-    found = solve_positive(ridged, right / scale)
-    return np.linalg.lstsq(gram, right)[0] if found is None else found / scale
-
-
-def loss(products: Array, keep: IntArray, beta: Array) -> float:
-    """Return the sum of squared residuals of coefficients of the columns ``keep``, from inner products."""
-    gram, right = products[np.ix_(keep, keep)], products[keep, -1]
-    return float(beta @ gram @ beta - 2.0 * beta @ right + products[-1, -1])
-
-
-def held_out(held: Array, rest: Array, rows: IntArray, keep: IntArray) -> Array:
-    """Return the mean squared residual of each block by the columns ``keep`` in a fit of the others, shape (B,).
-
-    Args:
-        held: Products of each block, shape (B, c + 1, c + 1).
-        rest: Those of all others together, of the same shape.
-        rows: Rows of each block, shape (B,).
-        keep: Columns of the fit.
-    """
-    squares = [loss(own, keep, fit(other, keep)) for own, other in zip(held, rest, strict=True)]
-    return np.array(squares) / np.maximum(rows, 1)
+                values *= counted
+                for b, run in runs:
+                    own = values[:, run[0] : run[-1] + 1] if len(run) else values[:, :0]
+                    found[b] += own @ own.T
+                own = values[:, counted & self.fast[part, i]]
+                quick[0] += own @ own.T
 
 
 def _blocks_of(log: Prepared, mask: BoolArray, blocks: int) -> IntArray:

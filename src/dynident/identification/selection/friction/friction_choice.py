@@ -24,8 +24,9 @@ from dynident.data.preprocessing import Prepared
 from dynident.errors import BrokenPart, LogMismatch
 from dynident.identification.problem.choices import FrictionRecord, FrictionScore
 from dynident.identification.residuals.quantiles import student_quantile
-from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs, fit, held_out
+from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs
 from dynident.identification.selection.friction.load import default_load
+from dynident.identification.selection.friction.nested_fits import NestedFits
 from dynident.identification.selection.friction.variable_projection import vary_fields
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, Friction
@@ -231,12 +232,13 @@ class _PartSearch:
 
     def __init__(self, pool: ColumnPool, start: tuple[int, ...]) -> None:
         self.pool, self.start = pool, start
-        self.sets: list[tuple[int, ...]] = [start] * pool.products.shape[1]
+        self.sets: list[tuple[int, ...]] = [start] * len(pool.products)
         self.steps: list[tuple[FrictionScore, ...]] = [()] * len(self.sets)
-        self.blocks = len(pool.products)
+        self.blocks = len(pool.rows)
         self._held = pool.weighted(pool.weights(self.sets))
-        self._all = self._held.sum(axis=0)
-        self._rest = self._all - self._held
+        whole = self._held.sum(axis=0)
+        self._all = NestedFits(whole[None], whole[None], pool.shared)
+        self._others = NestedFits(whole - self._held, self._held, pool.shared)
         self._rows = pool.rows.sum(axis=1)
         self._known: dict[bytes, Array] = {}
 
@@ -252,7 +254,7 @@ class _PartSearch:
         load = default_load(start, logs)
         pool = PooledLogs(model, logs, max(BLOCKS, len(logs)), load, delay_is_free).pool(parts)
         rows, needed = int(np.min(pool.rows.sum(axis=1))), 2 * pool.shared
-        if len(pool.products) < 3 or rows < needed:
+        if len(pool.rows) < 3 or rows < needed:
             evidence = f"the shortest of {len(pool.rows)} held-out parts has {rows} rows in motion, {needed} are needed"
             raise LogMismatch(logs[0].log.name, evidence, "give a longer log, or state the friction in place of auto")
         return cls(pool, places)
@@ -275,13 +277,15 @@ class _PartSearch:
         for half in range(2):
             progress(f"friction: the choice held out, {half + 1} of 2")
             seen = np.arange(self.blocks) % 2 == half
-            pool = replace(self.pool, products=self.pool.products[seen], rows=self.pool.rows[seen])
+            pool = replace(
+                self.pool, products=tuple(each[seen] for each in self.pool.products), rows=self.pool.rows[seen]
+            )
             search = _PartSearch(pool, self.start)
             search.improve_all(names, lambda step: None)
             unseen = self._held[~seen]
-            learned = np.broadcast_to(self._held[seen].sum(axis=0), unseen.shape)
+            learned = NestedFits(np.broadcast_to(self._held[seen].sum(axis=0), unseen.shape), unseen, self.pool.shared)
             keeps = (search.possible(against), search.possible(search.sets))
-            squares = [held_out(unseen, learned, self._rows[~seen], keep) for keep in keeps]
+            squares = [learned.losses(keep) / np.maximum(self._rows[~seen], 1) for keep in keeps]
             gaps[~seen], sizes[~seen] = squares[0] - squares[1], squares[0]
         gaps /= np.mean(sizes)
         return float(np.mean(gaps)), float(np.std(gaps, ddof=1) / np.sqrt(self.blocks))
@@ -348,13 +352,14 @@ class _PartSearch:
     def _is_possible(self, joint: int, own: Sequence[int]) -> bool:
         """Return whether all coefficients of the drive have the sign that physics wants, in a fit of all rows."""
         keep = self._keep(joint, own)
-        beta = fit(self._all, keep)
-        mine = np.isin(keep, np.concatenate([self.pool.columns[p][joint] for p in own]))
-        return bool(np.all(beta[mine & self.pool.nonnegative[keep]] >= 0))
+        wanted = np.zeros(len(self.pool.nonnegative), bool)
+        mine = np.concatenate([self.pool.columns[p][joint] for p in own])
+        wanted[mine] = self.pool.nonnegative[mine]
+        return bool(np.all(self._all.coefficients(keep)[0, wanted[keep[self.pool.shared :]]] >= 0))
 
     def _scores(self, joint: int, own: Sequence[int]) -> Array:
         """Return the mean squared residual of each block, in a fit of the others, shape (B,)."""
         keep = np.sort(self._keep(joint, own))
         if keep.tobytes() not in self._known:
-            self._known[keep.tobytes()] = held_out(self._held, self._rest, self._rows, keep)
+            self._known[keep.tobytes()] = self._others.losses(keep) / np.maximum(self._rows, 1)
         return self._known[keep.tobytes()]

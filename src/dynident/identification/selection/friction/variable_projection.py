@@ -17,8 +17,9 @@ from dynident.arrays import Array
 from dynident.data.preprocessing import Prepared
 from dynident.errors import BadOption
 from dynident.identification.problem.choices import FieldEstimate
-from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs, fit, loss
+from dynident.identification.selection.friction.column_pool import ColumnPool, PooledLogs
 from dynident.identification.selection.friction.load import default_load
+from dynident.identification.selection.friction.nested_fits import NestedFits
 from dynident.model.dynamic_model import DynamicModel
 from dynident.model.friction import FRICTION, WHOLE, Friction
 
@@ -136,12 +137,13 @@ def _best(
         return [[stand_in[p] for p in range(stated) if drive in acts[p]] for drive in range(model.robot.dof)]
 
     weights = pool.weights(sets(0, len(grids[0]) // 2))
-    total, rows = pool.weighted(weights).sum(axis=0), float(pool.rows.sum())
+    total, rows = pool.weighted(weights).sum(axis=0)[None], float(pool.rows.sum())
+    fits = NestedFits(total, total, pool.shared)
     results: list[tuple[float, float, float]] = [(0.0, 0.0, 0.0)] * len(grids)
     for _ in range(TURNS if len(grids) > 1 else 1):
         for k, grid in enumerate(grids):
             keeps = [pool.chosen(sets(k, value)) for value in range(len(grid))]
-            losses = np.array([loss(total, keep, fit(total, keep)) for keep in keeps])
+            losses = np.array([fits.losses(keep)[0] for keep in keeps])
             places[k] = int(np.argmin(losses))
             results[k] = minimum(np.log(grid), losses, rows)
     return results

@@ -1,0 +1,98 @@
+"""Fits of many sets of columns that have most in common, from inner products: the common columns are taken out once.
+
+The coefficients of the others are those of the Schur complement of the common ones (Frisch and Waugh 1933), and the
+squares that a fit leaves are a quadratic form of them: 20 columns in place of 60, for all blocks of rows side by side.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynident.arrays import Array, IntArray
+from dynident.model.lapack import solve_positive
+
+#: Ridge in units of a column's square: far above rounding of the products, far below what data say.
+RIDGE = 1e-11
+
+
+class NestedFits:
+    """Least squares of blocks of rows, judged on other rows, for any set of columns that has the shared ones.
+
+    Args:
+        learned: Products [W, tau]' [W, tau] of the rows of each fit, shape (B, c + 1, c + 1).
+        judged: Those of the rows whose residuals are asked for, of the same shape.
+        shared: Number of columns that every set has, the first ones.
+    """
+
+    def __init__(self, learned: Array, judged: Array, shared: int) -> None:
+        size = np.sqrt(np.diagonal(learned, axis1=1, axis2=2)[:, :-1])
+        scale = np.where(size > 0, size, 1.0)
+        self.shared, self._scale = shared, scale[:, shared:]
+        scale = np.append(scale, np.ones((len(scale), 1)), axis=1)
+        square = scale[:, :, None] * scale[:, None]
+        normal = learned / square
+        np.einsum("bkk->bk", normal)[:, :-1] += RIDGE + (size == 0)
+        beside = normal[:, :shared, shared:]
+        along = np.linalg.solve(normal[:, :shared, :shared], beside)
+        self._normal = normal[:, shared:, shared:] - beside.transpose(0, 2, 1) @ along
+        ones = np.broadcast_to(np.eye(self._normal.shape[1]), self._normal.shape)
+        mixed = np.concatenate([-along, ones], axis=1)  # from the others and the torque to all columns
+        self._left = mixed.transpose(0, 2, 1) @ ((judged / square) @ mixed)
+
+    def coefficients(self, keep: IntArray) -> Array:
+        """Return the coefficients of the columns ``keep`` (k,) behind the shared ones, shape (B, k - shared)."""
+        own = keep[self.shared :] - self.shared
+        return self._scaled(own) / self._scale[:, own]
+
+    def losses(self, keep: IntArray) -> Array:
+        """Return the sum of squared residuals of each block by the columns ``keep`` (k,), shape (B,)."""
+        own = keep[self.shared :] - self.shared
+        mixed, every = np.append(self._scaled(own), np.full((len(self._left), 1), -1.0), axis=1), np.append(own, -1)
+        return np.einsum("bk,bkl,bl->b", mixed, self._left[:, every[:, None], every], mixed, optimize=True)
+
+    def _scaled(self, own: IntArray) -> Array:
+        normal, right = self._normal[:, own[:, None], own], self._normal[:, own, -1]
+        return np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+
+
+def without(whole: Array, part: Array) -> Array:
+    """Return the products of the rows that are not in a part, both shape (..., c + 1, c + 1).
+
+    A column all of whose rows are in the part has none left; what the difference leaves of it is rounding, of any sign.
+    """
+    left = whole - part
+    size, all_rows = (np.diagonal(each, axis1=-2, axis2=-1) for each in (left, whole))
+    stays = size > RIDGE * all_rows
+    return left * (stays[..., :, None] & stays[..., None, :])
+
+
+def fit(products: Array, keep: IntArray) -> Array:
+    """Return the least-squares coefficients of the columns ``keep`` from inner products (c + 1, c + 1)."""
+    gram, right = products[np.ix_(keep, keep)], products[keep, -1]
+    size = np.sqrt(np.diag(gram))
+    scale = np.where(size > 0, size, 1.0)
+    ridged = gram / np.outer(scale, scale)
+    ridged.flat[:: len(keep) + 1] += RIDGE + (size == 0)
+    found = solve_positive(ridged, right / scale)
+    return np.linalg.lstsq(gram, right)[0] if found is None else found / scale
+
+
+def loss(products: Array, keep: IntArray, beta: Array) -> float:
+    """Return the sum of squared residuals of coefficients of the columns ``keep``, from inner products."""
+    gram, right = products[np.ix_(keep, keep)], products[keep, -1]
+    return float(beta @ gram @ beta - 2.0 * beta @ right + products[-1, -1])
+
+
+def beyond(whole: Array, fast: Array, keep: IntArray, shared: int) -> float:
+    """Return the sum of squared residuals of the fastest rows, by friction that is fitted to all the others.
+
+    The ``shared`` first columns of ``keep`` stay at their fit of all rows: what is asked is how friction goes on beyond
+    the speeds it is fitted to. ``whole`` and ``fast`` are products of all and of the fastest rows, (c + 1, c + 1).
+    """
+    beta, slow = fit(whole, keep), without(whole, fast)
+    friction = keep[shared:]
+    if len(friction):
+        left = slow.copy()
+        left[:, -1] -= slow[:, keep[:shared]] @ beta[:shared]
+        beta[shared:] = fit(left, friction)
+    return loss(fast, keep, beta)
